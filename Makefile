@@ -1,0 +1,51 @@
+# The two commands of a newcomer: `make demo` and `make test`. Both set everything up first (see provision/).
+PYTHON ?= python3
+BIN := .venv/bin
+PYTEST_ARGS ?=
+
+.PHONY: help setup demo test test-all lint lock check-resolve clean
+
+help:
+	@echo "make demo           set up and run the demo: boards, recordings, relations, a report and pictures"
+	@echo "make test           set up and run the fast tests"
+	@echo "make test-all       the same with the long tests, the linter and the type checker"
+	@echo "make lint           the linter and the type checker"
+	@echo "make setup          only set up: .venv, pinned packages, a Vulkan driver"
+	@echo "make lock           write requirements/lock.txt anew from pyproject.toml (needs the registry)"
+	@echo "make check-resolve  do the pins resolve for every supported Python? (needs the registry)"
+
+setup:
+	@$(PYTHON) -m provision
+
+demo: setup
+	@$(BIN)/busybot demo
+
+test: setup
+	@$(BIN)/python -m pytest -m "not long" $(PYTEST_ARGS)
+
+test-all: setup lint
+	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: setup
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+
+UV_COMPILE := $(BIN)/uv pip compile --quiet --no-emit-index-url --no-annotate
+TORCHLESS := --excludes requirements/without-cuda.txt --no-emit-package torch
+
+lock: setup
+	@$(UV_COMPILE) --universal --python-version 3.11 --generate-hashes --upgrade $(TORCHLESS) \
+		--custom-compile-command "make lock" --extra dev -o requirements/lock.txt pyproject.toml
+
+# Built packages only, for the platform that the set-up knows; with and without CUDA, and the extra for clusters.
+check-resolve: setup
+	@for version in 3.11 3.12 3.13; do \
+		for input in requirements/lock.txt "pyproject.toml --extra dev --extra cluster"; do \
+			$(UV_COMPILE) --no-header --only-binary :all: --python-version $$version \
+				--python-platform x86_64-manylinux_2_36 $$input > .resolved.txt || exit 1; \
+			echo "Python $$version: $$input: $$(wc -l < .resolved.txt) packages resolve"; \
+		done; \
+	done; rm -f .resolved.txt
+
+clean:
+	rm -rf .venv build *.egg-info .setup.log .pytest_cache .mypy_cache .ruff_cache

@@ -1,0 +1,46 @@
+"""`busybot collect DATASET`: an episode for every board that has none."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from busybot.cli.common import JsonOption, WorkersOption, episode_progress, print_json, say
+
+
+def collect(
+    dataset: Annotated[Path, typer.Argument(help="A dataset folder made by `busybot generate`.")],
+    steps: Annotated[int | None, typer.Option(min=0, help="Proposed actions per episode.")] = None,
+    policy: Annotated[str | None, typer.Option(help="random, or scripted (an oracle that knows the joints).")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Veto directions far from the annotated ones.")] = False,
+    images: Annotated[str | None, typer.Option(help="jpeg or png.")] = None,
+    assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of the policy; the dataset's by default.")] = None,
+    workers: WorkersOption = max(1, (os.cpu_count() or 1) // 2),
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of CollectConfig.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as interaction.delta=1000.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Act on every board and record what happens. Ctrl-C loses nothing: the same command continues."""
+    from busybot.config import build
+    from busybot.episodes.dataset import Dataset
+    from busybot.objects.library import find
+    from busybot.sim.collect import CollectConfig
+    from busybot.sim.collect import collect as run
+
+    options = {"steps": steps, "policy": policy, "images": images, "seed": seed}
+    parameters = build(CollectConfig, config, set_ or [], options | {"interaction.strict": strict or None})
+    target = Dataset.open(dataset)
+    library = find(assets, target.info.assets.sha256)
+    try:
+        with episode_progress("collecting") as progress:
+            result = run(target, library, parameters, workers, progress)
+    except KeyboardInterrupt:
+        say(f"{len(target.finished())} of {target.info.boards} episodes are there; the same command continues")
+        raise
+    if json:
+        print_json({"dataset": dataset, "boards": result.boards, "episodes": result.done, "new": result.new})
+    else:
+        say(f"{result.done} of {result.boards} episodes in {dataset}, {result.new} of them new")
+        say(f"next: busybot dataset info {dataset}; busybot view {dataset}")

@@ -1,0 +1,146 @@
+"""What all subcommands share: options with one meaning, output for machines, errors for people.
+
+With `--json` a command prints exactly one JSON object on standard output, also when it fails; progress and logs go to
+standard error.
+"""
+
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from busybot.errors import BusybotError
+
+JSON_WANTED = "busybot.json"
+CONTEXT = {"help_option_names": ["-h", "--help"]}
+
+
+def _remember_json(context: typer.Context, wanted: bool) -> bool:
+    context.meta[JSON_WANTED] = wanted
+    return wanted
+
+
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output.", callback=_remember_json)
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn.")]
+WorkersOption = Annotated[int, typer.Option("--workers", min=1, help="Number of processes that share the work.")]
+
+
+def say(message: str) -> None:
+    """A line of progress or explanation, on standard error."""
+    print(message, file=sys.stderr, flush=True)
+
+
+def print_json(value: Any) -> None:
+    """The one JSON object of a command with `--json`, on standard output. NaN and infinities are refused."""
+    print(json.dumps(value, default=_plain, allow_nan=False), flush=True)
+
+
+def _plain(value: Any) -> Any:
+    """What json does not know: paths, dataclasses, pydantic models, numpy scalars and arrays."""
+    if isinstance(value, Path):
+        return str(value)
+    if hasattr(value, "model_dump"):
+        return value.model_dump(mode="json")
+    if hasattr(value, "__dataclass_fields__"):
+        return {name: getattr(value, name) for name in value.__dataclass_fields__}
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, set | frozenset):
+        return sorted(value)
+    raise TypeError(f"cannot write a {type(value).__name__} as JSON")
+
+
+@contextmanager
+def report_errors(context: typer.Context) -> Iterator[None]:
+    """Turn a BusybotError into `error: ...` on standard error and exit code 1, Ctrl-C into exit code 130.
+
+    `busybot.cli.main` does this around every subcommand.
+    """
+    try:
+        yield
+    except BusybotError as error:
+        say(f"error: {error}")
+        if context.meta.get(JSON_WANTED):
+            print_json({"error": error.what, "mend": error.mend})
+        raise typer.Exit(1) from None
+    except KeyboardInterrupt:
+        say("interrupted")
+        raise typer.Exit(130) from None
+
+
+@contextmanager
+def native_output_on_stderr(wanted: bool) -> Iterator[None]:
+    """Let native libraries and child processes that write to file descriptor 1 write to standard error instead.
+
+    SAPIEN logs to standard output from C++; Python's `sys.stdout` keeps the real one, so the JSON stays alone there.
+    """
+    if not wanted:
+        yield
+        return
+    sys.stdout.flush()
+    real = os.dup(1)
+    os.dup2(2, 1)
+    before = sys.stdout
+    sys.stdout = os.fdopen(real, "w", encoding="utf-8")
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        sys.stdout, opened = before, sys.stdout
+        os.dup2(opened.fileno(), 1)
+        opened.close()
+
+
+@contextmanager
+def episode_progress(label: str) -> Iterator[Any]:
+    """A callback (done, total) that shows progress with rate and time left on standard error.
+
+    On a terminal it is a bar; elsewhere a line is printed every few seconds, so that logs stay short.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield _LinePrinter(label)
+        return
+    rate = TextColumn("{task.fields[rate]}")
+    columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn())
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task(label, total=None, rate="")
+        started: dict[str, float] = {}
+
+        def update(done: int, total: int) -> None:
+            first = started.setdefault("done", done - 1)
+            seconds = time.monotonic() - started.setdefault("time", time.monotonic())
+            speed = f"{(done - first - 1) / seconds:.2f}/s" if seconds > 0 else ""
+            bar.update(task, completed=done, total=total, rate=speed)
+
+        yield update
+
+
+class _LinePrinter:
+    """Prints done, total, rate and time left, at most every `SECONDS` seconds and at the end."""
+
+    SECONDS = 10.0
+
+    def __init__(self, label: str):
+        self._label, self._began, self._first, self._last = label, time.monotonic(), -1, 0.0
+
+    def __call__(self, done: int, total: int) -> None:
+        now = time.monotonic()
+        if self._first < 0:
+            self._first = done - 1
+        if now - self._last < self.SECONDS and done < total:
+            return
+        self._last = now
+        rate = (done - self._first) / max(now - self._began, 1e-9)
+        say(f"{self._label}: {done} of {total}, {rate:.2f}/s, {(total - done) / rate:.0f} s left")

@@ -1,0 +1,203 @@
+"""`busybot doctor`: what this machine offers, and for each failure the command that mends it.
+
+Whatever can crash or hang (Vulkan, native libraries) is asked in processes of its own with a time limit, so this works
+when sapien or torch cannot be imported at all.
+"""
+
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+import typer
+
+from busybot.cli.common import JsonOption, print_json
+
+SETUP = "make setup"
+PYTHONS = ((3, 11), (3, 13))
+IMPORTS = ("sapien", "torch", "cv2", "rerun", "pyarrow")
+TIME_LIMIT_S = 120.0
+LEAST_FREE_BYTES = 2 << 30
+CHOOSE_DRIVER = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
+CATEGORIES = ("Switch", "Door", "Lamp", "Toy")
+
+
+@dataclass(frozen=True)
+class Check:
+    """One row: `value` is what was found, `mend` the command or sentence that mends a failure (None when ok)."""
+
+    name: str
+    ok: bool
+    value: str
+    mend: str | None = None
+
+
+def doctor(as_json: JsonOption = False) -> None:
+    """Show what this machine offers; for each failure the command that mends it."""
+    checks = examine()
+    ok = all(check.ok for check in checks)
+    if as_json:
+        print_json({"ok": ok, "checks": checks})
+    else:
+        _show(checks, ok)
+    raise typer.Exit(0 if ok else 1)
+
+
+def examine() -> list[Check]:
+    """All checks, in the order of the table."""
+    parts: tuple[Callable[[], list[Check]], ...] = (python, packages, imports, vulkan, gpu, assets, disk)
+    with ThreadPoolExecutor() as pool:
+        return [check for rows in pool.map(_guarded, parts) for check in rows]
+
+
+def _guarded(part: Callable[[], list[Check]]) -> list[Check]:
+    """A check that fails in a way nobody foresaw is a row, not the end of the table."""
+    try:
+        return part()
+    except Exception as error:  # the doctor must finish whatever is broken
+        return [Check(part.__name__, False, f"{type(error).__name__}: {error}", SETUP)]
+
+
+def python() -> list[Check]:
+    """The version of Python and the place of its environment."""
+    ok = PYTHONS[0] <= sys.version_info[:2] <= PYTHONS[1]
+    wanted = " to ".join(f"{major}.{minor}" for major, minor in PYTHONS)
+    return [Check("Python", ok, f"{platform.python_version()}, {sys.prefix}", None if ok else f"use Python {wanted}")]
+
+
+def packages() -> list[Check]:
+    """Pinned against installed versions: one row for all that agree, one for each that does not."""
+    try:
+        requirements = metadata.requires("busybot") or []
+    except metadata.PackageNotFoundError:
+        return [Check("packages", False, "busybot itself is not installed", SETUP)]
+    matches = (re.fullmatch(r"([\w.-]+)==(\S+)", line) for line in requirements)
+    pins = {match[1]: match[2] for match in matches if match is not None}
+    rows = []
+    for name, pinned in sorted(pins.items()):
+        found = _version(name)
+        # A local part names a build of the same version: torch 2.13.0+cpu is torch 2.13.0.
+        if found is None or found.split("+")[0] != pinned:
+            rows.append(Check(f"package {name}", False, f"{found or 'absent'}, pinned is {pinned}", SETUP))
+    agreeing = f"{len(pins) - len(rows)} of {len(pins)} as pinned"
+    return [Check("packages", not rows, agreeing, SETUP if rows else None), *rows]
+
+
+def _version(name: str) -> str | None:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def imports() -> list[Check]:
+    """Whether the packages with native libraries can be imported, each in its own process."""
+    with ThreadPoolExecutor(max_workers=2) as pool:
+        return list(pool.map(_import_check, IMPORTS))
+
+
+def _import_check(name: str) -> Check:
+    code = f"import {name}; print({name}.__version__)"
+    answer, error = _ask([sys.executable, "-c", code])
+    if error is not None:
+        return Check(f"import {name}", False, error, SETUP)
+    return Check(f"import {name}", True, answer.splitlines()[-1] if answer else "ok")
+
+
+def vulkan() -> list[Check]:
+    """The device and driver that SAPIEN takes, and whether a tiny image comes out right."""
+    from busybot.sim.probe import run
+
+    found = run(sys.executable, TIME_LIMIT_S)
+    chosen = next((name for name in CHOOSE_DRIVER if os.environ.get(name)), None)
+    cure = (
+        f"unset {chosen} (it names another driver)" if chosen else f"{SETUP} (installs a driver, or says what to run)"
+    )
+    mend = None if found["renders"] else cure
+    return [
+        Check(
+            "Vulkan device", found["device"] is not None, found["device"] or "none", None if found["device"] else mend
+        ),
+        Check(
+            "Vulkan driver",
+            found["device"] is not None,
+            found["driver"] or "unknown",
+            None if found["device"] else mend,
+        ),
+        Check("rendering", found["renders"], "a test image is right" if found["renders"] else found["error"], mend),
+    ]
+
+
+def gpu() -> list[Check]:
+    """NVIDIA GPUs and whether torch uses them. None is needed, so this row never fails."""
+    tool = shutil.which("nvidia-smi")
+    listed, error = _ask([tool, "--query-gpu=name", "--format=csv,noheader"]) if tool else ("", "absent")
+    if error is not None or not listed:
+        return [Check("GPU", True, "none (not needed; everything runs on the CPU)")]
+    names = ", ".join(listed.splitlines())
+    seen, error = _ask([sys.executable, "-c", "import torch; print(torch.cuda.is_available())"])
+    if error is None and seen.endswith("True"):
+        return [Check("GPU", True, f"{names}, CUDA")]
+    return [Check("GPU", True, f"{names}, not used by torch", SETUP)]
+
+
+def assets() -> list[Check]:
+    """Where objects come from: procedural ones through the cache, real ones where a folder is named."""
+    from busybot.objects.cache import cache_folder
+
+    cache = cache_folder()
+    existing = next(folder for folder in (cache, *cache.absolute().parents) if folder.is_dir())
+    writable = os.access(existing, os.W_OK | os.X_OK)
+    mend = None if writable else "export BUSYBOT_CACHE=FOLDER (one that can be written)"
+    rows = [Check("procedural objects", writable, f"cache {cache}{'' if writable else ' cannot be written'}", mend)]
+    named = os.environ.get("BUSYBOT_PARTNET_DIR")
+    if not named:
+        return [*rows, Check("PartNet-Mobility objects", True, "none (BUSYBOT_PARTNET_DIR can name their folder)")]
+    found = [name for name in CATEGORIES if (Path(named) / name).is_dir()]
+    counts = [f"{sum(1 for _ in (Path(named) / name).iterdir())} {name}" for name in found]
+    value = f"{named}: {', '.join(counts) or 'no folder Switch, Door, Lamp or Toy'}"
+    mend = None if found else "export BUSYBOT_PARTNET_DIR=FOLDER (the folder of Switch, Door, Lamp, Toy), or unset it"
+    return [*rows, Check("PartNet-Mobility objects", bool(found), value, mend)]
+
+
+def disk() -> list[Check]:
+    """Free space where commands write by default."""
+    free = shutil.disk_usage(Path.cwd()).free
+    ok = free >= LEAST_FREE_BYTES
+    mend = None if ok else f"free at least {LEAST_FREE_BYTES >> 30} GiB, or work in another folder"
+    return [Check("disk", ok, f"{free / (1 << 30):.1f} GiB free in {Path.cwd()}", mend)]
+
+
+def _ask(argv: list[str]) -> tuple[str, str | None]:
+    """What a command prints, and None; or whatever, and why it failed."""
+    try:
+        done = subprocess.run(
+            argv, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", timeout=TIME_LIMIT_S
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return "", str(error)
+    if done.returncode == 0:
+        return done.stdout.strip(), None
+    words = [line for line in done.stderr.splitlines() if line.strip()]
+    return done.stdout, words[-1].strip() if words else f"ended with code {done.returncode}"
+
+
+def _show(checks: list[Check], ok: bool) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table("", "check", "found", "mend")
+    for check in checks:
+        mark = Text("ok", "green") if check.ok else Text("FAIL", "bold red")
+        table.add_row(mark, check.name, Text(check.value), Text(check.mend or ""))
+    console = Console()
+    console.print(table)
+    console.print("Everything is in order." if ok else "Something needs mending: see the last column.")

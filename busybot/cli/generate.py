@@ -1,0 +1,49 @@
+"""`busybot generate OUT`: a dataset of boards, without a simulator."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from busybot.cli.common import JsonOption, SeedOption, print_json, say
+
+
+def generate(
+    out: Annotated[Path, typer.Argument(help="Folder to make; it must not exist or be empty.")],
+    split: Annotated[str | None, typer.Option(help="train, novel-config or novel-object.")] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Number of boards.")] = None,
+    relations: Annotated[str | None, typer.Option(help="any, one-to-one or one-to-many.")] = None,
+    assets: Annotated[str, typer.Option(help="`procedural`, or a folder of annotated objects.")] = "procedural",
+    uniform: Annotated[bool, typer.Option("--uniform", help="Draw instances evenly, ignoring their weights.")] = False,
+    group_size: Annotated[int | None, typer.Option(min=1, help="Boards that share one appearance.")] = None,
+    seed: SeedOption = 0,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of BoardConfig.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as name=value.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Draw boards: objects, places, colours and hidden relations."""
+    from busybot.boards.config import BoardConfig
+    from busybot.boards.generate import Redraws
+    from busybot.config import build
+    from busybot.episodes.create import create_dataset
+    from busybot.objects.library import find
+
+    options = {"split": split, "boards": boards, "relations": relations, "group_size": group_size}
+    parameters = build(BoardConfig, config, set_ or [], options | {"seed": seed or None, "uniform": uniform or None})
+    redraws = Redraws()
+    dataset = create_dataset(out, parameters, find(assets), redraws)
+    if json:
+        print_json(
+            {
+                "dataset": out,
+                "boards": dataset.info.boards,
+                "split": dataset.info.split,
+                "seed": dataset.info.seed,
+                "board_hash": dataset.hashes().board,
+                "redraws": vars(redraws),
+            }
+        )
+    else:
+        thrown = sum(vars(redraws).values())
+        say(f"{dataset.info.boards} boards ({dataset.info.split}) in {out}; {thrown} draws did not fit and were redrawn")
+        say(f"next: busybot collect {out}")

@@ -1,0 +1,82 @@
+"""The command `busybot`: one module per subcommand, imported when it is used.
+
+A module `busybot.cli.NAME` offers either a typer application `app` (a command with subcommands, as `dataset info`) or a
+function called NAME (a command of its own).
+"""
+
+import importlib
+import sys
+from typing import Any
+
+import typer
+from typer.core import TyperGroup
+from typer.main import get_command as command_of
+from typer.main import get_group as group_of
+
+from busybot.cli.common import CONTEXT, native_output_on_stderr, report_errors
+
+COMMANDS = ("doctor", "assets", "generate", "collect", "eval", "view", "dataset", "demo")
+
+
+class LazyGroup(TyperGroup):
+    """Imports a subcommand's module at its first use, so that `busybot NAME` pays for NAME alone.
+
+    The types of typer's own copy of click are private, hence `Any`.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        return load_command(cmd_name) if cmd_name in COMMANDS else None
+
+    def invoke(self, ctx: Any) -> Any:
+        with report_errors(ctx):
+            return super().invoke(ctx)
+
+
+def load_command(name: str) -> Any:
+    """The command `name` for typer, or None if this installation has no module for it."""
+    module_name = f"busybot.cli.{name}"
+    try:
+        module = importlib.import_module(module_name)
+    except ModuleNotFoundError as error:
+        if error.name != module_name:
+            raise
+        return None
+    if hasattr(module, "app"):
+        return group_of(module.app)
+    single = typer.Typer(add_completion=False, context_settings=CONTEXT)
+    single.command(name)(getattr(module, name))
+    return command_of(single)
+
+
+app = typer.Typer(
+    cls=LazyGroup,
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings=CONTEXT,
+    help="Learn to interact, to reason about cause and effect, and to plan on toy boards.",
+)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from busybot import __version__
+
+        typer.echo(__version__)
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: bool = typer.Option(False, "--version", help="Print the version.", callback=_show_version, is_eager=True),
+) -> None:
+    pass
+
+
+def main() -> None:
+    """Entry of the console script: exits 0 when done, 1 when input or environment is at fault, 2 on wrong usage."""
+    with native_output_on_stderr("--json" in sys.argv[1:]):
+        app(prog_name="busybot")

@@ -1,0 +1,75 @@
+"""Parameters of a stage from a YAML file, `--set a.b=c` and a command's own options, in this order of precedence."""
+
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+
+from busybot.errors import BusybotError
+
+Config = TypeVar("Config", bound=BaseModel)
+MAX_BYTES = 1 << 20
+
+
+def build(model: type[Config], file: Path | None, settings: list[str], options: dict[str, Any]) -> Config:
+    """Make a stage's parameters.
+
+    Args:
+        file: YAML with (some of) the model's fields; later sources override it.
+        settings: `name=value` or `outer.inner=value`, the value in YAML.
+        options: values of command line options; None means that the option was not given.
+
+    Raises:
+        BusybotError: naming the file or setting, the parameter and what is wrong with it.
+    """
+    values: dict[str, Any] = _read(file) if file else {}
+    for setting in settings:
+        path, separator, text = setting.partition("=")
+        if not separator or not path:
+            raise BusybotError(f"--set {setting}: not of the form name=value", "for example --set interaction.delta=1000")
+        _assign(values, path.split("."), _parse(text, f"--set {setting}"), setting)
+    for name, value in options.items():
+        if value is not None:
+            _assign(values, name.split("."), value, name)
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        where = f"{file}: " if file else ""
+        raise BusybotError(f"{where}parameter {place or model.__name__}: {message}", _known(model)) from None
+
+
+def _known(model: type[BaseModel]) -> str:
+    return f"the parameters are {', '.join(model.model_fields)}"
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        if file.stat().st_size > MAX_BYTES:
+            raise BusybotError(f"{file}: larger than {MAX_BYTES} bytes")
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BusybotError(f"{file}: cannot be read: {error}") from None
+    values = _parse(text, str(file))
+    if not isinstance(values, dict):
+        raise BusybotError(f"{file}: not a mapping of parameters", "write lines like `boards: 100`")
+    return values
+
+
+def _parse(text: str, where: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError) as error:
+        raise BusybotError(f"{where}: not valid YAML: {error}") from None
+
+
+def _assign(values: dict[str, Any], path: list[str], value: Any, where: str) -> None:
+    for name in path[:-1]:
+        inner = values.setdefault(name, {})
+        if not isinstance(inner, dict):
+            raise BusybotError(f"{where}: {name} is a value, not a group of parameters")
+        values = inner
+    values[path[-1]] = value

@@ -1,0 +1,96 @@
+"""Whether an episode contradicts itself. The writer refuses to write one that does, the reader to return one."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.boards.spec import BoardSpec
+from busybot.episodes.codec import MAX_SIDE
+from busybot.episodes.episode import Camera, Episode, Image, Step
+from busybot.errors import BusybotError
+
+MAX_LINKS = 65535
+MEND = "record the episode again"
+
+
+def check_episode(episode: Episode, where: str) -> None:
+    """Everything that can be told without looking at pixels; `check_image` looks at one image.
+
+    Args:
+        where: the file, for messages.
+
+    Raises:
+        BusybotError: naming the file and the contradiction.
+    """
+    check_camera(episode.camera, where)
+    objects = len(episode.board.objects)
+    if np.shape(episode.positions) != (objects, 3):
+        _refuse(where, f"positions of shape {np.shape(episode.positions)} for {objects} objects")
+    if len(episode.links) > MAX_LINKS or any(not 0 <= link.object < objects for link in episode.links):
+        _refuse(where, f"a link belongs to an object that the board with its {objects} objects does not have")
+    check_frames(episode.frame_of, len(episode.steps), len(episode.images), where)
+    triggers = sum(link.trigger for link in episode.links)
+    for index, step in enumerate(episode.steps):
+        fault = _fault_of_step(step, episode.board, triggers)
+        if fault:
+            _refuse(where, f"step {index}: {fault}")
+
+
+def check_camera(camera: Camera, where: str) -> None:
+    """Size of the images, shapes of the matrices."""
+    if not (0 < camera.width <= MAX_SIDE and 0 < camera.height <= MAX_SIDE):
+        _refuse(where, f"images of {camera.width} x {camera.height} pixels (at most {MAX_SIDE} a side)")
+    for name, value, shape in (("matrix", camera.matrix, (3, 3)), ("pose", camera.pose, (4, 4))):
+        if np.shape(value) != shape or not np.isfinite(value).all():
+            _refuse(where, f"the camera's {name} is not a finite {shape[0]} x {shape[1]} matrix")
+
+
+def check_frames(frame_of: Sequence[int], steps: int, images: int, where: str) -> None:
+    """Every frame has an image, every image a frame, in order."""
+    expected = len(frame_of) == steps + 1 and frame_of[0] == 0 and frame_of[-1] == images - 1
+    if not expected or any(after - before not in (0, 1) for before, after in zip(frame_of, frame_of[1:], strict=False)):
+        _refuse(where, f"the frames of {steps} steps do not go through {images} images in order")
+
+
+def check_image(image: Image, camera: Camera, objects: int, links: int, where: str) -> None:
+    """Shapes, types and ranges of one image."""
+    size = (camera.height, camera.width)
+    wanted: list[tuple[str, np.ndarray, tuple[int, ...], type]] = [
+        ("rgb", image.rgb, (*size, 3), np.uint8),
+        ("boxes", image.boxes, (objects, 4), np.int16),
+    ]
+    if image.depth is not None:
+        wanted.append(("depth", image.depth, size, np.float32))
+    if image.segmentation is not None:
+        wanted.append(("segmentation", image.segmentation, size, np.uint16))
+    for name, value, shape, kind in wanted:
+        if value.shape != shape or value.dtype != kind:
+            _refuse(where, f"{name} is {value.dtype} {value.shape}, not {np.dtype(kind)} {shape}")
+    if image.segmentation is not None and int(image.segmentation.max()) > links:
+        _refuse(where, f"the segmentation names link {int(image.segmentation.max())} of {links}")
+
+
+def _fault_of_step(step: Step, board: BoardSpec, triggers: int) -> str | None:
+    objects = len(board.objects)
+    if any(not 0 <= direction < len(DIRECTIONS) for direction in (step.direction, *step.executed)):
+        return f"there are {len(DIRECTIONS)} directions, not {(step.direction, *step.executed)}"
+    if not -1 <= step.acted_object < objects:
+        return f"it acts on object {step.acted_object} of {objects}"
+    if step.reward not in (0, 1) or step.changed_pixels < 0:
+        return f"reward {step.reward}, {step.changed_pixels} changed pixels"
+    if len(step.position) != 3 or not np.isfinite((*step.position, step.distance)).all():
+        return f"position {step.position} and distance {step.distance} are not finite"
+    pairs = [
+        ("trigger states", step.trigger_states_before, step.trigger_states_after, triggers),
+        ("joint positions", step.joint_positions_before, step.joint_positions_after, triggers),
+        ("responder states", step.responder_states_before, step.responder_states_after, objects),
+    ]
+    for name, before, after, count in pairs:
+        if len(before) not in (0, count) or len(after) != len(before):
+            return f"{len(before)} {name} before and {len(after)} after, {count} or none are expected"
+    return None
+
+
+def _refuse(where: str, what: str) -> None:
+    raise BusybotError(f"{where}: {what}", MEND)

@@ -1,0 +1,81 @@
+"""What `dataset.json` says: one typed description of what lies in a dataset's folder."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from busybot.episodes.schema import SCHEMA_VERSION
+
+Version = Annotated[str, Field(pattern=r"^\d+\.\d+$")]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class _Plain(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class GeneratorInfo(_Plain):
+    """What drew the boards.
+
+    Attributes:
+        version: of the generator, its own.
+        config: all its parameters, JSON values.
+    """
+
+    version: str
+    config: dict[str, Any] = {}
+
+
+class AssetsInfo(_Plain):
+    """Which objects stand on the boards.
+
+    Attributes:
+        source: `procedural`, or `folder` for objects that the user named; never a path.
+        name: of the library.
+        seed: of a procedural library.
+        sha256: object key to the hash over the object's files.
+    """
+
+    source: Literal["procedural", "folder"]
+    name: Annotated[str, Field(max_length=200)]
+    seed: int | None = None
+    sha256: dict[str, Sha256] = {}
+
+
+class CollectInfo(_Plain):
+    """How the episodes were recorded; all that decides their content, so that collecting can continue.
+
+    Attributes:
+        steps: proposed actions per episode.
+        images: encoding of RGB.
+        delta: changed pixels that a reward must exceed.
+        settings: everything else, JSON values.
+    """
+
+    policy: Annotated[str, Field(min_length=1, max_length=200)]
+    steps: Annotated[int, Field(ge=0, le=100_000)]
+    images: Literal["jpeg", "png"] = "jpeg"
+    strict: bool = False
+    delta: Annotated[int, Field(ge=0)] = 500
+    seed: Annotated[int, Field(ge=0)] = 0
+    settings: dict[str, Any] = {}
+
+
+class DatasetInfo(_Plain):
+    """The dataset.
+
+    Attributes:
+        schema_version: of the episodes and tables.
+        seed: from which boards were drawn.
+        boards: how many there are; every board gets one episode.
+        collect: None until the first episode is recorded.
+    """
+
+    schema_version: Version = SCHEMA_VERSION
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    split: Annotated[str, Field(min_length=1, max_length=64)]
+    seed: Annotated[int, Field(ge=0)]
+    boards: Annotated[int, Field(ge=0, le=10_000_000)]
+    generator: GeneratorInfo
+    assets: AssetsInfo
+    collect: CollectInfo | None = None

@@ -1,0 +1,135 @@
+"""What happened in one episode, as plain data: the common tongue of recording, training and viewing.
+
+Frames: the board frame of `boards.spec`; pixels are (column u, row v) from the upper left corner. The camera frame is
+OpenCV's: x right, y down, z forward; depth is the distance along z in board units.
+
+Frame 0 is the initial observation; step k (from 0) leads from frame k to frame k + 1. Images that did not change are
+stored once: `Episode.frame_of[k]` is the index of the stored image that shows frame k.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from busybot.boards.spec import BoardSpec
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera.
+
+    Attributes:
+        matrix: intrinsics, shape (3, 3), pixels.
+        pose: camera frame to board frame, shape (4, 4), board units.
+    """
+
+    width: int
+    height: int
+    matrix: np.ndarray
+    pose: np.ndarray
+
+
+@dataclass(frozen=True)
+class Link:
+    """A link that segmentation can name: `object` indexes the board's objects."""
+
+    object: int
+    name: str
+    trigger: bool
+
+
+@dataclass
+class Image:
+    """One stored observation.
+
+    Attributes:
+        rgb: uint8 (H, W, 3).
+        depth: float32 (H, W), board units, 0 where nothing was hit; None if not recorded.
+        segmentation: uint16 (H, W), 0 for board and background, else 1 + index into `Episode.links`; None if not
+            recorded. Privileged.
+        boxes: int16 (N, 4), u0, v0, u1, v1 (exclusive) of each object; -1 where not visible. N objects.
+    """
+
+    rgb: np.ndarray
+    depth: np.ndarray | None
+    segmentation: np.ndarray | None
+    boxes: np.ndarray
+
+
+@dataclass(frozen=True)
+class Step:
+    """One proposed action and what came of it. A proposed action executes a direction, then its opposite.
+
+    Attributes:
+        pixel: (u, v) chosen in the image before.
+        position: board frame, float32-representable, board units.
+        direction: index into `boards.directions.DIRECTIONS`, the one proposed.
+        executed: the directions that the gripper really tried, in order.
+        distance: board units reached in the last executed direction when the motion stopped.
+        changed_pixels: pixels that differ between the raw images before and after.
+        reward: 1 if `changed_pixels` exceeds the episode's delta.
+        acted_object, acted_link: what the gripper held, -1 and "" for a miss. Privileged.
+        trigger_states_before, ..._after: discrete state of every trigger link, in the order of the trigger links among
+            `Episode.links`. Privileged.
+        responder_states_before, ..._after: state of every object, -1 for triggers. Privileged.
+        joint_positions_before, ..._after: the trigger links' joint positions (radians or object units x scale), same
+            order as the trigger states. Privileged.
+        success: a trigger state changed because of the action. Privileged.
+        vetoed: strict mode refused every direction before it was executed.
+    """
+
+    pixel: tuple[int, int]
+    position: tuple[float, float, float]
+    direction: int
+    executed: tuple[int, ...]
+    distance: float
+    changed_pixels: int
+    reward: int
+    acted_object: int
+    acted_link: str
+    trigger_states_before: tuple[int, ...]
+    trigger_states_after: tuple[int, ...]
+    responder_states_before: tuple[int, ...]
+    responder_states_after: tuple[int, ...]
+    joint_positions_before: tuple[float, ...]
+    joint_positions_after: tuple[float, ...]
+    success: bool
+    vetoed: bool = False
+
+
+@dataclass
+class Episode:
+    """A board and all that was done on it.
+
+    Attributes:
+        board: the spec; its relations and states are privileged.
+        camera: one static camera.
+        links: what segmentation names, trigger links among them.
+        positions: float32 (N, 3), visible centre of each object in the first image, board frame; NaN if not visible.
+        images: the stored images, each different from the one before.
+        frame_of: index into `images` for frames 0..len(steps).
+        steps: one per proposed action.
+        policy: name of the policy, e.g. "random".
+        oracle: whether the policy knew what only the simulator knows.
+        settings: everything else that decided the outcome (delta, strict, stop rule, physics), JSON values.
+        renderer: fingerprint of the renderer, JSON values (device, driver, shader pack).
+        versions: package versions at recording, JSON values.
+    """
+
+    board: BoardSpec
+    camera: Camera
+    links: tuple[Link, ...]
+    positions: np.ndarray
+    images: list[Image]
+    frame_of: list[int]
+    steps: list[Step]
+    policy: str
+    oracle: bool
+    settings: dict[str, Any] = field(default_factory=dict)
+    renderer: dict[str, Any] = field(default_factory=dict)
+    versions: dict[str, Any] = field(default_factory=dict)
+
+    def image(self, frame: int) -> Image:
+        """The image that shows frame `frame` (0 is the initial observation)."""
+        return self.images[self.frame_of[frame]]

@@ -1,0 +1,200 @@
+"""Episodes as tables for pandas and pyarrow, made from files as they were read back.
+
+`episode_rows` is what a worker returns to its parent; `Shards` keeps the rows of many episodes in Parquet files.
+"""
+
+import io
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.episodes import mcap_topics as topics
+from busybot.episodes.digests import Digests, episode_digests
+from busybot.episodes.episode import Episode, Step
+from busybot.episodes.mcap_reader import decode_episode
+from busybot.episodes.mcap_records import read_records
+from busybot.episodes.schema import TABLES, arrow_schema
+from busybot.errors import BusybotError
+from busybot.files import write_atomically
+
+EPISODES_PER_SHARD = 500
+EPISODES_PER_ROW_GROUP = 25
+
+Rows = Mapping[str, pa.Table]
+"""Table name to the rows of one episode or more."""
+
+
+def episode_rows(path: Path, index: int) -> dict[str, pa.Table]:
+    """Read the file and derive its rows of all three tables, with the digests.
+
+    Args:
+        index: of the episode in its dataset.
+
+    Raises:
+        BusybotError: if the file cannot be read; see `mcap_reader.read_episode`.
+    """
+    records = read_records(path)
+    episode = decode_episode(records, str(path), "lazy")
+    metadata = records.metadata[topics.METADATA]
+    about = FileFacts(records.size, metadata.get("image_format", ""), metadata["schema_version"])
+    return rows_of(episode, index, about, episode_digests(episode))
+
+
+@dataclass(frozen=True)
+class FileFacts:
+    """What the file says beyond the episode."""
+
+    bytes: int
+    image_format: str
+    schema_version: str
+
+
+def rows_of(episode: Episode, index: int, about: FileFacts, digests: Digests) -> dict[str, pa.Table]:
+    """The rows of one episode; pure, no file is touched."""
+    columns = {
+        "episodes": {name: [value] for name, value in _episode(episode, about, digests).items()},
+        "steps": _transpose("steps", [_step(episode, k, step) for k, step in enumerate(episode.steps)]),
+        "objects": _objects(episode),
+    }
+    tables = {}
+    for name, values in columns.items():
+        count = len(next(iter(values.values())))
+        tables[name] = pa.table({"episode": [index] * count, **values}, schema=arrow_schema(name))
+    return tables
+
+
+def _transpose(table: str, rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
+    return {c.name: [row[c.name] for row in rows] for c in TABLES[table] if c.name != "episode"}
+
+
+def _episode(episode: Episode, about: FileFacts, digests: Digests) -> dict[str, Any]:
+    board, first = episode.board, _first_encoded(episode)
+    known = knows_truth(episode)
+    return {
+        "board": board.index,
+        "seed": board.seed,
+        "split": board.split,
+        "appearance_group": board.appearance_group,
+        "policy": episode.policy,
+        "oracle": episode.oracle,
+        "steps": len(episode.steps),
+        "images": len(episode.images),
+        "objects": len(board.objects),
+        "bytes": about.bytes,
+        "image_format": about.image_format,
+        "depth": first.depth is not None,
+        "segmentation": first.segmentation is not None,
+        "truth": known,
+        "delta": _setting(episode, "delta"),
+        "strict": _setting(episode, "strict"),
+        "width": episode.camera.width,
+        "height": episode.camera.height,
+        "camera_matrix": episode.camera.matrix.ravel().tolist(),
+        "camera_pose": episode.camera.pose.ravel().tolist(),
+        "schema_version": about.schema_version,
+        "settings": json.dumps(episode.settings, sort_keys=True),
+        "renderer": json.dumps(episode.renderer, sort_keys=True),
+        "versions": json.dumps(episode.versions, sort_keys=True),
+        "successes": sum(step.success for step in episode.steps) if known else None,
+        "board_digest": digests.board,
+        "trace_digest": digests.trace,
+        "content_digest": digests.content,
+    }
+
+
+def _setting(episode: Episode, name: str) -> Any:
+    """From the settings or, of a simulated recording, from those of the interaction."""
+    return episode.settings.get(name, episode.settings.get("interaction", {}).get(name))
+
+
+def knows_truth(episode: Episode) -> bool:
+    """False for a recording without simulator: its steps have no trigger states."""
+    return any(link.trigger for link in episode.links)
+
+
+def _first_encoded(episode: Episode) -> Any:
+    return getattr(episode.images, "encoded", episode.images)[0]
+
+
+def _step(episode: Episode, k: int, step: Step) -> dict[str, Any]:
+    row: dict[str, Any] = {name: getattr(step, name) for name in ("distance", "changed_pixels", "reward", "executed")}
+    row |= {"step": k, "image_before": episode.frame_of[k], "image_after": episode.frame_of[k + 1]}
+    row |= {"pixel_u": step.pixel[0], "pixel_v": step.pixel[1], "direction": step.direction}
+    for axis, position, along in zip("xyz", step.position, DIRECTIONS[step.direction], strict=True):
+        row |= {f"position_{axis}": position, f"direction_{axis}": along}
+    known = knows_truth(episode)
+    for name in ("vetoed", "acted_object", "acted_link", "success"):
+        row[name] = getattr(step, name) if known else None
+    for name in ("trigger_states", "responder_states", "joint_positions"):
+        for when in ("before", "after"):
+            row[f"{name}_{when}"] = getattr(step, f"{name}_{when}") or None
+    return row
+
+
+def _objects(episode: Episode) -> dict[str, Any]:
+    """A row per frame and object, frame by frame."""
+    placed = episode.board.objects
+    frames, count = len(episode.frame_of), len(placed)
+    encoded = getattr(episode.images, "encoded", episode.images)
+    boxes = np.stack([encoded[i].boxes for i in episode.frame_of]).reshape(-1, 4)
+    first = np.tile(encoded[0].boxes, (frames, 1))
+    columns: dict[str, Any] = {
+        "frame": np.repeat(np.arange(frames), count),
+        "object": np.tile(np.arange(count), frames),
+        "role": [o.role for o in placed] * frames,
+        "category": [o.category for o in placed] * frames,
+        "instance": [o.instance for o in placed] * frames,
+        "yaw": np.tile(np.array([o.yaw for o in placed], np.float32), frames),
+        "scale": np.tile(np.array([o.scale for o in placed], np.float32), frames),
+    }
+    positions = np.tile(episode.positions, (frames, 1)).astype(np.float32)
+    for i, axis in enumerate("xyz"):
+        columns[f"position_{axis}"] = pa.array(positions[:, i], mask=np.isnan(positions[:, i]))
+    for prefix, values in (("first_box", first), ("box", boxes)):
+        for i, side in enumerate(("u0", "v0", "u1", "v1")):
+            columns[f"{prefix}_{side}"] = pa.array(values[:, i], pa.int16(), mask=(values < 0).any(axis=1))
+    return columns
+
+
+def write_shard(path: Path, table: str, rows: Iterable[pa.Table]) -> None:
+    """Write the rows of consecutive episodes, whole or not at all, a row group per 25 episodes."""
+    episodes = list(rows)
+    buffer = io.BytesIO()
+    with pq.ParquetWriter(buffer, arrow_schema(table), compression="zstd") as writer:
+        for start in range(0, len(episodes), EPISODES_PER_ROW_GROUP):
+            writer.write_table(pa.concat_tables(episodes[start : start + EPISODES_PER_ROW_GROUP]).combine_chunks())
+    write_atomically(path, buffer.getvalue())
+
+
+def read_shard(path: Path, table: str, columns: list[str] | None = None) -> pa.Table:
+    """A shard of the table.
+
+    Raises:
+        BusybotError: naming the file, if it is no Parquet file or its columns are not the schema's.
+    """
+    mend = "remove it; `busybot collect` on the dataset makes tables again from the episodes"
+    try:
+        file = pq.ParquetFile(io.BytesIO(path.read_bytes()))
+        found = {field.name: field.type for field in file.schema_arrow}
+        wrong = [f.name for f in arrow_schema(table) if found.get(f.name) != f.type]
+        rows = None if wrong else file.read(columns=columns or arrow_schema(table).names)
+    except (OSError, pa.ArrowException) as error:
+        raise BusybotError(f"{path}: not a readable Parquet file: {error}", mend) from None
+    if rows is None:
+        raise BusybotError(f"{path}: not table {table!r} of this schema version: {', '.join(wrong)}", mend)
+    return rows.cast(pa.schema([arrow_schema(table).field(name) for name in rows.column_names]))
+
+
+def split_by_episode(rows: pa.Table) -> dict[int, pa.Table]:
+    """Rows of a shard by episode; they are stored in the order of episodes."""
+    episodes = rows["episode"].to_numpy()
+    starts = np.flatnonzero(np.diff(episodes, prepend=-1)).tolist()
+    ends = [*starts[1:], len(episodes)] if starts else []
+    return {int(episodes[a]): rows.slice(a, b - a) for a, b in zip(starts, ends, strict=True)}

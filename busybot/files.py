@@ -1,0 +1,50 @@
+"""Files that are whole or absent, and paths that stay inside their folder."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from busybot.errors import BusybotError
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write under a temporary name, sync, rename: a file with its final name is whole."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write JSON with sorted keys and a final newline, atomically."""
+    write_atomically(path, (json.dumps(value, indent=2, sort_keys=True, allow_nan=False) + "\n").encode())
+
+
+def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
+    """Read JSON from a regular file of at most `max_bytes`; errors name the file and the line."""
+    try:
+        size = path.stat().st_size
+        if size > max_bytes:
+            raise BusybotError(f"{path}: {size} bytes are more than the {max_bytes} that such a file may have")
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise BusybotError(f"{path}: there is no such file") from None
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise BusybotError(f"{path}: not valid JSON: {error}") from None
+    except OSError as error:
+        raise BusybotError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def inside(folder: Path, relative: str) -> Path:
+    """`folder / relative`, refused when it is absolute, climbs out, or leaves the folder through a link."""
+    candidate = folder / relative
+    if Path(relative).is_absolute() or not candidate.resolve().is_relative_to(folder.resolve()):
+        raise BusybotError(f"{folder}: the path {relative!r} leaves the folder", "remove it or copy the file inside")
+    return candidate

@@ -1,0 +1,208 @@
+"""Many objects together: a folder `Category/instance/...` with the split that says who may train on what.
+
+Splits and sampling weights come from `data.json` in the library's folder (section `Reason`: category -> `train` and
+`test` lists; a repeated id weighs more), else from the packaged catalogue of the paper's objects.
+"""
+
+import hashlib
+import os
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from busybot.errors import BusybotError
+from busybot.files import read_json
+from busybot.objects import cache
+from busybot.objects.catalogue import SPLITS, catalogue
+from busybot.objects.folder import load_object
+from busybot.objects.model import CATEGORIES, ObjectModel
+
+SPLIT_FILE = "data.json"
+MAX_OBJECTS = 10_000
+_SHAPE = '{"Reason": {"Switch": {"train": ["100366"], "test": []}}}'
+
+
+@dataclass(frozen=True)
+class Library:
+    """Objects and their splits.
+
+    Attributes:
+        name: `procedural`, or the folder's name.
+        folder: where it lies.
+        objects: by key (`Category/instance`), sorted.
+        splits: for `train` and `novel` the sampling weight by key.
+    """
+
+    name: str
+    folder: Path
+    objects: dict[str, ObjectModel]
+    splits: dict[str, dict[str, float]]
+
+    @staticmethod
+    def load(path: Path) -> "Library":
+        """Read a library; an unreadable object, or one that no split knows, is refused by name."""
+        folders = object_folders(path)
+        objects = {key: _load_as(key, folder) for key, folder in folders.items()}
+        library = Library(path.resolve().name, path, objects, read_splits(path, objects))
+        cache.remember(path, library.hashes())
+        return library
+
+    @property
+    def sha256(self) -> str:
+        """Hash over the objects' keys and hashes."""
+        lines = "".join(f"{key} {sha256}\n" for key, sha256 in self.hashes().items())
+        return hashlib.sha256(lines.encode()).hexdigest()
+
+    def hashes(self) -> dict[str, str]:
+        """sha256 by key."""
+        return {key: model.sha256 for key, model in self.objects.items()}
+
+    def get(self, key: str) -> ObjectModel:
+        """The object, or a `BusybotError` that names it."""
+        if key not in self.objects:
+            raise BusybotError(f"{self.folder}: has no object {key!r}", "`busybot assets list` shows what there is")
+        return self.objects[key]
+
+    def weights(self, split: str, category: str) -> list[tuple[str, float]]:
+        """Keys of a category in a split (`train` or `novel`) with their sampling weights, sorted by key."""
+        if split not in self.splits:
+            raise BusybotError(f"no split {split!r}", f"use one of {', '.join(self.splits)}")
+        return [(key, weight) for key, weight in self.splits[split].items() if key.split("/")[0] == category]
+
+
+def object_folders(path: Path) -> dict[str, Path]:
+    """Object folders by key; links are refused, files and unknown folders beside the categories are ignored."""
+    if not path.is_dir():
+        raise BusybotError(f"{path}: not a folder", "name a folder with Switch, Lamp, Door and Toy folders in it")
+    found = {}
+    for category in sorted(CATEGORIES):
+        place = path / category
+        entries = [place, *sorted(place.iterdir())] if place.is_dir() else [place]
+        for entry in entries:
+            if entry.is_symlink():
+                raise BusybotError(f"{entry}: is a link; links in a library are not followed", "copy the folder itself")
+        found.update({f"{category}/{entry.name}": entry for entry in entries[1:] if entry.is_dir()})
+    if not found:
+        raise BusybotError(f"{path}: holds no objects", "name a folder with Switch, Lamp, Door and Toy folders in it")
+    if len(found) > MAX_OBJECTS:
+        raise BusybotError(
+            f"{path}: {len(found)} objects are more than the {MAX_OBJECTS} allowed", "divide the library"
+        )
+    return found
+
+
+def _load_as(key: str, folder: Path) -> ObjectModel:
+    model = load_object(folder)
+    if model.key != key:
+        raise BusybotError(
+            f"{folder}: its annotation calls it {model.key}, its folder {key}", "rename the folder or correct the file"
+        )
+    return model
+
+
+def read_splits(path: Path, keys: dict[str, Any]) -> dict[str, dict[str, float]]:
+    """Weights by split and key; keys that neither `data.json` nor the catalogue knows are refused."""
+    listed = _read_split_file(path / SPLIT_FILE) if (path / SPLIT_FILE).exists() else {}
+    splits: dict[str, dict[str, float]] = {split: {} for split in SPLITS}
+    unknown = []
+    for key in sorted(keys):
+        if key in listed:
+            for split, weight in listed[key].items():
+                splits[split][key] = float(weight)
+        elif key in catalogue():
+            splits[catalogue()[key].split][key] = float(catalogue()[key].weight)
+        else:
+            unknown.append(key)
+    if unknown:
+        raise BusybotError(
+            f"{path}: neither {SPLIT_FILE} nor the catalogue puts {', '.join(unknown[:5])}"
+            f"{' and others' if len(unknown) > 5 else ''} in a split",
+            f"list the ids in {path / SPLIT_FILE}, for example {_SHAPE}",
+        )
+    return splits
+
+
+def _read_split_file(path: Path) -> dict[str, Counter[str]]:
+    """How often each key stands in each split."""
+    if path.is_symlink() or not path.is_file():
+        raise BusybotError(f"{path}: not a regular file", "copy the file itself")
+    mend = f"write it like {_SHAPE}"
+    try:
+        value = read_json(path, max_bytes=1 << 20)
+    except ValueError as error:
+        raise BusybotError(f"{path}: not valid JSON: {error}", mend) from None
+    section = value.get("Reason") if isinstance(value, dict) else None
+    if not isinstance(section, dict):
+        raise BusybotError(f"{path}: has no section 'Reason'", mend)
+    counts: dict[str, Counter[str]] = {}
+    for category, lists in section.items():
+        for split, name in (("train", "train"), ("novel", "test")):
+            ids = lists.get(name, []) if isinstance(lists, dict) else None
+            if not isinstance(ids, list) or not all(isinstance(instance, str) for instance in ids):
+                raise BusybotError(f"{path}: Reason.{category}.{name} is not a list of ids", mend)
+            for instance in ids:
+                counts.setdefault(f"{category}/{instance}", Counter())[split] += 1
+    return counts
+
+
+def find(assets: str | None, expected: dict[str, str] | None = None) -> Library:
+    """The library that a command or a dataset means.
+
+    Args:
+        assets: `procedural` or a library's folder. None: the one that holds `expected`, else `procedural`.
+        expected: sha256 by key as a dataset recorded them.
+
+    Raises:
+        BusybotError: an expected object is absent or differs; it is named.
+    """
+    if assets is None and expected:
+        return _find_by_hash(expected)
+    library = _open(assets or "procedural")
+    problem = mismatch(library, expected or {})
+    if problem:
+        raise BusybotError(problem, "name the library with which the dataset was made: --assets DIR")
+    return library
+
+
+def mismatch(library: Library, expected: dict[str, str]) -> str | None:
+    """What the library lacks or has otherwise, naming up to three objects; None when all is there."""
+    faults = [f"{key} is absent" for key in sorted(expected) if key not in library.objects]
+    faults += [
+        f"{key} differs from the recorded one (sha256 {expected[key][:12]})"
+        for key, model in library.objects.items()
+        if key in expected and expected[key] != model.sha256
+    ]
+    if not faults:
+        return None
+    return f"{library.folder}: {'; '.join(faults[:3])}{f'; and {len(faults) - 3} more' if len(faults) > 3 else ''}"
+
+
+def _open(assets: str) -> Library:
+    if assets != "procedural":
+        return Library.load(Path(assets))
+    from busybot.objects.procedural.build import procedural_library  # needs trimesh only when it builds
+
+    return procedural_library()
+
+
+def _find_by_hash(expected: dict[str, str]) -> Library:
+    """Where the objects were last seen, then `$BUSYBOT_PARTNET_DIR`, then the procedural ones."""
+    candidates = [str(place) for place in cache.places(expected) if place.is_dir()]
+    if variable := os.environ.get("BUSYBOT_PARTNET_DIR"):
+        candidates.append(variable)
+    problems = []
+    for candidate in [*dict.fromkeys(candidates), "procedural"]:
+        try:
+            library = _open(candidate)
+        except BusybotError as error:
+            problems.append(error.what)
+            continue
+        problem = mismatch(library, expected)
+        if problem is None:
+            return library
+        problems.append(problem)
+    raise BusybotError(
+        f"no library holds the objects that the dataset recorded: {' | '.join(problems)}",
+        "name the library with which the dataset was made: --assets DIR",
+    )

@@ -1,0 +1,108 @@
+"""What can stand on a board, as plain data: no simulator, no meshes.
+
+An object is a folder in PartNet-Mobility's layout with an annotation (`object_meta_info.json`). This module holds the
+types; `folder` reads them defensively, `library` keeps many of them, `procedural` makes new ones.
+
+Units are board units (the board is 4 x 4), angles radians, quaternions (w, x, y, z). Frames: *object* is the URDF's,
+*upright* is after the annotated orientation and scale, z pointing to the camera.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+Role = Literal["trigger", "responder"]
+Vector = tuple[float, float, float]
+Color = tuple[float, float, float]
+
+CATEGORIES = ("Switch", "Lamp", "Door", "Toy")
+
+
+@dataclass(frozen=True)
+class TriggerLink:
+    """A movable link of a trigger object.
+
+    Attributes:
+        name: the URDF's link name.
+        joint: the URDF's joint name whose child the link is.
+        kind: `two-state` rests at either end, `multi-direction` at either end or in the middle.
+        lower, upper: joint limits, radians (revolute) or unscaled object units (prismatic).
+    """
+
+    name: str
+    joint: str
+    joint_type: Literal["revolute", "prismatic"]
+    kind: Literal["two-state", "multi-direction"]
+    lower: float
+    upper: float
+
+    @property
+    def states(self) -> int:
+        """Number of discrete states: 2 (low, high) or 3 (low, middle, high)."""
+        return 2 if self.kind == "two-state" else 3
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What a responder can show.
+
+    Attributes:
+        type: `color` paints a link, `joint` sets joints.
+        link: the painted link (type `color`).
+        joints: the joints that are set (type `joint`).
+        single: values of the two states of a single-stage responder, or None if it cannot be one.
+        multi: values of the steps 0, 1, 2 of a multi-stage responder, or None if it cannot be one.
+            A value is an RGB triple in 0..1 (`color`) or one joint position per joint (`joint`; radians, or for
+            prismatic joints board units: as in the original annotation, *after* scaling, and the URDF's limits do not
+            bind it).
+    """
+
+    type: Literal["color", "joint"]
+    link: str | None
+    joints: tuple[str, ...]
+    single: tuple[tuple[float, ...], tuple[float, ...]] | None
+    multi: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]] | None
+
+
+@dataclass(frozen=True)
+class ObjectModel:
+    """One object: annotation, URDF facts and where its files are.
+
+    Attributes:
+        category: one of `CATEGORIES`.
+        instance: the id within the category, e.g. "100366".
+        orientation: upright orientation, quaternion (w, x, y, z).
+        scale: object units to board units.
+        bounds_min, bounds_max: box in the upright frame *before* scaling.
+        offset_z: height of the object's origin above the board, after scaling.
+        trigger_links: movable links; empty for responders.
+        directions: annotated effective directions in the board frame (not normalised); strict mode only.
+        effect: what a responder shows; None for triggers.
+        movable_joints: names of all non-fixed joints, in URDF order.
+        folder: where the files are; `urdf` is inside it.
+        sha256: hash over the folder's relative file names and bytes.
+    """
+
+    category: str
+    instance: str
+    role: Role
+    scale: float
+    orientation: tuple[float, float, float, float]
+    bounds_min: Vector
+    bounds_max: Vector
+    offset_z: float
+    trigger_links: tuple[TriggerLink, ...]
+    directions: tuple[Vector, ...]
+    effect: Effect | None
+    movable_joints: tuple[str, ...]
+    folder: Path
+    sha256: str
+
+    @property
+    def key(self) -> str:
+        """`Category/instance`, the name by which boards refer to the object."""
+        return f"{self.category}/{self.instance}"
+
+    @property
+    def urdf(self) -> Path:
+        return self.folder / "mobility.urdf"

@@ -1,0 +1,179 @@
+"""Things that switches share: plates, screws, collars, rockers, bat levers, caps, marks.
+
+Each function returns parts around the origin, standing on z = 0 unless it says otherwise.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from busybot.objects.procedural import palette
+from busybot.objects.procedural.design import Material, Part
+from busybot.objects.procedural.solids import (
+    Solid,
+    ball,
+    box,
+    circle,
+    closed_loft,
+    frame,
+    inset,
+    lathe,
+    matching_circle,
+    prism,
+    rectangle,
+    ring,
+    smooth,
+    star,
+    torus,
+)
+
+PLATE_THICKNESS = 0.03
+
+
+def screw(x: float, y: float, z: float, turn: float, material: Material = palette.STEEL, radius: float = 0.012) -> list[Part]:
+    """A slotted screw head with its foot at (x, y, z)."""
+    head = lathe([(radius, 0), (radius, 0.003), (0.75 * radius, 0.006), (0.35 * radius, 0.0072), (0, 0.0074)], 14)
+    slot = box(1.5 * radius, 0.22 * radius, 0.0015).moved(z=0.0068).turned("z", turn)
+    return [Part(head.moved(x, y, z), material), Part(slot.moved(x, y, z), palette.SHADOW)]
+
+
+def plate(
+    width: float,
+    height: float,
+    material: Material,
+    rng: np.random.Generator,
+    screws: str = "corners",
+    radius: float = 0.03,
+    thickness: float = PLATE_THICKNESS,
+) -> list[Part]:
+    """A cover plate with a rounded rim and screws: `corners`, `ends` (left and right), `poles` or `none`."""
+    outline = rectangle(width, height, radius)
+    parts = [Part(prism(outline, 0, thickness, bevel=0.010, steps=3), material)]
+    x, y = width / 2 - 0.028, height / 2 - 0.028
+    places = {
+        "corners": [(sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1)],
+        "ends": [(-x, 0.0), (x, 0.0)],
+        "poles": [(0.0, -y), (0.0, y)],
+        "none": [],
+    }[screws]
+    for place in places:
+        parts += screw(*place, thickness - 0.001, float(rng.uniform(0, np.pi)))
+    return parts
+
+
+def bezel(width: float, height: float, rim: float, rise: float, material: Material, radius: float = 0.016) -> list[Part]:
+    """A raised frame around a dark well; outer size is width x height."""
+    outer = rectangle(width, height, radius)
+    inner = rectangle(width - 2 * rim, height - 2 * rim, max(radius - rim, 0.004))
+    floor = prism(rectangle(width - rim, height - rim, radius), 0, 0.002)
+    return [Part(frame(outer, inner, 0, rise, bevel=0.3 * rim), material), Part(floor, palette.SHADOW)]
+
+
+def round_bezel(outer: float, inner: float, rise: float, material: Material) -> list[Part]:
+    """A turned collar around a dark well."""
+    lip = 0.35 * (outer - inner)
+    rings = [(outer, 0.0), (outer, rise - lip), (outer - 0.4 * lip, rise - 0.3 * lip), (outer - lip, rise)]
+    rings += [(inner + 0.5 * lip, rise), (inner, rise - 0.5 * lip), (inner, 0.0)]
+    collar = closed_loft([ring(circle(radius, 32), z) for radius, z in rings])
+    return [Part(collar, material), Part(lathe([(inner + lip, 0), (inner + lip, 0.002)], 32), palette.SHADOW)]
+
+
+def rocker_body(width: float, length: float, ends: float, middle: float, depth: float, facets: int = 6) -> Solid:
+    """A rocker that tilts about y: its top dips from `ends` (at x = +-length / 2) to `middle`."""
+    xs = np.linspace(length / 2, -length / 2, 2 * facets + 1)
+    dip = middle + (ends - middle) * np.abs(2 * xs / length) ** 1.6
+    section = [(-length / 2, -depth), (length / 2, -depth), *zip(xs.tolist(), dip.tolist(), strict=True)]
+    outline = np.array(section)
+    edge = 0.006
+    rings = [ring(inset(outline, edge), -width / 2), ring(outline, -width / 2 + edge)]
+    rings += [ring(outline, width / 2 - edge), ring(inset(outline, edge), width / 2)]
+    from_section = _fan_from_below(rings, depth)
+    # the section's plane is x-z: its y becomes z
+    return from_section.turned("x", np.pi / 2)
+
+
+def _fan_from_below(rings: Sequence[np.ndarray], depth: float) -> Solid:
+    """Loft whose end fans start low, where they see every point of a dipping top."""
+    from busybot.objects.procedural.solids import loft
+
+    tips = tuple(np.array([0.0, -0.8 * depth, rings[end][0, 2]]) for end in (0, -1))
+    return loft(rings, (tips[0], tips[1]))
+
+
+def mark_bar(length: float, material: Material = palette.WHITE) -> Part:
+    """The sign for on: a bar along y."""
+    return Part(box(0.18 * length, length, 0.002, 0.0008), material)
+
+
+def mark_ring(radius: float, material: Material = palette.WHITE) -> Part:
+    """The sign for off: a flat ring."""
+    outline = circle(radius, 20)
+    return Part(frame(outline, 0.68 * outline, 0, 0.002, 0.0006), material)
+
+
+def indicator(radius: float, material: Material, metal: Material) -> list[Part]:
+    """A small jewel lamp in a metal ring."""
+    jewel = ball(radius, 14, 6).stretched(z=0.7)
+    return [Part(torus(1.15 * radius, 0.3 * radius, 18, 6).moved(z=0.001), metal), Part(jewel, material)]
+
+
+def hex_collar(radius: float, metal: Material) -> list[Part]:
+    """Washer, hexagonal nut and threaded neck of a toggle switch; the neck ends at z = 0.6 radius."""
+    washer = lathe([(1.25 * radius, 0), (1.25 * radius, 0.008), (1.18 * radius, 0.012)], 28)
+    nut = prism(circle(radius, 6, 0.2), 0.008, 0.40 * radius, bevel=0.006)
+    rows = np.linspace(0.3 * radius, 0.6 * radius, 5)
+    profile = [(0.62 * radius - 0.004 * (k % 2), float(z)) for k, z in enumerate(rows)]
+    return [Part(washer, metal), Part(nut, metal), Part(lathe([*profile, (0.45 * radius, 0.62 * radius)], 24), metal)]
+
+
+def bat(length: float, radius: float, metal: Material, tip: Material) -> list[Part]:
+    """A tapered toggle lever along z with a plastic tip; its foot is at the origin."""
+    stem = lathe([(0.45 * radius, -0.02), (0.5 * radius, 0), (0.8 * radius, 0.55 * length), (0.8 * radius, 0.6 * length)], 16)
+    profile = [(0.86 * radius, 0.5 * length), (radius, 0.58 * length), (1.08 * radius, 0.78 * length)]
+    profile += [(0.98 * radius, 0.91 * length), (0.6 * radius, 0.985 * length), (0.0, length)]
+    return [Part(stem, metal), Part(lathe(smooth(profile, 3), 20), tip)]
+
+
+def dish_cap(radius: float, height: float, skirt: float = 0.03) -> Solid:
+    """A round button with a dished top; its rim is at `height`, its hidden skirt reaches down to -skirt."""
+    top = [(radius, height - 0.010), (0.97 * radius, height - 0.003), (0.90 * radius, height)]
+    dish = [(0.80 * radius, height - 0.001), (0.5 * radius, height - 0.005), (0.0, height - 0.007)]
+    return lathe([(radius, -skirt), *top, *dish], 32)
+
+
+def dome(radius: float, height: float, skirt: float = 0.03) -> Solid:
+    """A mushroom top, widest at z = 0."""
+    angles = np.linspace(0, np.pi / 2, 7)
+    profile = [(radius * float(np.cos(a)), height * float(np.sin(a))) for a in angles]
+    profile[-1] = (0.0, height)
+    return lathe([(0.55 * radius, -skirt), (0.62 * radius, -0.012), (0.95 * radius, -0.010), *profile], 32)
+
+
+def knob(radius: float, height: float, material: Material, metal: Material, teeth: int = 20) -> list[Part]:
+    """A knurled knob with a metal disc on top."""
+    body = prism(star(radius, 0.035 * radius, teeth, 4), 0, height, bevel=0.12 * radius)
+    disc = lathe([(0.72 * radius, height), (0.70 * radius, height + 0.003), (0.0, height + 0.0035)], 28)
+    return [Part(body, material), Part(disc, metal)]
+
+
+def slot(width: float, height: float, material: Material, rim: float = 0.012) -> list[Part]:
+    """A stadium-shaped groove with a thin rim; inner size is width x height."""
+    outer = rectangle(width + 2 * rim, height + 2 * rim, 0.5 * min(width, height) + rim, corner=6)
+    inner = rectangle(width, height, 0.5 * min(width, height), corner=6)
+    floor = prism(rectangle(width + rim, height + rim, 0.5 * min(width, height), corner=6), 0, 0.002)
+    return [Part(frame(outer, inner, 0, 0.010, bevel=0.004), material), Part(floor, palette.SHADOW)]
+
+
+def ridged_cap(length: float, width: float, height: float, material: Material, ridges: int = 5) -> list[Part]:
+    """A slider's grip: a rounded block with ridges across x."""
+    block = prism(rectangle(length, width, 0.2 * min(length, width)), 0, height, bevel=0.2 * height, steps=3)
+    parts = [Part(block, material)]
+    for x in np.linspace(-0.32, 0.32, ridges) * length:
+        parts.append(Part(box(0.09 * length, 0.86 * width, 0.008, 0.003).moved(x=float(x), z=height - 0.002), material))
+    return parts
+
+
+def round_hole_plate(width: float, height: float, hole: float, thickness: float, material: Material, radius: float) -> Part:
+    """A plate with a round hole in the middle."""
+    outline = rectangle(width, height, radius, corner=8)
+    return Part(frame(outline, matching_circle(outline, hole), 0, thickness, bevel=0.008), material)

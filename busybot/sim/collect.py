@@ -1,0 +1,126 @@
+"""From boards to recorded episodes: many workers, one dataset, safe to stop at any moment.
+
+An episode depends on its board and the collection's seed alone. It appears under its final name when it is whole, its
+table rows are read back from the finished file, and collecting again continues with the boards that have no episode.
+"""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset_info import CollectInfo
+from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows
+from busybot.objects.library import Library
+from busybot.sim.interaction import InteractionConfig
+from busybot.sim.recorder import record_episode
+from busybot.sim.render import RenderConfig
+from busybot.sim.scene import Simulator
+from busybot.sim.workers import run_tasks
+
+
+class CollectConfig(BaseModel):
+    """How episodes are collected.
+
+    Attributes:
+        policy: `random` or `scripted`.
+        steps: proposed actions per episode.
+        images: encoding of RGB; `png` is lossless and about five times as large.
+        seed: None takes the dataset's.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    policy: Literal["random", "scripted"] = "random"
+    steps: Annotated[int, Field(ge=0, le=100_000)] = 30
+    images: Literal["jpeg", "png"] = "jpeg"
+    seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
+    interaction: InteractionConfig = InteractionConfig()
+    render: RenderConfig = RenderConfig()
+
+
+@dataclass(frozen=True)
+class Collected:
+    """What one call of `collect` did.
+
+    Attributes:
+        done: episodes that are there now, of `boards`.
+        new: those recorded by this call.
+    """
+
+    boards: int
+    done: int
+    new: int
+
+
+Progress = Callable[[int, int], None]
+"""Told after each episode: episodes that are there, and boards."""
+
+
+def collect(
+    dataset: Dataset, library: Library, config: CollectConfig, workers: int, progress: Progress | None = None
+) -> Collected:
+    """Record an episode for every board that has none.
+
+    Raises:
+        BusybotError: the dataset's episodes were begun with other settings, or a worker is at fault.
+    """
+    with dataset.locked():
+        dataset.begin_collecting(_collect_info(config, dataset.info.seed))
+        dataset.remove_leftovers()
+        before = dataset.finished()
+        missing = [index for index in range(dataset.info.boards) if index not in before]
+        rows: dict[int, Rows] = {}
+        done = len(before)
+        seed = dataset.info.seed if config.seed is None else config.seed
+        try:
+            for index, result in run_tasks(missing, _make_work, (dataset.path, library, config, seed, workers), workers):
+                rows[index] = result
+                done += 1
+                if progress:
+                    progress(done, dataset.info.boards)
+                if len(rows) >= EPISODES_PER_SHARD:
+                    dataset.write_tables(rows)
+                    rows = {}
+        finally:
+            dataset.remove_leftovers()
+            dataset.write_tables(rows)
+    return Collected(dataset.info.boards, done, done - len(before))
+
+
+def _collect_info(config: CollectConfig, dataset_seed: int) -> CollectInfo:
+    return CollectInfo(
+        policy=config.policy,
+        steps=config.steps,
+        images=config.images,
+        strict=config.interaction.strict,
+        delta=config.interaction.delta,
+        seed=dataset_seed if config.seed is None else config.seed,
+        settings={
+            "interaction": config.interaction.model_dump(mode="json"),
+            "render": config.render.model_dump(mode="json"),
+        },
+    )
+
+
+def _make_work(path: Path, library: Library, config: CollectConfig, seed: int, workers: int) -> Callable[[int], Any]:
+    """What a worker does with a board's index: record, write, and read back the rows of its tables."""
+    if workers > 1:
+        # software rendering has threads of its own, which several workers would only fight over
+        os.environ.setdefault("LP_NUM_THREADS", "1")
+    dataset = Dataset.open(path)
+    simulator = Simulator(library, config.render)
+
+    def work(index: int) -> Rows:
+        board = dataset.board(index)
+        episode = record_episode(simulator, board, config.policy, config.steps, config.interaction, seed)
+        file = dataset.episode_path(index)
+        write_episode(file, episode, config.images)
+        return episode_rows(file, index)
+
+    return work

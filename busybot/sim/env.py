@@ -1,0 +1,191 @@
+"""BusyBoard as a Gymnasium environment (paper section 3), registered by `busybot.sim.register()`."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+
+from busybot.boards.config import BoardConfig
+from busybot.boards.directions import DIRECTIONS
+from busybot.boards.generate import generate_boards
+from busybot.boards.spec import BoardSpec
+from busybot.episodes.episode import Image, Step
+from busybot.episodes.geometry import Rays, project
+from busybot.errors import BusybotError
+from busybot.objects.library import Library, find
+from busybot.rng import generator
+from busybot.sim.interaction import Grasp, InteractionConfig, interact
+from busybot.sim.render import RenderConfig
+from busybot.sim.scene import BoardScene, BoardState, Simulator
+
+REACH = 0.05
+"""A position farther than this from the visible surface at its pixel (along the optical axis) holds nothing."""
+
+
+class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
+    """A toy board with hidden relations between switches and lamps, doors and toys.
+
+    ## Observation space
+    A `Dict`:
+
+    | key | type | range | meaning |
+    |---|---|---|---|
+    | `rgb` | uint8 (H, W, 3) | 0..255 | the camera's image |
+    | `depth` | float32 (H, W) | 0..far | distance along the optical axis, board units; 0: nothing hit |
+
+    ## Action space
+    A `Dict`:
+
+    | key | type | range | meaning |
+    |---|---|---|---|
+    | `position` | float32 (3,) | x, y in -2..2, z in -0.1..2 | suction point, board frame, board units |
+    | `direction` | Discrete(18) | 0..17 | index into `busybot.boards.directions.DIRECTIONS` |
+
+    The gripper takes hold of what is visible at the position, moves along the direction and then the opposite one
+    until something changes (`busybot.sim.interaction`). A position in the air or out of sight is a miss.
+
+    ## Reward
+    1 if more than `interaction.delta` pixels of the image changed, else 0 (paper equation 1).
+
+    ## End of an episode
+    Never terminated; truncated after `max_steps` actions.
+
+    ## Ground truth
+    Only in `info`: `board` (the BoardSpec), `trigger_states`, `responder_states`, `success` (a trigger changed its
+    state), `acted_object`, `changed_pixels`, `executed` (directions tried), `distance` (units).
+
+    ## Arguments
+    `assets`: `procedural` or a folder of objects; `boards`: how boards are drawn (`BoardConfig`, its `seed` and number
+    of boards are ignored); `render`, `interaction`: see their classes; `max_steps`. `reset(options={"board": spec})`
+    plays a given board, otherwise the seed draws one; `reset(options={"index": i})` takes board i of the seed.
+
+    ## Versions
+    * v0: first version.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 1}
+
+    def __init__(
+        self,
+        assets: str | Library = "procedural",
+        boards: BoardConfig | None = None,
+        render: RenderConfig | None = None,
+        interaction: InteractionConfig | None = None,
+        max_steps: int = 30,
+        render_mode: str | None = None,
+    ):
+        self.render_mode = render_mode
+        self.max_steps = max_steps
+        self._boards = boards or BoardConfig()
+        self._view = render or RenderConfig()
+        self._interaction = interaction or InteractionConfig()
+        self._library = assets if isinstance(assets, Library) else find(assets)
+        self._simulator: Simulator | None = None
+        self._scene: BoardScene | None = None
+        shape = (self._view.height, self._view.width)
+        self.observation_space = spaces.Dict(
+            {
+                "rgb": spaces.Box(0, 255, (*shape, 3), np.uint8),
+                "depth": spaces.Box(0, self._view.far, shape, np.float32),
+            }
+        )
+        low, high = np.array([-2, -2, -0.1], np.float32), np.array([2, 2, 2], np.float32)
+        self.action_space = spaces.Dict(
+            {"position": spaces.Box(low, high, dtype=np.float32), "direction": spaces.Discrete(len(DIRECTIONS))}
+        )
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        super().reset(seed=seed)
+        options = options or {}
+        board = options.get("board") or self._draw(options.get("index"))
+        if self._simulator is None:
+            self._simulator = Simulator(self._library, self._view)
+        self._scene = self._simulator.board(board)
+        self._rays = Rays(self._scene.camera)
+        self._image = self._scene.observe()
+        self._steps = 0
+        return self._observation(), self._truth(None)
+
+    def step(self, action: dict[str, Any]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        scene = self._playing()
+        grasp = self.grasp(np.asarray(action["position"], np.float32))
+        step, after = interact(scene, grasp, int(action["direction"]), self._interaction, self._image)
+        self._image = after or self._image
+        self._steps += 1
+        return self._observation(), float(step.reward), False, self._steps >= self.max_steps, self._truth(step)
+
+    def render(self) -> np.ndarray | None:
+        """The present image, uint8 (H, W, 3), in mode `rgb_array`."""
+        return self._image.rgb.copy() if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        self._scene = None
+        self._simulator = None
+
+    def grasp(self, position: np.ndarray) -> Grasp:
+        """What the gripper would hold at a position in the board frame."""
+        scene = self._playing()
+        pixels, depth = project(position, scene.camera)
+        column, row = (int(value) for value in np.floor(pixels))
+        inside = 0 <= column < self._view.width and 0 <= row < self._view.height and depth > 0
+        assert self._image.depth is not None and self._image.segmentation is not None
+        if not inside or abs(float(depth) - float(self._image.depth[row, column])) > REACH:
+            edge = (min(max(column, 0), self._view.width - 1), min(max(row, 0), self._view.height - 1))
+            return Grasp(None, position, edge)
+        return Grasp(scene.trigger_at(int(self._image.segmentation[row, column])), position, (column, row))
+
+    def save_state(self) -> tuple[BoardSpec, BoardState, int]:
+        """The exact state: the board, its trigger states and the number of steps taken."""
+        scene = self._playing()
+        return scene.spec, scene.save(), self._steps
+
+    def restore_state(self, state: tuple[BoardSpec, BoardState, int]) -> dict[str, Any]:
+        """Go back to a saved state and return its observation; the same actions then have the same outcomes."""
+        board, saved, steps = state
+        if self._scene is None or self._scene.spec != board:
+            self.reset(options={"board": board})
+        scene = self._playing()
+        scene.restore(saved)
+        self._image, self._steps = scene.observe(), steps
+        return self._observation()
+
+    def _draw(self, index: int | None) -> BoardSpec:
+        """One board, drawn from the environment's seed."""
+        number = int(self.np_random.integers(2**31)) if index is None else index
+        seed = int(generator(self._np_random_seed or 0, self._boards.split, number, "env").integers(2**62))
+        config = self._boards.model_copy(update={"seed": seed, "boards": 1, "group_size": 1})
+        return next(generate_boards(config, self._library))
+
+    def _observation(self) -> dict[str, Any]:
+        assert self._image.depth is not None
+        return {"rgb": self._image.rgb.copy(), "depth": self._image.depth.copy()}
+
+    def _truth(self, step: Step | None) -> dict[str, Any]:
+        scene = self._playing()
+        truth: dict[str, Any] = {
+            "board": scene.spec,
+            "trigger_states": scene.trigger_states(),
+            "responder_states": scene.responder_states(),
+        }
+        if step is not None:
+            truth |= {
+                "success": step.success,
+                "acted_object": step.acted_object,
+                "changed_pixels": step.changed_pixels,
+                "executed": step.executed,
+                "distance": step.distance,
+            }
+        return truth
+
+    def _playing(self) -> BoardScene:
+        if self._scene is None:
+            raise BusybotError("the environment has no board yet", "call reset() first")
+        return self._scene
+
+    @property
+    def image(self) -> Image:
+        """The present observation with its privileged segmentation."""
+        return self._image

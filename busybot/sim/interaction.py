@@ -1,0 +1,187 @@
+"""One action on a board: suction at a point, a direction and its opposite, until something changes.
+
+Paper section 3.1 and protocol "Interaction". The rules, in order:
+
+1. The gripper takes hold of whatever is visible at the chosen pixel. Only trigger links give way: anything else is a
+   miss, which changes nothing and is not simulated.
+2. The proposed direction is executed, then its opposite. Each starts from rest and moves the gripper's target in
+   growing distances of 0.03 up to 0.21 units.
+3. After each increment the motion stops if something changed: by default when the joint has crossed into another state
+   (`stop="physics"`, no rendering), or when the images differ by more than delta pixels (`stop="pixels"`, as the
+   original does it; `tests/sim/test_interaction.py` measures how often the two agree).
+4. The gripper lets go and the joint snaps into the detent of the state that it has reached; a joint that did not leave
+   its state snaps back, and the opposite direction is tried anchored at the same point.
+
+The gripper is a drive between the world and the held point, with a force limit: no body, no contacts.
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import cv2
+import numpy as np
+import sapien
+from pydantic import BaseModel, ConfigDict, Field
+
+from busybot.boards.directions import DIRECTIONS, OPPOSITE
+from busybot.episodes.episode import Image, Step
+from busybot.sim.parts import TriggerJoint
+from busybot.sim.scene import BoardScene
+
+
+class InteractionConfig(BaseModel):
+    """Constants of an action.
+
+    Attributes:
+        delta: more changed pixels than this are a reward.
+        tolerance: a pixel differs when a channel differs by more than this share of its range.
+        stop: what ends a motion.
+        strict: refuse directions more than `strict_angle_deg` off every annotated direction of the object.
+        increment, increments: the gripper's target moves so far (board units) so many times.
+        physics_steps: simulation steps of 0.01 s per increment.
+        stiffness, damping, force_limit: of the suction drive (force mode).
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    delta: Annotated[int, Field(ge=0)] = 500
+    tolerance: Annotated[float, Field(ge=0, le=1)] = 0.01
+    stop: Literal["physics", "pixels"] = "physics"
+    strict: bool = False
+    strict_angle_deg: Annotated[float, Field(gt=0, le=180)] = 30.0
+    increment: Annotated[float, Field(gt=0, le=1)] = 0.03
+    increments: Annotated[int, Field(ge=1, le=100)] = 7
+    physics_steps: Annotated[int, Field(ge=1, le=100)] = 5
+    stiffness: Annotated[float, Field(gt=0)] = 200.0
+    damping: Annotated[float, Field(ge=0)] = 4.0
+    force_limit: Annotated[float, Field(gt=0)] = 3.0
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """What the gripper holds: a trigger joint (None for a miss) at a point, in the board frame."""
+
+    trigger: int | None
+    position: np.ndarray
+    pixel: tuple[int, int]
+
+
+def changed_pixels(before: np.ndarray, after: np.ndarray, tolerance: float) -> int:
+    """Number of pixels of two uint8 (H, W, 3) images that differ in a channel by more than tolerance * 255."""
+    largest = int(tolerance * 255)
+    same = cv2.inRange(cv2.absdiff(before, after), (0, 0, 0), (largest, largest, largest))
+    return int(same.size - cv2.countNonZero(same))
+
+
+def interact(
+    scene: BoardScene, grasp: Grasp, direction: int, config: InteractionConfig, before: Image | None
+) -> tuple[Step, Image | None]:
+    """Execute one proposed action.
+
+    Args:
+        direction: index into DIRECTIONS.
+        before: what the camera showed; None in a simulation without renderer, where the reward is the true one.
+
+    Returns:
+        the step, and the image after it if anything changed (None otherwise, or without renderer).
+    """
+    states, shown, joints = scene.trigger_states(), scene.responder_states(), scene.joint_positions()
+    executed, distance, vetoed = _execute(scene, grasp, direction, config, before)
+    success = scene.trigger_states() != states
+    after = scene.observe() if success and before is not None else None
+    changed = changed_pixels(before.rgb, after.rgb, config.tolerance) if before is not None and after is not None else 0
+    held = scene.triggers[grasp.trigger] if grasp.trigger is not None else None
+    step = Step(
+        pixel=grasp.pixel,
+        position=(float(grasp.position[0]), float(grasp.position[1]), float(grasp.position[2])),
+        direction=direction,
+        executed=executed,
+        distance=distance,
+        changed_pixels=changed,
+        reward=int(changed > config.delta) if before is not None else int(success),
+        acted_object=held.object if held else -1,
+        acted_link=held.link.name if held else "",
+        trigger_states_before=states,
+        trigger_states_after=scene.trigger_states(),
+        responder_states_before=shown,
+        responder_states_after=scene.responder_states(),
+        joint_positions_before=joints,
+        joint_positions_after=scene.joint_positions(),
+        success=success,
+        vetoed=vetoed,
+    )
+    return step, after
+
+
+def _execute(
+    scene: BoardScene, grasp: Grasp, direction: int, config: InteractionConfig, before: Image | None
+) -> tuple[tuple[int, ...], float, bool]:
+    """The directions tried, the distance reached in the last one, and whether strict mode refused both."""
+    order = (int(direction), int(OPPOSITE[direction]))
+    full = round(config.increment * config.increments, 6)
+    if grasp.trigger is None:
+        return order, full, False
+    number = grasp.trigger
+    allowed = tuple(d for d in order if not config.strict or permitted(scene, number, d, config))
+    executed: list[int] = []
+    distance = 0.0
+    for candidate in allowed:
+        executed.append(candidate)
+        distance, state = pull(scene, number, grasp.position, DIRECTIONS[candidate], config, before)
+        if state != scene.triggers[number].state:
+            scene.set_trigger(number, state)
+            break
+    return tuple(executed), distance, not allowed
+
+
+def permitted(scene: BoardScene, number: int, direction: int, config: InteractionConfig) -> bool:
+    """Strict mode's veto: whether a direction is near enough to one that the object's annotation calls effective."""
+    annotated = np.array(scene.models[scene.triggers[number].object].directions, float).reshape(-1, 3)
+    if not len(annotated):
+        return False
+    annotated /= np.linalg.norm(annotated, axis=1, keepdims=True)
+    return bool((annotated @ DIRECTIONS[direction]).max() > np.cos(np.deg2rad(config.strict_angle_deg)))
+
+
+def pull(
+    scene: BoardScene,
+    number: int,
+    point: np.ndarray,
+    direction: np.ndarray,
+    config: InteractionConfig,
+    before: Image | None,
+) -> tuple[float, int]:
+    """Move in growing distances; afterwards the joint rests where it was. Returns distance and the state reached."""
+    joint = scene.triggers[number]
+    drive = _attach(scene, joint, point, config)
+    reached, distance = joint.state, 0.0
+    for count in range(1, config.increments + 1):
+        distance = config.increment * count
+        drive.set_drive_target(sapien.Pose((direction * distance).astype(np.float32)))
+        joint.body.wake_up()
+        for _ in range(config.physics_steps):
+            scene.scene.step()
+        reached = joint.state_at(joint.position())
+        if _stopped(scene, number, reached, config, before):
+            break
+    joint.body.entity.remove_component(drive)
+    joint.settle(joint.state)
+    return round(distance, 6), reached
+
+
+def _stopped(scene: BoardScene, number: int, reached: int, config: InteractionConfig, before: Image | None) -> bool:
+    if config.stop == "physics" or before is None:
+        return reached != scene.triggers[number].state
+    with scene.showing(number, reached):
+        now = scene.observe()
+    return changed_pixels(before.rgb, now.rgb, config.tolerance) > config.delta
+
+
+def _attach(scene: BoardScene, joint: TriggerJoint, point: np.ndarray, config: InteractionConfig) -> Any:
+    """A drive from the world to the held point of the link, aligned with the board's axes."""
+    into_link = joint.body.entity.pose.inv()
+    world = sapien.Pose(point.astype(np.float32))
+    drive = scene.scene.create_drive(None, world, joint.body, sapien.Pose((into_link * world).p, into_link.q))
+    for set_axis in (drive.set_drive_property_x, drive.set_drive_property_y, drive.set_drive_property_z):
+        set_axis(config.stiffness, config.damping, config.force_limit, "force")
+    return drive

@@ -1,0 +1,150 @@
+"""Who chooses the actions while episodes are collected.
+
+`random` knows only the picture (the paper's inferior policy, row "w/o exploration" of Table 2). `scripted` knows the
+joints: an oracle, for bounds and tests, marked as such in every episode.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.episodes.episode import Image
+from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
+from busybot.sim.interaction import InteractionConfig, permitted, pull
+from busybot.sim.parts import TriggerJoint
+from busybot.sim.scene import BoardScene
+
+ELEVATION = 0.01
+"""A pixel is elevated when it lies more than this above the board, board units."""
+SMALLEST_TARGET = 3
+"""Links that show fewer pixels are not scripted."""
+TRIES = 6
+
+
+@dataclass(frozen=True)
+class Action:
+    """A pixel (u, v) to take hold of and the index of the direction to move in."""
+
+    pixel: tuple[int, int]
+    direction: int
+
+
+class Policy(Protocol):
+    """Chooses an action from what the camera shows."""
+
+    name: str
+    oracle: bool
+
+    def choose(self, image: Image, rng: np.random.Generator) -> Action: ...
+
+
+class RandomPolicy:
+    """A random elevated pixel and a random direction."""
+
+    name, oracle = "random", False
+
+    def __init__(self, rays: Rays):
+        self._rays = rays
+
+    def choose(self, image: Image, rng: np.random.Generator) -> Action:
+        if image.depth is None:
+            raise BusybotError("the random policy needs depth images")
+        elevated = np.flatnonzero(self._rays.heights(image.depth) > ELEVATION)
+        chosen = int(rng.choice(elevated)) if len(elevated) else int(rng.integers(image.depth.size))
+        row, column = divmod(chosen, image.depth.shape[1])
+        return Action((column, row), int(rng.integers(len(DIRECTIONS))))
+
+
+class ScriptedPolicy:
+    """A random visible trigger link, held well inside, moved towards another state.
+
+    Candidate directions are ordered by how well they follow the joint, then tried in the simulator and undone; the
+    first one that reaches the wanted state is proposed.
+    """
+
+    name, oracle = "scripted", True
+
+    def __init__(self, scene: BoardScene, rays: Rays, config: InteractionConfig):
+        self._scene, self._rays, self._config = scene, rays, config
+
+    def choose(self, image: Image, rng: np.random.Generator) -> Action:
+        assert image.segmentation is not None and image.depth is not None
+        visible = self._visible_links(image.segmentation)
+        if not visible:
+            return RandomPolicy(self._rays).choose(image, rng)
+        number, mask = visible[int(rng.integers(len(visible)))]
+        joint = self._scene.triggers[number]
+        others = [state for state in range(joint.link.states) if state != joint.state]
+        wanted = others[int(rng.integers(len(others)))]
+        fallback: Action | None = None
+        for pixel in _interior_pixels(mask, rng, TRIES):
+            point = self._rays.point(image.depth, pixel)
+            direction, reached = self._direction(number, point, wanted)
+            if direction is not None and reached == wanted:
+                return Action(pixel, direction)
+            if direction is not None and fallback is None:
+                fallback = Action(pixel, direction)
+            last = pixel
+        return fallback or Action(last, int(rng.integers(len(DIRECTIONS))))
+
+    def _visible_links(self, segmentation: np.ndarray) -> list[tuple[int, np.ndarray]]:
+        """Trigger joints with enough pixels, and their masks."""
+        found = []
+        for code in np.flatnonzero(np.bincount(segmentation.ravel()) >= SMALLEST_TARGET):
+            number = self._scene.trigger_at(int(code))
+            if number is not None:
+                found.append((number, segmentation == code))
+        return found
+
+    def _direction(self, number: int, point: np.ndarray, wanted: int) -> tuple[int | None, int]:
+        """The best followed direction that reaches the wanted state, else one that reaches any other state."""
+        joint = self._scene.triggers[number]
+        motion = motion_at(joint, point) * np.sign(joint.rest(wanted) - joint.rest(joint.state))
+        any_other: tuple[int | None, int] = (None, joint.state)
+        for direction in np.argsort(-(DIRECTIONS @ motion), kind="stable")[:9]:
+            if self._config.strict and not permitted(self._scene, number, int(direction), self._config):
+                continue
+            _, reached = pull(self._scene, number, point, DIRECTIONS[direction], self._config, None)
+            if reached == wanted:
+                return int(direction), reached
+            if reached != joint.state and any_other[0] is None:
+                any_other = (int(direction), reached)
+        return any_other
+
+
+def motion_at(joint: TriggerJoint, point: np.ndarray) -> np.ndarray:
+    """Unit direction (board frame) in which the held point moves when the joint's position grows."""
+    active = joint.articulation.active_joints[joint.axis]
+    pose = active.global_pose.to_transformation_matrix()
+    axis, origin = pose[:3, 0], pose[:3, 3]
+    motion = axis if joint.link.joint_type == "prismatic" else np.cross(axis, np.asarray(point, float) - origin)
+    length = np.linalg.norm(motion)
+    return motion / length if length > 1e-9 else np.zeros(3)
+
+
+def _interior_pixels(mask: np.ndarray, rng: np.random.Generator, count: int) -> list[tuple[int, int]]:
+    """Random pixels (u, v) of the mask away from its border."""
+    rows, columns = np.nonzero(mask)
+    top, left = rows.min(), columns.min()
+    window = np.pad(mask[top : rows.max() + 1, left : columns.max() + 1], 1).astype(np.uint8)
+    distance = cv2.distanceTransform(window, cv2.DIST_L2, 3)[1:-1, 1:-1]
+    inner_rows, inner_columns = np.nonzero(distance >= 0.5 * distance.max())
+    chosen = rng.integers(len(inner_rows), size=count)
+    return [(int(inner_columns[k] + left), int(inner_rows[k] + top)) for k in chosen]
+
+
+def make_policy(name: str, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+    """The policy called `name` for this board.
+
+    Raises:
+        BusybotError: there is no such policy.
+    """
+    if name == "random":
+        return RandomPolicy(rays)
+    if name == "scripted":
+        return ScriptedPolicy(scene, rays, config)
+    raise BusybotError(f"unknown policy {name!r}", "choose random or scripted")

@@ -1,0 +1,121 @@
+"""One board, one policy, so many actions: an Episode.
+
+What did not change is not looked at again: a failed action restores the board exactly, so its image is the one before.
+"""
+
+import hashlib
+import platform
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from busybot import __version__
+from busybot.boards.spec import BoardSpec
+from busybot.episodes.episode import Episode, Image, Link
+from busybot.episodes.geometry import Rays
+from busybot.rng import generator
+from busybot.sim.interaction import Grasp, InteractionConfig, interact
+from busybot.sim.policies import Policy, make_policy
+from busybot.sim.render import RenderConfig
+from busybot.sim.scene import BoardScene, Simulator
+
+RECORDED_PACKAGES = ("sapien", "numpy", "opencv-python")
+
+
+def grasp_at(scene: BoardScene, image: Image, rays: Rays, pixel: tuple[int, int]) -> Grasp:
+    """What suction at pixel (u, v) takes hold of."""
+    assert image.depth is not None and image.segmentation is not None
+    code = int(image.segmentation[pixel[1], pixel[0]])
+    return Grasp(scene.trigger_at(code), rays.point(image.depth, pixel), pixel)
+
+
+def record_episode(
+    simulator: Simulator, board: BoardSpec, policy: str, steps: int, config: InteractionConfig, seed: int
+) -> Episode:
+    """Collect one episode of `steps` proposed actions.
+
+    Args:
+        seed: of the collection; with the board's split and index it determines every draw of the policy.
+    """
+    scene = simulator.board(board)
+    assert simulator.render is not None
+    rays = Rays(scene.camera)
+    chooser = make_policy(policy, scene, rays, config)
+    image = scene.observe()
+    episode = Episode(
+        board=board,
+        camera=scene.camera,
+        links=scene.links,
+        positions=visible_centres(image, rays, scene.links, len(board.objects)),
+        images=[image],
+        frame_of=[0],
+        steps=[],
+        policy=chooser.name,
+        oracle=chooser.oracle,
+        settings={"seed": seed, "interaction": config.model_dump(mode="json")},
+        renderer=renderer_fingerprint(simulator.render, scene),
+        versions=package_versions(),
+    )
+    _act(episode, scene, rays, chooser, steps, config, generator(seed, board.split, board.index, f"policy/{policy}"))
+    return episode
+
+
+def _act(
+    episode: Episode,
+    scene: BoardScene,
+    rays: Rays,
+    policy: Policy,
+    steps: int,
+    config: InteractionConfig,
+    rng: np.random.Generator,
+) -> None:
+    for _ in range(steps):
+        image = episode.images[-1]
+        action = policy.choose(image, rng)
+        step, after = interact(scene, grasp_at(scene, image, rays, action.pixel), action.direction, config, image)
+        episode.steps.append(step)
+        if after is not None:
+            episode.images.append(after)
+        episode.frame_of.append(len(episode.images) - 1)
+
+
+def visible_centres(image: Image, rays: Rays, links: tuple[Link, ...], objects: int) -> np.ndarray:
+    """Mean position of each object's visible points, float32 (N, 3), board frame; NaN if nothing shows."""
+    assert image.depth is not None and image.segmentation is not None
+    owner = np.array([0, *(link.object + 1 for link in links)])[image.segmentation]
+    visible = np.flatnonzero((owner > 0) & (image.depth > 0))
+    points = rays.directions.reshape(-1, 3)[visible] * image.depth.ravel()[visible, None] + rays.origin
+    index = owner.ravel()[visible] - 1
+    counts = np.bincount(index, minlength=objects).astype(float)
+    sums = np.stack([np.bincount(index, points[:, axis], minlength=objects) for axis in range(3)], axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return (sums / counts[:, None]).astype(np.float32)
+
+
+def renderer_fingerprint(config: RenderConfig, scene: BoardScene) -> dict[str, Any]:
+    """What pictures depend on beside the board: equal fingerprints on one machine make equal pictures."""
+    device = scene.scene.render_system.device
+    return {
+        "device": device.name,
+        "sapien": version("sapien"),
+        "shader": config.shader,
+        "shader_sha256": _shader_hash() if config.shader == "busybot" else "",
+        "config": config.model_dump(mode="json"),
+    }
+
+
+@cache
+def _shader_hash() -> str:
+    folder = Path(__file__).with_name("shaders")
+    parts = [(folder / name).read_bytes() for name in ("gbuffer.vert", "gbuffer.frag")]
+    return hashlib.sha256(b"\0".join(parts)).hexdigest()
+
+
+@cache
+def package_versions() -> dict[str, str]:
+    """Versions of what decided the recording."""
+    packages = {name: version(name) for name in RECORDED_PACKAGES}
+    return {"busybot": __version__, "python": platform.python_version(), **packages}

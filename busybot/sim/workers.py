@@ -1,0 +1,168 @@
+"""Spawned worker processes for long, independent tasks.
+
+Why not `concurrent.futures`: a simulator process must be replaced after some hundred boards, a task that hangs must be
+killed alone, and no worker may outlive its parent. Workers are spawned, never forked: no renderer survives a fork.
+"""
+
+import contextlib
+import ctypes
+import multiprocessing as mp
+import os
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from busybot.errors import BusybotError
+
+TASK_SECONDS = 300.0
+"""A task that takes longer is killed and tried again."""
+TRIES = 3
+PR_SET_PDEATHSIG = 1
+
+
+@dataclass
+class _Worker:
+    process: Any
+    pipe: Connection
+    task: int | None = None
+    started: float = 0.0
+    done: int = 0
+
+
+def run_tasks(
+    tasks: Iterable[int],
+    make_work: Callable[..., Callable[[int], Any]],
+    arguments: tuple[Any, ...],
+    workers: int,
+    recycle: int = 300,
+    task_seconds: float = TASK_SECONDS,
+) -> Iterator[tuple[int, Any]]:
+    """Run `work = make_work(*arguments)` once per worker, then `work(task)` for every task; yields (task, result).
+
+    Args:
+        tasks: small integers, each given to one worker at a time.
+        make_work: importable by name; heavy set-up belongs here.
+        recycle: a worker is replaced after so many tasks.
+        task_seconds: limit for one task, the worker's set-up included.
+
+    Raises:
+        BusybotError: a task was at fault (its message), or it killed its worker or ran out of time in every try.
+    """
+    waiting = deque(tasks)
+    tries: dict[int, int] = {}
+    context = mp.get_context("spawn")
+    pool: list[_Worker] = []
+    try:
+        while waiting or any(worker.task is not None for worker in pool):
+            pool = _staff(pool, min(workers, len(waiting) + _busy(pool)), context, make_work, arguments, recycle)
+            for worker in pool:
+                if worker.task is None and waiting:
+                    _hand_out(worker, waiting.popleft())
+            wait([worker.pipe for worker in pool], timeout=0.5)
+            for worker in pool:
+                outcome = _collect(worker, task_seconds)
+                if outcome is None:
+                    continue
+                task, state, value = outcome
+                if state == "done":
+                    yield task, value
+                elif state == "fault":
+                    raise BusybotError(value)
+                else:
+                    tries[task] = tries.get(task, 0) + 1
+                    if tries[task] >= TRIES:
+                        raise BusybotError(f"task {task} {value} in each of {TRIES} tries", "busybot doctor")
+                    waiting.appendleft(task)
+    finally:
+        for worker in pool:
+            _end(worker)
+
+
+def _busy(pool: list[_Worker]) -> int:
+    return sum(worker.task is not None for worker in pool)
+
+
+def _staff(
+    pool: list[_Worker],
+    wanted: int,
+    context: Any,
+    make_work: Callable[..., Callable[[int], Any]],
+    arguments: tuple[Any, ...],
+    recycle: int,
+) -> list[_Worker]:
+    """Replace dead and worn out workers, and start missing ones."""
+    kept = []
+    for worker in pool:
+        worn_out = worker.task is None and worker.done >= recycle
+        if worn_out or not worker.process.is_alive() and worker.task is None:
+            _end(worker)
+        else:
+            kept.append(worker)
+    while len(kept) < wanted:
+        here, there = context.Pipe()
+        process = context.Process(target=_main, args=(there, os.getpid(), make_work, arguments), daemon=True)
+        process.start()
+        there.close()
+        kept.append(_Worker(process, here))
+    return kept
+
+
+def _hand_out(worker: _Worker, task: int) -> None:
+    worker.task, worker.started = task, time.monotonic()
+    with contextlib.suppress(OSError):  # a dead worker is noticed when its result is collected
+        worker.pipe.send(task)
+
+
+def _collect(worker: _Worker, task_seconds: float) -> tuple[int, str, Any] | None:
+    """(task, `done` | `fault` | `lost`, value), or None while there is nothing to tell."""
+    task = worker.task
+    if task is None:
+        return None
+    try:
+        if worker.pipe.poll():
+            state, value = worker.pipe.recv()
+            worker.task, worker.done = None, worker.done + 1
+            return task, state, value
+        dead = not worker.process.is_alive()
+    except (EOFError, OSError):
+        dead = True
+    late = time.monotonic() - worker.started > task_seconds
+    if not dead and not late:
+        return None
+    _end(worker)
+    worker.task = None
+    return task, "lost", "killed its worker" if dead else f"took more than {task_seconds:.0f} s"
+
+
+def _end(worker: _Worker) -> None:
+    worker.pipe.close()
+    if worker.process.is_alive():
+        worker.process.kill()
+    worker.process.join()
+
+
+def _main(
+    pipe: Connection, parent: int, make_work: Callable[..., Callable[[int], Any]], arguments: tuple[Any, ...]
+) -> None:
+    """A worker's life: set up, then one task after the other until the pipe closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt means
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(1)
+    work: Callable[[int], Any] | None = None
+    while True:
+        try:
+            task = pipe.recv()
+        except (EOFError, OSError):
+            os._exit(0)
+        try:
+            work = work or make_work(*arguments)
+            pipe.send(("done", work(task)))
+        except BusybotError as error:
+            pipe.send(("fault", str(error)))

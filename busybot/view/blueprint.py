@@ -1,0 +1,123 @@
+"""Rerun, where everything is: what the camera sees, what follows from it, the board in 3-D; below, how it came."""
+
+from typing import Any
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from busybot.episodes.episode import Episode
+from busybot.episodes.geometry import project
+from busybot.reason.result import InferredGraph
+from busybot.view.rerun_graph import graph_positions
+
+BACKGROUND = (13, 16, 17)
+MARGIN = 14.0
+"""Around the board in the camera's view, pixels."""
+GRAPH_MARGIN = 30.0
+"""Around the outermost nodes, graph units."""
+LEGEND_SHARE = 0.38
+"""Of a plot's width, kept free for its legend."""
+
+
+def blueprint(episode: Episode, inferred: list[InferredGraph], menus: bool = True) -> rrb.Blueprint:
+    """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
+    names = [graph.name for graph in inferred]
+    upper = rrb.Horizontal(camera_views(episode), graph_views(episode, names), board_view())
+    lower = rrb.Horizontal(signal_views(episode), belief_views(episode, names), state_views())
+    panel = "collapsed" if menus else "hidden"
+    return rrb.Blueprint(
+        rrb.Vertical(upper, lower, row_shares=[1.75, 1]),
+        rrb.TopPanel(state=panel),
+        rrb.BlueprintPanel(state=panel),
+        rrb.SelectionPanel(state=panel),
+        rrb.TimePanel(state="collapsed", timeline="step", fps=2.0),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def camera_views(episode: Episode) -> Any:
+    """The image, closely around the board, and depth behind it."""
+    camera = rrb.Spatial2DView(
+        origin="camera", name="Camera: boxes, action, change", visual_bounds=board_bounds(episode), background=BACKGROUND
+    )
+    depth = rrb.Spatial2DView(origin="depth", name="Depth", visual_bounds=board_bounds(episode), background=BACKGROUND)
+    return rrb.Tabs(camera, depth)
+
+
+def board_bounds(episode: Episode) -> rrb.VisualBounds2D:
+    """Pixels that the board takes in the image."""
+    camera, size = episode.camera, np.array(episode.board.size) / 2
+    corners = np.array([[x, y, 0] for x in (-size[0], size[0]) for y in (-size[1], size[1])])
+    pixels = project(corners, camera)[0]
+    low = np.maximum(pixels.min(0) - MARGIN, 0)
+    high = np.minimum(pixels.max(0) + MARGIN, [camera.width, camera.height])
+    return rrb.VisualBounds2D(x_range=[low[0], high[0]], y_range=[low[1], high[1]])
+
+
+def graph_views(episode: Episode, names: list[str]) -> Any:
+    """Inferred scene graphs first, the true one behind them, in the camera's layout."""
+    bounds = graph_bounds(episode)
+    views = [rrb.GraphView(origin=f"graph/{n}", name=f"Inferred scene graph: {n}", visual_bounds=bounds) for n in names]
+    true = rrb.GraphView(origin="graph/true", name="True scene graph", visual_bounds=bounds)
+    return rrb.Tabs(*views, true)
+
+
+def graph_bounds(episode: Episode) -> rrb.VisualBounds2D:
+    """All nodes with their labels; square, as the graph keeps its aspect."""
+    places = graph_positions(episode)
+    middle, half = (places.min(0) + places.max(0)) / 2, np.max(places.max(0) - places.min(0)) / 2 + GRAPH_MARGIN
+    return rrb.VisualBounds2D(
+        x_range=[middle[0] - half, middle[0] + half], y_range=[middle[1] - half, middle[1] + half]
+    )
+
+
+def board_view() -> Any:
+    """The board from the front and above."""
+    eye = rrb.EyeControls3D(position=(0.0, -3.3, 3.9), look_target=(0.0, -0.15, 0.1), eye_up=(0.0, 0.0, 1.0))
+    return rrb.Spatial3DView(
+        origin="world", name="Board: true relations violet, inferred green, wrong red", eye_controls=eye, background=BACKGROUND, line_grid=False
+    )
+
+
+def signal_views(episode: Episode) -> Any:
+    """Changed pixels against the reward's threshold; the reward itself."""
+    highest = max([step.changed_pixels for step in episode.steps], default=0)
+    axis = rrb.ScalarAxis(range=(0.0, max(1.1 * highest, 100.0)))
+    signals = rrb.TimeSeriesView(
+        origin="signals", name="Changed pixels per step (line: threshold, dots: reward)", axis_y=axis, plot_legend=rrb.PlotLegend(visible=False)
+    )
+    reward = rrb.TimeSeriesView(origin="reward", name="Reward", axis_y=rrb.ScalarAxis(range=(-0.1, 1.1)))
+    return rrb.Tabs(signals, reward)
+
+
+def belief_views(episode: Episode, names: list[str]) -> Any:
+    """Probabilities of the edges worth a curve, and of all pairs as a heat map."""
+    last = round(len(episode.steps) * (1 + LEGEND_SHARE))
+    start, end = rrb.TimeRangeBoundary.absolute(seq=0), rrb.TimeRangeBoundary.absolute(seq=max(last, 1))
+    views: list[Any] = []
+    for name in names:
+        curves = rrb.TimeSeriesView(
+            origin=f"inference/{name}/edges",
+            name=f"Edge probabilities: {name}",
+            axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=start, end=end)),
+            axis_y=rrb.ScalarAxis(range=(0.0, 1.05)),
+            plot_legend=rrb.PlotLegend(corner="rightbottom"),
+        )
+        heat = rrb.TensorView(
+            origin=f"inference/{name}/probabilities",
+            name="As a matrix",
+            scalar_mapping=rrb.TensorScalarMapping(colormap="inferno", mag_filter="nearest"),
+            view_fit="fill",
+        )
+        views += [curves, heat]
+    return rrb.Tabs(*views, _words())
+
+
+def _words() -> Any:
+    return rrb.TextLogView(origin="log", name="Steps in words")
+
+
+def state_views() -> Any:
+    """The simulator's discrete states; no learner sees them."""
+    return rrb.StateTimelineView(origin="states", name="States (privileged: no learner sees them)")

@@ -1,0 +1,87 @@
+"""Rerun, the camera's side: image, boxes in the roles' colours, the action, what changed, depth."""
+
+import numpy as np
+import rerun as rr
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.episodes.codec import DepthScale, encode_plain, encode_rgb
+from busybot.episodes.episode import Episode, Image
+from busybot.episodes.geometry import project
+from busybot.episodes.images import EncodedImage, LazyImages
+from busybot.view.palette import ACTION, ROLES
+from busybot.view.scene import changed_objects, object_names, visible
+
+ARROW_LENGTH = 0.45
+"""Of the direction arrow, board units."""
+
+
+def log_camera_frame(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
+    """Image and boxes at frame `frame`, with the action that led there."""
+    if frame == 0 or episode.frame_of[frame] != episode.frame_of[frame - 1]:
+        log_image(recording, episode, frame)
+        log_depth(recording, episode, frame)
+        log_boxes(recording, episode, episode.image(frame))
+    if frame > 0:
+        log_changes(recording, episode, frame - 1)
+        log_action(recording, episode, frame - 1)
+
+
+def log_image(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
+    """The RGB image, as it lies in the file where it comes from one."""
+    encoded = _encoded(episode, frame)
+    data = encode_rgb(episode.image(frame).rgb, "jpeg") if encoded is None else encoded.rgb
+    media_type = "image/png" if data[:4] == b"\x89PNG" else "image/jpeg"
+    recording.log("camera/image", rr.EncodedImage(contents=data, media_type=media_type, draw_order=-10))
+
+
+def _encoded(episode: Episode, frame: int) -> EncodedImage | None:
+    images = episode.images
+    return images.encoded[episode.frame_of[frame]] if isinstance(images, LazyImages) else None
+
+
+def log_depth(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
+    """Depth in its own space: it would tint the RGB image."""
+    depth = episode.image(frame).depth
+    if depth is None or not (depth > 0).any():
+        return
+    scale = 2e-4  # board units per stored step; enough for the eye and much smaller than the recording's
+    stored = DepthScale(offset=0.0, scale=scale).quantise(depth)
+    first = episode.image(0).depth
+    seen = first[first > 0] if first is not None else depth[depth > 0]
+    low, high = (float(x) / scale for x in np.percentile(seen, [0.2, 99.8]))
+    image = rr.EncodedDepthImage(
+        blob=encode_plain(stored), media_type="image/png", meter=1 / scale, colormap="viridis", depth_range=[low, high]
+    )
+    recording.log("depth/image", image)
+
+
+def log_boxes(recording: rr.RecordingStream, episode: Episode, image: Image) -> None:
+    """Boxes of the visible objects, named."""
+    names, seen = object_names(episode.board), visible(image)
+    boxes = image.boxes[seen].astype(float)
+    colors = [ROLES[episode.board.objects[i].role] for i in seen]
+    labels = [names[i] for i in seen]
+    recording.log(
+        "camera/objects",
+        rr.Boxes2D(mins=boxes[:, :2], sizes=boxes[:, 2:] - boxes[:, :2], colors=colors, labels=labels, radii=1.0),
+    )
+
+
+def log_changes(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
+    """A second, wider box around every object that looks different after the step."""
+    image = episode.image(step + 1)
+    boxes = image.boxes[changed_objects(episode, step)].astype(float).reshape(-1, 4)
+    mins, sizes = boxes[:, :2] - 4, boxes[:, 2:] - boxes[:, :2] + 8
+    recording.log("camera/changed", rr.Boxes2D(mins=mins, sizes=sizes, colors=ACTION, radii=1.6, draw_order=20))
+
+
+def log_action(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
+    """The chosen pixel and the proposed direction as the camera sees it."""
+    done = episode.steps[step]
+    position = np.array(done.position)
+    tip = position + ARROW_LENGTH * DIRECTIONS[done.direction]
+    ends, _ = project(np.stack([position, tip]), episode.camera)
+    pixel = np.array(done.pixel, float) + 0.5
+    recording.log("camera/action/pixel", rr.Points2D([pixel], colors=ACTION, radii=4.5, draw_order=40))
+    arrow = rr.Arrows2D(origins=[pixel], vectors=[ends[1] - ends[0]], colors=ACTION, radii=1.6, draw_order=30)
+    recording.log("camera/action/direction", arrow)

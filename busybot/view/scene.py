@@ -1,0 +1,134 @@
+"""What all pictures say about an episode: names, places, what changed, which edges are right. No drawing here."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from busybot.boards.spec import BoardSpec
+from busybot.episodes.episode import Episode, Image
+from busybot.episodes.geometry import project
+from busybot.errors import BusybotError
+from busybot.reason.result import InferredGraph
+
+CHANGED_TOLERANCE = 12
+"""A pixel differs when a channel differs by more; below it is image encoding."""
+CHANGED_PIXELS = 40
+"""An object looks different when more of its pixels differ."""
+DEFAULT_DELTA = 500
+
+Verdict = Literal["correct", "wrong", "missed"]
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A relation between two objects on a picture.
+
+    Attributes:
+        cause, effect: indices of the board's objects.
+        probability: as inferred; 1 for the truth.
+        verdict: inferred and true, inferred but not true, or true but not inferred.
+    """
+
+    cause: int
+    effect: int
+    probability: float
+    verdict: Verdict
+
+
+def object_names(board: BoardSpec) -> list[str]:
+    """"switch 2", "lamp 5": category and index on the board."""
+    return [f"{placed.category.lower()} {index}" for index, placed in enumerate(board.objects)]
+
+
+def centres(episode: Episode) -> np.ndarray:
+    """Visible centre of each object in the board frame, (N, 3); its place on the board where it was not seen."""
+    placed = np.array([o.position for o in episode.board.objects], float).reshape(-1, 3)
+    return np.where(np.isfinite(episode.positions), episode.positions, placed)
+
+
+def anchors(episode: Episode) -> np.ndarray:
+    """Where each object is in the first image: its box's centre, else its projected place, pixels (N, 2)."""
+    boxes = episode.image(0).boxes.astype(float)
+    middle = np.stack([boxes[:, [0, 2]].mean(1), boxes[:, [1, 3]].mean(1)], axis=1)
+    projected, _ = project(centres(episode), episode.camera)
+    return np.where((boxes[:, 2:] > boxes[:, :2]).all(1)[:, None], middle, projected)
+
+
+def delta(episode: Episode) -> int:
+    """The number of changed pixels beyond which an action is rewarded."""
+    interaction = episode.settings.get("interaction", episode.settings)
+    value = interaction.get("delta", DEFAULT_DELTA) if isinstance(interaction, dict) else DEFAULT_DELTA
+    return value if isinstance(value, int) else DEFAULT_DELTA
+
+
+def visible(image: Image) -> np.ndarray:
+    """Indices of the objects that have a box in the image."""
+    return np.flatnonzero((image.boxes[:, 2:] > image.boxes[:, :2]).all(1))
+
+
+def changed_objects(episode: Episode, step: int) -> list[int]:
+    """Objects that look different after step `step` (from 0), by pixels alone."""
+    if episode.frame_of[step] == episode.frame_of[step + 1]:
+        return []
+    before, after = episode.image(step), episode.image(step + 1)
+    difference = np.abs(before.rgb.astype(np.int16) - after.rgb).max(-1) > CHANGED_TOLERANCE
+    found = []
+    for index in visible(after):
+        own = difference & (_pixels_of(episode, before, index) | _pixels_of(episode, after, index))
+        if int(own.sum()) > CHANGED_PIXELS:
+            found.append(int(index))
+    return found
+
+
+def _pixels_of(episode: Episode, image: Image, index: int) -> np.ndarray:
+    """The object's own pixels where segmentation was recorded, else its box; bool (H, W)."""
+    if image.segmentation is not None:
+        owner = np.array([-1, *(link.object for link in episode.links)])
+        return owner[image.segmentation] == index
+    inside = np.zeros(image.rgb.shape[:2], bool)
+    u0, v0, u1, v1 = (max(int(x), 0) for x in image.boxes[index])
+    inside[v0:v1, u0:u1] = True
+    return inside
+
+
+def acted_object(episode: Episode, step: int) -> int:
+    """The object whose box holds the chosen pixel, the smallest of several; -1 if none does."""
+    image, (u, v) = episode.image(step), episode.steps[step].pixel
+    best, best_area = -1, np.inf
+    for index in visible(image):
+        u0, v0, u1, v1 = (int(x) for x in image.boxes[index])
+        area = (u1 - u0) * (v1 - v0)
+        if u0 <= u < u1 and v0 <= v < v1 and area < best_area:
+            best, best_area = int(index), area
+    return best
+
+
+def true_edges(board: BoardSpec) -> list[Edge]:
+    """The board's relations between objects."""
+    matrix = np.array(board.relation_matrix())
+    return [Edge(int(i), int(j), 1.0, "correct") for i, j in np.argwhere(matrix)]
+
+
+def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[Edge]:
+    """Claimed edges after so many steps, right or wrong, and the true ones that are not claimed."""
+    truth, probabilities = np.array(board.relation_matrix(), bool), inferred.after(steps)
+    claimed = probabilities >= inferred.threshold
+    edges = []
+    for i, j in np.argwhere(claimed | truth):
+        verdict: Verdict = "missed" if not claimed[i, j] else "correct" if truth[i, j] else "wrong"
+        edges.append(Edge(int(i), int(j), float(probabilities[i, j]), verdict))
+    return edges
+
+
+def check_inferred(episode: Episode, inferred: InferredGraph) -> None:
+    """Refuse an inference that is not about this episode's board."""
+    objects = len(episode.board.objects)
+    shape = inferred.probabilities.shape
+    if len(shape) != 3 or shape[0] < 1 or shape[1:] != (objects, objects):
+        raise BusybotError(
+            f"inferred graph {inferred.name!r}: shape {shape}, but the board has {objects} objects",
+            f"give probabilities of shape (steps, {objects}, {objects})",
+        )
+    if not np.isfinite(inferred.probabilities).all():
+        raise BusybotError(f"inferred graph {inferred.name!r}: probabilities are not finite")

@@ -1,0 +1,79 @@
+"""Running set-up steps: quiet on the terminal, everything in a log file, and loud when one fails."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+LOG_LINES_SHOWN = 15
+
+
+class SetupError(Exception):
+    """The set-up cannot go on: what is wrong, and what a person can do about it."""
+
+    def __init__(self, what: str, mend: str):
+        self.what, self.mend = what, mend
+        super().__init__(f"{what}\n{mend}")
+
+
+def say(message: str) -> None:
+    """One line for the person who waits."""
+    print(f"setup: {message}", file=sys.stderr, flush=True)
+
+
+def clean_environment() -> dict[str, str]:
+    """The environment without what would lead Python or pip away from the virtual environment."""
+    misleading = (
+        "PYTHONPATH",
+        "PYTHONHOME",
+        "PIP_USER",
+        "PIP_TARGET",
+        "PIP_PREFIX",
+        "PIP_REQUIRE_HASHES",
+        "VIRTUAL_ENV",
+    )
+    return {key: value for key, value in os.environ.items() if key not in misleading}
+
+
+class Log:
+    """Runs commands with their output in one file, which a failure names."""
+
+    def __init__(self, path: Path):
+        self.path = path
+        path.write_text("", encoding="utf-8")
+
+    def run(self, argv: Sequence[str], stdin: str | None = None, extra: dict[str, str] | None = None) -> bool:
+        """Run to the end, with `extra` in the environment; True when the command succeeded."""
+        start = time.monotonic()
+        with self.path.open("a", encoding="utf-8") as log:
+            log.write(f"$ {' '.join(argv)}\n")
+            log.flush()
+            try:
+                done = subprocess.run(
+                    argv,
+                    input=stdin or "",
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    text=True,
+                    env=clean_environment() | (extra or {}),
+                )
+                code = done.returncode
+            except OSError as error:
+                log.write(f"{error}\n")
+                code = 127
+            log.write(f"[exit {code} after {time.monotonic() - start:.1f} s]\n")
+        return code == 0
+
+    def must(self, argv: Sequence[str], what: str, mend: str, stdin: str | None = None) -> None:
+        """Run, and fail loudly with `what` and `mend` when the command does."""
+        if not self.run(argv, stdin):
+            raise SetupError(f"{what}; the last lines of {self.path}:\n{self.tail()}", mend)
+
+    def tail(self) -> str:
+        """The last lines of the log, indented."""
+        lines = self.path.read_text(encoding="utf-8", errors="replace").splitlines()
+        return "\n".join(f"    {line}" for line in lines[-LOG_LINES_SHOWN:])

@@ -1,0 +1,124 @@
+"""The doctor finishes whatever is broken, and every failure comes with its mend."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from busybot.cli import doctor
+from busybot.sim import probe
+
+# A package of this name that comes first on the path and fails like a missing shared library.
+BROKEN = "raise ImportError('libGL.so.1: cannot open shared object file')"
+
+
+def run(*args: str, **environment: str) -> tuple[int, dict[str, Any]]:
+    command = [sys.executable, "-m", "busybot", "doctor", "--json", *args]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | environment)
+    return done.returncode, json.loads(done.stdout)
+
+
+def row(report: dict[str, Any], name: str) -> dict[str, Any]:
+    (found,) = [check for check in report["checks"] if check["name"] == name]
+    return dict(found)
+
+
+def test_json_has_the_documented_keys_and_agrees_with_the_exit_code() -> None:
+    code, report = run()
+    assert set(report) == {"ok", "checks"}
+    assert all(set(check) == {"name", "ok", "value", "mend"} for check in report["checks"])
+    assert report["ok"] == all(check["ok"] for check in report["checks"]) == (code == 0)
+    assert all(check["mend"] for check in report["checks"] if not check["ok"])
+
+
+def test_works_when_sapien_and_torch_cannot_be_imported(tmp_path: Path) -> None:
+    for name in ("sapien", "torch"):
+        (tmp_path / f"{name}.py").write_text(BROKEN)
+    code, report = run(PYTHONPATH=str(tmp_path))
+    assert code == 1 and report["ok"] is False
+    for name in ("import sapien", "import torch", "rendering"):
+        assert not row(report, name)["ok"]
+        assert "libGL.so.1" in row(report, name)["value"]
+        assert "make setup" in row(report, name)["mend"]
+    assert row(report, "packages")["ok"], "they are installed all the same"
+
+
+def test_a_driver_that_cannot_render_is_named(tmp_path: Path) -> None:
+    code, report = run(VK_DRIVER_FILES=str(tmp_path / "none.json"))
+    assert code == 1
+    assert not row(report, "rendering")["ok"]
+    assert row(report, "rendering")["mend"].startswith("unset VK_DRIVER_FILES")
+    assert row(report, "import sapien")["ok"]
+
+
+def test_a_named_folder_without_objects_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUSYBOT_PARTNET_DIR", str(tmp_path))
+    real = doctor.assets()[-1]
+    assert not real.ok and str(tmp_path) in real.value and real.mend is not None
+    (tmp_path / "Lamp" / "13491").mkdir(parents=True)
+    real = doctor.assets()[-1]
+    assert real.ok and real.value.endswith(": 1 Lamp")
+
+
+def test_real_objects_are_counted(partnet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUSYBOT_PARTNET_DIR", str(partnet))
+    assert doctor.assets()[-1].value.endswith("41 Switch, 10 Door, 5 Lamp, 2 Toy")
+
+
+def test_packages_that_differ_have_a_row_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    versions = {"numpy": "1.0", "torch": "2.13.0+cpu", "sapien": None}
+    monkeypatch.setattr(doctor.metadata, "requires", lambda name: ["numpy==2.4.6", "torch==2.13.0", "sapien==3.0.3"])
+    monkeypatch.setattr(doctor, "_version", versions.get)
+    summary, numpy, sapien = doctor.packages()
+    assert (summary.ok, summary.value) == (False, "1 of 3 as pinned")
+    assert numpy.value == "1.0, pinned is 2.4.6"
+    assert sapien.value == "absent, pinned is 3.0.3"
+
+
+def test_a_full_disk_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "LEAST_FREE_BYTES", 1 << 60)
+    (check,) = doctor.disk()
+    assert not check.ok and check.mend is not None
+
+
+def test_an_unforeseen_failure_is_a_row() -> None:
+    def broken() -> list[doctor.Check]:
+        raise RuntimeError("boom")
+
+    (check,) = doctor._guarded(broken)
+    assert (check.name, check.ok, check.value) == ("broken", False, "RuntimeError: boom")
+
+
+def sapien_that(tmp_path: Path, does: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sapien.py").write_text(does)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+
+def test_the_probe_survives_a_crash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sapien_that(tmp_path, "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", monkeypatch)
+    found = probe.run()
+    assert not found["renders"] and "code -11" in found["error"]
+
+
+def test_the_probe_survives_a_hang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    sapien_that(tmp_path, "import time; time.sleep(60)", monkeypatch)
+    start = time.monotonic()
+    found = probe.run(time_limit_s=1.0)
+    assert not found["renders"] and "within 1 s" in found["error"]
+    assert time.monotonic() - start < 20
+
+
+def test_the_probe_survives_a_python_that_is_absent() -> None:
+    assert "did not start" in probe.run("/no/such/python")["error"]
+
+
+def test_the_probe_renders_here() -> None:
+    """The set-up has brought a driver, and the driver tells its name and version."""
+    found = probe.run()
+    assert found["renders"], found["error"]
+    assert found["device"] and found["driver"]

@@ -1,0 +1,151 @@
+"""The command line's frame: lazy subcommands, exit codes, one JSON object."""
+
+import json
+import subprocess
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from busybot.cli import main
+from busybot.cli.common import JsonOption, print_json
+from busybot.errors import BusybotError
+
+RUNNER = CliRunner()
+HEAVY = ("sapien", "torch", "rerun", "numpy", "pandas", "pyarrow", "cv2", "rich")
+
+
+def doctor(as_json: JsonOption = False, how: str = "well") -> None:
+    """A stand-in subcommand."""
+    if how == "badly":
+        raise BusybotError("board 7: no lamp", "add a lamp")
+    if how == "interrupted":
+        raise KeyboardInterrupt
+    if as_json:
+        print_json({"how": how})
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = types.ModuleType("busybot.cli.doctor")
+    module.doctor = doctor  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "busybot.cli.doctor", module)
+
+
+def invoke(*args: str) -> Any:
+    return RUNNER.invoke(main.app, list(args))
+
+
+def test_done_is_0(stand_in: None) -> None:
+    result = invoke("doctor", "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout) == {"how": "well"}
+
+
+def test_fault_of_the_input_is_1_with_message_and_mend(stand_in: None) -> None:
+    result = invoke("doctor", "--how", "badly")
+    assert result.exit_code == 1
+    assert result.stdout == ""
+    assert result.stderr == "error: board 7: no lamp\n  mend: add a lamp\n"
+
+
+def test_fault_with_json_is_one_object_too(stand_in: None) -> None:
+    result = invoke("doctor", "--json", "--how", "badly")
+    assert result.exit_code == 1
+    assert json.loads(result.stdout) == {"error": "board 7: no lamp", "mend": "add a lamp"}
+
+
+def test_ctrl_c_is_130(stand_in: None) -> None:
+    assert invoke("doctor", "--how", "interrupted").exit_code == 130
+
+
+@pytest.mark.parametrize("args", [("doctor", "--nonsense"), ("no-such-command",), ("doctor", "surplus")])
+def test_wrong_usage_is_2(stand_in: None, args: tuple[str, ...]) -> None:
+    result = invoke(*args)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+
+
+def test_one_subcommand_is_still_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`eval reason` stays `eval reason` while `reason` is the only thing that `eval` has."""
+    module = types.ModuleType("busybot.cli.eval")
+    module.app = typer.Typer()  # type: ignore[attr-defined]
+    module.app.command("reason")(doctor)
+    monkeypatch.setitem(sys.modules, "busybot.cli.eval", module)
+    assert invoke("eval", "reason", "--json").exit_code == 0
+    assert invoke("eval", "--json").exit_code == 2
+
+
+def test_a_module_that_is_absent_is_no_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(main, "COMMANDS", ("doctor", "unwritten"))
+    assert invoke("--help").exit_code == 0
+    assert invoke("unwritten").exit_code == 2
+
+
+def test_a_command_whose_own_import_fails_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "busybot.sim.probe", None)
+    monkeypatch.setattr(main.importlib, "import_module", lambda name: __import__("surely_absent"))
+    with pytest.raises(ModuleNotFoundError, match="surely_absent"):
+        main.load_command("doctor")
+
+
+def test_importing_the_command_line_imports_nothing_heavy() -> None:
+    code = f"import sys, busybot.cli.main; print([name for name in {HEAVY!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_help_of_every_command_imports_nothing_heavy() -> None:
+    """Subcommands import what is heavy inside their functions."""
+    code = (
+        "import sys, busybot.cli.main as m\n"
+        "for name in m.COMMANDS: m.load_command(name)\n"
+        f"print([name for name in {HEAVY[:-1]!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_python_m_busybot() -> None:
+    done = subprocess.run([sys.executable, "-m", "busybot", "--version"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "0.1.0\n")
+
+
+def test_native_libraries_cannot_spoil_the_json() -> None:
+    """What C++ or a child process writes to file descriptor 1 ends on standard error."""
+    code = (
+        "import os\n"
+        "from busybot.cli.common import native_output_on_stderr, print_json\n"
+        "with native_output_on_stderr(True):\n"
+        "    os.write(1, b'[warning] from C++\\n')\n"
+        "    os.system('echo from a child')\n"
+        "    print_json({'a': 1})\n"
+        "print('after')\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == '{"a": 1}\nafter\n'
+    assert done.stderr == "[warning] from C++\nfrom a child\n"
+
+
+def test_json_knows_our_types(capsys: pytest.CaptureFixture[str]) -> None:
+    import numpy as np
+
+    from busybot.cli.doctor import Check
+
+    print_json({"path": Path("a/b"), "check": Check("x", True, "y"), "n": np.int64(3), "v": np.zeros(2), "s": {2, 1}})
+    assert json.loads(capsys.readouterr().out) == {
+        "path": "a/b",
+        "check": {"name": "x", "ok": True, "value": "y", "mend": None},
+        "n": 3,
+        "v": [0.0, 0.0],
+        "s": [1, 2],
+    }
+
+
+def test_json_refuses_nan() -> None:
+    with pytest.raises(ValueError):
+        print_json({"x": float("nan")})

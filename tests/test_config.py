@@ -1,0 +1,40 @@
+"""Parameters from file, --set and options, and what is said when they are wrong."""
+
+from pathlib import Path
+
+import pytest
+
+from busybot.boards.config import BoardConfig
+from busybot.config import build
+from busybot.errors import BusybotError
+
+
+def test_later_sources_win(tmp_path: Path) -> None:
+    file = tmp_path / "boards.yaml"
+    file.write_text("boards: 5\nlamps: [3, 4]\nseed: 1\n")
+    config = build(BoardConfig, file, ["seed=2", "lamps=[2, 3]"], {"seed": 3, "boards": None})
+    assert (config.boards, config.lamps, config.seed) == (5, (2, 3), 3)
+
+
+@pytest.mark.parametrize(
+    ("text", "settings", "message"),
+    [
+        ("boards: [1", [], "not valid YAML"),
+        ("- 1", [], "not a mapping"),
+        ("bords: 5", [], "parameter bords"),
+        ("boards: 0", [], "parameter boards"),
+        ("boards: 5", ["lamps"], "name=value"),
+        ("boards: 5", ["boards.x=1"], "boards is a value"),
+        ("boards: !!python/object/apply:os.system ['true']", [], "not valid YAML"),
+    ],
+)
+def test_faults_are_named(tmp_path: Path, text: str, settings: list[str], message: str) -> None:
+    file = tmp_path / "boards.yaml"
+    file.write_text(text)
+    with pytest.raises(BusybotError, match=message):
+        build(BoardConfig, file, settings, {})
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match=r"nowhere\.yaml"):
+        build(BoardConfig, tmp_path / "nowhere.yaml", [], {})

@@ -27,7 +27,9 @@ def build(model: type[Config], file: Path | None, settings: list[str], options: 
     for setting in settings:
         path, separator, text = setting.partition("=")
         if not separator or not path:
-            raise BusybotError(f"--set {setting}: not of the form name=value", "for example --set interaction.delta=1000")
+            raise BusybotError(
+                f"--set {setting}: not of the form name=value", "for example --set interaction.delta=1000"
+            )
         _assign(values, path.split("."), _parse(text, f"--set {setting}"), setting)
     for name, value in options.items():
         if value is not None:

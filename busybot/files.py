@@ -30,13 +30,15 @@ def write_json(path: Path, value: Any) -> None:
 def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
     """Read JSON from a regular file of at most `max_bytes`; errors name the file and the line."""
     try:
+        if path.exists() and not path.is_file():
+            raise BusybotError(f"{path}: not a regular file")
         size = path.stat().st_size
         if size > max_bytes:
             raise BusybotError(f"{path}: {size} bytes are more than the {max_bytes} that such a file may have")
         return json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise BusybotError(f"{path}: there is no such file") from None
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # of decoding, of JSON, and of numbers with thousands of digits
         raise BusybotError(f"{path}: not valid JSON: {error}") from None
     except OSError as error:
         raise BusybotError(f"{path}: cannot be read: {error.strerror}") from None

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 LOG_LINES_SHOWN = 15
+LINE_LENGTH_SHOWN = 200
 
 
 class SetupError(Exception):
@@ -74,6 +75,7 @@ class Log:
             raise SetupError(f"{what}; the last lines of {self.path}:\n{self.tail()}", mend)
 
     def tail(self) -> str:
-        """The last lines of the log, indented."""
+        """The last lines of the log that say something, indented."""
         lines = self.path.read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = [line[:LINE_LENGTH_SHOWN] for line in lines if not line.startswith("Requirement already satisfied")]
         return "\n".join(f"    {line}" for line in lines[-LOG_LINES_SHOWN:])

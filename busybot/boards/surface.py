@@ -3,9 +3,13 @@
 A texture is a grey-scale relief in 0..1 that the board's colour tints; nothing is read from files.
 """
 
+import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from busybot.boards.layout import footprint
+from busybot.boards.spec import BoardSpec
+from busybot.objects.model import ObjectModel
 from busybot.rng import generator
 
 TEXTURES = ("wood", "plywood", "cork", "felt", "brushed")
@@ -21,6 +25,11 @@ COLORS: tuple[tuple[float, float, float], ...] = (
     (0.62, 0.46, 0.33),
 )
 """RGB tints in 0..1: maple, oak, sage, sky, rose, ivory, lilac, walnut."""
+
+SHADOW, SHADOW_BLUR = 0.5, 0.05
+"""How dark it gets beside an object, and how far its soft edge reaches, board units."""
+LAMP_FOOT = 0.8
+"""A lamp's box is that of its shade; what it stands on is smaller."""
 
 
 def texture(name: str, size: int = 512) -> np.ndarray:
@@ -40,6 +49,28 @@ def painted(name: str, color: tuple[float, float, float], size: int = 512) -> np
     """The texture in a colour, uint8 RGB (size, size, 3)."""
     tinted = texture(name, size)[..., None] * np.array(color, np.float32)
     return np.round(tinted.clip(0, 1) * 255).astype(np.uint8)
+
+
+def contact_shadow(spec: BoardSpec, models: list[ObjectModel], size: int = 512) -> np.ndarray:
+    """Soft darkening around what stands on the board, float32 (size, size) in 0..1; row 0 is the board's lower edge.
+
+    Args:
+        models: of `spec.objects`, in their order.
+    """
+    cover = np.zeros((size, size), np.uint8)
+    scale = size / np.array(spec.size)
+    for placed, model in zip(spec.objects, models, strict=True):
+        low, high = footprint(model, placed.yaw, margin=0.0)
+        corner = (np.array(placed.position[:2]) + low + np.array(spec.size) / 2) * scale
+        extent = (high - low) * scale
+        if model.category == "Lamp":
+            box = (tuple(map(float, corner + extent / 2)), tuple(map(float, extent * LAMP_FOOT)), 0.0)
+            cv2.ellipse(cover, box, 255, -1)
+        else:
+            first, last = np.round(corner).astype(int).tolist(), np.round(corner + extent).astype(int).tolist()
+            cv2.rectangle(cover, first, last, 255, -1)
+    blurred = cv2.GaussianBlur(cover.astype(np.float32) / 255, (0, 0), SHADOW_BLUR * float(scale[0]))
+    return 1 - SHADOW * blurred
 
 
 def _noise(rng: np.random.Generator, size: int, sigma: float | tuple[float, float]) -> np.ndarray:

@@ -1,6 +1,5 @@
 """`busybot collect DATASET`: an episode for every board that has none."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +16,7 @@ def collect(
     images: Annotated[str | None, typer.Option(help="jpeg or png.")] = None,
     assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the policy; the dataset's by default.")] = None,
-    workers: WorkersOption = max(1, (os.cpu_count() or 1) // 2),
+    workers: WorkersOption = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters of CollectConfig.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as interaction.delta=1000.")] = None,
     json: JsonOption = False,
@@ -28,6 +27,7 @@ def collect(
     from busybot.objects.library import find
     from busybot.sim.collect import CollectConfig
     from busybot.sim.collect import collect as run
+    from busybot.workers import default_workers
 
     options = {"steps": steps, "policy": policy, "images": images, "seed": seed}
     parameters = build(CollectConfig, config, set_ or [], options | {"interaction.strict": strict or None})
@@ -35,7 +35,7 @@ def collect(
     library = find(assets, target.info.assets.sha256)
     try:
         with episode_progress("collecting") as progress:
-            result = run(target, library, parameters, workers, progress)
+            result = run(target, library, parameters, workers or default_workers(), progress)
     except KeyboardInterrupt:
         say(f"{len(target.finished())} of {target.info.boards} episodes are there; the same command continues")
         raise

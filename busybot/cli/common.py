@@ -30,7 +30,9 @@ JsonOption = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output.", callback=_remember_json)
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn.")]
-WorkersOption = Annotated[int, typer.Option("--workers", min=1, help="Number of processes that share the work.")]
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", min=1, help="Number of processes that share the work; by default one per core.")
+]
 
 
 def say(message: str) -> None:

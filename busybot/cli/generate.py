@@ -45,5 +45,7 @@ def generate(
         )
     else:
         thrown = sum(vars(redraws).values())
-        say(f"{dataset.info.boards} boards ({dataset.info.split}) in {out}; {thrown} draws did not fit and were redrawn")
+        say(
+            f"{dataset.info.boards} boards ({dataset.info.split}) in {out}; {thrown} draws did not fit and were redrawn"
+        )
         say(f"next: busybot collect {out}")

@@ -5,12 +5,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.boards.spec import BoardSpec
 from busybot.episodes.codec import MAX_SIDE
 from busybot.episodes.episode import Camera, Episode, Image, Step
 from busybot.errors import BusybotError
 
 MAX_LINKS = 65535
+MAX_STATE = 127
+MAX_LENGTH = 1e6
+"""Board units or radians: beyond any reason."""
+UNKNOWN_PIXEL = (-1, -1)
 MEND = "record the episode again"
 
 
@@ -24,15 +27,17 @@ def check_episode(episode: Episode, where: str) -> None:
         BusybotError: naming the file and the contradiction.
     """
     check_camera(episode.camera, where)
-    objects = len(episode.board.objects)
-    if np.shape(episode.positions) != (objects, 3):
-        _refuse(where, f"positions of shape {np.shape(episode.positions)} for {objects} objects")
+    board, objects = episode.board, len(episode.board.objects)
+    if board.seed >= 2**63 or max(board.index, board.appearance_group) >= 2**31:
+        _refuse(where, "the board's seed, index or appearance group is too large for the tables")
+    if np.shape(episode.positions) != (objects, 3) or np.isinf(episode.positions).any():
+        _refuse(where, f"positions of shape {np.shape(episode.positions)} for {objects} objects, or infinite ones")
     if len(episode.links) > MAX_LINKS or any(not 0 <= link.object < objects for link in episode.links):
         _refuse(where, f"a link belongs to an object that the board with its {objects} objects does not have")
     check_frames(episode.frame_of, len(episode.steps), len(episode.images), where)
     triggers = sum(link.trigger for link in episode.links)
     for index, step in enumerate(episode.steps):
-        fault = _fault_of_step(step, episode.board, triggers)
+        fault = _fault_of_action(step, episode.camera) or _fault_of_truth(step, objects, triggers)
         if fault:
             _refuse(where, f"step {index}: {fault}")
 
@@ -71,16 +76,22 @@ def check_image(image: Image, camera: Camera, objects: int, links: int, where: s
         _refuse(where, f"the segmentation names link {int(image.segmentation.max())} of {links}")
 
 
-def _fault_of_step(step: Step, board: BoardSpec, triggers: int) -> str | None:
-    objects = len(board.objects)
+def _fault_of_action(step: Step, camera: Camera) -> str | None:
     if any(not 0 <= direction < len(DIRECTIONS) for direction in (step.direction, *step.executed)):
         return f"there are {len(DIRECTIONS)} directions, not {(step.direction, *step.executed)}"
+    u, v = step.pixel
+    if step.pixel != UNKNOWN_PIXEL and not (0 <= u < camera.width and 0 <= v < camera.height):
+        return f"pixel {step.pixel} is outside of the image"
+    if step.reward not in (0, 1) or not 0 <= step.changed_pixels <= camera.width * camera.height:
+        return f"reward {step.reward}, {step.changed_pixels} changed pixels"
+    if len(step.position) != 3 or not (np.abs((*step.position, step.distance)) <= MAX_LENGTH).all():
+        return f"position {step.position} and distance {step.distance} are not finite"
+    return None
+
+
+def _fault_of_truth(step: Step, objects: int, triggers: int) -> str | None:
     if not -1 <= step.acted_object < objects:
         return f"it acts on object {step.acted_object} of {objects}"
-    if step.reward not in (0, 1) or step.changed_pixels < 0:
-        return f"reward {step.reward}, {step.changed_pixels} changed pixels"
-    if len(step.position) != 3 or not np.isfinite((*step.position, step.distance)).all():
-        return f"position {step.position} and distance {step.distance} are not finite"
     pairs = [
         ("trigger states", step.trigger_states_before, step.trigger_states_after, triggers),
         ("joint positions", step.joint_positions_before, step.joint_positions_after, triggers),
@@ -89,6 +100,8 @@ def _fault_of_step(step: Step, board: BoardSpec, triggers: int) -> str | None:
     for name, before, after, count in pairs:
         if len(before) not in (0, count) or len(after) != len(before):
             return f"{len(before)} {name} before and {len(after)} after, {count} or none are expected"
+        if not (np.abs((*before, *after)) <= (MAX_LENGTH if name == "joint positions" else MAX_STATE)).all():
+            return f"{name} {before} before and {after} after are out of range"
     return None
 
 

@@ -43,7 +43,7 @@ class DepthScale:
         """The default where it covers all depths (float32 (H, W), 0 for nothing), else one made to measure."""
         low, high = np.inf, 0.0
         for depth in depths:
-            if not cv2.checkRange(depth):
+            if not cv2.checkRange(depth)[0]:
                 raise BusybotError("a depth image holds NaN or infinite values", "write 0 where nothing was hit")
             hit = (depth > 0).view(np.uint8)
             minimum, maximum, _, place = cv2.minMaxLoc(depth, hit)

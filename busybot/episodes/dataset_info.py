@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from busybot.episodes.schema import SCHEMA_VERSION
 
 Version = Annotated[str, Field(pattern=r"^\d+\.\d+$")]
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
@@ -57,7 +58,7 @@ class CollectInfo(_Plain):
     images: Literal["jpeg", "png"] = "jpeg"
     strict: bool = False
     delta: Annotated[int, Field(ge=0)] = 500
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Seed = 0
     settings: dict[str, Any] = {}
 
 
@@ -74,7 +75,7 @@ class DatasetInfo(_Plain):
     schema_version: Version = SCHEMA_VERSION
     name: Annotated[str, Field(min_length=1, max_length=200)]
     split: Annotated[str, Field(min_length=1, max_length=64)]
-    seed: Annotated[int, Field(ge=0)]
+    seed: Seed
     boards: Annotated[int, Field(ge=0, le=10_000_000)]
     generator: GeneratorInfo
     assets: AssetsInfo

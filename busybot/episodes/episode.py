@@ -7,6 +7,7 @@ Frame 0 is the initial observation; step k (from 0) leads from frame k to frame 
 stored once: `Episode.frame_of[k]` is the index of the stored image that shows frame k.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -121,7 +122,7 @@ class Episode:
     camera: Camera
     links: tuple[Link, ...]
     positions: np.ndarray
-    images: list[Image]
+    images: Sequence[Image]
     frame_of: list[int]
     steps: list[Step]
     policy: str

@@ -89,7 +89,7 @@ def _decode(records: Records, where: str) -> Episode:
         camera=camera,
         links=links,
         positions=np.array(positions, np.float32).reshape(-1, 3),
-        images=_images(records, where, camera, len(links), len(board.objects)),  # type: ignore[arg-type]
+        images=_images(records, where, camera, len(links), len(board.objects)),
         frame_of=frame_of,
         steps=steps,
         policy=str(recording["policy"]),

@@ -29,8 +29,12 @@ def _color(rgb: Sequence[float]) -> fg.Color:
     return fg.Color(r=rgb[0], g=rgb[1], b=rgb[2], a=1)
 
 
+def _quaternion(xyzw: Sequence[float]) -> fg.Quaternion:
+    return fg.Quaternion(x=xyzw[0], y=xyzw[1], z=xyzw[2], w=xyzw[3])
+
+
 def _pose(position: Sequence[float] | np.ndarray, orientation: fg.Quaternion | None = None) -> fg.Pose:
-    return fg.Pose(position=_vector(position), orientation=orientation or fg.Quaternion(x=0, y=0, z=0, w=1))
+    return fg.Pose(position=_vector(position), orientation=orientation or _quaternion((0, 0, 0, 1)))
 
 
 def calibration(camera: Camera) -> fg.CameraCalibration:
@@ -55,7 +59,7 @@ def transforms(camera: Camera) -> fg.FrameTransforms:
         parent_frame_id=BOARD_FRAME,
         child_frame_id=CAMERA_FRAME,
         translation=_vector(camera.pose[:3, 3]),
-        rotation=fg.Quaternion(**dict(zip("xyzw", quaternion(camera.pose[:3, :3]), strict=True))),
+        rotation=_quaternion(quaternion(camera.pose[:3, :3])),
     )
     return fg.FrameTransforms(transforms=[transform])
 
@@ -88,7 +92,7 @@ def board(spec: BoardSpec, positions: np.ndarray) -> fg.SceneUpdate:
 def action(step: Step, index: int) -> fg.SceneUpdate:
     """An arrow where and how the gripper was told to pull; it replaces the one before."""
     arrow = fg.ArrowPrimitive(
-        pose=_pose(step.position, _towards(DIRECTIONS[step.direction])),
+        pose=_pose(step.position, _quaternion(towards(DIRECTIONS[step.direction]))),
         shaft_length=0.7 * _ARROW_LENGTH,
         shaft_diameter=0.03,
         head_length=0.3 * _ARROW_LENGTH,
@@ -99,14 +103,14 @@ def action(step: Step, index: int) -> fg.SceneUpdate:
     return fg.SceneUpdate(entities=[entity])
 
 
-def _towards(direction: np.ndarray) -> fg.Quaternion:
-    """The rotation that turns +x, along which Foxglove's arrows point, to a unit direction."""
+def towards(direction: np.ndarray) -> tuple[float, float, float, float]:
+    """The rotation (x, y, z, w) that turns +x, along which Foxglove's arrows point, to a unit direction."""
     w = 1.0 + float(direction[0])
     if w < 1e-9:
-        return fg.Quaternion(x=0, y=0, z=1, w=0)
+        return 0.0, 0.0, 1.0, 0.0
     y, z = -float(direction[2]), float(direction[1])
     norm = float(np.sqrt(w * w + y * y + z * z))
-    return fg.Quaternion(x=0, y=y / norm, z=z / norm, w=w / norm)
+    return 0.0, y / norm, z / norm, w / norm
 
 
 def sentence(step: Step, index: int) -> fg.Log:

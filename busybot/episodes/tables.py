@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes import mcap_topics as topics
+from busybot.episodes.check import UNKNOWN_PIXEL
 from busybot.episodes.digests import Digests, episode_digests
 from busybot.episodes.episode import Episode, Step
 from busybot.episodes.mcap_reader import decode_episode
@@ -92,8 +93,8 @@ def _episode(episode: Episode, about: FileFacts, digests: Digests) -> dict[str, 
         "depth": first.depth is not None,
         "segmentation": first.segmentation is not None,
         "truth": known,
-        "delta": _setting(episode, "delta"),
-        "strict": _setting(episode, "strict"),
+        "delta": _setting(episode, "delta", int),
+        "strict": _setting(episode, "strict", bool),
         "width": episode.camera.width,
         "height": episode.camera.height,
         "camera_matrix": episode.camera.matrix.ravel().tolist(),
@@ -109,9 +110,12 @@ def _episode(episode: Episode, about: FileFacts, digests: Digests) -> dict[str, 
     }
 
 
-def _setting(episode: Episode, name: str) -> Any:
-    """From the settings or, of a simulated recording, from those of the interaction."""
-    return episode.settings.get(name, episode.settings.get("interaction", {}).get(name))
+def _setting(episode: Episode, name: str, kind: type) -> Any:
+    """From the settings or, of a simulated recording, from those of the interaction; None if there is no such value."""
+    within = episode.settings.get("interaction")
+    value: Any = episode.settings.get(name, within.get(name) if isinstance(within, dict) else None)
+    fits = type(value) is kind
+    return value if fits and -(2**31) <= value < 2**31 else None
 
 
 def knows_truth(episode: Episode) -> bool:
@@ -126,7 +130,8 @@ def _first_encoded(episode: Episode) -> Any:
 def _step(episode: Episode, k: int, step: Step) -> dict[str, Any]:
     row: dict[str, Any] = {name: getattr(step, name) for name in ("distance", "changed_pixels", "reward", "executed")}
     row |= {"step": k, "image_before": episode.frame_of[k], "image_after": episode.frame_of[k + 1]}
-    row |= {"pixel_u": step.pixel[0], "pixel_v": step.pixel[1], "direction": step.direction}
+    pixel = (None, None) if step.pixel == UNKNOWN_PIXEL else step.pixel
+    row |= {"pixel_u": pixel[0], "pixel_v": pixel[1], "direction": step.direction}
     for axis, position, along in zip("xyz", step.position, DIRECTIONS[step.direction], strict=True):
         row |= {f"position_{axis}": position, f"direction_{axis}": along}
     known = knows_truth(episode)

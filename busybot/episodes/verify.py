@@ -8,11 +8,11 @@ from busybot.episodes.dataset import BOARDS_PER_SHARD, INFO_FILE, Dataset
 from busybot.episodes.dataset_info import CollectInfo
 from busybot.episodes.schema import TABLES
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode
-from busybot.episodes.workers import share
 from busybot.errors import BusybotError
 from busybot.files import inside
+from busybot.workers import share
 
-MEND_TABLES = "`busybot collect` on the dataset makes tables again once the damaged shard is removed"
+MEND_TABLES = "remove the file; `busybot collect` on the dataset makes it again from the episodes"
 LINK = "a link where a file or folder is expected"
 MEND_STRAY = "move it out of the dataset"
 MEND_EPISODE = "remove the file; `busybot collect` on the dataset records the episode again"

@@ -43,7 +43,7 @@ class Library:
     def load(path: Path) -> "Library":
         """Read a library; an unreadable object, or one that no split knows, is refused by name."""
         folders = object_folders(path)
-        objects = {key: _load_as(key, folder) for key, folder in folders.items()}
+        objects = {key: load_as(key, folder) for key, folder in folders.items()}
         library = Library(path.resolve().name, path, objects, read_splits(path, objects))
         cache.remember(path, library.hashes())
         return library
@@ -92,7 +92,8 @@ def object_folders(path: Path) -> dict[str, Path]:
     return found
 
 
-def _load_as(key: str, folder: Path) -> ObjectModel:
+def load_as(key: str, folder: Path) -> ObjectModel:
+    """Read the object that a library calls `key`; an annotation with another name is refused."""
     model = load_object(folder)
     if model.key != key:
         raise BusybotError(
@@ -103,7 +104,7 @@ def _load_as(key: str, folder: Path) -> ObjectModel:
 
 def read_splits(path: Path, keys: dict[str, Any]) -> dict[str, dict[str, float]]:
     """Weights by split and key; keys that neither `data.json` nor the catalogue knows are refused."""
-    listed = _read_split_file(path / SPLIT_FILE) if (path / SPLIT_FILE).exists() else {}
+    listed = read_split_file(path / SPLIT_FILE) if (path / SPLIT_FILE).exists() else {}
     splits: dict[str, dict[str, float]] = {split: {} for split in SPLITS}
     unknown = []
     for key in sorted(keys):
@@ -123,7 +124,7 @@ def read_splits(path: Path, keys: dict[str, Any]) -> dict[str, dict[str, float]]
     return splits
 
 
-def _read_split_file(path: Path) -> dict[str, Counter[str]]:
+def read_split_file(path: Path) -> dict[str, Counter[str]]:
     """How often each key stands in each split."""
     if path.is_symlink() or not path.is_file():
         raise BusybotError(f"{path}: not a regular file", "copy the file itself")

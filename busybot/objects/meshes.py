@@ -8,6 +8,7 @@ subset of OBJ and the usual ones of MTL are refused, so what was checked is what
 import io
 import re
 import warnings
+from functools import cached_property
 from typing import NoReturn
 
 import numpy as np
@@ -16,7 +17,7 @@ from PIL import Image
 from busybot.errors import BusybotError
 from busybot.objects.snapshot import Snapshot
 
-MAX_MESH_BYTES = 32 << 20
+MAX_MESH_BYTES = 16 << 20
 MAX_TEXTURE_BYTES = 32 << 20
 MAX_MATERIAL_BYTES = 1 << 20
 MAX_VERTICES = 200_000
@@ -25,39 +26,51 @@ MAX_CORNERS = 1_000_000
 MAX_COORDINATE = 1e4
 MAX_PIXELS = 4096 * 4096
 MAX_LINE_BYTES = 1 << 16
+MAX_LINES = 2_000_000
+MAX_KEYS = 64
 
-_OBJ_KEYS = frozenset(b"v vn vt f l p o g s usemtl mtllib".split())
 _MTL_NUMBERS = frozenset(b"Ka Kd Ks Ke Tf Ns Ni d Tr illum sharpness Pr Pm Ps Pc Pcr aniso anisor".split())
 _MTL_TEXTURES = re.compile(rb"(map_\w{1,16}|bump|disp|decal|refl|norm)", re.IGNORECASE)
-_KEY = re.compile(rb"^[ \t]*([^\s#]\S*)", re.MULTILINE)
-_LONG_LINE = re.compile(rb"[^\n\r]{%d}" % MAX_LINE_BYTES)
-_FLOAT = rb"([-+0-9.eE]{1,40})"
-_VERTEX = re.compile(rb"^[ \t]*v[ \t]+" + rb"[ \t]+".join([_FLOAT] * 3) + rb"(?=[\s])", re.MULTILINE)
-_VECTOR = re.compile(rb"^[ \t]*v[tn]?[ \t]+([^\r\n]*)", re.MULTILINE)
-_ELEMENT = re.compile(rb"^[ \t]*[flp][ \t]+([^\r\n]*)", re.MULTILINE)
-_CORNER = re.compile(rb"(\d{1,9})(?:/(\d{0,9}))?(?:/(\d{0,9}))?(?![\d/])")
+_KEY = re.compile(rb"\n([^\s#]\S*)")
+# patterns begin with a line feed, which the regular expression engine finds fast
+_FOREIGN = re.compile(rb"\n(?!(?:v|vn|vt|f|l|p|o|g|s|usemtl|mtllib)[ \t\r\n]|#|\r?\n|\Z)(\S*)")
 _NUMBERS_ONLY = b"0123456789+-.eE \t\r\n"
+_INDICES_ONLY = b"0123456789/ \t\r\n"
+_UNUSUAL_BREAK = re.compile(rb"\\[ \t]*\r?\n|[\x00\x0b\x0c]|\r(?!\n)")
 
 
 class _File:
     """One file of a snapshot, for error messages."""
 
     def __init__(self, snapshot: Snapshot, name: str):
-        self.snapshot, self.name, self.data = snapshot, name, snapshot.files[name] + b"\n"
+        self.snapshot, self.name = snapshot, name
+        self.raw = snapshot.files[name]
+
+    @cached_property
+    def data(self) -> bytes:
+        """The text with every line beginning after a line feed, without indentation."""
+        return re.sub(rb"\n[ \t]+", b"\n", b"\n" + self.raw + b"\n")
 
     def refuse(self, what: str, mend: str) -> NoReturn:
         raise BusybotError(f"{self.snapshot.folder / self.name}: {what}", mend)
 
     def check_text(self) -> None:
-        if b"\0" in self.data or _LONG_LINE.search(self.data):
-            self.refuse(f"is not text, or a line is longer than {MAX_LINE_BYTES} bytes", "export it again as text")
-        if re.search(rb"\\[ \t]*\r?\n", self.data) or b"\x0b" in self.data or b"\x0c" in self.data:
-            self.refuse("has line continuations or other unusual breaks", "write every statement on one line")
+        breaks = np.flatnonzero(np.frombuffer(self.data, np.uint8) == ord("\n"))
+        if len(breaks) > MAX_LINES:
+            self.refuse(f"{len(breaks)} lines are more than the {MAX_LINES} allowed", "simplify it")
+        if len(breaks) > 1 and np.diff(breaks).max() > MAX_LINE_BYTES:
+            self.refuse(f"a line is longer than {MAX_LINE_BYTES} bytes", "export it again as text")
+        if _UNUSUAL_BREAK.search(self.data):
+            self.refuse("is not text, or has line continuations or other unusual breaks", "export it again as text")
+
+    def lines(self, key: bytes) -> list[bytes]:
+        """What follows `key` on each of its lines."""
+        return re.findall(rb"\n" + key + rb"[ \t]+([^\r\n]*)", self.data)
 
     def values(self, key: bytes) -> list[str]:
         """What follows `key` on its lines, without repetition."""
-        found = re.findall(rb"^[ \t]*" + re.escape(key) + rb"[ \t]+([^\r\n]*)", self.data, re.MULTILINE)
-        return list(dict.fromkeys(value.strip().decode("utf-8", "backslashreplace") for value in found))
+        found = dict.fromkeys(self.lines(re.escape(key)))
+        return [value.strip().decode("utf-8", "backslashreplace") for value in found]
 
 
 def check_meshes(snapshot: Snapshot, meshes: tuple[str, ...], textures: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
@@ -66,7 +79,9 @@ def check_meshes(snapshot: Snapshot, meshes: tuple[str, ...], textures: tuple[st
     Returns:
         Vertices by mesh, (n, 3), mesh units.
     """
-    vertices, materials, pictures = dict[str, np.ndarray](), dict[str, None](), dict.fromkeys(textures)
+    vertices, pictures = dict[str, np.ndarray](), dict.fromkeys(textures)
+    # also those that no mesh names: a loader that misses a library may try the one beside the mesh
+    materials = dict.fromkeys(name for name in snapshot.files if name.lower().endswith(".mtl"))
     for name in meshes:
         vertices[name], libraries = _check_obj(_File(snapshot, name))
         materials.update(dict.fromkeys(libraries))
@@ -85,12 +100,12 @@ def check_meshes(snapshot: Snapshot, meshes: tuple[str, ...], textures: tuple[st
 
 def _check_obj(file: _File) -> tuple[np.ndarray, list[str]]:
     """The vertices and the material libraries."""
-    if len(file.data) > MAX_MESH_BYTES:
-        file.refuse(f"{len(file.data)} bytes are more than the {MAX_MESH_BYTES} allowed", "simplify the mesh")
+    if len(file.raw) > MAX_MESH_BYTES:
+        file.refuse(f"{len(file.raw)} bytes are more than the {MAX_MESH_BYTES} allowed", "simplify the mesh")
     file.check_text()
-    unknown = set(_KEY.findall(file.data)) - _OBJ_KEYS
-    if unknown:
-        file.refuse(f"has the statement {min(unknown)[:40]!r}", "export it again as a plain polygon mesh")
+    foreign = _FOREIGN.search(file.data)
+    if foreign:
+        file.refuse(f"has the statement {foreign[1][:40]!r}", "export it again as a plain polygon mesh")
     vertices = _check_vertices(file)
     _check_elements(file, len(vertices))
     return vertices, [
@@ -99,45 +114,83 @@ def _check_obj(file: _File) -> tuple[np.ndarray, list[str]]:
 
 
 def _check_vertices(file: _File) -> np.ndarray:
-    found = _VERTEX.findall(file.data)
-    count = len(re.findall(rb"^[ \t]*v[ \t]", file.data, re.MULTILINE))
-    if count > MAX_VERTICES:
-        file.refuse(f"{count} vertices are more than the {MAX_VERTICES} allowed", "simplify the mesh")
-    if count != len(found) or any(text.translate(None, _NUMBERS_ONLY) for text in _VECTOR.findall(file.data)):
+    lines = file.lines(b"v")
+    if len(lines) > MAX_VERTICES:
+        file.refuse(f"{len(lines)} vertices are more than the {MAX_VERTICES} allowed", "simplify the mesh")
+    values = _numbers(b"\n".join(lines))
+    others = [_numbers(b"\n".join(file.lines(key))) for key in (b"vt", b"vn")]
+    # three coordinates, perhaps a weight or a colour
+    if (
+        values is None
+        or any(other is None for other in others)
+        or values.size not in [len(lines) * k for k in (3, 4, 6, 7)]
+    ):
         file.refuse("a vertex, normal or texture coordinate is not a list of numbers", "export the mesh again")
-    try:
-        coordinates = np.array(found, dtype=np.float64).reshape(-1, 3)
-    except ValueError:
-        file.refuse("a vertex has a coordinate that is not a number", "export the mesh again")
-    if count and not np.abs(coordinates).max() <= MAX_COORDINATE:
-        file.refuse(f"a coordinate is not finite or above {MAX_COORDINATE:g}", "export the mesh again")
-    return coordinates
+    for array in (values, *others):
+        if array is not None and array.size and not np.abs(array).max() <= MAX_COORDINATE:
+            file.refuse(f"a coordinate is not finite or above {MAX_COORDINATE:g}", "export the mesh again")
+    return values.reshape(len(lines), -1)[:, :3] if lines else values.reshape(0, 3)
+
+
+def _numbers(text: bytes) -> np.ndarray | None:
+    """White-space separated plain numbers; None if something else is among them."""
+    if text.translate(None, _NUMBERS_ONLY):
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            values = np.fromstring(text.decode("ascii"), dtype=np.float64, sep=" ")
+        except (ValueError, DeprecationWarning):
+            return None
+    return values if values.size == len(text.split()) else None
 
 
 def _check_elements(file: _File, vertices: int) -> None:
-    text = b" ".join(_ELEMENT.findall(file.data))
-    corners = _CORNER.findall(text)
-    if len(corners) > MAX_CORNERS:
-        file.refuse(f"{len(corners)} face corners are more than the {MAX_CORNERS} allowed", "simplify the mesh")
-    if len(corners) != len(text.split()) or text.translate(None, b"0123456789/ \t"):
-        file.refuse("a face has an index that is not a positive number", "export the mesh with absolute indices")
-    if not corners:
-        file.refuse("has no faces", "remove the mesh from the URDF")
-    counts = (
-        vertices,
-        *(len(re.findall(rb"^[ \t]*" + key + rb"[ \t]", file.data, re.MULTILINE)) for key in (b"vt", b"vn")),
-    )
-    for column, count, what in zip(zip(*corners, strict=True), counts, ("vertex", "vt", "vn"), strict=True):
-        indices = [int(index) for index in set(column) if index]
-        if indices and not 1 <= min(indices) <= max(indices) <= count:
-            file.refuse(f"a face names {what} {max(indices)} of {count}", "export the mesh again")
+    counts = (vertices, len(file.lines(b"vt")), len(file.lines(b"vn")))
+    total = 0
+    for key in (b"f", b"l", b"p"):
+        text = b"\n".join(file.lines(key))
+        corners = len(text.split())
+        total += corners
+        if total > MAX_CORNERS:
+            file.refuse(f"{total} face corners are more than the {MAX_CORNERS} allowed", "simplify the mesh")
+        if key == b"f" and not corners:
+            file.refuse("has no faces", "remove the mesh from the URDF")
+        if corners:
+            _check_indices(file, _indices(text, corners), counts)
+
+
+def _check_indices(file: _File, indices: np.ndarray | None, counts: tuple[int, int, int]) -> None:
+    if indices is None:
+        file.refuse("a face has something else than positive indices, all of one form", "export the mesh again")
+    for column, count, what in zip(indices.T, counts, ("vertex", "vt", "vn"), strict=False):
+        least = 1 if what == "vertex" else 0  # 0 stands for an index left out, as in 1//2
+        if column.min() < least or column.max() > count:
+            file.refuse(f"a face names {what} {column.max()} of {count}", "export the mesh again")
+
+
+def _indices(text: bytes, corners: int) -> np.ndarray | None:
+    """Face corners as (corners, 1 to 3): vertex, texture coordinate, normal. None for any other form."""
+    if text.translate(None, _INDICES_ONLY) or re.search(rb"/\d*/\d*/|/0", text):
+        return None
+    slashes = text.count(b"/")
+    if slashes not in (0, corners, 2 * corners) or (slashes == corners and re.search(rb"/\d*/", text)):
+        return None
+    values = _numbers(text.replace(b"//", b" 0 ").replace(b"/", b" "))
+    per_corner = 1 + slashes // corners
+    if values is None or values.size != corners * per_corner or values.max() > MAX_CORNERS:
+        return None
+    return values.reshape(corners, per_corner).astype(np.int64)
 
 
 def _check_mtl(file: _File) -> list[str]:
     """The textures that the materials name."""
     file.check_text()
     textures: list[str] = []
-    for key in sorted(set(_KEY.findall(file.data)) - {b"newmtl"}):
+    keys = sorted(set(_KEY.findall(file.data)) - {b"newmtl"})
+    if len(keys) > MAX_KEYS:
+        file.refuse(f"has {len(keys)} kinds of statements", "keep to colours, shininess and textures")
+    for key in keys:
         values = file.values(key)
         if _MTL_TEXTURES.fullmatch(key):
             textures += [file.snapshot.reference(file.name, target, MAX_TEXTURE_BYTES) for target in values]
@@ -159,7 +212,7 @@ def _check_texture(file: _File) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            with Image.open(io.BytesIO(file.data), formats=("PNG", "JPEG")) as picture:
+            with Image.open(io.BytesIO(file.raw), formats=("PNG", "JPEG")) as picture:
                 width, height = picture.size
                 if width * height > MAX_PIXELS or max(width, height) > 16384:
                     file.refuse(f"{width} x {height} pixels are more than the {MAX_PIXELS} allowed", "make it smaller")

@@ -73,7 +73,8 @@ class ObjectModel:
         instance: the id within the category, e.g. "100366".
         orientation: upright orientation, quaternion (w, x, y, z).
         scale: object units to board units.
-        bounds_min, bounds_max: box in the upright frame *before* scaling.
+        bounds_min, bounds_max: box in the upright frame *before* scaling, from the meshes over all states that the
+            object can show (the annotated boxes are mirrored or too small on many objects).
         offset_z: height of the object's origin above the board, after scaling.
         trigger_links: movable links; empty for responders.
         directions: annotated effective directions in the board frame (not normalised); strict mode only.

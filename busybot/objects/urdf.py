@@ -269,7 +269,9 @@ class _Reader:
             elif element.tag == "texture":
                 textures[name] = None
             else:
-                self.refuse(f"<{str(element.tag)[:40]}> refers to {target[:80]!r}", "use .obj meshes only")
+                self.refuse(
+                    f"<{str(element.tag)[:40]}> refers to {target[:80]!r}, which is no .obj mesh", "use .obj meshes"
+                )
         return tuple(meshes), tuple(textures)
 
 

@@ -1,10 +1,10 @@
 """Counting: responder j depends on trigger i when j changes in the steps that acted on i and not in the others.
 
 The simplest reasoner, without training (protocol "Reasoning", row "counting"). For each responder the hypotheses are
-"no trigger" and "trigger i" for every i, at most one trigger per responder as on the paper's boards. Under "trigger i" the
-responder changes at one unknown rate in the steps that acted on i and at another, the noise rate, in all others; under
-"no trigger" at the noise rate everywhere. Both rates have Beta priors, so the likelihood of what was seen is a ratio of
-Beta functions, and Bayes' rule gives edge probabilities.
+"no trigger" and "trigger i" for every i, at most one trigger per responder as on the paper's boards. Under "trigger i"
+the responder changes at one unknown rate in the steps that acted on i and at another, the noise rate, in all others;
+under "no trigger" at the noise rate everywhere. Both rates have Beta priors, so the likelihood of what was seen is a
+ratio of Beta functions, and Bayes' rule gives edge probabilities.
 
 A step after which *nothing* looks different says only that its action failed; it is left out.
 """
@@ -27,17 +27,18 @@ class CountConfig(BaseModel):
 
     Attributes:
         controlled: probability that a responder has a trigger at all (about half of them have, on training boards).
-        effect: Beta(a, b) of the rate of change in steps that acted on the trigger. Below 1 because a trigger with
-            several links changes the responder only through one of them.
-        noise: Beta(a, b) of the rate of change in all other steps.
+        effect: Beta(a, b) of the rate of change in steps that acted on the trigger. Wide, because a trigger with
+            several links changes the responder through one of them only.
+        noise: Beta(a, b) of the rate of change in all other steps. Small: on training objects none of 14,000 unchanged
+            appearances was taken for a change. Where many are, a larger rate keeps precision up at the cost of recall.
         change: when a responder counts as changed.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     controlled: Annotated[float, Field(gt=0, lt=1)] = 0.5
-    effect: tuple[Positive, Positive] = (2.0, 1.0)
-    noise: tuple[Positive, Positive] = (1.0, 200.0)
+    effect: tuple[Positive, Positive] = (1.5, 1.0)
+    noise: tuple[Positive, Positive] = (1.0, 5000.0)
     change: ChangeConfig = ChangeConfig()
 
 
@@ -65,26 +66,26 @@ def count_changes(
     Returns:
         float (max(T, 1), N, N): `[t, i, j]` is the probability that i controls j, from steps 0 to t.
     """
+    if not len(changed):
+        # a step that says nothing leaves the prior
+        changed, acted = np.zeros((1, changed.shape[1]), bool), np.array([-1])
     steps, objects = changed.shape
-    probabilities = np.zeros((max(steps, 1), objects, objects))
+    probabilities = np.zeros((steps, objects, objects))
     if not len(triggers) or not len(responders):
         return probabilities
-    informative = changed.any(1)
+    informative = np.asarray(changed.any(axis=1))
     # (T, I) and (T, J), then sums over the steps so far: actions per trigger, changes per responder, coincidences
-    on = (acted[:, None] == triggers[None]) & informative[:, None]
-    moved = changed[:, responders] & informative[:, None]
+    on: np.ndarray = np.equal.outer(acted, triggers)
+    on &= informative[:, None]
+    moved = changed[:, responders]
     total = np.cumsum(informative)[:, None, None]
     actions = np.cumsum(on, axis=0)[:, :, None]
     seen = np.cumsum(moved, axis=0)[:, None, :]
     together = np.cumsum(on[:, :, None] & moved[:, None, :], axis=0)
-    if steps == 0:
-        total = actions = seen = together = np.zeros((1, 1, 1), int)
-    shape = (len(probabilities), len(triggers), len(responders))
     caused = _log_evidence(together, actions - together, config.effect)
     by_chance = _log_evidence(seen - together, (total - actions) - (seen - together), config.noise)
     none = _log_evidence(seen, total - seen, config.noise) + np.log(1 - config.controlled)
-    some = np.broadcast_to(caused + by_chance + np.log(config.controlled / len(triggers)), shape)
-    none = np.broadcast_to(none, (shape[0], 1, shape[2]))
+    some = caused + by_chance + np.log(config.controlled / len(triggers))
     posterior = softmax(np.concatenate([none, some], axis=1), axis=1)[:, 1:]
     probabilities[:, triggers[:, None], responders[None]] = posterior
     return probabilities

@@ -16,8 +16,8 @@ from busybot.episodes.images import EncodedImage, LazyImages
 NO_BOXES = np.empty((0, 4), np.int16)
 
 REACH = 0.5
-"""A pixel outside of all trigger boxes may lie so far from one, in units of the box's longer side: a lever that has moved
-sticks out of its first box."""
+"""A pixel outside of all trigger boxes may lie so far from one, in units of the box's longer side: a lever that has
+moved sticks out of its first box."""
 
 
 @dataclass(frozen=True)

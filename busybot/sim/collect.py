@@ -21,7 +21,7 @@ from busybot.sim.interaction import InteractionConfig
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
-from busybot.sim.workers import run_tasks
+from busybot.workers import run_tasks
 
 
 class CollectConfig(BaseModel):
@@ -79,7 +79,9 @@ def collect(
         done = len(before)
         seed = dataset.info.seed if config.seed is None else config.seed
         try:
-            for index, result in run_tasks(missing, _make_work, (dataset.path, library, config, seed, workers), workers):
+            for index, result in run_tasks(
+                missing, _make_work, (dataset.path, library, config, seed, workers), workers
+            ):
                 rows[index] = result
                 done += 1
                 if progress:

@@ -1,4 +1,4 @@
-"""BusyBoard as a Gymnasium environment (paper section 3), registered by `busybot.sim.register()`."""
+"""BusyBoard as a Gymnasium environment (paper section 3), registered by `busybot.sim.registration`."""
 
 from typing import Any
 

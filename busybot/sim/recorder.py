@@ -18,7 +18,7 @@ from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.geometry import Rays
 from busybot.rng import generator
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
-from busybot.sim.policies import Policy, make_policy
+from busybot.sim.policies import make_policy
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, Simulator
 
@@ -44,13 +44,13 @@ def record_episode(
     assert simulator.render is not None
     rays = Rays(scene.camera)
     chooser = make_policy(policy, scene, rays, config)
-    image = scene.observe()
+    images = [scene.observe()]
     episode = Episode(
         board=board,
         camera=scene.camera,
         links=scene.links,
-        positions=visible_centres(image, rays, scene.links, len(board.objects)),
-        images=[image],
+        positions=visible_centres(images[0], rays, scene.links, len(board.objects)),
+        images=images,
         frame_of=[0],
         steps=[],
         policy=chooser.name,
@@ -59,27 +59,16 @@ def record_episode(
         renderer=renderer_fingerprint(simulator.render, scene),
         versions=package_versions(),
     )
-    _act(episode, scene, rays, chooser, steps, config, generator(seed, board.split, board.index, f"policy/{policy}"))
-    return episode
-
-
-def _act(
-    episode: Episode,
-    scene: BoardScene,
-    rays: Rays,
-    policy: Policy,
-    steps: int,
-    config: InteractionConfig,
-    rng: np.random.Generator,
-) -> None:
+    rng = generator(seed, board.split, board.index, f"policy/{policy}")
     for _ in range(steps):
-        image = episode.images[-1]
-        action = policy.choose(image, rng)
-        step, after = interact(scene, grasp_at(scene, image, rays, action.pixel), action.direction, config, image)
+        action = chooser.choose(images[-1], rng)
+        grasp = grasp_at(scene, images[-1], rays, action.pixel)
+        step, after = interact(scene, grasp, action.direction, config, images[-1])
         episode.steps.append(step)
         if after is not None:
-            episode.images.append(after)
-        episode.frame_of.append(len(episode.images) - 1)
+            images.append(after)
+        episode.frame_of.append(len(images) - 1)
+    return episode
 
 
 def visible_centres(image: Image, rays: Rays, links: tuple[Link, ...], objects: int) -> np.ndarray:

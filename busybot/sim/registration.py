@@ -1,15 +1,11 @@
-"""Gymnasium's id of the environment.
+"""Importing this module registers the environment: the one import of ours that does something.
 
-`pyproject.toml` names `register` as a plugin of Gymnasium, which calls it when it is imported: then
-`gymnasium.make("busybot/Board-v0")` works without importing anything of ours.
+That is how Gymnasium finds environments: `gymnasium.make("busybot.sim.registration:busybot/Board-v0")` imports the part
+before the colon, and after `import busybot.sim.registration` the id alone will do.
 """
 
 import gymnasium
 
 ENV_ID = "busybot/Board-v0"
 
-
-def register() -> None:
-    """Register the environment; safe to call twice."""
-    if ENV_ID not in gymnasium.registry:
-        gymnasium.register(ENV_ID, entry_point="busybot.sim.env:BusyBoardEnv")
+gymnasium.register(ENV_ID, entry_point="busybot.sim.env:BusyBoardEnv")

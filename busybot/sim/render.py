@@ -56,8 +56,8 @@ class Picture:
     entities: np.ndarray
 
 
-def select_shader(config: RenderConfig) -> None:
-    """Choose the shader pack for cameras made from now on in this process (SAPIEN keeps it globally)."""
+def _select_shader(config: RenderConfig) -> None:
+    """Choose the shader pack of the next camera: SAPIEN keeps it globally, but reads it when a camera is made."""
     ours = config.shader == "busybot"
     directory = str(Path(__file__).with_name("shaders")) if ours else config.shader
     sapien.render.set_picture_format("Color", "r8g8b8a8unorm" if ours else "r32g32b32a32sfloat")
@@ -88,6 +88,7 @@ def camera_model(config: RenderConfig) -> Camera:
 
 def add_camera(scene: sapien.Scene, config: RenderConfig) -> Any:
     """Mount the camera in the scene and return SAPIEN's camera component."""
+    _select_shader(config)
     model = camera_model(config)
     fov_vertical = 2 * np.arctan(config.height / 2 / model.matrix[1, 1])
     camera = scene.add_camera("camera", config.width, config.height, fov_vertical, config.near, config.far)
@@ -104,10 +105,7 @@ def read_picture(camera: Any, config: RenderConfig) -> Picture:
     """Fetch the picture that `camera.take_picture()` asked for."""
     ours = config.shader == "busybot"
     color = camera.get_picture("Color")
-    if ours:
-        rgb = cv2.cvtColor(color, cv2.COLOR_RGBA2RGB)
-    else:
-        rgb = (color[..., :3].clip(0, 1) * 255).astype(np.uint8)
+    rgb = cv2.cvtColor(color, cv2.COLOR_RGBA2RGB) if ours else (color[..., :3].clip(0, 1) * 255).astype(np.uint8)
     if config.shader == "minimal":
         entities = camera.get_picture("PositionSegmentation")[..., 3].astype(np.uint16)
     elif ours:

@@ -27,7 +27,7 @@ from busybot.errors import BusybotError
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel
 from busybot.sim.parts import JOINT_DAMPING, Responder, TriggerJoint, make_responder, make_triggers
-from busybot.sim.render import RenderConfig, add_camera, camera_model, read_picture, select_shader
+from busybot.sim.render import RenderConfig, add_camera, camera_model, read_picture
 from busybot.sim.surroundings import Surroundings
 
 TIME_STEP = 0.01
@@ -61,8 +61,7 @@ class Simulator:
         self._surroundings: Surroundings | None = None
         self._keep_alive: Any = None
         if render is not None:
-            select_shader(render)
-            self._surroundings = Surroundings()
+            self._surroundings = Surroundings(lights=render.shader != "busybot")
 
     def board(self, spec: BoardSpec) -> "BoardScene":
         """Build the board.
@@ -79,9 +78,10 @@ class Simulator:
         scene.set_timestep(TIME_STEP)
         return scene
 
-    def place_board(self, scene: sapien.Scene, spec: BoardSpec) -> None:
+    def place_board(self, scene: sapien.Scene, spec: BoardSpec, models: list[ObjectModel]) -> None:
+        """Add what the objects stand on, if anybody looks."""
         if self._surroundings is not None:
-            self._surroundings.add(scene, spec)
+            self._surroundings.add(scene, spec, models)
 
     def build_object(self, scene: sapien.Scene, model: ObjectModel, placed: PlacedObject) -> Any:
         """An articulation of the object, at its place, its joints damped and free of friction."""
@@ -135,15 +135,14 @@ class BoardScene:
         self.spec = spec
         self._render = simulator.render
         self.scene = simulator.new_scene()
-        simulator.place_board(self.scene, spec)
+        self.models = [simulator.library.get(placed.key) for placed in spec.objects]
+        simulator.place_board(self.scene, spec, self.models)
         stages = _stages(spec)
         self.triggers: list[TriggerJoint] = []
         self.responders: dict[int, Responder] = {}
-        self.models: list[ObjectModel] = []
         links: list[Link] = []
         codes: dict[int, int] = {}
-        for index, placed in enumerate(spec.objects):
-            model = simulator.library.get(placed.key)
+        for index, (placed, model) in enumerate(zip(spec.objects, self.models, strict=True)):
             articulation = simulator.build_object(self.scene, model, placed)
             links.append(Link(index, "body", False))
             codes |= {link.entity.per_scene_id: len(links) for link in articulation.links}
@@ -155,7 +154,6 @@ class BoardScene:
                 self.triggers.append(joint)
                 links.append(Link(index, joint.link.name, True))
                 codes[joint.body.entity.per_scene_id] = len(links)
-            self.models.append(model)
         self.links = tuple(links)
         self._codes = np.zeros(max(codes, default=0) + 2, np.uint16)
         self._codes[list(codes)] = list(codes.values())

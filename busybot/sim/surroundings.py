@@ -6,39 +6,54 @@ import numpy as np
 import sapien
 
 from busybot.boards.spec import BoardSpec
-from busybot.boards.surface import painted
+from busybot.boards.surface import contact_shadow, painted
+from busybot.objects.model import ObjectModel
 
 BOARD_THICKNESS = 0.08
 BEVEL = 0.03
 TABLE_HALF = 4.0
 TABLE_COLOR = (0.33, 0.35, 0.38, 1.0)
-"""The table's base colour."""
+AMBIENT = (0.45, 0.45, 0.45)
+SUN_DIRECTION, SUN = (0.455, -0.542, -0.706), (1.6, 1.55, 1.45)
+"""Lights for SAPIEN's shader packs; ours has its own in the shader."""
 
 
 class Surroundings:
-    """Adds slab and table to scenes; keeps the textures that it has made."""
+    """Adds slab, table and lights to scenes; keeps the last board's surface, which its appearance group shares.
 
-    def __init__(self) -> None:
-        self._materials: dict[tuple[str, tuple[float, float, float]], Any] = {}
+    Args:
+        lights: whether the shader pack needs lights in the scene; it then lights in linear colours, too.
+        shadows: whether the sun casts shadows.
+    """
 
-    def add(self, scene: sapien.Scene, spec: BoardSpec) -> None:
-        """Put the board's slab (top at z = 0) and the table below into the scene."""
+    def __init__(self, lights: bool, shadows: bool = True) -> None:
+        self._lights, self._shadows = lights, shadows
+        self._surface: tuple[Any, Any] = (None, None)
+
+    def add(self, scene: sapien.Scene, spec: BoardSpec, models: list[ObjectModel]) -> None:
+        """Put the board's slab (top at z = 0), the table below and the lights into the scene."""
+        if self._lights:
+            reach = 1.5 * max(spec.size)
+            scene.set_ambient_light(AMBIENT)
+            scene.add_directional_light(
+                SUN_DIRECTION, SUN, shadow=self._shadows, shadow_scale=reach, shadow_near=-reach, shadow_far=reach
+            )
         half = np.array(spec.size) / 2
-        table = sapien.render.RenderMaterial(base_color=TABLE_COLOR, roughness=1.0)
-        level = -BOARD_THICKNESS
-        _add_mesh(scene, "table", *_frustum(np.full(2, TABLE_HALF), np.full(2, TABLE_HALF), level, level - 0.01), table)
+        table_color = [channel**2.2 if self._lights else channel for channel in TABLE_COLOR]
+        table = sapien.render.RenderMaterial(base_color=table_color, roughness=1.0)
+        _add_mesh(scene, "table", *_frame(half, TABLE_HALF, -BOARD_THICKNESS), table)
         mesh = _frustum(half - BEVEL, half, 0.0, -BEVEL, skirt=-BOARD_THICKNESS)
-        _add_mesh(scene, "board", *mesh, self._material(spec))
+        _add_mesh(scene, "board", *mesh, self._material(spec, models))
 
-    def _material(self, spec: BoardSpec) -> Any:
-        key = (spec.texture, spec.color)
-        if key not in self._materials:
-            pixels = painted(*key)
-            opaque = np.concatenate([pixels, np.full_like(pixels[..., :1], 255)], axis=-1)
+    def _material(self, spec: BoardSpec, models: list[ObjectModel]) -> Any:
+        key = (spec.texture, spec.color, spec.objects)
+        if self._surface[0] != key:
+            pixels = painted(spec.texture, spec.color) * contact_shadow(spec, models)[..., None]
+            opaque = np.concatenate([pixels, np.full_like(pixels[..., :1], 255)], axis=-1).astype(np.uint8)
             material = sapien.render.RenderMaterial(base_color=(1, 1, 1, 1), roughness=1.0, metallic=0.0)
-            material.base_color_texture = sapien.render.RenderTexture2D(opaque, "R8G8B8A8Unorm", srgb=False)
-            self._materials[key] = material
-        return self._materials[key]
+            material.base_color_texture = sapien.render.RenderTexture2D(opaque, "R8G8B8A8Unorm", srgb=self._lights)
+            self._surface = (key, material)
+        return self._surface[1]
 
 
 def _frustum(
@@ -60,6 +75,16 @@ def _frustum(
     normals = np.repeat([np.cross(f[1] - f[0], f[2] - f[0]) for f in faces], 4, axis=0)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
     return vertices, triangles, normals, vertices[:, :2] / (2 * bottom.max()) + 0.5
+
+
+def _frame(inner: np.ndarray, outer: float, z: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A level ring around the board: what lies under the board would be shaded for nothing. Returns as `_frustum`."""
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+    near, far = signs * inner, signs * outer
+    corners = np.concatenate([np.stack([far[i], far[(i + 1) % 4], near[(i + 1) % 4], near[i]]) for i in range(4)])
+    vertices = np.concatenate([corners, np.full((16, 1), z)], axis=1)
+    triangles = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(4)])
+    return vertices, triangles, np.tile([0.0, 0.0, 1.0], (16, 1)), corners / (2 * outer) + 0.5
 
 
 def _add_mesh(

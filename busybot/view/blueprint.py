@@ -1,20 +1,22 @@
 """Rerun, where everything is: what the camera sees, what follows from it, the board in 3-D; below, how it came."""
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import rerun.blueprint as rrb
 
 from busybot.episodes.episode import Episode
-from busybot.episodes.geometry import project
 from busybot.reason.result import InferredGraph
 from busybot.view.rerun_graph import graph_positions
+from busybot.view.rerun_series import relation_states
+from busybot.view.scene import board_bounds
 
 BACKGROUND = (13, 16, 17)
 MARGIN = 14.0
-"""Around the board in the camera's view, pixels."""
-GRAPH_MARGIN = 30.0
+"""Around the board in the camera's view, drawing units."""
+GRAPH_MARGIN = 44.0
 """Around the outermost nodes, graph units."""
+COLUMNS = [1, 0.95, 1.12]
 LEGEND_SHARE = 0.38
 """Of a plot's width, kept free for its legend."""
 
@@ -22,9 +24,11 @@ LEGEND_SHARE = 0.38
 def blueprint(episode: Episode, inferred: list[InferredGraph], menus: bool = True) -> rrb.Blueprint:
     """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
     names = [graph.name for graph in inferred]
-    upper = rrb.Horizontal(camera_views(episode), graph_views(episode, names), board_view())
-    lower = rrb.Horizontal(signal_views(episode), belief_views(episode, names), state_views())
-    panel = "collapsed" if menus else "hidden"
+    upper = rrb.Horizontal(camera_views(episode), graph_views(episode, names), board_view(), column_shares=COLUMNS)
+    beliefs = [belief_views(episode, names)] if names else []
+    parts = [signal_views(episode), *beliefs, account_views(episode)]
+    lower = rrb.Horizontal(*parts, column_shares=COLUMNS if names else [1, 1])
+    panel: Literal["collapsed", "hidden"] = "collapsed" if menus else "hidden"
     return rrb.Blueprint(
         rrb.Vertical(upper, lower, row_shares=[1.75, 1]),
         rrb.TopPanel(state=panel),
@@ -38,20 +42,18 @@ def blueprint(episode: Episode, inferred: list[InferredGraph], menus: bool = Tru
 
 def camera_views(episode: Episode) -> Any:
     """The image, closely around the board, and depth behind it."""
+    bounds = _bounds(*board_bounds(episode, MARGIN))
     camera = rrb.Spatial2DView(
-        origin="camera", name="Camera: boxes, action, change", visual_bounds=board_bounds(episode), background=BACKGROUND
+        origin="camera",
+        name="Camera: boxes, action, change",
+        visual_bounds=bounds,
+        background=BACKGROUND,
     )
-    depth = rrb.Spatial2DView(origin="depth", name="Depth", visual_bounds=board_bounds(episode), background=BACKGROUND)
+    depth = rrb.Spatial2DView(origin="depth", name="Depth", visual_bounds=bounds, background=BACKGROUND)
     return rrb.Tabs(camera, depth)
 
 
-def board_bounds(episode: Episode) -> rrb.VisualBounds2D:
-    """Pixels that the board takes in the image."""
-    camera, size = episode.camera, np.array(episode.board.size) / 2
-    corners = np.array([[x, y, 0] for x in (-size[0], size[0]) for y in (-size[1], size[1])])
-    pixels = project(corners, camera)[0]
-    low = np.maximum(pixels.min(0) - MARGIN, 0)
-    high = np.minimum(pixels.max(0) + MARGIN, [camera.width, camera.height])
+def _bounds(low: np.ndarray, high: np.ndarray) -> rrb.VisualBounds2D:
     return rrb.VisualBounds2D(x_range=[low[0], high[0]], y_range=[low[1], high[1]])
 
 
@@ -67,16 +69,18 @@ def graph_bounds(episode: Episode) -> rrb.VisualBounds2D:
     """All nodes with their labels; square, as the graph keeps its aspect."""
     places = graph_positions(episode)
     middle, half = (places.min(0) + places.max(0)) / 2, np.max(places.max(0) - places.min(0)) / 2 + GRAPH_MARGIN
-    return rrb.VisualBounds2D(
-        x_range=[middle[0] - half, middle[0] + half], y_range=[middle[1] - half, middle[1] + half]
-    )
+    return _bounds(middle - half, middle + half)
 
 
 def board_view() -> Any:
     """The board from the front and above."""
-    eye = rrb.EyeControls3D(position=(0.0, -3.3, 3.9), look_target=(0.0, -0.15, 0.1), eye_up=(0.0, 0.0, 1.0))
+    eye = rrb.EyeControls3D(position=(0.0, -3.45, 4.15), look_target=(0.0, -0.1, 0.15), eye_up=(0.0, 0.0, 1.0))
     return rrb.Spatial3DView(
-        origin="world", name="Board: true relations violet, inferred green, wrong red", eye_controls=eye, background=BACKGROUND, line_grid=False
+        origin="world",
+        name="Board: true relations violet, inferred green, wrong red",
+        eye_controls=eye,
+        background=BACKGROUND,
+        line_grid=False,
     )
 
 
@@ -85,14 +89,17 @@ def signal_views(episode: Episode) -> Any:
     highest = max([step.changed_pixels for step in episode.steps], default=0)
     axis = rrb.ScalarAxis(range=(0.0, max(1.1 * highest, 100.0)))
     signals = rrb.TimeSeriesView(
-        origin="signals", name="Changed pixels per step (line: threshold, dots: reward)", axis_y=axis, plot_legend=rrb.PlotLegend(visible=False)
+        origin="signals",
+        name="Changed pixels (line: threshold, dots: reward)",
+        axis_y=axis,
+        plot_legend=rrb.PlotLegend(visible=False),
     )
     reward = rrb.TimeSeriesView(origin="reward", name="Reward", axis_y=rrb.ScalarAxis(range=(-0.1, 1.1)))
     return rrb.Tabs(signals, reward)
 
 
 def belief_views(episode: Episode, names: list[str]) -> Any:
-    """Probabilities of the edges worth a curve, and of all pairs as a heat map."""
+    """Probabilities of the edges worth a curve, and of all pairs as a heat map, for each reasoner."""
     last = round(len(episode.steps) * (1 + LEGEND_SHARE))
     start, end = rrb.TimeRangeBoundary.absolute(seq=0), rrb.TimeRangeBoundary.absolute(seq=max(last, 1))
     views: list[Any] = []
@@ -106,18 +113,16 @@ def belief_views(episode: Episode, names: list[str]) -> Any:
         )
         heat = rrb.TensorView(
             origin=f"inference/{name}/probabilities",
-            name="As a matrix",
+            name="Matrix",
             scalar_mapping=rrb.TensorScalarMapping(colormap="inferno", mag_filter="nearest"),
             view_fit="fill",
         )
         views += [curves, heat]
-    return rrb.Tabs(*views, _words())
+    return rrb.Tabs(*views)
 
 
-def _words() -> Any:
-    return rrb.TextLogView(origin="log", name="Steps in words")
-
-
-def state_views() -> Any:
-    """The simulator's discrete states; no learner sees them."""
-    return rrb.StateTimelineView(origin="states", name="States (privileged: no learner sees them)")
+def account_views(episode: Episode) -> Any:
+    """The simulator's discrete states, which no learner sees, and the steps in words."""
+    states = rrb.StateTimelineView(origin="states", name="States (privileged: no learner sees them)")
+    words = rrb.TextLogView(origin="log", name="In words")
+    return rrb.Tabs(*([states] if relation_states(episode, 0) else []), words)

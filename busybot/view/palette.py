@@ -38,6 +38,11 @@ def mix(color: Rgb, other: Rgb, share: float) -> Rgb:
     return red, green, blue
 
 
+def text_on_dark(color: Rgb) -> Rgb:
+    """Nearly white with a tinge of the colour: text on the viewer's translucent grey."""
+    return mix(color, PAPER, 0.78)
+
+
 def unit(color: Rgb) -> tuple[float, float, float]:
     """The colour as matplotlib wants it, 0..1."""
     return color[0] / 255, color[1] / 255, color[2] / 255

@@ -10,9 +10,8 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
-
-import rerun_cli
 
 from busybot.errors import BusybotError
 
@@ -32,10 +31,12 @@ if os.getppid() == parent:
 
 def viewer_binary() -> Path:
     """Rerun's program itself: the console script would put a process between it and us."""
-    binary = Path(rerun_cli.__file__).with_name("rerun")
-    if not binary.is_file():
-        raise BusybotError(f"{binary}: Rerun's viewer is not there", "pip install --force-reinstall rerun-sdk")
-    return binary
+    package = find_spec("rerun_cli")
+    folder = Path(package.origin).parent if package and package.origin else Path()
+    for candidate in (folder / "Rerun.app" / "Contents" / "MacOS" / "Rerun", folder / "rerun"):
+        if package and candidate.is_file():
+            return candidate
+    raise BusybotError(f"{folder / 'rerun'}: Rerun's viewer is not there", "pip install --force-reinstall rerun-sdk")
 
 
 def free_port() -> int:

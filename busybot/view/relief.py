@@ -1,4 +1,4 @@
-"""The board as a solid thing, from one depth image: a clean board face and a relief of every object. No drawing here."""
+"""The board as a solid thing, from one depth image: a clean face and a relief of every object. No drawing here."""
 
 from dataclasses import dataclass
 

@@ -6,15 +6,17 @@ import rerun as rr
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Episode
 from busybot.episodes.geometry import Rays
-from busybot.view.palette import ACTION, ROLES, TRUTH, VERDICTS, Rgb, mix
+from busybot.view.palette import ACTION, ROLES, TRUTH, VERDICTS, Rgb, mix, text_on_dark
 from busybot.view.relief import board_face, object_pixels, object_relief
 from busybot.view.scene import Edge, centres, object_names
 
 SLAB = 0.08
 """Thickness of the drawn board, board units."""
 ARC_POINTS = 24
-LABEL_LIFT = 0.14
+LABEL_LIFT = 0.24
 """Of a name above its object, board units."""
+INFERRED_LIFT = 0.1
+"""Of inferred arcs above the true ones, board units."""
 HEAD = 0.18
 """Length of an arc's arrow head, board units."""
 
@@ -84,9 +86,12 @@ class BoardLogger:
             self.tops[index, 2] = high[2]
         color = ROLES[self.episode.board.objects[index].role]
         center, size = (low + high) / 2, high - low
-        box = rr.Boxes3D(centers=[center], sizes=[size], colors=[color], radii=0.007, fill_mode="majorwireframe")
+        box = rr.Boxes3D(
+            centers=[center], sizes=[size], colors=[color], radii=rr.Radius.ui_points(1.0), fill_mode="majorwireframe"
+        )
         self.recording.log(["world", "boxes", name], box)
-        label = rr.Points3D([[center[0], center[1], high[2] + LABEL_LIFT]], labels=[name], colors=[color], radii=0.01)
+        above = [center[0], center[1], high[2] + LABEL_LIFT]
+        label = rr.Points3D([above], labels=[name], colors=[text_on_dark(color)], radii=0.0, show_labels=True)
         self.recording.log(["world", "names", name], label)
 
     def _log_action(self, step: int) -> None:
@@ -97,13 +102,21 @@ class BoardLogger:
 
     def log_true_relations(self, edges: list[Edge]) -> None:
         """The board's own relations, thin, for the whole episode."""
-        log_arcs(self.recording, ["world", "relations", "true"], self._ends(edges), [TRUTH] * len(edges), 0.012, static=True)
+        log_arcs(
+            self.recording,
+            ["world", "relations", "true"],
+            self._ends(edges),
+            [TRUTH] * len(edges),
+            0.012,
+            0.0,
+            static=True,
+        )
 
     def log_inferred_relations(self, name: str, edges: list[Edge]) -> None:
         """Claimed relations by verdict, paler the less probable."""
         claimed = [edge for edge in edges if edge.verdict != "missed"]
         colors = [mix(VERDICTS[e.verdict], (235, 235, 235), 0.7 * (1 - e.probability)) for e in claimed]
-        log_arcs(self.recording, ["world", "relations", name], self._ends(claimed), colors, 0.026)
+        log_arcs(self.recording, ["world", "relations", name], self._ends(claimed), colors, 0.026, INFERRED_LIFT)
 
     def _ends(self, edges: list[Edge]) -> list[tuple[np.ndarray, np.ndarray]]:
         return [(self.tops[edge.cause], self.tops[edge.effect]) for edge in edges]
@@ -115,10 +128,11 @@ def log_arcs(
     ends: list[tuple[np.ndarray, np.ndarray]],
     colors: list[Rgb],
     radius: float,
+    lift: float,
     static: bool = False,
 ) -> None:
     """Arrows that rise from the board and come down again, one per pair of ends."""
-    curves = [arc(start, end) for start, end in ends]
+    curves = [arc(start, end, lift) for start, end in ends]
     shafts = rr.LineStrips3D([c[:-1] for c in curves], colors=colors, radii=radius)
     recording.log([*path, "arcs"], shafts, static=static)
     tips = np.array([c[-1] - c[-2] for c in curves]).reshape(-1, 3)
@@ -129,10 +143,10 @@ def log_arcs(
     recording.log([*path, "heads"], heads, static=static)
 
 
-def arc(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """A parabola from start to end, (ARC_POINTS + 1, 3), higher the farther they are apart."""
+def arc(start: np.ndarray, end: np.ndarray, lift: float = 0.0) -> np.ndarray:
+    """A parabola from start to end, (ARC_POINTS + 1, 3), higher by `lift` and the farther they are apart."""
     share = np.linspace(0, 1, ARC_POINTS + 1)[:, None]
-    height = 0.35 + 0.25 * float(np.linalg.norm(end - start))
+    height = 0.35 + lift + 0.25 * float(np.linalg.norm(end - start))
     points = start + share * (end - start)
     points[:, 2] += (4 * height * share * (1 - share))[:, 0]
     return points

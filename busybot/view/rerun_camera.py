@@ -8,10 +8,10 @@ from busybot.episodes.codec import DepthScale, encode_plain, encode_rgb
 from busybot.episodes.episode import Episode, Image
 from busybot.episodes.geometry import project
 from busybot.episodes.images import EncodedImage, LazyImages
-from busybot.view.palette import ACTION, ROLES
-from busybot.view.scene import changed_objects, object_names, visible
+from busybot.view.palette import ACTION, ROLES, text_on_dark
+from busybot.view.scene import changed_objects, drawing_scale, object_names, visible
 
-ARROW_LENGTH = 0.45
+ARROW_LENGTH = 0.6
 """Of the direction arrow, board units."""
 
 
@@ -56,23 +56,27 @@ def log_depth(recording: rr.RecordingStream, episode: Episode, frame: int) -> No
 
 
 def log_boxes(recording: rr.RecordingStream, episode: Episode, image: Image) -> None:
-    """Boxes of the visible objects, named."""
+    """Boxes of the visible objects in the roles' colours, and their names below."""
     names, seen = object_names(episode.board), visible(image)
     boxes = image.boxes[seen].astype(float)
     colors = [ROLES[episode.board.objects[i].role] for i in seen]
-    labels = [names[i] for i in seen]
-    recording.log(
-        "camera/objects",
-        rr.Boxes2D(mins=boxes[:, :2], sizes=boxes[:, 2:] - boxes[:, :2], colors=colors, labels=labels, radii=1.0),
+    outlines = rr.Boxes2D(
+        mins=boxes[:, :2], sizes=boxes[:, 2:] - boxes[:, :2], colors=colors, radii=1 / drawing_scale(episode)
     )
+    recording.log("camera/objects", outlines)
+    below = np.stack([boxes[:, [0, 2]].mean(1), boxes[:, 3]], axis=1)
+    tinted = [text_on_dark(color) for color in colors]
+    labels = rr.Points2D(below, labels=[names[i] for i in seen], colors=tinted, radii=0.0, show_labels=True)
+    recording.log("camera/names", labels)
 
 
 def log_changes(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
     """A second, wider box around every object that looks different after the step."""
     image = episode.image(step + 1)
     boxes = image.boxes[changed_objects(episode, step)].astype(float).reshape(-1, 4)
-    mins, sizes = boxes[:, :2] - 4, boxes[:, 2:] - boxes[:, :2] + 8
-    recording.log("camera/changed", rr.Boxes2D(mins=mins, sizes=sizes, colors=ACTION, radii=1.6, draw_order=20))
+    pixel = 1 / drawing_scale(episode)
+    mins, sizes = boxes[:, :2] - 4 * pixel, boxes[:, 2:] - boxes[:, :2] + 8 * pixel
+    recording.log("camera/changed", rr.Boxes2D(mins=mins, sizes=sizes, colors=ACTION, radii=1.6 * pixel, draw_order=20))
 
 
 def log_action(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
@@ -81,7 +85,7 @@ def log_action(recording: rr.RecordingStream, episode: Episode, step: int) -> No
     position = np.array(done.position)
     tip = position + ARROW_LENGTH * DIRECTIONS[done.direction]
     ends, _ = project(np.stack([position, tip]), episode.camera)
-    pixel = np.array(done.pixel, float) + 0.5
-    recording.log("camera/action/pixel", rr.Points2D([pixel], colors=ACTION, radii=4.5, draw_order=40))
-    arrow = rr.Arrows2D(origins=[pixel], vectors=[ends[1] - ends[0]], colors=ACTION, radii=1.6, draw_order=30)
+    start, size = np.array(done.pixel, float) + 0.5, 1 / drawing_scale(episode)
+    recording.log("camera/action/pixel", rr.Points2D([start], colors=ACTION, radii=4.5 * size, draw_order=40))
+    arrow = rr.Arrows2D(origins=[start], vectors=[ends[1] - ends[0]], colors=ACTION, radii=1.6 * size, draw_order=30)
     recording.log("camera/action/direction", arrow)

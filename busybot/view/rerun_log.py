@@ -4,6 +4,7 @@ Timelines: `step` k shows the board after k actions, with the action that led th
 episode's own clock, one second a step.
 """
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -57,9 +58,15 @@ def save_rrd(path: Path, episode: Episode, inferred: Sequence[InferredGraph] = (
     """Write an episode and its layout as an `.rrd` file for Rerun; without `menus` for a picture."""
     for graph in inferred:
         check_inferred(episode, graph)
-    name = f"{episode.board.split} {episode.board.index}"
-    recording = rr.RecordingStream(APPLICATION, recording_id=name)
-    recording.save(path, default_blueprint=blueprint(episode, list(inferred), menus))
-    log_episode(recording, episode, inferred)
-    recording.flush()
-    recording.disconnect()
+    name = f"{episode.board.split} board {episode.board.index}, {episode.policy}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        recording = rr.RecordingStream(APPLICATION, recording_id=name)
+        recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus))
+        log_episode(recording, episode, inferred)
+        recording.flush()
+        recording.disconnect()
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

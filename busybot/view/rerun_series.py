@@ -7,7 +7,7 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Episode
 from busybot.reason.result import InferredGraph
 from busybot.view.palette import ACTION, CORRECT, MISSED, MUTED, STATES, curve_colors
-from busybot.view.scene import acted_object, changed_objects, delta, object_names
+from busybot.view.scene import acted_object, changed_objects, delta, object_names, visible
 
 REWARDS = {"reward 1": CORRECT, "reward 0": MISSED}
 SHOWN_PROBABILITY = 0.3
@@ -62,37 +62,50 @@ def log_probabilities(recording: rr.RecordingStream, episode: Episode, inferred:
 
 
 def log_states(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
-    """Privileged: discrete states of trigger links and of the responders that ever change."""
-    names = object_names(episode.board)
-    links = [link for link in episode.links if link.trigger]
-    for name, value in _states(episode, frame, names, [f"{names[k.object]} {k.name}" for k in links]).items():
+    """Privileged: the discrete states of every relation's trigger links and of its responder, one below the other."""
+    for name, value in relation_states(episode, frame).items():
         if frame == 0:
-            style = rr.StateConfiguration(values=["0", "1", "2"], labels=["0", "1", "2"], colors=list(STATES))
-            recording.log(["states", name], style, static=True)
-        recording.log(["states", name], rr.StateChange(state=str(value)))
+            values = [str(k) for k in range(len(STATES))]
+            style = rr.StateConfiguration(values=values, labels=values, colors=list(STATES))
+            recording.log(f"states/{name}", style, static=True)
+        recording.log(f"states/{name}", rr.StateChange(state=str(value)))
 
 
-def _states(episode: Episode, frame: int, names: list[str], links: list[str]) -> dict[str, int]:
-    """State by name of what ever changes, at a frame."""
-    rows = []
-    for index in [None, *range(len(episode.steps))]:
-        step = episode.steps[index or 0]
-        when = "before" if index is None else "after"
-        triggers = getattr(step, f"trigger_states_{when}")
-        responders = getattr(step, f"responder_states_{when}")
-        rows.append(dict(zip(links, triggers, strict=False)) | dict(zip(names, responders, strict=False)))
-    varying = [name for name in rows[0] if len({row[name] for row in rows}) > 1]
-    return {name: rows[frame][name] for name in varying}
+def relation_states(episode: Episode, frame: int) -> dict[str, int]:
+    """State by lane at a frame; lanes sort by relation, the cause before the effect. Empty if states are unknown."""
+    if not episode.steps:
+        return {}
+    step = episode.steps[max(frame - 1, 0)]
+    triggers = step.trigger_states_after if frame else step.trigger_states_before
+    responders = step.responder_states_after if frame else step.responder_states_before
+    number = {(k.object, k.name): n for n, k in enumerate(link for link in episode.links if link.trigger)}
+    names = [name.replace(" ", "_") for name in object_names(episode.board)]
+    states = {}
+    for index, relation in enumerate(episode.board.relations):
+        for trigger in relation.triggers:
+            place = number.get((trigger.object, trigger.link), len(triggers))
+            if place < len(triggers):
+                states[f"relation_{index:02d}/cause_{names[trigger.object]}_{trigger.link}"] = triggers[place]
+        if relation.responder < len(responders):
+            states[f"relation_{index:02d}/effect_{names[relation.responder]}"] = responders[relation.responder]
+    return states
 
 
 def log_words(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
     """What an onlooker would say about the step that led to the frame."""
     if frame == 0:
         return
-    step, names = episode.steps[frame - 1], object_names(episode.board)
-    acted = acted_object(episode, frame - 1)
-    along = ", ".join(f"{x:+.1f}" for x in DIRECTIONS[step.direction])
-    target = names[acted] if acted >= 0 else "the board"
-    changed = " and ".join(names[i] for i in changed_objects(episode, frame - 1)) or "nothing"
-    text = f"pull {target} along ({along}): {changed} changed, {step.changed_pixels} pixels, reward {step.reward}"
+    step = episode.steps[frame - 1]
+    text = f"{sentence(episode, frame - 1)}, {step.changed_pixels} pixels changed, reward {step.reward}"
     recording.log("log", rr.TextLog(text, level="INFO", color=CORRECT if step.reward else MISSED))
+
+
+def sentence(episode: Episode, step: int) -> str:
+    """ "pull switch 2 along (+0.0, +1.0, +0.0): lamp 5 changed"; only the action where no boxes are known."""
+    done, names = episode.steps[step], object_names(episode.board)
+    along = ", ".join(f"{x:+.1f}" for x in DIRECTIONS[done.direction])
+    if not len(visible(episode.image(step))):
+        return f"pull at pixel ({done.pixel[0]}, {done.pixel[1]}) along ({along})"
+    acted = acted_object(episode, step)
+    changed = " and ".join(names[i] for i in changed_objects(episode, step)) or "nothing"
+    return f"pull {names[acted] if acted >= 0 else 'the board'} along ({along}): {changed} changed"

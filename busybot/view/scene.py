@@ -17,6 +17,9 @@ CHANGED_PIXELS = 40
 """An object looks different when more of its pixels differ."""
 DEFAULT_DELTA = 500
 
+PICTURE_WIDTH = 640.0
+"""Of the camera's image in drawing units: sizes of marks and labels are given in these, whatever the resolution."""
+
 Verdict = Literal["correct", "wrong", "missed"]
 
 
@@ -37,7 +40,7 @@ class Edge:
 
 
 def object_names(board: BoardSpec) -> list[str]:
-    """"switch 2", "lamp 5": category and index on the board."""
+    """ "switch 2", "lamp 5": category and index on the board."""
     return [f"{placed.category.lower()} {index}" for index, placed in enumerate(board.objects)]
 
 
@@ -47,12 +50,30 @@ def centres(episode: Episode) -> np.ndarray:
     return np.where(np.isfinite(episode.positions), episode.positions, placed)
 
 
+def drawing_scale(episode: Episode) -> float:
+    """Drawing units per pixel."""
+    return PICTURE_WIDTH / episode.camera.width
+
+
+def board_bounds(episode: Episode, margin: float) -> tuple[np.ndarray, np.ndarray]:
+    """Upper left and lower right corner of the board in the image with a margin, (2,) each, pixels.
+
+    Args:
+        margin: drawing units.
+    """
+    camera, half = episode.camera, np.array(episode.board.size) / 2
+    corners = np.array([[x, y, 0] for x in (-half[0], half[0]) for y in (-half[1], half[1])])
+    pixels, border = project(corners, camera)[0], margin / drawing_scale(episode)
+    return np.maximum(pixels.min(0) - border, 0), np.minimum(pixels.max(0) + border, [camera.width, camera.height])
+
+
 def anchors(episode: Episode) -> np.ndarray:
     """Where each object is in the first image: its box's centre, else its projected place, pixels (N, 2)."""
     boxes = episode.image(0).boxes.astype(float)
     middle = np.stack([boxes[:, [0, 2]].mean(1), boxes[:, [1, 3]].mean(1)], axis=1)
     projected, _ = project(centres(episode), episode.camera)
-    return np.where((boxes[:, 2:] > boxes[:, :2]).all(1)[:, None], middle, projected)
+    seen = np.all(boxes[:, 2:] > boxes[:, :2], axis=1, keepdims=True)
+    return np.where(seen, middle, projected)
 
 
 def delta(episode: Episode) -> int:

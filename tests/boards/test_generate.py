@@ -52,7 +52,11 @@ def test_every_trigger_link_controls_one_responder_of_its_own(library: Library) 
             effect = library.get(board.objects[relation.responder].key).effect
             assert effect is not None
             if link.kind == "multi-direction":
-                assert (relation.kind, relation.stage, relation.states) == ("one-to-many-effects", "multi", STEP_OF_STATE)
+                assert (relation.kind, relation.stage, relation.states) == (
+                    "one-to-many-effects",
+                    "multi",
+                    STEP_OF_STATE,
+                )
                 assert effect.multi is not None
             else:
                 siblings = len(trigger.trigger_links)

@@ -106,7 +106,8 @@ def make_real_episode(index: int = 0, steps: int = 4) -> Episode:
         for name in ("trigger_states", "responder_states", "joint_positions")
         for when in ("before", "after")
     }
-    episode.steps = [replace(s, acted_object=-1, acted_link="", success=False, **unknown) for s in episode.steps]
+    unknown |= {"acted_object": -1, "acted_link": "", "success": False, "pixel": (-1, -1)}
+    episode.steps = [replace(step, **unknown) for step in episode.steps]
     return replace(
         episode,
         links=(),

@@ -65,7 +65,9 @@ def test_the_proposed_direction_comes_first_and_a_success_ends_the_action(proced
                     assert step.executed[1] == OPPOSITE[direction]
                 if step.success:
                     assert 0.03 <= step.distance <= 0.21
-            step, after = interact(scene, grasp_at(scene, image, rays, action.pixel), action.direction, InteractionConfig(), image)
+            step, after = interact(
+                scene, grasp_at(scene, image, rays, action.pixel), action.direction, InteractionConfig(), image
+            )
             assert step.success and step.executed == (action.direction,)
             assert after is not None
             image = after
@@ -79,7 +81,7 @@ def test_a_joint_that_did_not_cross_its_detent_snaps_back(procedural_simulator: 
     action = policy.choose(image, np.random.default_rng(1))
     grasp = grasp_at(scene, image, rays, action.pixel)
     before = scene.joint_positions()
-    short = InteractionConfig(increment=0.0005)
+    short = InteractionConfig(increment=1e-5)
     step, after = interact(scene, grasp, action.direction, short, image)
     assert not step.success and after is None
     assert scene.joint_positions() == before
@@ -128,10 +130,10 @@ def test_rewards_have_no_false_positives_and_effects_are_larger_than_delta(real_
 
 @pytest.mark.long
 def test_the_physical_stop_agrees_with_looking_after_every_increment(real_simulator: Simulator) -> None:
-    """200 interactions, with the paper's delta of 1000: a trigger's own motion alone may exceed 500 pixels."""
+    """200 interactions at the default delta. At the original 1000 a track toy's effect (746 pixels) goes unseen."""
     rng = np.random.default_rng(2)
     agree = total = 0
-    looking = InteractionConfig(stop="pixels", delta=1000)
+    looking = InteractionConfig(stop="pixels")
     for scene in scenes(real_simulator, 10, seed=3):
         rays, image = Rays(scene.camera), scene.observe()
         policy = make_policy("scripted", scene, rays, InteractionConfig())
@@ -143,7 +145,7 @@ def test_the_physical_stop_agrees_with_looking_after_every_increment(real_simula
             saved = scene.save()
             pixels, _ = interact(scene, grasp, direction, looking, image)
             scene.restore(saved)
-            physics, after = interact(scene, grasp, direction, InteractionConfig(delta=1000), image)
+            physics, after = interact(scene, grasp, direction, InteractionConfig(), image)
             total += 1
             agree += (pixels.executed, pixels.distance, pixels.trigger_states_after) == (
                 physics.executed,
@@ -152,8 +154,7 @@ def test_the_physical_stop_agrees_with_looking_after_every_increment(real_simula
             )
             image = after or image
     assert total == 200
-    print("agreement", agree)
-    assert agree >= 190, agree
+    assert agree >= 199
 
 
 def test_grasp_of_a_trigger_link_names_its_joint(procedural_simulator: Simulator) -> None:

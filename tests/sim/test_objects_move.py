@@ -4,13 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from tests.sim.conftest import lone
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.episodes.geometry import Rays
 from busybot.objects.model import ObjectModel, TriggerLink
 from busybot.sim.interaction import InteractionConfig, changed_pixels, permitted, pull
 from busybot.sim.scene import BoardScene, Simulator
+from tests.sim.conftest import lone
 
 FREE, STRICT = InteractionConfig(), InteractionConfig(strict=True)
 POINTS = 8

@@ -102,7 +102,6 @@ def test_other_shader_packs_see_the_same_geometry(
     assert ours.depth is not None and theirs.depth is not None
     assert np.abs(ours.depth - theirs.depth)[same & (ours.depth > 0)].max() < 0.05
     assert theirs.rgb.mean() > 40
-    Simulator(procedural_simulator.library, RenderConfig())  # back to our pack for the tests that follow
 
 
 def test_without_a_renderer_the_physics_is_the_same(procedural_simulator: Simulator, board: BoardSpec) -> None:

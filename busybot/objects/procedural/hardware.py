@@ -18,6 +18,7 @@ from busybot.objects.procedural.solids import (
     frame,
     inset,
     lathe,
+    loft,
     matching_circle,
     prism,
     rectangle,
@@ -30,9 +31,11 @@ from busybot.objects.procedural.solids import (
 PLATE_THICKNESS = 0.03
 
 
-def screw(x: float, y: float, z: float, turn: float, material: Material = palette.STEEL, radius: float = 0.012) -> list[Part]:
+def screw(
+    x: float, y: float, z: float, turn: float, material: Material = palette.STEEL, radius: float = 0.012
+) -> list[Part]:
     """A slotted screw head with its foot at (x, y, z)."""
-    head = lathe([(radius, 0), (radius, 0.003), (0.75 * radius, 0.006), (0.35 * radius, 0.0072), (0, 0.0074)], 14)
+    head = lathe([(radius, 0), (radius, 0.003), (0.7 * radius, 0.0065), (0, 0.0072)], 12)
     slot = box(1.5 * radius, 0.22 * radius, 0.0015).moved(z=0.0068).turned("z", turn)
     return [Part(head.moved(x, y, z), material), Part(slot.moved(x, y, z), palette.SHADOW)]
 
@@ -61,7 +64,9 @@ def plate(
     return parts
 
 
-def bezel(width: float, height: float, rim: float, rise: float, material: Material, radius: float = 0.016) -> list[Part]:
+def bezel(
+    width: float, height: float, rim: float, rise: float, material: Material, radius: float = 0.016
+) -> list[Part]:
     """A raised frame around a dark well; outer size is width x height."""
     outer = rectangle(width, height, radius)
     inner = rectangle(width - 2 * rim, height - 2 * rim, max(radius - rim, 0.004))
@@ -94,8 +99,6 @@ def rocker_body(width: float, length: float, ends: float, middle: float, depth: 
 
 def _fan_from_below(rings: Sequence[np.ndarray], depth: float) -> Solid:
     """Loft whose end fans start low, where they see every point of a dipping top."""
-    from busybot.objects.procedural.solids import loft
-
     tips = tuple(np.array([0.0, -0.8 * depth, rings[end][0, 2]]) for end in (0, -1))
     return loft(rings, (tips[0], tips[1]))
 
@@ -121,17 +124,19 @@ def hex_collar(radius: float, metal: Material) -> list[Part]:
     """Washer, hexagonal nut and threaded neck of a toggle switch; the neck ends at z = 0.6 radius."""
     washer = lathe([(1.25 * radius, 0), (1.25 * radius, 0.008), (1.18 * radius, 0.012)], 28)
     nut = prism(circle(radius, 6, 0.2), 0.008, 0.40 * radius, bevel=0.006)
-    rows = np.linspace(0.3 * radius, 0.6 * radius, 5)
+    rows = np.linspace(0.3 * radius, 0.6 * radius, 4)
     profile = [(0.62 * radius - 0.004 * (k % 2), float(z)) for k, z in enumerate(rows)]
-    return [Part(washer, metal), Part(nut, metal), Part(lathe([*profile, (0.45 * radius, 0.62 * radius)], 24), metal)]
+    return [Part(washer, metal), Part(nut, metal), Part(lathe([*profile, (0.45 * radius, 0.62 * radius)], 16), metal)]
 
 
 def bat(length: float, radius: float, metal: Material, tip: Material) -> list[Part]:
     """A tapered toggle lever along z with a plastic tip; its foot is at the origin."""
-    stem = lathe([(0.45 * radius, -0.02), (0.5 * radius, 0), (0.8 * radius, 0.55 * length), (0.8 * radius, 0.6 * length)], 16)
+    stem = lathe(
+        [(0.45 * radius, -0.02), (0.5 * radius, 0), (0.8 * radius, 0.55 * length), (0.8 * radius, 0.6 * length)], 16
+    )
     profile = [(0.86 * radius, 0.5 * length), (radius, 0.58 * length), (1.08 * radius, 0.78 * length)]
     profile += [(0.98 * radius, 0.91 * length), (0.6 * radius, 0.985 * length), (0.0, length)]
-    return [Part(stem, metal), Part(lathe(smooth(profile, 3), 20), tip)]
+    return [Part(stem, metal), Part(lathe(smooth(profile, 2), 18), tip)]
 
 
 def dish_cap(radius: float, height: float, skirt: float = 0.03) -> Solid:
@@ -141,12 +146,12 @@ def dish_cap(radius: float, height: float, skirt: float = 0.03) -> Solid:
     return lathe([(radius, -skirt), *top, *dish], 32)
 
 
-def dome(radius: float, height: float, skirt: float = 0.03) -> Solid:
+def dome(radius: float, height: float, skirt: float = 0.03, points: int = 32) -> Solid:
     """A mushroom top, widest at z = 0."""
-    angles = np.linspace(0, np.pi / 2, 7)
+    angles = np.linspace(0, np.pi / 2, 3 + points // 8)
     profile = [(radius * float(np.cos(a)), height * float(np.sin(a))) for a in angles]
     profile[-1] = (0.0, height)
-    return lathe([(0.55 * radius, -skirt), (0.62 * radius, -0.012), (0.95 * radius, -0.010), *profile], 32)
+    return lathe([(0.55 * radius, -skirt), (0.62 * radius, -0.012), (0.95 * radius, -0.010), *profile], points)
 
 
 def knob(radius: float, height: float, material: Material, metal: Material, teeth: int = 20) -> list[Part]:
@@ -173,7 +178,9 @@ def ridged_cap(length: float, width: float, height: float, material: Material, r
     return parts
 
 
-def round_hole_plate(width: float, height: float, hole: float, thickness: float, material: Material, radius: float) -> Part:
+def round_hole_plate(
+    width: float, height: float, hole: float, thickness: float, material: Material, radius: float
+) -> Part:
     """A plate with a round hole in the middle."""
     outline = rectangle(width, height, radius, corner=8)
     return Part(frame(outline, matching_circle(outline, hole), 0, thickness, bevel=0.008), material)

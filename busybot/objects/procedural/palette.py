@@ -54,11 +54,17 @@ def pick(rng: np.random.Generator, materials: Sequence[Material], *, unlike: Mat
     return (allowed or list(materials))[int(rng.integers(len(allowed or materials)))]
 
 
+def in_turn(materials: Sequence[Material], variant: int) -> Material:
+    """The materials one after the other, so that variants of a family differ."""
+    return materials[variant % len(materials)]
+
+
 def _contrast(first: Material, second: Material) -> float:
     return float(np.abs(np.subtract(first.color, second.color)).max())
 
 
-def light_colors(rng: np.random.Generator) -> tuple[Vector, Vector, Vector]:
-    """Three different saturated colours: the single-stage on state and the steps 1 and 2."""
-    first, second, third = rng.permutation(len(LIGHTS))[:3]
+def light_colors(hue: int, rng: np.random.Generator) -> tuple[Vector, Vector, Vector]:
+    """Three different saturated colours: the single-stage on state, counted by `hue`, and the steps 1 and 2."""
+    first = hue % len(LIGHTS)
+    second, third = rng.permutation([k for k in range(len(LIGHTS)) if k != first])[:2]
     return LIGHTS[first], LIGHTS[second], LIGHTS[third]

@@ -13,7 +13,7 @@ from busybot.objects.procedural.design import (
     slide_directions,
 )
 from busybot.objects.procedural.hardware import PLATE_THICKNESS as TOP
-from busybot.objects.procedural.palette import pick
+from busybot.objects.procedural.palette import in_turn, pick
 from busybot.objects.procedural.solids import box, lathe, prism, rectangle, torus
 from busybot.objects.procedural.switches import button_link, rocker_link, toggle_link
 
@@ -21,7 +21,7 @@ from busybot.objects.procedural.switches import button_link, rocker_link, toggle
 def rockers(variant: int, rng: np.random.Generator) -> Design:
     """2, 3 or 4 rockers in frames on one plate; they tilt along x and stand above each other."""
     count = (2, 3, 4, 2)[variant % 4]
-    cover, keys = pick(rng, palette.PLATES), []
+    cover, keys = in_turn((palette.WHITE, palette.GRAPHITE, palette.STEEL), variant), []
     places = {2: [(0, 0.075), (0, -0.075)], 3: [(0, 0.12), (0, 0.0), (0, -0.12)]}.get(
         count, [(-0.11, 0.075), (0.11, 0.075), (-0.11, -0.075), (0.11, -0.075)]
     )
@@ -39,13 +39,15 @@ def rockers(variant: int, rng: np.random.Generator) -> Design:
 def toggles(variant: int, rng: np.random.Generator) -> Design:
     """2 or 3 bat levers with indicator jewels."""
     count = (2, 3)[variant % 2]
-    cover = pick(rng, (palette.STEEL, palette.BLACK, palette.IVORY, palette.NAVY))
+    cover = in_turn((palette.IVORY, palette.NAVY), variant)
     body = hardware.plate(0.30, 0.15 * count + 0.06, cover, rng, "corners")
     links = []
     for k in range(count):
         y = 0.145 * (k - (count - 1) / 2)
         body += shifted(hardware.hex_collar(0.056, palette.CHROME), (0.0, y, TOP - 0.002))
-        body += shifted(hardware.indicator(0.012, pick(rng, palette.ACCENTS, unlike=cover), palette.BRASS), (-0.115, y, TOP))
+        body += shifted(
+            hardware.indicator(0.012, pick(rng, palette.ACCENTS, unlike=cover), palette.BRASS), (-0.115, y, TOP)
+        )
         links.append(toggle_link(0.0, y, TOP + 0.025, 0.15, 0.030, 0.46, rng))
     return Design("Switch", SWITCH_SCALE, body, links, directions=hinge_directions("x"))
 
@@ -58,7 +60,10 @@ def buttons(variant: int, rng: np.random.Generator) -> Design:
     for k, x in enumerate((-0.14, 0.0, 0.14)):
         cap = palette.ACCENTS[(2 * k + int(rng.integers(8))) % 8]
         body += shifted(hardware.round_bezel(0.064, 0.048, 0.022, palette.CHROME), (x, 0, TOP - 0.001))
-        parts = [Part(hardware.dish_cap(0.046, 0.0), cap), Part(torus(0.026, 0.003, 22, 6).moved(z=-0.003), palette.WHITE)]
+        parts = [
+            Part(hardware.dish_cap(0.046, 0.0), cap),
+            Part(torus(0.026, 0.003, 22, 6).moved(z=-0.003), palette.WHITE),
+        ]
         links.append(button_link(parts, x, 0, TOP + 0.048, 0.028))
     return Design("Switch", SWITCH_SCALE, body, links, directions=hinge_directions("x"))
 
@@ -67,8 +72,8 @@ def dip(variant: int, rng: np.random.Generator) -> Design:
     """Novel: a DIP switch, white sliders side by side in a red or blue block; they move along y."""
     count = (2, 3, 4)[variant % 3]
     block = (palette.RED, palette.NAVY, palette.TEAL)[variant % 3]
-    pitch = 0.105
-    width, height = pitch * count + 0.07, 0.28
+    pitch = 0.115
+    width, height = pitch * count + 0.07, 0.30
     body = [Part(prism(rectangle(width, height, 0.012), 0, 0.09, bevel=0.01, steps=2), block)]
     for k in range(6):
         x = (k - 2.5) * width / 6
@@ -78,12 +83,12 @@ def dip(variant: int, rng: np.random.Generator) -> Design:
     links = []
     for k in range(count):
         x = pitch * (k - (count - 1) / 2)
-        body += shifted(hardware.bezel(0.078, 0.19, 0.008, 0.006, palette.WHITE, 0.008), (x, -0.01, 0.089))
-        grip = [Part(box(0.052, 0.062, 0.035, 0.008), palette.WHITE)]
-        grip += [Part(box(0.046, 0.008, 0.004, 0.001).moved(0, y, 0.034), palette.STONE) for y in (-0.012, 0.0, 0.012)]
+        body += shifted(hardware.bezel(0.092, 0.21, 0.008, 0.006, palette.WHITE, 0.008), (x, -0.01, 0.089))
+        grip = [Part(box(0.068, 0.085, 0.035, 0.008), palette.WHITE)]
+        grip += [Part(box(0.058, 0.008, 0.004, 0.001).moved(0, y, 0.034), palette.STONE) for y in (-0.018, 0.0, 0.018)]
         where = (x, -0.01, 0.092)
         links.append(MovingLink(shifted(grip, where), "prismatic", where, (0, 1, 0), -0.05, 0.05, "small", "slider"))
-        mark = hardware.mark_bar(0.022).moved(x, 0.112, 0.0895)
+        mark = hardware.mark_bar(0.022).moved(x, 0.119, 0.0895)
         body.append(mark)
     return Design("Switch", SWITCH_SCALE, body, links, directions=slide_directions("y"))
 
@@ -109,5 +114,5 @@ def keys(variant: int, rng: np.random.Generator) -> Design:
         parts = [Part(key, color), Part(lip, palette.STONE)]
         where = (x, -0.045, 0.080)
         hinge = (x, 0.08, 0.072)
-        links.append(MovingLink(shifted(parts, where), "revolute", hinge, (1, 0, 0), 0.0, 0.18, "small", "key"))
+        links.append(MovingLink(shifted(parts, where), "revolute", hinge, (1, 0, 0), 0.0, 0.12, "small", "key"))
     return Design("Switch", SWITCH_SCALE, body, links, directions=hinge_directions("y"))

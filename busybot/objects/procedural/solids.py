@@ -1,8 +1,8 @@
 """Surfaces for procedural objects: outlines, lofts between rings, lathes and sweeps, all with rounded edges.
 
-An *outline* is a counter-clockwise polygon in the plane, (n, 2), star-shaped around its mean. A *ring* is a closed curve
-in space, (n, 3). Everything is made of rings with equal numbers of points, joined one after the other, so no boolean
-operations are needed. Lengths are in the designer's units (board units); z points up.
+An *outline* is a counter-clockwise polygon in the plane, (n, 2), star-shaped around its mean. A *ring* is a closed
+curve in space, (n, 3). Everything is made of rings with equal numbers of points, joined one after the other, so no
+boolean operations are needed. Lengths are in the designer's units (board units); z points up.
 """
 
 from collections.abc import Sequence
@@ -59,7 +59,9 @@ def rectangle(width: float, height: float, radius: float = 0.0, corner: int = 4)
     arc = radius * np.stack([np.cos(quarter), np.sin(quarter)], axis=1)
     parts = []
     for k, (sx, sy) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
-        turn = np.array([[np.cos(k * np.pi / 2), np.sin(k * np.pi / 2)], [-np.sin(k * np.pi / 2), np.cos(k * np.pi / 2)]])
+        turn = np.array(
+            [[np.cos(k * np.pi / 2), np.sin(k * np.pi / 2)], [-np.sin(k * np.pi / 2), np.cos(k * np.pi / 2)]]
+        )
         parts.append(arc @ turn + np.array([sx * (width / 2 - radius), sy * (height / 2 - radius)]))
     return np.concatenate(parts)
 
@@ -89,7 +91,7 @@ def ring(outline: np.ndarray, z: float) -> np.ndarray:
 
 
 def loft(rings: Sequence[np.ndarray], tips: tuple[np.ndarray | None, np.ndarray | None] | None = None) -> Solid:
-    """Join rings, counter-clockwise seen from the last one. Ends are closed by fans, to `tips` or else to their means."""
+    """Join rings, counter-clockwise seen from the last one; fans to `tips`, or else to their means, close the ends."""
     count, points = len(rings), len(rings[0])
     tips = tips or (None, None)
     apexes = [rings[end].mean(axis=0) if tip is None else tip for end, tip in zip((0, -1), tips, strict=True)]

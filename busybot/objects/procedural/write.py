@@ -23,7 +23,7 @@ def write_object(design: Design, folder: Path) -> None:
     (folder / "textured_objs").mkdir(parents=True)
     for name, parts, origin in _links(design):
         if parts:
-            local = shifted(parts, -np.asarray(origin))
+            local = shifted(parts, [-value for value in origin])
             _write_mesh(folder / "textured_objs", name, local, 1 / design.scale)
     (folder / "mobility.urdf").write_text(_urdf(design), encoding="utf-8")
     low, high = _box(design)
@@ -73,9 +73,9 @@ def _write_mesh(folder: Path, name: str, parts: Sequence[Part], factor: float) -
     groups = by_material(parts)
     for material, solid in groups:
         unique, index = np.unique(_clean(corner_normals(solid).reshape(-1, 3), 3), axis=0, return_inverse=True)
-        vertices = _clean(solid.vertices * factor, 5)
+        vertices = _clean(solid.vertices * factor, 4)
         lines += [f"o {material.name}", f"usemtl {material.name}"]
-        lines += [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in vertices]
+        lines += [f"v {x:.4f} {y:.4f} {z:.4f}" for x, y, z in vertices]
         lines += [f"vn {x:.3f} {y:.3f} {z:.3f}" for x, y, z in unique]
         corners = zip(solid.faces + vertex_base, index.reshape(-1, 3) + normal_base, strict=True)
         lines += [f"f {v[0]}//{n[0]} {v[1]}//{n[1]} {v[2]}//{n[2]}" for v, n in corners]
@@ -92,7 +92,8 @@ def _clean(values: np.ndarray, digits: int) -> np.ndarray:
 def _material(material: Material) -> str:
     color = " ".join(f"{channel:.4f}" for channel in material.color)
     gloss = f"{0.5 * material.shine:.4f}"
-    return f"newmtl {material.name}\nillum 2\nd 1\nNs {10 + 190 * material.shine:.1f}\nKd {color}\nKs {gloss} {gloss} {gloss}\n"
+    sharpness = f"Ns {10 + 190 * material.shine:.1f}"
+    return f"newmtl {material.name}\nillum 2\nd 1\n{sharpness}\nKd {color}\nKs {gloss} {gloss} {gloss}\n"
 
 
 def _urdf(design: Design) -> str:

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
-from typing import Any
+from typing import Any, TypeVar
 
 from busybot.errors import BusybotError
 
@@ -23,6 +23,9 @@ TASK_SECONDS = 300.0
 """A task that takes longer is killed and tried again."""
 TRIES = 3
 PR_SET_PDEATHSIG = 1
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 
 
 @dataclass
@@ -32,6 +35,11 @@ class _Worker:
     task: int | None = None
     started: float = 0.0
     done: int = 0
+
+
+def default_workers() -> int:
+    """One worker per processor that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_tasks(
@@ -81,6 +89,29 @@ def run_tasks(
     finally:
         for worker in pool:
             _end(worker)
+
+
+def share(function: Callable[[Task], Result], tasks: Iterable[Task], workers: int = 1) -> Iterator[Result]:
+    """Results in the order of the tasks; with one worker they are computed here.
+
+    Args:
+        function: importable by name if workers > 1.
+    """
+    todo = list(tasks)
+    if workers <= 1 or len(todo) < 2:
+        yield from map(function, todo)
+        return
+    results: dict[int, Result] = {}
+    awaited = 0
+    for index, result in run_tasks(range(len(todo)), _apply, (function, todo), workers):
+        results[index] = result
+        while awaited in results:
+            yield results.pop(awaited)
+            awaited += 1
+
+
+def _apply(function: Callable[[Task], Result], todo: list[Task]) -> Callable[[int], Result]:
+    return lambda index: function(todo[index])
 
 
 def _busy(pool: list[_Worker]) -> int:

@@ -1,0 +1,94 @@
+"""`busybot eval`: measure a skill on a dataset."""
+
+import shlex
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from busybot.cli.common import CONTEXT, JsonOption, SeedOption, WorkersOption, episode_progress, print_json, say
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, context_settings=CONTEXT, help="Measure a skill on a dataset."
+)
+
+
+@app.callback()
+def _root() -> None:
+    pass
+
+
+@app.command()
+def reason(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
+    model: Annotated[str, typer.Option(help="Who infers the relations: count.")] = "count",
+    images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
+    out: Annotated[Path | None, typer.Option(help="Write the result as JSON to this file.")] = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of the model.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as change.tolerance=5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Which trigger controls which responder: inferred from pictures, boxes and actions, compared with the truth.
+
+    Shares in JSON lie between 0 and 1, in the table they are percent. Pred-A is null: counting predicts no states.
+    """
+    from busybot.config import build
+    from busybot.episodes.dataset import Dataset
+    from busybot.files import write_json
+    from busybot.reason.count import CountConfig
+    from busybot.reason.evaluate import evaluate_dataset
+
+    parameters = build(CountConfig, config, set_ or [], {})
+    target = Dataset.open(dataset)
+    with episode_progress("inferring") as progress:
+        result = evaluate_dataset(target, model, images, parameters, seed, workers, progress)
+    words = ["busybot", "eval", "reason", str(dataset), "--model", model, "--images", str(images), "--seed", str(seed)]
+    words += [word for setting in set_ or [] for word in ("--set", setting)]
+    words += ["--config", str(config)] if config else []
+    result["command"] = shlex.join(words)
+    if out is not None:
+        write_json(out, result)
+        say(f"wrote {out}")
+    if json:
+        print_json(result)
+    else:
+        _print_tables(result)
+
+
+def _print_tables(result: dict[str, Any]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    origin = result["dataset"]
+    oracle = " (an oracle)" if result["oracle"] else ""
+    table = Table(
+        title=f"{origin['name']} ({origin['split']}): relations of {result['boards']} boards, first "
+        f"{result['images']} images, actions by {result['policy'] or 'nobody'}{oracle}",
+        title_justify="left",
+    )
+    table.add_column("percent", no_wrap=True)
+    for name in ("Edge-P", "Edge-R", "Edge-Acc", "ECE", "Brier"):
+        table.add_column(name, justify="right", no_wrap=True)
+    keys = ("edge_p", "edge_r", "edge_acc", "ece", "brier")
+    edges = ("precision", "recall", "accuracy")
+    table.add_row(result["model"], *(_percent(result[key]) for key in keys), style="bold")
+    table.add_row("  95 % interval", *(_range(result["intervals"][key]) for key in edges))
+    table.add_row("  mean over boards", *(_percent(result["macro"][key]) for key in edges))
+    table.add_row("  effect was visible", "", _percent(result["edge_r_bound"]), end_section=True)
+    for kind, scores in result["by_kind"].items():
+        name = f"  {kind} ({scores['relations']})"
+        table.add_row(name, _percent(scores["edge_p"]), _percent(scores["edge_r"]))
+    table.add_section()
+    for name, scores in result["baselines"].items():
+        table.add_row(name, *(_percent(scores[key]) for key in keys))
+    Console().print(table)
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f}"
+
+
+def _range(interval: tuple[float, float] | None) -> str:
+    return "-" if interval is None else f"{100 * interval[0]:.1f}-{100 * interval[1]:.1f}"

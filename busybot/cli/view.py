@@ -1,0 +1,37 @@
+"""`busybot view EPISODE|DATASET`: an episode in Rerun, as a window, web page, file or picture."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from busybot.cli.common import JsonOption, print_json, say
+
+
+def view(
+    source: Annotated[Path, typer.Argument(metavar="EPISODE|DATASET", help="An episode's .mcap file, or a dataset.")],
+    episode: Annotated[int | None, typer.Option(min=0, help="Number in the dataset; the first by default.")] = None,
+    save: Annotated[Path | None, typer.Option(help="Write a recording for Rerun, F.rrd.")] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(help="Write a picture of the viewer, F.png; needs no screen.")
+    ] = None,
+    step: Annotated[int | None, typer.Option(min=0, help="Step to show, 0 is the start; the last by default.")] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve to browsers on this machine, until Ctrl-C.")] = False,
+    json: JsonOption = False,
+) -> None:
+    """Look at an episode: camera, scene graph, board with relations, signals. Without options a window opens."""
+    from busybot.view.show import Wanted, show
+
+    if step is not None and not screenshot and (save or web):
+        raise typer.BadParameter("it needs --screenshot or the viewer's window", param_hint="--step")
+    show(source, episode, Wanted(save, screenshot, step, web), print_json if json else _tell)
+
+
+def _tell(shown: Any) -> None:
+    for path in filter(None, (shown.save, shown.screenshot)):
+        print(path)
+    if shown.save:
+        say(f"open it with: rerun {shown.save}")
+    if shown.url:
+        print(shown.url, flush=True)
+        say("open this address in a browser on this machine; Ctrl-C ends it")

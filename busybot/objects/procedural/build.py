@@ -1,0 +1,95 @@
+"""Making a library of procedural objects, and keeping the default one in the user's cache.
+
+The cached library lies in a folder named by a hash over the generating code and the seed, so a new version of the code
+never meets the objects of an old one. It is built beside its place and renamed into it: it is there whole or not at
+all, and of two processes that build at once the second one's copy is dropped.
+"""
+
+import hashlib
+import os
+import shutil
+import tempfile
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+from busybot.errors import BusybotError
+from busybot.files import write_json
+from busybot.objects import cache
+from busybot.objects.library import SPLIT_FILE, Library
+from busybot.objects.procedural.families import FAMILIES
+from busybot.objects.procedural.write import write_object
+from busybot.rng import generator
+
+DEFAULT_SEED = 0
+
+
+def make_library(folder: Path, seed: int = DEFAULT_SEED) -> list[str]:
+    """Make all procedural objects in a new or empty folder.
+
+    Returns:
+        The objects' keys.
+
+    Raises:
+        BusybotError: the folder has something in it, or cannot be written.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise BusybotError(f"{folder}: is not an empty folder", "name a new folder, or remove what is in it")
+    keys, splits = [], dict[str, dict[str, list[str]]]()
+    try:
+        for family in FAMILIES:
+            lists = splits.setdefault(family.category, {"train": [], "test": []})
+            for variant in range(family.count):
+                instance = f"{family.name}-{variant + 1:02d}"
+                rng = generator(seed, "procedural", variant, f"{family.category}/{family.name}")
+                design = replace(family.make(variant, rng), name=f"{family.category}_{instance}")
+                write_object(design, folder / family.category / instance)
+                lists["train" if family.split == "train" else "test"] += [instance] * family.weight
+                keys.append(f"{family.category}/{instance}")
+        write_json(folder / SPLIT_FILE, {"Reason": splits})
+    except OSError as error:
+        raise BusybotError(f"{folder}: cannot be written: {error.strerror}", "choose another folder") from None
+    return keys
+
+
+def procedural_library(seed: int = DEFAULT_SEED) -> Library:
+    """The procedural library from the user's cache, made there first if it is absent or damaged."""
+    place = cache.cache_folder() / f"procedural-{_code_hash(seed)}"
+    if place.is_dir():
+        try:
+            return _named(Library.load(place))
+        except BusybotError:
+            shutil.rmtree(place, ignore_errors=True)
+    _build_into(place, seed)
+    return _named(Library.load(place))
+
+
+def _named(library: Library) -> Library:
+    return replace(library, name="procedural")
+
+
+def _build_into(place: Path, seed: int) -> None:
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".procedural-", dir=place.parent) as temporary:
+            made = Path(temporary) / "library"
+            made.mkdir()
+            make_library(made, seed)
+            try:
+                os.rename(made, place)
+            except OSError:
+                if not place.is_dir():  # nobody else was faster
+                    raise
+    except OSError as error:
+        raise BusybotError(
+            f"{place}: cannot be written: {error.strerror}", "set BUSYBOT_CACHE to a folder that can be written"
+        ) from None
+
+
+def _code_hash(seed: int) -> str:
+    """Names the library that this code makes from this seed."""
+    digest = hashlib.sha256(str(seed).encode())
+    sources = [entry for entry in resources.files("busybot.objects.procedural").iterdir() if entry.name.endswith(".py")]
+    for entry in sorted(sources, key=lambda entry: entry.name):
+        digest.update(entry.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,266 @@
+"""Doors that lie on the board and open towards the camera, about a hinge along their long lower side.
+
+In plan: x along the door's height (its top at +x), y across; the hinge at low y. Behind the leaf lies a dark floor.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from busybot.objects.procedural import hardware, palette
+from busybot.objects.procedural.design import DOOR_SCALE, Design, Material, MovingLink, Part
+from busybot.objects.procedural.palette import pick
+from busybot.objects.procedural.solids import (
+    Solid,
+    box,
+    circle,
+    frame,
+    lathe,
+    matching_circle,
+    prism,
+    rectangle,
+    sweep,
+    torus,
+    tube,
+)
+
+LENGTH, WIDTH = 0.76, 0.40
+LEAF_LENGTH, LEAF_WIDTH = 0.66, 0.30
+LEAF_BOTTOM, LEAF_TOP = 0.014, 0.044
+OPEN = 1.5
+FLOORS = (palette.SHADOW, palette.NAVY, palette.WINE, palette.FOREST, palette.BLUSH, palette.SKY)
+Leaf = Callable[[np.random.Generator], list[Part]]
+
+
+def _door(
+    leaf: list[Part], rim: Material, rng: np.random.Generator, outlines: tuple[np.ndarray, np.ndarray] | None = None
+) -> Design:
+    """Put a leaf into a frame, with hinges and floor. Outlines are those of the frame, outer and inner."""
+    outer, inner = outlines or (
+        rectangle(LENGTH, WIDTH, 0.012),
+        rectangle(LEAF_LENGTH + 0.003, LEAF_WIDTH + 0.003, 0.004),
+    )
+    body = [Part(frame(outer, inner, 0, 0.05, bevel=0.010), rim)]
+    lip = 0.55 * outer + 0.45 * inner
+    body.append(Part(frame(lip, 0.35 * outer + 0.65 * inner, 0.048, 0.054, bevel=0.003), rim))
+    body.append(Part(prism(0.5 * (outer + inner), 0, 0.006), pick(rng, FLOORS, unlike=leaf[0].material)))
+    hinge_y, hinge_z = -LEAF_WIDTH / 2, LEAF_TOP + 0.002
+    metal = pick(rng, palette.METALS)
+    for x in (-0.24, 0.24):
+        barrel = tube([(x - 0.035, hinge_y - 0.006, hinge_z), (x + 0.035, hinge_y - 0.006, hinge_z)], 0.009, 10)
+        body.append(Part(barrel, metal))
+    # turning about +x lifts the side at high y
+    link = MovingLink(leaf, "revolute", (0.0, hinge_y, hinge_z), (1, 0, 0), 0.0, np.pi / 2, None, "door")
+    return Design("Door", DOOR_SCALE, body, [link], states=((0.0,), (OPEN,)))
+
+
+def _stud(radius: float, height: float) -> Solid:
+    """The head of a rivet."""
+    return lathe([(radius, 0.0), (0.8 * radius, 0.6 * height), (0.0, height)], 10)
+
+
+def _slab(material: Material, top: float = LEAF_TOP) -> Part:
+    return Part(prism(rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.006), LEAF_BOTTOM, top, bevel=0.003), material)
+
+
+def _panel(x: float, y: float, length: float, width: float, material: Material) -> list[Part]:
+    """A raised field within a moulding."""
+    moulding = frame(rectangle(length, width, 0.006), rectangle(length - 0.022, width - 0.022, 0.004), 0, 0.007, 0.003)
+    field = prism(rectangle(length - 0.045, width - 0.045, 0.004), 0, 0.009, bevel=0.008)
+    return [Part(solid.moved(x, y, LEAF_TOP - 0.001), material) for solid in (moulding, field)]
+
+
+def _knob(metal: Material, x: float = -0.02) -> list[Part]:
+    """Rosette and round knob at the free side."""
+    rose = lathe([(0.026, 0), (0.024, 0.005), (0.010, 0.008), (0.009, 0.022)], 20)
+    grip = lathe([(0.009, 0.02), (0.024, 0.028), (0.027, 0.038), (0.020, 0.048), (0.0, 0.051)], 20)
+    return [Part(solid.moved(x, 0.118, LEAF_TOP - 0.001), metal) for solid in (rose, grip)]
+
+
+def _lever_handle(metal: Material) -> list[Part]:
+    """A long shield and a lever."""
+    shield = prism(rectangle(0.10, 0.026, 0.012), 0, 0.005, bevel=0.002).moved(-0.02, 0.122, LEAF_TOP - 0.001)
+    z = LEAF_TOP + 0.028
+    bar = tube([(0.0, 0.122, LEAF_TOP), (0.0, 0.122, z), (0.0, 0.112, z + 0.004), (0.0, 0.052, z + 0.004)], 0.008, 10)
+    return [Part(shield, metal), Part(bar, metal)]
+
+
+def panelled(variant: int, rng: np.random.Generator) -> Design:
+    """Six fields in natural wood, or four in paint."""
+    if variant % 2 == 0:
+        wood = pick(rng, (palette.OAK, palette.WALNUT, palette.CHERRY))
+        leaf = [_slab(wood)]
+        for x, length in ((-0.20, 0.20), (0.05, 0.22), (0.245, 0.12)):
+            leaf += _panel(x, -0.068, length, 0.115, wood) + _panel(x, 0.068, length, 0.115, wood)
+        return _door([*leaf, *_knob(palette.BRASS, -0.085)], wood, rng)
+    paint = pick(rng, (palette.TEAL, palette.CORAL, palette.NAVY, palette.MUSTARD, palette.FOREST))
+    leaf = [_slab(paint)]
+    for x, length in ((-0.175, 0.26), (0.145, 0.32)):
+        leaf += _panel(x, -0.068, length, 0.115, paint) + _panel(x, 0.068, length, 0.115, paint)
+    slot = prism(rectangle(0.018, 0.10, 0.006), 0, 0.004, bevel=0.001).moved(-0.022, -0.02, LEAF_TOP)
+    return _door([*leaf, *_knob(palette.BRASS, -0.02), Part(slot, palette.BRASS)], palette.WHITE, rng)
+
+
+def glazed(variant: int, rng: np.random.Generator) -> Design:
+    """Two by three panes over a wooden panel."""
+    del variant
+    paint = pick(rng, (palette.WHITE, palette.SAGE, palette.SKY, palette.BIRCH))
+    leaf = [_slab(paint), *_panel(-0.215, 0.0, 0.16, 0.24, paint)]
+    for x in (-0.045, 0.105, 0.255):
+        for y in (-0.062, 0.062):
+            pane = prism(rectangle(0.118, 0.092, 0.006), 0, 0.003)
+            bead = frame(rectangle(0.134, 0.108, 0.006), rectangle(0.114, 0.088, 0.004), 0, 0.008, 0.003)
+            leaf += [
+                Part(pane.moved(x, y, LEAF_TOP - 0.0005), palette.GLASS),
+                Part(bead.moved(x, y, LEAF_TOP - 0.001), paint),
+            ]
+    return _door(
+        [*leaf, *_lever_handle(palette.BRASS)], pick(rng, (palette.WHITE, palette.BIRCH, palette.GRAPHITE)), rng
+    )
+
+
+def planked(variant: int, rng: np.random.Generator) -> Design:
+    """A barn door: planks, ledges, a brace, iron straps."""
+    del variant
+    wood, ledge = pick(rng, (palette.OAK, palette.CHERRY, palette.BIRCH)), pick(rng, (palette.WALNUT, palette.CHERRY))
+    leaf = []
+    for k in range(5):
+        y = (k - 2) * LEAF_WIDTH / 5
+        plank = prism(rectangle(LEAF_LENGTH, LEAF_WIDTH / 5 - 0.003, 0.004, 2), LEAF_BOTTOM, LEAF_TOP, bevel=0.005)
+        leaf.append(Part(plank.moved(y=y), wood))
+    for x in (-0.24, 0.24):
+        leaf.append(Part(box(0.06, 0.29, 0.016, 0.004).moved(x, 0, LEAF_TOP - 0.002), ledge))
+        leaf += [
+            part
+            for y in (-0.11, -0.05, 0.05)
+            for part in hardware.screw(x, y, LEAF_TOP + 0.013, 0.4, palette.IRON, 0.009)
+        ]
+    brace = box(0.52, 0.05, 0.015, 0.004).turned("z", 0.46).moved(0, 0, LEAF_TOP - 0.002)
+    pull = torus(0.030, 0.006, 20, 6).moved(0.0, 0.117, LEAF_TOP + 0.012)
+    leaf += [Part(brace, ledge), Part(pull, palette.IRON)]
+    return _door(leaf, palette.WALNUT if ledge is not palette.WALNUT else palette.CHERRY, rng)
+
+
+def louvred(variant: int, rng: np.random.Generator) -> Design:
+    """Tilted slats between stiles."""
+    del variant
+    paint = pick(rng, (palette.MINT, palette.SKY, palette.BLUSH, palette.IVORY))
+    outer = rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.006)
+    leaf = [Part(frame(outer, rectangle(0.56, 0.21, 0.004), LEAF_BOTTOM, LEAF_TOP, 0.003), paint)]
+    leaf.append(Part(prism(rectangle(0.57, 0.22, 0.004), LEAF_BOTTOM, LEAF_BOTTOM + 0.008), palette.STONE))
+    leaf.append(Part(box(0.04, 0.22, 0.030, 0.003).moved(-0.02, 0, LEAF_BOTTOM), paint))
+    for x in [*np.linspace(-0.262, -0.058, 8), *np.linspace(0.018, 0.262, 9)]:
+        slat = box(0.030, 0.212, 0.006, 0.002).moved(z=-0.003).turned("y", 0.5).moved(float(x), 0, LEAF_TOP - 0.011)
+        leaf.append(Part(slat, paint))
+    return _door([*leaf, *_knob(palette.CHROME)], palette.WHITE, rng)
+
+
+def flush(variant: int, rng: np.random.Generator) -> Design:
+    """A plain modern leaf with a narrow window and a long bar."""
+    del variant
+    face = pick(rng, (palette.GRAPHITE, palette.ORANGE, palette.SAGE, palette.WINE))
+    leaf = [_slab(face)]
+    window = prism(rectangle(0.44, 0.05, 0.02), 0, 0.003).moved(0.03, -0.06, LEAF_TOP - 0.0005)
+    bead = frame(rectangle(0.46, 0.07, 0.03), rectangle(0.435, 0.045, 0.018), 0, 0.006, 0.002)
+    leaf += [Part(window, palette.GLASS), Part(bead.moved(0.03, -0.06, LEAF_TOP - 0.001), palette.STEEL)]
+    z = LEAF_TOP + 0.03
+    leaf.append(
+        Part(
+            tube([(-0.20, 0.115, z), (-0.19, 0.115, z), (0.19, 0.115, z), (0.20, 0.115, z)], 0.009, 12), palette.CHROME
+        )
+    )
+    leaf += [Part(tube([(x, 0.115, LEAF_TOP - 0.004), (x, 0.115, z)], 0.006, 8), palette.CHROME) for x in (-0.16, 0.16)]
+    leaf += [Part(box(0.003, 0.28, 0.0015).moved(x, 0, LEAF_TOP - 0.0005), palette.SHADOW) for x in (-0.27, 0.29)]
+    return _door(leaf, pick(rng, (palette.STEEL, palette.BIRCH)), rng)
+
+
+def arched(variant: int, rng: np.random.Generator) -> Design:
+    """Novel: a castle's door with a round top, studs and long straps."""
+    del variant
+    wood = pick(rng, (palette.CHERRY, palette.WALNUT, palette.FOREST))
+    leaf = [Part(prism(_arch(0.33, 0.15, 0.18), LEAF_BOTTOM, LEAF_TOP, bevel=0.004), wood)]
+    for y in (-0.09, -0.03, 0.03, 0.09):
+        reach = 0.33 + 0.18 + float(np.sqrt(0.146**2 - y**2))
+        leaf.append(Part(box(reach, 0.004, 0.0015).moved(reach / 2 - 0.33, y, LEAF_TOP - 0.0005), palette.SHADOW))
+    for x in (-0.22, 0.10):
+        leaf.append(Part(box(0.04, 0.27, 0.008, 0.002).moved(x, -0.012, LEAF_TOP - 0.001), palette.IRON))
+        leaf += [
+            Part(_stud(0.012, 0.008).moved(x, y, LEAF_TOP + 0.007), palette.STEEL) for y in np.linspace(-0.12, 0.10, 5)
+        ]
+    leaf.append(Part(torus(0.032, 0.007, 22, 8).moved(-0.06, 0.10, LEAF_TOP + 0.01), palette.IRON))
+    return _door(leaf, palette.STONE, rng, (_arch(0.38, 0.20, 0.18), _arch(0.334, 0.154, 0.18)))
+
+
+def _arch(foot: float, radius: float, spring: float) -> np.ndarray:
+    """Outline of a doorway with a half-round top: foot at -foot, arch of `radius` that springs at x = spring."""
+    angles = np.linspace(-np.pi / 2, np.pi / 2, 17)
+    top = np.stack([spring + radius * np.cos(angles), radius * np.sin(angles)], axis=1)
+    return np.concatenate([top, [[-foot, radius], [-foot, -radius]]])
+
+
+def porthole(variant: int, rng: np.random.Generator) -> Design:
+    """Novel: a ship's door with a round window, a wheel and rivets."""
+    del variant
+    paint, rim = pick(rng, (palette.STEEL, palette.SKY, palette.RED)), pick(rng, (palette.GRAPHITE, palette.NAVY))
+    outline = rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.11, 6)
+    leaf = [Part(prism(outline, LEAF_BOTTOM, LEAF_TOP, bevel=0.008), paint)]
+    ring_plate = frame(circle(0.095, 36), circle(0.068, 36), 0, 0.012, 0.005).moved(0.17, 0, LEAF_TOP - 0.001)
+    glass = prism(circle(0.07, 36), 0, 0.003).moved(0.17, 0, LEAF_TOP)
+    leaf += [Part(ring_plate, palette.BRASS), Part(glass, palette.GLASS)]
+    for angle in np.arange(8) * np.pi / 4:
+        x, y = 0.17 + 0.082 * float(np.cos(angle)), 0.082 * float(np.sin(angle))
+        leaf.append(Part(_stud(0.008, 0.005).moved(x, y, LEAF_TOP + 0.011), palette.COPPER))
+    z = LEAF_TOP + 0.035
+    leaf.append(
+        Part(torus(0.068, 0.009, 30, 8).moved(-0.12, 0, z), palette.RED if paint is not palette.RED else palette.BRASS)
+    )
+    for angle in np.arange(3) * np.pi / 3:
+        dx, dy = 0.066 * float(np.cos(angle)), 0.066 * float(np.sin(angle))
+        leaf.append(Part(tube([(-0.12 - dx, -dy, z), (-0.12 + dx, dy, z)], 0.006, 8), palette.STEEL))
+    leaf.append(
+        Part(lathe([(0.018, LEAF_TOP - 0.002), (0.018, z + 0.008), (0, z + 0.010)], 18).moved(-0.12), palette.STEEL)
+    )
+    outer, inner = rectangle(LENGTH, WIDTH, 0.15, 6), rectangle(LEAF_LENGTH + 0.003, LEAF_WIDTH + 0.003, 0.114, 6)
+    return _door(leaf, rim, rng, (outer, inner))
+
+
+def lattice(variant: int, rng: np.random.Generator) -> Design:
+    """Novel: a garden gate, diagonal laths over a coloured ground."""
+    del variant
+    wood, ground = pick(rng, (palette.BIRCH, palette.WHITE)), pick(rng, (palette.SAGE, palette.TEAL, palette.PLUM))
+    outer = rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.006)
+    leaf = [Part(frame(outer, rectangle(0.58, 0.22, 0.004), LEAF_BOTTOM, LEAF_TOP, 0.004), wood)]
+    leaf.append(Part(prism(rectangle(0.59, 0.23, 0.004), LEAF_BOTTOM, LEAF_BOTTOM + 0.008), ground))
+    for sign, z in ((1, LEAF_BOTTOM + 0.006), (-1, LEAF_BOTTOM + 0.013)):
+        for x in np.linspace(-0.225, 0.225, 7):
+            reach = 0.105
+            ends = np.clip([float(x) - reach, float(x) + reach], -0.285, 0.285)
+            path = [(float(e), sign * (float(e) - float(x)), z) for e in ends]
+            lath = sweep(np.array(path), np.array([(-0.009, 0.0), (0.009, 0.0), (0.009, 0.007), (-0.009, 0.007)]))
+            leaf.append(Part(lath, wood))
+    return _door([*leaf, *_knob(palette.IRON)], wood, rng)
+
+
+def hatch(variant: int, rng: np.random.Generator) -> Design:
+    """Novel: a cellar hatch of checkered steel with a sunk ring and a warning stripe."""
+    del variant
+    metal, stripe = pick(rng, (palette.STEEL, palette.STONE)), pick(rng, (palette.MUSTARD, palette.ORANGE))
+    leaf = [_slab(metal)]
+    for i, x in enumerate(np.linspace(-0.24, 0.24, 9)):
+        for j, y in enumerate(np.linspace(-0.105, 0.105, 5)):
+            if abs(x) < 0.09 and y > 0.02:
+                continue
+            stud = prism(np.array([(-0.016, 0), (0, -0.005), (0.016, 0), (0, 0.005)]), 0, 0.004, bevel=0.001, steps=1)
+            turn = 0.785 if (i + j) % 2 else -0.785
+            leaf.append(Part(stud.turned("z", turn).moved(float(x), float(y), LEAF_TOP - 0.0005), palette.CHROME))
+    for x in (-0.30, 0.30):
+        leaf.append(Part(box(0.035, 0.29, 0.006, 0.002).moved(x, 0, LEAF_TOP - 0.001), stripe))
+    outline = rectangle(0.13, 0.08, 0.02, 5)
+    leaf.append(
+        Part(
+            frame(outline, matching_circle(outline, 0.034), 0, 0.008, 0.003).moved(0, 0.09, LEAF_TOP - 0.001),
+            palette.IRON,
+        )
+    )
+    leaf.append(Part(torus(0.026, 0.006, 20, 6).moved(0, 0.09, LEAF_TOP + 0.004), stripe))
+    return _door(leaf, palette.GRAPHITE, rng)

@@ -1,0 +1,123 @@
+"""Track toys: a piece that moves along a curve to one of three places.
+
+Two sliding joints, across and along, set the piece on its track; the connector between them shows nothing.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from busybot.objects.procedural import palette
+from busybot.objects.procedural.design import TOY_SCALE, Design, Material, MovingLink, Part, shifted
+from busybot.objects.procedural.palette import pick
+from busybot.objects.procedural.solids import (
+    ball,
+    box,
+    circle,
+    lathe,
+    prism,
+    rectangle,
+    smooth,
+    star,
+    sweep,
+    torus,
+    tube,
+)
+
+LENGTH, WIDTH, THICKNESS = 0.84, 0.36, 0.035
+REACH = 0.235
+"""The piece goes to x = 0, -REACH and +REACH."""
+Curve = Callable[[np.ndarray], np.ndarray]
+
+
+def _toy(piece: list[Part], curve: Curve, board: list[Part], groove: Material, rails: bool) -> Design:
+    """A piece (designed at the origin, standing on z = 0) on a curve y(x) over a board."""
+    xs = np.linspace(-0.31, 0.31, 49)
+    path = np.stack([xs, curve(xs), np.full_like(xs, THICKNESS - 0.001)], axis=1)
+    flat = np.array([(-0.022, 0.0), (0.022, 0.0), (0.022, 0.004), (-0.022, 0.004)])
+    body = [*board, Part(sweep(path, flat), groove)]
+    body += [Part(prism(circle(0.022, 20), 0, 0.004).moved(*path[end].tolist()), groove) for end in (0, -1)]
+    if rails:
+        for offset in (-0.026, 0.026):
+            slope = np.gradient(curve(xs), xs)
+            normal = np.stack([-slope, np.ones_like(slope)], axis=1) / np.hypot(slope, 1)[:, None]
+            edge = path + offset * np.concatenate([normal, np.zeros((len(xs), 1))], axis=1) + [0, 0, 0.006]
+            body.append(Part(tube(edge, 0.005, 8), palette.BRASS))
+    start = float(curve(np.zeros(1))[0])
+    across = MovingLink((), "prismatic", (0, 0, 0), (0, 1, 0), -0.2, 0.2, None, "connector")
+    placed = shifted(piece, (0, start, THICKNESS + 0.003))
+    along = MovingLink(placed, "prismatic", (0, 0, 0), (1, 0, 0), -0.32, 0.32, None, "piece", parent=0)
+    steps = tuple((round(float(curve(np.array([x]))[0]) - start, 6), x) for x in (0.0, -REACH, REACH))
+    return Design("Toy", TOY_SCALE, body, [across, along], steps=steps)
+
+
+def _board(material: Material, rim: "Material") -> list[Part]:
+    base = prism(rectangle(LENGTH, WIDTH, 0.04), 0, THICKNESS - 0.006, bevel=0.008, steps=3)
+    top = prism(rectangle(LENGTH - 0.04, WIDTH - 0.04, 0.025), 0.01, THICKNESS, bevel=0.004)
+    return [Part(base, rim), Part(top, material)]
+
+
+def bead(variant: int, rng: np.random.Generator) -> Design:
+    """A big wooden bead on a wavy groove."""
+    del variant
+    profile = smooth([(0.060, 0.0), (0.090, 0.03), (0.096, 0.06), (0.080, 0.095), (0.040, 0.112), (0.0, 0.115)], 3)
+    color = pick(rng, (palette.TEAL, palette.CORAL, palette.NAVY))
+    piece = [Part(lathe(profile, 32), color), Part(torus(0.095, 0.009, 32, 8).moved(z=0.055), palette.WHITE)]
+    piece.append(Part(lathe([(0.034, 0.11), (0.030, 0.119), (0.0, 0.121)], 24), palette.BRASS))
+    board = _board(palette.BIRCH, palette.OAK)
+    return _toy(piece, lambda x: -0.06 * np.cos(3 * np.pi * x / 0.5), board, palette.WALNUT, rails=False)
+
+
+def loco(variant: int, rng: np.random.Generator) -> Design:
+    """A locomotive on rails between hills."""
+    del variant
+    paint, roof = pick(rng, (palette.RED, palette.TEAL, palette.NAVY)), pick(rng, (palette.MUSTARD, palette.ORANGE))
+    piece = [Part(box(0.25, 0.13, 0.03, 0.008).moved(z=0.022), palette.GRAPHITE)]
+    boiler = lathe([(0.046, -0.075), (0.052, -0.065), (0.052, 0.065), (0.046, 0.075)], 24).turned("y", np.pi / 2)
+    piece += [
+        Part(boiler.moved(0.04, 0, 0.092), paint),
+        Part(box(0.10, 0.12, 0.10, 0.008).moved(-0.07, 0, 0.05), paint),
+    ]
+    piece.append(Part(prism(rectangle(0.125, 0.145, 0.02), 0.148, 0.164, bevel=0.008).moved(-0.07), roof))
+    piece.append(
+        Part(lathe([(0.018, 0.13), (0.018, 0.165), (0.028, 0.185), (0.022, 0.187)], 18).moved(0.085), palette.IRON)
+    )
+    piece += [
+        Part(torus(0.053, 0.004, 20, 5).turned("y", np.pi / 2).moved(x, 0, 0.092), palette.BRASS) for x in (0.0, 0.07)
+    ]
+    for x in (-0.085, 0.0, 0.085):
+        wheel = lathe([(0.034, -0.075), (0.034, 0.075)], 20).turned("x", np.pi / 2)
+        piece.append(Part(wheel.moved(x, 0, 0.034), roof))
+    piece.append(Part(ball(0.016, 12, 8).moved(0.125, 0, 0.092), palette.MUSTARD))
+    board = _board(palette.SAGE, palette.OAK)
+    for x, y, r in ((-0.30, 0.115, 0.035), (-0.24, 0.13, 0.022), (0.30, -0.12, 0.035), (0.24, -0.135, 0.022)):
+        board.append(Part(ball(r, 12, 6).stretched(z=0.8).moved(x, y, THICKNESS), palette.FOREST))
+    return _toy(piece, lambda x: 0.02 * np.sin(2 * np.pi * x / 0.62), board, palette.STONE, rails=True)
+
+
+def ladybird(variant: int, rng: np.random.Generator) -> Design:
+    """Novel: a ladybird on an arc between flowers."""
+    del variant
+    shell = pick(rng, (palette.RED, palette.ORANGE))
+    piece = [Part(ball(0.098, 30, 14).stretched(y=0.86, z=0.72).moved(z=0.03), shell)]
+    piece.append(Part(ball(0.048, 20, 10).stretched(z=0.8).moved(0.098, 0, 0.035), palette.BLACK))
+    seam = [
+        (float(-0.099 * np.cos(a)), 0.0, 0.03 + 0.0712 * float(np.sin(a))) for a in np.linspace(0.1, np.pi - 0.5, 14)
+    ]
+    piece.append(Part(tube(seam, 0.004, 6), palette.BLACK))
+    for x, y in ((0.03, 0.042), (0.03, -0.042), (-0.04, 0.045), (-0.04, -0.045)):
+        z = 0.03 + 0.0706 * float(np.sqrt(1 - (x / 0.098) ** 2 - (y / 0.0843) ** 2))
+        piece.append(Part(ball(0.020, 14, 8).stretched(z=0.35).moved(x, y, z - 0.002), palette.BLACK))
+    for y in (-0.022, 0.022):
+        piece.append(Part(ball(0.011, 10, 6).moved(0.125, y, 0.06), palette.WHITE))
+        feeler = [(0.12, 0.5 * y, 0.06), (0.15, y, 0.09), (0.165, 1.8 * y, 0.10)]
+        piece += [
+            Part(tube(feeler, 0.004, 6), palette.BLACK),
+            Part(ball(0.008, 8, 6).moved(*feeler[-1]), palette.BLACK),
+        ]
+    board = _board(palette.MINT, palette.FOREST)
+    for x, y, color in ((-0.34, -0.125, palette.BLUSH), (0.0, -0.11, palette.MUSTARD), (0.34, -0.125, palette.SKY)):
+        petals = prism(star(0.030, 0.009, 6, 6), 0, 0.008, bevel=0.003).moved(x, y, THICKNESS - 0.001)
+        heart = lathe([(0.012, 0), (0.010, 0.012), (0, 0.013)], 14).moved(x, y, THICKNESS - 0.001)
+        board += [Part(petals, color), Part(heart, palette.WHITE)]
+    return _toy(piece, lambda x: 0.075 - 1.6 * x**2, board, palette.FOREST, rails=False)

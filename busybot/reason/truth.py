@@ -1,0 +1,54 @@
+"""What really controls what, for evaluators only: nothing in `busybot.reason` that infers may import this module."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from busybot.episodes.episode import Episode
+
+
+@dataclass(frozen=True)
+class GraphTruth:
+    """The relations of a board between trigger and responder objects, links collapsed. N objects.
+
+    Attributes:
+        candidates: bool (N, N), a trigger in the row and a responder in the column.
+        edges: bool (N, N), the true relations.
+        kinds: of the relations of each true edge: usually one.
+        shown: int (N, N), number of steps after which the edge's effect had been visible once, 0 for never; None where
+            the recording does not know states. An effect is visible when an action on the trigger changed the state of
+            the responder and both objects show in the first frame.
+    """
+
+    candidates: np.ndarray
+    edges: np.ndarray
+    kinds: dict[tuple[int, int], tuple[str, ...]]
+    shown: np.ndarray | None
+
+
+def truth_of(episode: Episode) -> GraphTruth:
+    """Read the truth from the board and the privileged part of the steps."""
+    roles = np.array([placed.role for placed in episode.board.objects])
+    candidates = (roles == "trigger")[:, None] & (roles == "responder")[None]
+    kinds: dict[tuple[int, int], tuple[str, ...]] = {}
+    for relation in episode.board.relations:
+        for trigger in relation.triggers:
+            pair = (trigger.object, relation.responder)
+            kinds[pair] = tuple(sorted({*kinds.get(pair, ()), relation.kind}))
+    edges = np.array(episode.board.relation_matrix(), bool).reshape(candidates.shape)
+    return GraphTruth(candidates, edges & candidates, kinds, _shown(episode, edges))
+
+
+def _shown(episode: Episode, edges: np.ndarray) -> np.ndarray | None:
+    shown = np.zeros(edges.shape, int)
+    visible = np.asarray((episode.images[episode.frame_of[0]].boxes >= 0).all(1))
+    for number, step in enumerate(episode.steps):
+        before, after = np.array(step.responder_states_before), np.array(step.responder_states_after)
+        if len(before) != len(edges) or len(after) != len(edges):
+            return None
+        trigger = step.acted_object
+        if trigger < 0 or not visible[trigger]:
+            continue
+        first = np.flatnonzero(edges[trigger] & visible & np.asarray(before != after) & (shown[trigger] == 0))
+        shown[trigger, first] = number + 1
+    return shown

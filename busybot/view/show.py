@@ -1,0 +1,113 @@
+"""From a file or dataset to the viewer: the one call of `busybot view`."""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.episode import Episode
+from busybot.episodes.mcap_file import read_episode
+from busybot.errors import BusybotError
+from busybot.reason.infer import infer
+from busybot.reason.result import InferredGraph
+from busybot.view.rerun_log import save_rrd
+from busybot.view.scene import visible
+from busybot.view.screenshot import save_screenshot
+from busybot.view.serve import serve_web, show_window
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What to do with an episode; with nothing of `save`, `screenshot` and `web`, a window opens.
+
+    Attributes:
+        step: of the screenshot and the window, the last one by default; 0 is the start.
+    """
+
+    save: Path | None = None
+    screenshot: Path | None = None
+    step: int | None = None
+    web: bool = False
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What was done: the episode's file, its number of steps, what was inferred, what was written or is served."""
+
+    episode: Path
+    steps: int
+    inferred: list[str]
+    save: Path | None
+    screenshot: Path | None
+    url: str | None = None
+
+
+def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[Shown], None]) -> None:
+    """Show an episode, with what counting infers about it.
+
+    Args:
+        source: an episode's file or a dataset's folder.
+        number: of the episode in the dataset; by default the first that is there.
+        announce: called once, when everything is written and before the viewer is waited for.
+
+    Raises:
+        BusybotError: the input is at fault, or the viewer fails.
+    """
+    path = episode_file(source, number)
+    episode = read_episode(path)
+    steps = len(episode.steps)
+    if wanted.step is not None and not 0 <= wanted.step <= steps:
+        raise BusybotError(f"{path}: there is no step {wanted.step}", f"choose one from 0 (the start) to {steps}")
+    inferred = inferences(episode)
+    if wanted.save:
+        save_rrd(wanted.save, episode, inferred)
+    if wanted.screenshot:
+        picture_episode(episode, inferred, wanted.screenshot, wanted.step)
+    shown = Shown(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot)
+    interactive = wanted.web or not (wanted.save or wanted.screenshot)
+    if not interactive:
+        announce(shown)
+        return
+    with tempfile.TemporaryDirectory(prefix="busybot-view-") as folder:
+        rrd = Path(folder) / f"{path.stem}.rrd"
+        save_rrd(rrd, episode, inferred)
+        if wanted.web:
+            serve_web(rrd, lambda url: announce(Shown(**(vars(shown) | {"url": url}))))
+        else:
+            show_window(rrd, wanted.step)
+            announce(shown)
+
+
+def episode_file(source: Path, number: int | None = None) -> Path:
+    """The episode's file that `source` and `number` mean; `show` tells what they are."""
+    if not source.exists():
+        raise BusybotError(f"{source}: there is no such file or folder", "name an episode's .mcap file or a dataset")
+    if not source.is_dir():
+        if number is not None:
+            raise BusybotError(f"{source}: a file holds one episode", "leave --episode out, or name the dataset")
+        return source
+    dataset = Dataset.open(source)
+    finished = dataset.finished()
+    if not finished:
+        raise BusybotError(f"{source}: the dataset has no episodes yet", f"busybot collect {source}")
+    if number is None:
+        number = min(finished)
+    elif number not in finished:
+        raise BusybotError(f"{source}: episode {number} is not there", f"busybot collect {source}, or another number")
+    return dataset.episode_path(number)
+
+
+def inferences(episode: Episode) -> list[InferredGraph]:
+    """What counting makes of the episode; nothing where there are no steps or no boxes."""
+    if not episode.steps or not len(visible(episode.image(0))):
+        return []
+    return [infer(episode, "count")]
+
+
+def picture_episode(episode: Episode, inferred: list[InferredGraph], picture: Path, step: int | None = None) -> None:
+    """Write a PNG of the viewer at a step (the last by default), without menus."""
+    with tempfile.TemporaryDirectory(prefix="busybot-view-") as folder:
+        rrd = Path(folder) / "episode.rrd"
+        save_rrd(rrd, episode, inferred, menus=False)
+        save_screenshot(rrd, picture, len(episode.steps) if step is None else step)

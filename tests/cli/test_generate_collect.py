@@ -1,0 +1,52 @@
+"""`busybot generate` and `busybot collect` as a user types them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+
+def busybot(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "busybot", *arguments], capture_output=True, text=True, timeout=300)
+
+
+SMALL = ("--set", "render.width=160", "--set", "render.height=120", "--steps", "3")
+
+
+def test_from_nothing_to_episodes(tmp_path: Path) -> None:
+    out = str(tmp_path / "data")
+    made = busybot("generate", out, "--boards", "3", "--group-size", "1", "--seed", "5", "--json")
+    assert made.returncode == 0, made.stderr
+    told = json.loads(made.stdout)
+    assert told["boards"] == 3 and told["seed"] == 5 and len(told["board_hash"]) == 64
+    collected = busybot("collect", out, "--policy", "scripted", "--workers", "1", *SMALL, "--json")
+    assert collected.returncode == 0, collected.stderr
+    assert json.loads(collected.stdout)["episodes"] == 3
+    info = json.loads(busybot("dataset", "info", out, "--json").stdout)
+    assert (info["boards"], info["episodes"], info["steps"]) == (3, 3, 9)
+    assert info["board_hash"] == told["board_hash"]
+    again = busybot("collect", out, "--policy", "random", *SMALL)
+    assert again.returncode == 1
+    assert "policy 'scripted', now 'random'" in again.stderr and "mend:" in again.stderr
+
+
+def test_faults_name_the_place_and_the_mend(tmp_path: Path) -> None:
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "file").touch()
+    for arguments, message in (
+        (("generate", str(full)), "not an empty folder"),
+        (("generate", str(tmp_path / "a"), "--split", "nowhere"), "parameter split"),
+        (("generate", str(tmp_path / "b"), "--assets", str(tmp_path / "none")), "not a folder"),
+        (("collect", str(tmp_path / "none")), "no such folder"),
+        (("collect", str(full)), "not a dataset"),
+    ):
+        result = busybot(*arguments)
+        assert result.returncode == 1, arguments
+        assert message in result.stderr and "mend:" in result.stderr and "Traceback" not in result.stderr
+    assert not (tmp_path / "a").exists() and not (tmp_path / "b").exists()
+
+
+def test_wrong_usage_exits_with_2() -> None:
+    assert busybot("generate").returncode == 2
+    assert busybot("collect", "x", "--no-such-option").returncode == 2

@@ -1,0 +1,31 @@
+"""Small datasets of synthetic episodes for tests."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset_info import AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo
+from busybot.episodes.mcap_file import ImageFormat, write_episode
+from tests.episodes.synthetic import DELTA, KEYS, make_board, make_episode
+
+COLLECT = CollectInfo(policy="random", steps=6, images="jpeg", strict=False, delta=DELTA)
+
+
+def make_dataset(
+    path: Path, boards: int = 4, finished: Iterable[int] = (0, 1, 3), images: ImageFormat = "jpeg"
+) -> Dataset:
+    """A dataset with some episodes and up-to-date tables."""
+    info = DatasetInfo(
+        name="toys",
+        split="train",
+        seed=0,
+        boards=boards,
+        generator=GeneratorInfo(version="1", config={"boards": boards}),
+        assets=AssetsInfo(source="procedural", name="p", seed=0, sha256={key: "0" * 64 for key, _ in KEYS}),
+    )
+    dataset = Dataset.create(path, info, [make_board(i) for i in range(boards)])
+    dataset.begin_collecting(COLLECT.model_copy(update={"images": images}))
+    for index in finished:
+        write_episode(dataset.episode_path(index), make_episode(index), images)
+    dataset.write_tables()
+    return dataset

@@ -1,0 +1,156 @@
+"""The default objects: the same bytes for the same seed, closed surfaces, every role in both splits."""
+
+import hashlib
+import shutil
+from collections import Counter
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from busybot.errors import BusybotError
+from busybot.objects import cache
+from busybot.objects.library import Library, find
+from busybot.objects.procedural.build import make_library, procedural_library
+from busybot.objects.procedural.families import FAMILIES
+from busybot.objects.procedural.solids import ball, box, lathe, rectangle, torus, tube
+
+TRIANGLES = 5_000
+
+
+@pytest.fixture(scope="module")
+def library(procedural: Path) -> Library:
+    return Library.load(procedural)
+
+
+def digest(folder: Path) -> str:
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return hashlib.sha256(b"".join(str(p.relative_to(folder)).encode() + p.read_bytes() for p in files)).hexdigest()
+
+
+def test_same_seed_same_bytes(procedural: Path, tmp_path: Path) -> None:
+    make_library(tmp_path / "again", seed=0)
+    make_library(tmp_path / "other", seed=1)
+    assert digest(tmp_path / "again") == digest(procedural)
+    assert digest(tmp_path / "other") != digest(procedural)
+
+
+def test_enough_of_everything(library: Library) -> None:
+    counted = Counter(model.category for model in library.objects.values())
+    assert counted["Switch"] >= 40 and counted["Door"] >= 10 and counted["Lamp"] >= 6 and counted["Toy"] >= 3
+
+
+@pytest.mark.parametrize("split", ["train", "novel"])
+def test_every_role_in_every_split(library: Library, split: str) -> None:
+    triggers = [library.get(key).trigger_links for key, _ in library.weights(split, "Switch")]
+    assert any(len(links) == 1 and links[0].kind == "two-state" for links in triggers)
+    assert any(links[0].kind == "multi-direction" for links in triggers)
+    assert any(len(links) > 1 for links in triggers)
+    assert any(links[0].upper - links[0].lower < 0.15 and links[0].joint_type == "revolute" for links in triggers)
+    lamps = [library.get(key).effect for key, _ in library.weights(split, "Lamp")]
+    assert len(lamps) >= 3 and all(effect is not None and effect.single and effect.multi for effect in lamps)
+    doors = [library.get(key).effect for key, _ in library.weights(split, "Door")]
+    assert len(doors) >= 4 and all(effect is not None and effect.single for effect in doors)
+    toys = [library.get(key).effect for key, _ in library.weights(split, "Toy")]
+    assert toys and all(effect is not None and effect.multi for effect in toys)
+
+
+def test_families_are_in_one_split() -> None:
+    names = [(family.category, family.name) for family in FAMILIES]
+    assert len(set(names)) == len(names)
+
+
+def test_sizes_are_those_of_a_board(library: Library) -> None:
+    largest = {"Switch": 0.6, "Lamp": 0.75, "Door": 0.95, "Toy": 0.95}
+    for model in library.objects.values():
+        size = (np.array(model.bounds_max) - model.bounds_min) * model.scale
+        assert size[:2].max() <= largest[model.category], model.key
+        assert size[:2].min() >= 0.15, model.key
+        assert model.bounds_min[2] * model.scale + model.offset_z == pytest.approx(0, abs=0.03), model.key
+
+
+def test_lamps_are_off_first_and_then_saturated(library: Library) -> None:
+    for key, model in library.objects.items():
+        if model.category == "Lamp":
+            assert model.effect is not None and model.effect.single is not None and model.effect.multi is not None
+            states = {*model.effect.single, *model.effect.multi}
+            assert model.effect.single[0] == model.effect.multi[0] == (0, 0, 0)
+            assert len(states) == 4, key
+            assert all(max(color) == 1 and min(color) == 0 for color in states if any(color)), key
+
+
+def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    lines = [line.split() for line in path.read_text().splitlines()]
+    vertices = np.array([line[1:] for line in lines if line[0] == "v"], float)
+    return vertices, np.array([[int(c.split("/")[0]) - 1 for c in line[1:]] for line in lines if line[0] == "f"])
+
+
+def test_meshes_are_closed_and_few(procedural: Path) -> None:
+    """Every part is a closed surface with outward faces, so shading and depth are right from all sides."""
+    for folder in sorted(path.parent for path in procedural.glob("*/*/mobility.urdf")):
+        triangles = 0
+        for path in sorted(folder.glob("textured_objs/*.obj")):
+            vertices, faces = read_obj(path)
+            triangles += len(faces)
+            edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+            forth, back = (np.sort(e @ [len(vertices), 1]) for e in (edges, edges[:, ::-1]))
+            assert len(np.unique(forth)) == len(forth) and (forth == back).all(), f"{path} is not closed"
+            links = coo_array((np.ones(len(edges)), edges.T), shape=(len(vertices), len(vertices)))
+            _, part = connected_components(links, directed=False)
+            a, b, c = vertices[faces].transpose(1, 0, 2)
+            volumes = np.bincount(part[faces[:, 0]], np.einsum("ij,ij->i", a, np.cross(b, c)) / 6)
+            assert volumes.min() > 0, f"{path} has a part that is inside out"
+        assert triangles <= TRIANGLES, (folder.name, triangles)
+
+
+@pytest.mark.parametrize(
+    ("solid", "volume"),
+    [
+        (box(1, 2, 3), 6.0),
+        (ball(1, 64, 32), 4.19),
+        (lathe([(1, 0), (1, 2)], 64), 6.28),
+        (torus(2, 0.5, 64, 32), 9.87),
+        (tube([(0, 0, 0), (0, 0, 1), (0, 0, 2)], 1, 64), 6.28),
+    ],
+)
+def test_solids_are_closed_and_face_outwards(solid: "trimesh.Trimesh", volume: float) -> None:
+    mesh = trimesh.Trimesh(solid.vertices, solid.faces)
+    assert mesh.is_watertight and mesh.is_winding_consistent
+    assert mesh.volume == pytest.approx(volume, rel=0.02)
+
+
+def test_outlines_run_counter_clockwise() -> None:
+    x, y = rectangle(2, 1, 0.2).T
+    assert 0.5 * np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) == pytest.approx(2 - 0.04 * (4 - np.pi), abs=0.01)
+
+
+def test_a_filled_folder_is_refused(procedural: Path) -> None:
+    with pytest.raises(BusybotError, match="empty folder"):
+        make_library(procedural)
+
+
+def test_the_default_library_is_kept_and_mended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path))
+    library = find(None)
+    assert library.name == "procedural" and library.folder.is_relative_to(tmp_path)
+    written = (library.folder / "data.json").stat().st_mtime_ns
+    assert procedural_library().sha256 == library.sha256
+    assert (library.folder / "data.json").stat().st_mtime_ns == written, "it was not made again"
+    shutil.rmtree(library.folder / "Door" / "hatch-01" / "textured_objs")
+    assert procedural_library().sha256 == library.sha256
+    assert [path.name for path in cache.cache_folder().iterdir() if path.name.startswith(".")] == []
+
+
+def _sha256(_: int) -> str:
+    return procedural_library().sha256
+
+
+@pytest.mark.long
+def test_builds_at_once_do_not_disturb_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path))
+    with get_context("spawn").Pool(3) as pool:
+        assert len(set(pool.map(_sha256, range(3)))) == 1

@@ -1,0 +1,102 @@
+"""The Gymnasium environment keeps its contract."""
+
+from collections.abc import Iterator
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from busybot.boards.config import BoardConfig
+from busybot.errors import BusybotError
+from busybot.sim.env import BusyBoardEnv
+from busybot.sim.render import RenderConfig
+
+SMALL = RenderConfig(width=160, height=120)
+
+
+@pytest.fixture
+def env() -> Iterator[BusyBoardEnv]:
+    made = gymnasium.make("busybot.sim.registration:busybot/Board-v0", render=SMALL, max_steps=12)
+    yield made.unwrapped  # type: ignore[misc]
+    made.close()
+
+
+def rollout(env: BusyBoardEnv, seed: int, steps: int = 12) -> list[object]:
+    observation, info = env.reset(seed=seed)
+    env.action_space.seed(seed)
+    trace: list[object] = [observation["rgb"].tobytes(), observation["depth"].tobytes(), info["board"]]
+    for _ in range(steps):
+        action = env.action_space.sample()
+        observation, reward, terminated, truncated, info = env.step(action)
+        trace += [observation["rgb"].tobytes(), reward, terminated, truncated, info["trigger_states"]]
+    return trace
+
+
+def test_gymnasium_knows_it_and_its_checker_passes(env: BusyBoardEnv) -> None:
+    assert "busybot/Board-v0" in gymnasium.registry
+    check_env(env, skip_render_check=True)
+
+
+def test_same_seed_same_rollout_other_seed_other_board(env: BusyBoardEnv) -> None:
+    assert rollout(env, 5) == rollout(env, 5)
+    assert env.reset(seed=5)[1]["board"] != env.reset(seed=6)[1]["board"]
+
+
+def test_the_truth_is_in_info_alone(env: BusyBoardEnv) -> None:
+    observation, info = env.reset(seed=0)
+    assert set(observation) == {"rgb", "depth"}
+    assert {"board", "trigger_states", "responder_states"} <= set(info)
+    assert env.observation_space.contains(observation)
+
+
+def test_truncation_after_max_steps(env: BusyBoardEnv) -> None:
+    env.reset(seed=0)
+    ends = [env.step(env.action_space.sample())[2:4] for _ in range(12)]
+    assert ends == [(False, False)] * 11 + [(False, True)]
+
+
+def test_acting_on_a_visible_trigger_works_and_can_be_undone_by_restoring(env: BusyBoardEnv) -> None:
+    env.reset(seed=1)
+    scene, image = env._scene, env.image
+    assert scene is not None and image.segmentation is not None and image.depth is not None
+    successes = 0
+    for code, link in enumerate(scene.links, start=1):
+        spots = np.argwhere(image.segmentation == code)
+        if not link.trigger or not len(spots):
+            continue
+        row, column = (int(value) for value in spots[len(spots) // 2])
+        position = env._rays.point(image.depth, (column, row))
+        assert env.grasp(position).trigger == scene.trigger_at(code)
+        assert env.grasp(position + np.float32([0, 0, 0.5])).trigger is None
+        for direction in range(18):
+            state = env.save_state()
+            before = env.restore_state(state)
+            first = env.step({"position": position, "direction": direction})
+            again = env.restore_state(state)
+            assert np.array_equal(before["rgb"], again["rgb"])
+            second = env.step({"position": position, "direction": direction})
+            assert np.array_equal(first[0]["rgb"], second[0]["rgb"]) and first[1] == second[1]
+            assert first[4]["success"] == second[4]["success"]
+            successes += first[4]["success"]
+            env.restore_state(state)
+    assert successes
+
+
+def test_boards_can_be_given_or_numbered(env: BusyBoardEnv) -> None:
+    _, info = env.reset(seed=3, options={"index": 4})
+    assert env.reset(seed=3, options={"index": 4})[1]["board"] == info["board"]
+    assert env.reset(seed=9, options={"board": info["board"]})[1]["board"] == info["board"]
+
+
+def test_board_options_are_honoured() -> None:
+    env = BusyBoardEnv(boards=BoardConfig(relations="one-to-one", switches=(1, 1)), render=SMALL)
+    for seed in range(5):
+        board = env.reset(seed=seed)[1]["board"]
+        assert [relation.kind for relation in board.relations] == ["one-to-one"]
+    env.close()
+
+
+def test_acting_before_reset_is_refused() -> None:
+    with pytest.raises(BusybotError, match="reset"):
+        BusyBoardEnv(render=SMALL).step({"position": np.zeros(3), "direction": 0})

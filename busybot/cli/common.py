@@ -31,7 +31,8 @@ JsonOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn.")]
 WorkersOption = Annotated[
-    int | None, typer.Option("--workers", min=1, help="Number of processes that share the work; by default one per core.")
+    int | None,
+    typer.Option("--workers", min=1, help="Number of processes that share the work; by default one per core."),
 ]
 
 

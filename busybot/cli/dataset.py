@@ -25,12 +25,13 @@ def info(dataset: DatasetArgument, json: JsonOption = False) -> None:
 
 
 @app.command()
-def verify(dataset: DatasetArgument, workers: WorkersOption = 1, json: JsonOption = False) -> None:
+def verify(dataset: DatasetArgument, workers: WorkersOption = None, json: JsonOption = False) -> None:
     """Check structure, checksums and boards, and tables against episodes. Exits with 1 if something is wrong."""
     from busybot.episodes.verify import verify as verify_dataset
+    from busybot.workers import default_workers
 
     with episode_progress("verifying") as progress:
-        report = verify_dataset(dataset, workers, progress)
+        report = verify_dataset(dataset, workers or default_workers(), progress)
     for problem in report.problems:
         say(f"{problem.file}: {problem.what}\n  mend: {problem.mend}")
     if json:

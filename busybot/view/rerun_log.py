@@ -4,13 +4,16 @@ Timelines: `step` k shows the board after k actions, with the action that led th
 episode's own clock, one second a step.
 """
 
+import contextlib
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
 import rerun as rr
+from rerun.error_utils import catch_and_log_exceptions
 
 from busybot.episodes.episode import Episode
+from busybot.errors import BusybotError
 from busybot.reason.result import InferredGraph
 from busybot.view.blueprint import blueprint
 from busybot.view.rerun_board import BoardLogger
@@ -27,12 +30,13 @@ from busybot.view.rerun_series import (
 from busybot.view.scene import check_inferred, judged_edges, true_edges
 
 APPLICATION = "busybot"
+_BATCHES = rr.ChunkBatcherConfig(flush_tick=3600.0)
+"""Chunks by size, not by the clock: equal episodes give equal chunks."""
 
 
 def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Sequence[InferredGraph] = ()) -> None:
     """Log all of an episode and what was inferred about it."""
     board = BoardLogger(recording, episode)
-    recording.disable_timeline("log_time")
     log_series_styles(recording)
     board.log_static()
     for graph in inferred:
@@ -59,14 +63,26 @@ def save_rrd(path: Path, episode: Episode, inferred: Sequence[InferredGraph] = (
     for graph in inferred:
         check_inferred(episode, graph)
     name = f"{episode.board.split} board {episode.board.index}, {episode.policy}"
-    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        recording = rr.RecordingStream(APPLICATION, recording_id=name)
-        recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus))
-        log_episode(recording, episode, inferred)
-        recording.flush()
-        recording.disconnect()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # in strict mode a mistake in logging raises; otherwise it would be a warning and a hole in the picture
+        with catch_and_log_exceptions(strict=True):
+            recording = rr.RecordingStream(
+                APPLICATION, recording_id=name, send_properties=False, batcher_config=_BATCHES
+            )
+            recording.set_log_time_enabled(False)
+            recording.set_log_tick_enabled(False)
+            recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus))
+            recording.send_recording_name(name)
+            log_episode(recording, episode, inferred)
+            recording.flush()
+            recording.disconnect()
         os.replace(temporary, path)
+    except OSError as error:
+        raise BusybotError(f"{path}: cannot be written: {error.strerror}", "choose another place") from None
+    except RuntimeError as error:
+        raise BusybotError(f"{path}: Rerun cannot write it: {error}", "choose another place") from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)

@@ -1,5 +1,6 @@
 """The viewer for people: in a window, or in a browser on this machine."""
 
+import contextlib
 import os
 import socket
 import subprocess
@@ -12,7 +13,7 @@ from urllib.parse import quote
 
 from busybot.errors import BusybotError
 from busybot.view.process import LOOPBACK, free_port, last_words, viewer_process
-from busybot.view.screenshot import go_to_step
+from busybot.view.screenshot import FAULTS, go_to_step
 
 WEB_PORT = 9090
 START_SECONDS = 30.0
@@ -25,28 +26,31 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
+def require_display() -> None:
+    """Refuse early where no window can open."""
+    if not has_display():
+        raise BusybotError(
+            "there is no display for the viewer's window",
+            "use --web (in a browser), --save F.rrd (to open elsewhere) or --screenshot F.png",
+        )
+
+
 def show_window(rrd: Path, step: int | None = None) -> None:
     """Open the native viewer and return when it is closed.
 
     Raises:
         BusybotError: there is no display, or the viewer fails.
     """
-    if not has_display():
-        raise BusybotError(
-            "there is no display for the viewer's window",
-            "use --web (in a browser), --save F.rrd (to open elsewhere) or --screenshot F.png",
-        )
+    require_display()
     with tempfile.TemporaryDirectory(prefix="busybot-view-") as name:
         port = free_port()
         with viewer_process(["--port", str(port), str(rrd.resolve())], Path(name), private=False) as process:
             if step is not None:
-                go_to_step(process, port, step)
+                with contextlib.suppress(*FAULTS):  # the window is open all the same
+                    go_to_step(process, port, step)
             if process.wait() != 0:
-                said = last_words(Path(name))
-                raise BusybotError(
-                    f"the viewer ended with exit code {process.returncode}\n{said}".rstrip(),
-                    "busybot doctor, or use --web",
-                )
+                what = f"the viewer ended with exit code {process.returncode}\n{last_words(Path(name))}"
+                raise BusybotError(what.rstrip(), "busybot doctor, or use --web")
 
 
 def serve_web(rrd: Path, announce: Callable[[str], None]) -> None:

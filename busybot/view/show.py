@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from busybot.episodes.dataset import Dataset
@@ -14,7 +14,7 @@ from busybot.reason.result import InferredGraph
 from busybot.view.rerun_log import save_rrd
 from busybot.view.scene import visible
 from busybot.view.screenshot import save_screenshot
-from busybot.view.serve import serve_web, show_window
+from busybot.view.serve import require_display, serve_web, show_window
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,9 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     Raises:
         BusybotError: the input is at fault, or the viewer fails.
     """
+    window = not (wanted.web or wanted.save or wanted.screenshot)
+    if window:
+        require_display()
     path = episode_file(source, number)
     episode = read_episode(path)
     steps = len(episode.steps)
@@ -65,18 +68,23 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     if wanted.screenshot:
         picture_episode(episode, inferred, wanted.screenshot, wanted.step)
     shown = Shown(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot)
-    interactive = wanted.web or not (wanted.save or wanted.screenshot)
-    if not interactive:
+    if wanted.web or window:
+        _show_live(episode, inferred, wanted, shown, announce)
+    else:
         announce(shown)
-        return
+
+
+def _show_live(
+    episode: Episode, inferred: list[InferredGraph], wanted: Wanted, shown: Shown, announce: Callable[[Shown], None]
+) -> None:
     with tempfile.TemporaryDirectory(prefix="busybot-view-") as folder:
-        rrd = Path(folder) / f"{path.stem}.rrd"
+        rrd = Path(folder) / f"{shown.episode.stem}.rrd"
         save_rrd(rrd, episode, inferred)
         if wanted.web:
-            serve_web(rrd, lambda url: announce(Shown(**(vars(shown) | {"url": url}))))
+            serve_web(rrd, lambda url: announce(replace(shown, url=url)))
         else:
-            show_window(rrd, wanted.step)
             announce(shown)
+            show_window(rrd, wanted.step)
 
 
 def episode_file(source: Path, number: int | None = None) -> Path:

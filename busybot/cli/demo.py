@@ -1,0 +1,39 @@
+"""`busybot demo`: everything once, on procedural objects."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from busybot.cli.common import JsonOption, SeedOption, WorkersOption, print_json, say
+
+
+def demo(
+    out: Annotated[Path | None, typer.Option(help="Folder to make; `demo`, or the next free `demo-2`.")] = None,
+    assets: Annotated[str, typer.Option(help="`procedural`, or a folder of annotated objects.")] = "procedural",
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Boards, recorded interactions, inferred relations and a report with pictures, in a minute or two."""
+    from busybot.demo import run_demo
+    from busybot.workers import default_workers
+
+    done = run_demo(out or _free("demo"), seed, workers or default_workers(), say, assets)
+    if json:
+        told = {name: done.result[name] for name in ("boards", "edge_p", "edge_r")}
+        print_json(
+            {"out": done.out, "report": done.report, "recording": done.recording, "pictures": done.pictures} | told
+        )
+        return
+    say(f"\nthe story, to read:  {done.report}")
+    say(f"the viewer:          busybot view {done.out / 'boards'}")
+    print(done.out)
+
+
+def _free(name: str) -> Path:
+    """The first of `name`, `name-2`, `name-3`, ... that does not exist."""
+    candidate, number = Path(name), 2
+    while candidate.exists():
+        candidate, number = Path(f"{name}-{number}"), number + 1
+    return candidate

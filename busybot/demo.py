@@ -1,0 +1,112 @@
+"""`busybot demo`: the whole way from objects to an inferred scene graph, small enough to watch.
+
+Procedural objects become boards, boards become recorded interactions, recordings become relations, and a report shows
+each of them. The actions come from the scripted policy, an oracle: the demo says so.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from busybot.boards.config import BoardConfig
+from busybot.boards.spec import BoardSpec
+from busybot.episodes.create import create_dataset
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.episode import Episode
+from busybot.episodes.mcap_file import read_episode
+from busybot.errors import BusybotError
+from busybot.files import write_atomically, write_json
+from busybot.objects.library import find
+from busybot.reason.evaluate import evaluate_dataset
+from busybot.reason.infer import infer
+from busybot.reason.result import InferredGraph
+from busybot.sim.collect import CollectConfig, collect
+from busybot.view import figures
+from busybot.view.demo_report import Story, demo_report
+from busybot.view.rerun_log import save_rrd
+from busybot.view.screenshot import save_screenshot
+
+BOARDS = 4
+STEPS = 30
+EARLY_STEP = 6
+"""A second picture of the viewer shows how little is known after so many steps."""
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What the demo left behind.
+
+    Attributes:
+        out: the folder with everything in it.
+        report: Markdown.
+        recording: for Rerun.
+        pictures: PNG files, figures and screenshots.
+        result: of `busybot eval reason`.
+    """
+
+    out: Path
+    report: Path
+    recording: Path
+    pictures: tuple[Path, ...]
+    result: dict[str, Any]
+
+
+def run_demo(out: Path, seed: int, workers: int, say: Say, assets: str = "procedural") -> Demo:
+    """Run everything into an empty folder.
+
+    Raises:
+        BusybotError: the folder is not empty, or the environment is at fault (`busybot doctor`).
+    """
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise BusybotError(f"{out}: it exists and is not an empty folder", "name another with --out, or remove it")
+    dataset = _collect(out / "boards", seed, workers, say, assets)
+    say("inferring which switch controls what, from pictures and actions alone")
+    result = evaluate_dataset(dataset, seed=seed, workers=1)
+    write_json(out / "relations.json", result)
+    episodes = [read_episode(dataset.episode_path(index)) for index in range(BOARDS)]
+    chosen = most_telling([episode.board for episode in episodes])
+    inferred = infer(episodes[chosen])
+    say("drawing figures")
+    pictures = _figures(out / "figures", episodes, chosen, inferred)
+    recording = out / f"board-{chosen}.rrd"
+    save_rrd(recording, episodes[chosen], [inferred])
+    say("taking pictures of the viewer")
+    for step in (EARLY_STEP, STEPS):
+        picture = out / "figures" / f"viewer-step-{step:02d}.png"
+        save_screenshot(recording, picture, step)
+        pictures[f"viewer_{step}"] = picture
+    report = out / "report.md"
+    story = Story(episodes, chosen, inferred, result, dataset.info, recording, pictures, EARLY_STEP)
+    write_atomically(report, demo_report(story, out).encode())
+    return Demo(out, report, recording, tuple(pictures.values()), result)
+
+
+def _collect(path: Path, seed: int, workers: int, say: Say, assets: str) -> Dataset:
+    library = find(assets)
+    say(f"drawing {BOARDS} boards with {len(library.objects)} {library.name} objects to choose from")
+    # levers with three positions and panels on every board: more to discover
+    config = BoardConfig(boards=BOARDS, group_size=1, seed=seed, relations="one-to-many")
+    dataset = create_dataset(path, config, library)
+    say(f"acting {STEPS} times on each and recording what happens")
+    collect(dataset, library, CollectConfig(policy="scripted", steps=STEPS), min(workers, BOARDS))
+    return dataset
+
+
+def most_telling(boards: list[BoardSpec]) -> int:
+    """The board with the most kinds of relations, then the most relations."""
+    return max(range(len(boards)), key=lambda i: (len({r.kind for r in boards[i].relations}), len(boards[i].relations)))
+
+
+def _figures(folder: Path, episodes: list[Episode], chosen: int, inferred: InferredGraph) -> dict[str, Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    episode = episodes[chosen]
+    return {
+        "boards": figures.boards_figure(folder / "boards.png", episodes),
+        "episode": figures.episode_figure(folder / "episode.png", episode),
+        "graph": figures.graph_figure(folder / "graph.png", episode, inferred),
+        "refinement": figures.refinement_figure(folder / "refinement.png", episode, inferred),
+        "changes": figures.changes_figure(folder / "changes.png", episode),
+    }

@@ -1,0 +1,149 @@
+"""The demo's report: one board's story in Markdown, with the figures beside it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from busybot.boards.spec import BoardSpec
+from busybot.episodes.dataset_info import DatasetInfo
+from busybot.episodes.episode import Episode
+from busybot.reason.result import InferredGraph
+from busybot.view.scene import judged_edges, object_names
+
+KINDS = {
+    "one-to-one": "one switch, one effect",
+    "one-to-many-effects": "a lever with three positions, one effect for each",
+    "one-to-many-objects": "a panel, one effect for each of its buttons",
+}
+
+
+@dataclass(frozen=True)
+class Story:
+    """What the report tells.
+
+    Attributes:
+        chosen: index of the episode that is shown in detail.
+        result: of `reason.evaluate.evaluate_dataset`.
+        pictures: by name.
+        early: the step of the early picture of the viewer.
+    """
+
+    episodes: list[Episode]
+    chosen: int
+    inferred: InferredGraph
+    result: dict[str, Any]
+    info: DatasetInfo
+    recording: Path
+    pictures: dict[str, Path]
+    early: int
+
+
+def demo_report(story: Story, folder: Path) -> str:
+    """The report's text; links are relative to `folder`."""
+    parts = (_boards, _actions, _relations, _refinement, _numbers, _next)
+    text = "\n\n".join(part(story, folder) for part in parts)
+    return f"# A switch, a lamp, and what connects them\n\n{text}\n"
+
+
+def _picture(story: Story, folder: Path, name: str, caption: str) -> str:
+    return f"![{caption}]({story.pictures[name].relative_to(folder).as_posix()})\n\n*{caption}*"
+
+
+def _boards(story: Story, folder: Path) -> str:
+    return (
+        "## The boards\n\nA BusyBoard carries triggers (switches, levers, panels) and responders (lamps, doors, "
+        f"toys). Hidden relations connect them. These {len(story.episodes)} were drawn with seed {story.info.seed} from "
+        f"{story.info.assets.name} objects.\n\n" + _picture(story, folder, "boards", "The boards before anybody acts.")
+    )
+
+
+def _actions(story: Story, folder: Path) -> str:
+    episode = story.episodes[story.chosen]
+    moved = sum(step.success for step in episode.steps)
+    who = "an oracle that knows the joints, so that nearly every action works" if episode.oracle else "a policy"
+    return (
+        f"## Acting\n\nThe `{episode.policy}` policy is {who}. On board {story.chosen} it acted {len(episode.steps)} "
+        f"times and moved a trigger {moved} times. Every action is a point to take hold of and one of 18 directions; "
+        "the reward is 1 when more than "
+        f"{episode.settings.get('interaction', {}).get('delta', 500)} pixels change.\n\n"
+        + _picture(story, folder, "episode", "Some actions and what they changed.")
+        + "\n\n"
+        + _picture(story, folder, "changes", "Changed pixels of every action, and the threshold of the reward.")
+    )
+
+
+def _relations(story: Story, folder: Path) -> str:
+    board = story.episodes[story.chosen].board
+    return (
+        "## What controls what\n\nCounting sees the pictures, the objects' boxes and roles, and the actions. It never "
+        "sees the simulator's relations or states. A responder depends on a trigger when it changes in the steps that "
+        "acted on that trigger, and not in the others.\n\n"
+        + _picture(story, folder, "graph", "The inferred scene graph over the board.")
+        + "\n\n"
+        + _relation_table(board, story.inferred)
+    )
+
+
+def _relation_table(board: BoardSpec, inferred: InferredGraph) -> str:
+    names = object_names(board)
+    kinds = {
+        (ref.object, relation.responder): relation.kind for relation in board.relations for ref in relation.triggers
+    }
+    probabilities = inferred.after(len(inferred.probabilities))
+    lines = ["| trigger | responder | probability | verdict | kind |", "|---|---|---|---|---|"]
+    for edge in judged_edges(board, inferred, len(inferred.probabilities)):
+        pair = (edge.cause, edge.effect)
+        kind = KINDS.get(kinds.get(pair, ""), "")
+        chance = f"{probabilities[pair]:.3f}"
+        lines.append(f"| {names[edge.cause]} | {names[edge.effect]} | {chance} | {edge.verdict} | {kind} |")
+    return "\n".join(lines)
+
+
+def _refinement(story: Story, folder: Path) -> str:
+    return (
+        "## How certainty grows\n\n"
+        + _picture(story, folder, "refinement", "Probabilities after more and more steps; true relations are framed.")
+        + f"\n\nThe viewer after {story.early} steps, and at the end:\n\n"
+        + _picture(story, folder, f"viewer_{story.early}", f"Rerun after {story.early} steps.")
+        + "\n\n"
+        + _picture(story, folder, f"viewer_{len(story.inferred.probabilities)}", "Rerun at the end.")
+    )
+
+
+def _numbers(story: Story, folder: Path) -> str:
+    result, baselines = story.result, story.result["baselines"]
+    rows = [("counting", result), *((name.replace("_", " "), values) for name, values in baselines.items())]
+    lines = [
+        "## The numbers",
+        "",
+        f"Over all {result['boards']} boards, from their first {result['images']} images; percent. Four boards are a "
+        "picture, not a result: the README names the command for more.",
+        "",
+        "| | Edge-P | Edge-R | Edge-Acc |",
+        "|---|---|---|---|",
+        *(
+            f"| {name} | {_percent(values['edge_p'])} | {_percent(values['edge_r'])} | {_percent(values['edge_acc'])} |"
+            for name, values in rows
+        ),
+        "",
+        f"Relations whose effect was visible at all: {_percent(result['edge_r_bound'])} %.",
+    ]
+    return "\n".join(lines)
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f}"
+
+
+def _next(story: Story, folder: Path) -> str:
+    recording = story.recording.relative_to(folder).as_posix()
+    hashes = story.result["dataset"]
+    return (
+        "## Look further\n\n"
+        f"- `busybot view boards --episode {story.chosen}` opens the episode in Rerun; `{recording}` "
+        "is the same as a file.\n"
+        "- `busybot dataset info boards` tells what was recorded, `busybot dataset verify boards` checks it.\n"
+        "- `busybot eval reason boards` repeats the inference; `relations.json` holds its result.\n\n"
+        f"Board hash `{hashes['board_hash'][:16]}`, trace hash `{hashes['trace_hash'][:16]}`, "
+        f"content hash `{hashes['content_hash'][:16]}`: the same seed on the same machine gives the same three."
+    )

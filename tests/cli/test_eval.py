@@ -1,0 +1,73 @@
+"""`busybot eval reason`, as a user runs it."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from busybot.cli.main import app
+from tests.episodes.folders import make_dataset
+
+KEYS = {
+    "edge_p", "edge_r", "edge_acc", "edge_r_bound", "pred_a", "pred_a_responder", "pred_a_bound", "ece", "brier",
+    "boards", "macro", "intervals", "baselines", "by_kind", "by_images", "policy", "dataset", "command", "seed", "versions",
+}  # fmt: skip
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    return make_dataset(tmp_path / "toys").path
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["eval", "reason", *map(str, arguments)])
+
+
+def test_json_is_one_object_with_the_metrics(dataset: Path) -> None:
+    result = run(dataset, "--model", "count", "--json")
+    assert result.exit_code == 0
+    values = json.loads(result.stdout)
+    assert set(values) >= KEYS
+    assert (values["boards"], values["edge_p"], values["pred_a"]) == (3, 1.0, None)
+    assert values["edge_r"] == values["edge_r_bound"]
+    assert len(values["dataset"]["content_hash"]) == 64
+    assert values["command"].startswith("busybot eval reason")
+
+
+def test_out_gets_the_same_object(dataset: Path, tmp_path: Path) -> None:
+    result = run(dataset, "--json", "--out", tmp_path / "results" / "reason.json")
+    assert json.loads((tmp_path / "results" / "reason.json").read_text()) == json.loads(result.stdout)
+
+
+def test_people_see_the_trivial_graphs_beside_it(dataset: Path) -> None:
+    result = run(dataset)
+    assert result.exit_code == 0
+    for text in ("count", "empty graph", "all-ones graph", "random trigger", "Edge-P", "100.0", "one-to-one (6)"):
+        assert text in result.stdout
+
+
+def test_parameters_can_be_set(dataset: Path) -> None:
+    values = json.loads(run(dataset, "--json", "--set", "change.tolerance=254").stdout)
+    assert values["config"]["change"]["tolerance"] == 254
+    assert (values["edge_p"], values["edge_r"]) == (None, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("--model", "oracle"), 1, "no model 'oracle'"),
+        (("--set", "noise=3"), 1, "parameter noise"),
+        (("--images", "1"), 2, "--images"),
+    ],
+)
+def test_what_cannot_be_is_refused(dataset: Path, arguments: tuple[str, ...], code: int, message: str) -> None:
+    result = run(dataset, *arguments)
+    assert result.exit_code == code
+    assert message in result.stderr
+
+
+def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:
+    result = run(tmp_path, "--json")
+    assert result.exit_code == 1
+    assert "not a dataset" in json.loads(result.stdout)["error"]

@@ -74,7 +74,9 @@ def _print_tables(result: dict[str, Any]) -> None:
     keys = ("edge_p", "edge_r", "edge_acc", "ece", "brier")
     edges = ("precision", "recall", "accuracy")
     table.add_row(result["model"], *(_percent(result[key]) for key in keys), style="bold")
-    table.add_row("  95 % interval", *(_range(result["intervals"][key]) for key in edges))
+    for name, end in (("  95 % interval from", 0), ("  to", 1)):
+        ends = (result["intervals"][key] for key in edges)
+        table.add_row(name, *(_percent(interval and interval[end]) for interval in ends))
     table.add_row("  mean over boards", *(_percent(result["macro"][key]) for key in edges))
     table.add_row("  effect was visible", "", _percent(result["edge_r_bound"]), end_section=True)
     for kind, scores in result["by_kind"].items():
@@ -88,7 +90,3 @@ def _print_tables(result: dict[str, Any]) -> None:
 
 def _percent(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:.1f}"
-
-
-def _range(interval: tuple[float, float] | None) -> str:
-    return "-" if interval is None else f"{100 * interval[0]:.1f}-{100 * interval[1]:.1f}"

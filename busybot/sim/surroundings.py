@@ -15,6 +15,7 @@ TABLE_HALF = 4.0
 TABLE_COLOR = (0.33, 0.35, 0.38, 1.0)
 AMBIENT = (0.45, 0.45, 0.45)
 SUN_DIRECTION, SUN = (0.455, -0.542, -0.706), (1.6, 1.55, 1.45)
+SHADOW_MAP_SIZE = 1024
 """Lights for SAPIEN's shader packs; ours has its own in the shader."""
 
 
@@ -36,7 +37,13 @@ class Surroundings:
             reach = 1.5 * max(spec.size)
             scene.set_ambient_light(AMBIENT)
             scene.add_directional_light(
-                SUN_DIRECTION, SUN, shadow=self._shadows, shadow_scale=reach, shadow_near=-reach, shadow_far=reach
+                SUN_DIRECTION,
+                SUN,
+                shadow=self._shadows,
+                shadow_scale=reach,
+                shadow_near=-reach,
+                shadow_far=reach,
+                shadow_map_size=SHADOW_MAP_SIZE,
             )
         half = np.array(spec.size) / 2
         table_color = [channel**2.2 if self._lights else channel for channel in TABLE_COLOR]

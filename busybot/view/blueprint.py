@@ -30,7 +30,7 @@ def blueprint(episode: Episode, inferred: list[InferredGraph], menus: bool = Tru
     lower = rrb.Horizontal(*parts, column_shares=COLUMNS if names else [1, 1])
     panel: Literal["collapsed", "hidden"] = "collapsed" if menus else "hidden"
     return rrb.Blueprint(
-        rrb.Vertical(upper, lower, row_shares=[1.75, 1]),
+        rrb.Vertical(upper, lower, row_shares=[1.6, 1]),
         rrb.TopPanel(state=panel),
         rrb.BlueprintPanel(state=panel),
         rrb.SelectionPanel(state=panel),
@@ -124,5 +124,6 @@ def belief_views(episode: Episode, names: list[str]) -> Any:
 def account_views(episode: Episode) -> Any:
     """The simulator's discrete states, which no learner sees, and the steps in words."""
     states = rrb.StateTimelineView(origin="states", name="States (privileged: no learner sees them)")
-    words = rrb.TextLogView(origin="log", name="In words")
+    columns = rrb.TextLogColumns(timeline_columns=["step"], text_log_columns=["body"])
+    words = rrb.TextLogView(origin="log", name="In words", columns=columns)
     return rrb.Tabs(*([states] if relation_states(episode, 0) else []), words)

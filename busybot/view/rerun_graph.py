@@ -15,6 +15,7 @@ SPREAD = 1.25
 """Graph units per drawing unit: labels keep their size, so more spread is more room."""
 LABEL_HEIGHT, LETTER_WIDTH = 24.0, 8.0
 """Size of a labelled node, graph units."""
+LONGEST_LABEL = "missed 0.00"
 SHARES = (0.5, 0.42, 0.58, 0.34, 0.66, 0.27, 0.73)
 OFFSETS = (0.0, 28.0, -28.0, 56.0, -56.0)
 """Where an edge's label may be: share of the way along the edge, and graph units beside it."""
@@ -27,19 +28,34 @@ def graph_positions(episode: Episode) -> np.ndarray:
     return anchors(episode) * drawing_scale(episode) * SPREAD
 
 
+def edge_places(episode: Episode, pairs: list[tuple[int, int]]) -> dict[tuple[int, int], np.ndarray]:
+    """Where the label of each edge is, for all steps: an edge that comes and goes moves no other."""
+    names = object_names(episode.board)
+    points = place_labels(graph_positions(episode), names, pairs, [LONGEST_LABEL] * len(pairs))
+    return dict(zip(pairs, points, strict=True))
+
+
 def log_graph(
-    recording: rr.RecordingStream, path: list[object], episode: Episode, edges: list[Edge], truth: bool = False
+    recording: rr.RecordingStream,
+    path: list[object],
+    episode: Episode,
+    edges: list[Edge],
+    places: dict[tuple[int, int], np.ndarray],
+    truth: bool = False,
 ) -> None:
-    """Objects as nodes where they are in the image, and the edges between them."""
-    names, places = object_names(episode.board), graph_positions(episode)
-    texts = ["controls" if truth else _text(edge) for edge in edges]
-    ids = [f"{names[edge.cause]} to {names[edge.effect]}" for edge in edges]
-    middles = place_labels(places, names, [(edge.cause, edge.effect) for edge in edges], texts)
+    """Objects as nodes where they are in the image, and the edges between them.
+
+    Args:
+        places: from `edge_places`, for these edges at least.
+    """
+    names = object_names(episode.board)
+    middles = [places[edge.cause, edge.effect] for edge in edges]
+    positions = np.concatenate([graph_positions(episode), np.reshape(middles, (-1, 2))])
+    labels = names + ["controls" if truth else _text(edge) for edge in edges]
     colors = [ROLES[placed.role] for placed in episode.board.objects]
     colors += [TRUTH if truth else VERDICTS[edge.verdict] for edge in edges]
-    nodes = rr.GraphNodes(
-        [*names, *ids], positions=np.concatenate([places, middles]), colors=colors, labels=[*names, *texts]
-    )
+    ids = [f"{names[edge.cause]} to {names[edge.effect]}" for edge in edges]
+    nodes = rr.GraphNodes([*names, *ids], positions=positions, colors=colors, labels=labels)
     pairs = [(names[edge.cause], middle) for edge, middle in zip(edges, ids, strict=True)]
     pairs += [(middle, names[edge.effect]) for edge, middle in zip(edges, ids, strict=True)]
     recording.log(path, nodes, rr.GraphEdges(pairs, graph_type="directed"), static=truth)

@@ -18,7 +18,7 @@ from busybot.reason.result import InferredGraph
 from busybot.view.blueprint import blueprint
 from busybot.view.rerun_board import BoardLogger
 from busybot.view.rerun_camera import log_camera_frame
-from busybot.view.rerun_graph import log_graph
+from busybot.view.rerun_graph import edge_places, log_graph
 from busybot.view.rerun_series import (
     log_probabilities,
     log_probability_styles,
@@ -27,7 +27,7 @@ from busybot.view.rerun_series import (
     log_states,
     log_words,
 )
-from busybot.view.scene import check_inferred, judged_edges, true_edges
+from busybot.view.scene import check_inferred, judged_edges, pairs_ever, true_edges
 
 APPLICATION = "busybot"
 _BATCHES = rr.ChunkBatcherConfig(flush_tick=3600.0)
@@ -39,6 +39,10 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
     board = BoardLogger(recording, episode)
     log_series_styles(recording)
     board.log_static()
+    truth = true_edges(episode.board)
+    straight = edge_places(episode, [(edge.cause, edge.effect) for edge in truth])
+    log_graph(recording, ["graph", "true"], episode, truth, straight, truth=True)
+    places = {graph.name: edge_places(episode, pairs_ever(episode.board, graph)) for graph in inferred}
     for graph in inferred:
         log_probability_styles(recording, episode, graph)
     for frame in range(len(episode.frame_of)):
@@ -46,16 +50,16 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
         recording.set_time("time", duration=float(frame))
         log_camera_frame(recording, episode, frame)
         board.log_frame(frame)
+        if frame == 0:
+            board.log_true_relations(truth)  # their arcs start at the objects' tops, known from the first frame
         log_signals(recording, episode, frame)
         log_states(recording, episode, frame)
         log_words(recording, episode, frame)
         for graph in inferred:
             edges = judged_edges(episode.board, graph, frame)
-            log_graph(recording, ["graph", graph.name], episode, edges)
+            log_graph(recording, ["graph", graph.name], episode, edges, places[graph.name])
             board.log_inferred_relations(graph.name, edges)
             log_probabilities(recording, episode, graph, frame)
-    board.log_true_relations(true_edges(episode.board))
-    log_graph(recording, ["graph", "true"], episode, true_edges(episode.board), truth=True)
 
 
 def save_rrd(path: Path, episode: Episode, inferred: Sequence[InferredGraph] = (), menus: bool = True) -> None:

@@ -142,6 +142,13 @@ def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[
     return edges
 
 
+def pairs_ever(board: BoardSpec, inferred: InferredGraph) -> list[tuple[int, int]]:
+    """Cause and effect of every edge that `judged_edges` gives after any number of steps."""
+    truth = np.array(board.relation_matrix(), bool)
+    ever = (inferred.probabilities >= inferred.threshold).any(0)
+    return [(int(i), int(j)) for i, j in np.argwhere(ever | truth)]
+
+
 def check_inferred(episode: Episode, inferred: InferredGraph) -> None:
     """Refuse an inference that is not about this episode's board."""
     objects = len(episode.board.objects)

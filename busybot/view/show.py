@@ -58,7 +58,7 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     if window:
         require_display()
     path = episode_file(source, number)
-    episode = read_episode(path)
+    episode = read_episode(path, images="lazy")
     steps = len(episode.steps)
     if wanted.step is not None and not 0 <= wanted.step <= steps:
         raise BusybotError(f"{path}: there is no step {wanted.step}", f"choose one from 0 (the start) to {steps}")

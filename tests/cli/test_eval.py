@@ -11,7 +11,8 @@ from tests.episodes.folders import make_dataset
 
 KEYS = {
     "edge_p", "edge_r", "edge_acc", "edge_r_bound", "pred_a", "pred_a_responder", "pred_a_bound", "ece", "brier",
-    "boards", "macro", "intervals", "baselines", "by_kind", "by_images", "policy", "dataset", "command", "seed", "versions",
+    "boards", "macro", "intervals", "baselines", "by_kind", "by_images", "policy", "dataset", "command", "seed",
+    "versions",
 }  # fmt: skip
 
 

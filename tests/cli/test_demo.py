@@ -1,0 +1,43 @@
+"""`busybot demo`: the first thing that a new user runs."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import pytest
+
+
+@pytest.mark.long
+def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) -> None:
+    out = tmp_path / "demo"
+    command = [sys.executable, "-m", "busybot", "demo", "--out", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip().splitlines()[-1] == str(out), "the path is printed last"
+    report = (out / "report.md").read_text()
+    pictures = re.findall(r"\]\((.*?\.png)\)", report)
+    assert len(pictures) == 7
+    for picture in pictures:
+        image = cv2.imread(str(out / picture))
+        assert image is not None and image.std() > 10, picture
+    assert "{" not in report and "None" not in report
+    assert (out / re.findall(r"`([^`]*\.rrd)`", report)[0]).stat().st_size > 100_000
+    for line in re.findall(r"`busybot ([^`]*)`", report):
+        if line.startswith("view"):
+            continue  # opens a window
+        ran = subprocess.run([sys.executable, "-m", "busybot", *line.split()], cwd=out, capture_output=True, timeout=120)
+        assert ran.returncode == 0, (line, ran.stderr)
+    result = json.loads((out / "relations.json").read_text())
+    assert result["boards"] == 4 and result["steps"] == 4 * 22
+    assert result["edge_p"] > 0.9 and result["edge_r"] > 0.9
+
+
+def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("precious")
+    command = [sys.executable, "-m", "busybot", "demo", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1 and "not an empty folder" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]

@@ -1,0 +1,81 @@
+"""`busybot view`, as a user runs it."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from busybot.cli.main import app
+from tests.episodes.folders import make_dataset
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Path:
+    return make_dataset(tmp_path / "toys", finished=(1, 3)).path
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["view", *map(str, arguments)])
+
+
+def test_a_dataset_shows_its_first_episode(dataset: Path, tmp_path: Path) -> None:
+    result = run(dataset, "--save", tmp_path / "new" / "e.rrd", "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout) == {
+        "episode": str(dataset / "episodes/000001.mcap"),
+        "steps": 6,
+        "inferred": ["count"],
+        "save": str(tmp_path / "new" / "e.rrd"),
+        "screenshot": None,
+        "url": None,
+    }
+    assert (tmp_path / "new" / "e.rrd").read_bytes()[:3] == b"RRF"
+
+
+def test_episodes_are_chosen_by_number_or_by_file(dataset: Path, tmp_path: Path) -> None:
+    by_number = run(dataset, "--episode", 3, "--save", tmp_path / "a.rrd", "--json")
+    by_file = run(dataset / "episodes/000003.mcap", "--save", tmp_path / "a.rrd", "--json")
+    assert by_number.exit_code == 0
+    assert by_number.stdout == by_file.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere"], "no such file or folder"),
+        (["toys", "--episode", "0"], "episode 0 is not there"),
+        (["toys/episodes/000001.mcap", "--episode", "0"], "a file holds one episode"),
+        (["toys", "--save", "e.rrd", "--screenshot", "e.png", "--step", "7"], "no step 7"),
+        (["toys/dataset.json", "--save", "e.rrd"], "dataset.json"),
+    ],
+)
+def test_faults_of_input_are_named_with_their_mend(
+    arguments: list[str], said: str, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("DISPLAY", ":0")
+    result = run(*arguments)
+    assert result.exit_code == 1
+    assert said in result.stderr and "mend:" in result.stderr
+    assert not list(tmp_path.glob("*.rrd"))
+
+
+def test_an_empty_dataset_says_how_to_fill_it(tmp_path: Path) -> None:
+    result = run(make_dataset(tmp_path / "d", finished=()).path, "--save", tmp_path / "e.rrd")
+    assert result.exit_code == 1
+    assert f"busybot collect {tmp_path / 'd'}" in result.stderr
+
+
+def test_without_a_display_it_says_what_else_works(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    result = run(dataset)
+    assert result.exit_code == 1
+    for way in ("--web", "--save", "--screenshot"):
+        assert way in result.stderr
+
+
+def test_a_step_without_a_place_to_show_it_is_wrong_usage(dataset: Path, tmp_path: Path) -> None:
+    assert run(dataset, "--save", tmp_path / "e.rrd", "--step", 2).exit_code == 2
+    assert run(dataset, "--web", "--step", 2).exit_code == 2

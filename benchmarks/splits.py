@@ -50,7 +50,9 @@ def run(split: str, policy: str, folder: Path, arguments: argparse.Namespace) ->
         **{name: info[name] for name in ("board_hash", "trace_hash", "content_hash")},
         "success_share": info.get("success_share"),
         "collect_seconds": round(seconds, 1),
-        "commands": [done["command"].replace(str(folder), "DATA").replace(arguments.assets, "ASSETS") for done in commands],
+        "commands": [
+            done["command"].replace(str(folder), "DATA").replace(arguments.assets, "ASSETS") for done in commands
+        ],
     }
 
 

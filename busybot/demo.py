@@ -66,7 +66,7 @@ def run_demo(out: Path, seed: int, workers: int, say: Say, assets: str = "proced
     say("inferring which switch controls what, from pictures and actions alone")
     result = evaluate_dataset(dataset, seed=seed, workers=1)
     write_json(out / "relations.json", result)
-    episodes = [read_episode(dataset.episode_path(index)) for index in range(BOARDS)]
+    episodes = [read_episode(dataset.episode_path(index), "lazy") for index in range(BOARDS)]
     chosen = most_telling([episode.board for episode in episodes])
     inferred = infer(episodes[chosen])
     say("drawing figures")

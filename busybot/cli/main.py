@@ -45,7 +45,9 @@ def load_command(name: str) -> Any:
             raise
         return None
     if hasattr(module, "app"):
-        return group_of(module.app)
+        group = group_of(module.app)
+        group.name = name
+        return group
     single = typer.Typer(add_completion=False, context_settings=CONTEXT)
     single.command(name)(getattr(module, name))
     return command_of(single)

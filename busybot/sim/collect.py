@@ -4,7 +4,6 @@ An episode depends on its board and the collection's seed alone. It appears unde
 table rows are read back from the finished file, and collecting again continues with the boards that have no episode.
 """
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,9 +78,7 @@ def collect(
         done = len(before)
         seed = dataset.info.seed if config.seed is None else config.seed
         try:
-            for index, result in run_tasks(
-                missing, _make_work, (dataset.path, library, config, seed, workers), workers
-            ):
+            for index, result in run_tasks(missing, _make_work, (dataset.path, library, config, seed), workers):
                 rows[index] = result
                 done += 1
                 if progress:
@@ -110,11 +107,8 @@ def _collect_info(config: CollectConfig, dataset_seed: int) -> CollectInfo:
     )
 
 
-def _make_work(path: Path, library: Library, config: CollectConfig, seed: int, workers: int) -> Callable[[int], Any]:
+def _make_work(path: Path, library: Library, config: CollectConfig, seed: int) -> Callable[[int], Any]:
     """What a worker does with a board's index: record, write, and read back the rows of its tables."""
-    if workers > 1:
-        # software rendering has threads of its own, which several workers would only fight over
-        os.environ.setdefault("LP_NUM_THREADS", "1")
     dataset = Dataset.open(path)
     simulator = Simulator(library, config.render)
 

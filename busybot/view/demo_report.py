@@ -52,8 +52,9 @@ def _picture(story: Story, folder: Path, name: str, caption: str) -> str:
 def _boards(story: Story, folder: Path) -> str:
     return (
         "## The boards\n\nA BusyBoard carries triggers (switches, levers, panels) and responders (lamps, doors, "
-        f"toys). Hidden relations connect them. These {len(story.episodes)} were drawn with seed {story.info.seed} from "
-        f"{story.info.assets.name} objects.\n\n" + _picture(story, folder, "boards", "The boards before anybody acts.")
+        f"toys). Hidden relations connect them. These {len(story.episodes)} were drawn with seed {story.info.seed} "
+        f"from {story.info.assets.name} objects.\n\n"
+        + _picture(story, folder, "boards", "The boards before anybody acts.")
     )
 
 

@@ -28,7 +28,9 @@ def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) 
     for line in re.findall(r"`busybot ([^`]*)`", report):
         if line.startswith("view"):
             continue  # opens a window
-        ran = subprocess.run([sys.executable, "-m", "busybot", *line.split()], cwd=out, capture_output=True, timeout=120)
+        ran = subprocess.run(
+            [sys.executable, "-m", "busybot", *line.split()], cwd=out, capture_output=True, timeout=120
+        )
         assert ran.returncode == 0, (line, ran.stderr)
     result = json.loads((out / "relations.json").read_text())
     assert result["boards"] == 4 and result["steps"] == 4 * 22

@@ -4,8 +4,8 @@ Paper section 3.1 and protocol "Interaction". The rules, in order:
 
 1. The gripper takes hold of whatever is visible at the chosen pixel. Only trigger links give way: anything else is a
    miss, which changes nothing and is not simulated.
-2. The proposed direction is executed, then its opposite. Each starts from rest and moves the gripper's target in
-   growing distances of 0.03 up to 0.21 units.
+2. The proposed direction is executed, then its opposite; if several are proposed, pair after pair until one works.
+   Each starts from rest and moves the gripper's target in growing distances of 0.03 up to 0.21 units.
 3. After each increment the motion stops if something changed: by default when the joint has crossed into another state
    (`stop="physics"`, no rendering), or when the images differ by more than delta pixels (`stop="pixels"`, as the
    original does it; `tests/sim/test_interaction.py` measures how often the two agree).
@@ -15,6 +15,7 @@ Paper section 3.1 and protocol "Interaction". The rules, in order:
 The gripper is a drive between the world and the held point, with a force limit: no body, no contacts.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -74,19 +75,21 @@ def changed_pixels(before: np.ndarray, after: np.ndarray, tolerance: float) -> i
 
 
 def interact(
-    scene: BoardScene, grasp: Grasp, direction: int, config: InteractionConfig, before: Image | None
+    scene: BoardScene, grasp: Grasp, directions: int | Sequence[int], config: InteractionConfig, before: Image | None
 ) -> tuple[Step, Image | None]:
     """Execute one proposed action.
 
     Args:
-        direction: index into DIRECTIONS.
+        directions: index into DIRECTIONS, or several in the order in which their pairs are tried until one works (the
+            paper's first 100 epochs try all; evaluation proposes one).
         before: what the camera showed; None in a simulation without renderer, where the reward is the true one.
 
     Returns:
         the step, and the image after it if anything changed (None otherwise, or without renderer).
     """
     states, shown, joints = scene.trigger_states(), scene.responder_states(), scene.joint_positions()
-    executed, distance, vetoed = _execute(scene, grasp, direction, config, before)
+    proposed = (directions,) if isinstance(directions, int | np.integer) else tuple(directions)
+    executed, distance, vetoed = _execute(scene, grasp, proposed, config, before)
     success = scene.trigger_states() != states
     after = scene.observe() if success and before is not None else None
     changed = changed_pixels(before.rgb, after.rgb, config.tolerance) if before is not None and after is not None else 0
@@ -94,7 +97,7 @@ def interact(
     step = Step(
         pixel=grasp.pixel,
         position=(float(grasp.position[0]), float(grasp.position[1]), float(grasp.position[2])),
-        direction=direction,
+        direction=int(proposed[0]),
         executed=executed,
         distance=distance,
         changed_pixels=changed,
@@ -114,10 +117,10 @@ def interact(
 
 
 def _execute(
-    scene: BoardScene, grasp: Grasp, direction: int, config: InteractionConfig, before: Image | None
+    scene: BoardScene, grasp: Grasp, proposed: tuple[int, ...], config: InteractionConfig, before: Image | None
 ) -> tuple[tuple[int, ...], float, bool]:
-    """The directions tried, the distance reached in the last one, and whether strict mode refused both."""
-    order = (int(direction), int(OPPOSITE[direction]))
+    """The directions tried, the distance reached in the last one, and whether strict mode refused all."""
+    order = tuple(dict.fromkeys(int(d) for first in proposed for d in (first, OPPOSITE[first])))
     full = round(config.increment * config.increments, 6)
     if grasp.trigger is None:
         return order, full, False

@@ -34,6 +34,7 @@ class InteractionConfig(BaseModel):
     """Constants of an action.
 
     Attributes:
+        reward: `pixels`, or `joints` for the oracle rows of Table 1: whether a trigger changed its state.
         delta: more changed pixels than this are a reward.
         tolerance: a pixel differs when a channel differs by more than this share of its range.
         stop: what ends a motion.
@@ -45,6 +46,7 @@ class InteractionConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    reward: Literal["pixels", "joints"] = "pixels"
     delta: Annotated[int, Field(ge=0)] = 500
     tolerance: Annotated[float, Field(ge=0, le=1)] = 0.01
     stop: Literal["physics", "pixels"] = "physics"
@@ -101,7 +103,7 @@ def interact(
         executed=executed,
         distance=distance,
         changed_pixels=changed,
-        reward=int(changed > config.delta) if before is not None else int(success),
+        reward=int(changed > config.delta) if before is not None and config.reward == "pixels" else int(success),
         acted_object=held.object if held else -1,
         acted_link=held.link.name if held else "",
         trigger_states_before=states,

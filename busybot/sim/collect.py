@@ -34,6 +34,7 @@ class CollectConfig(BaseModel):
         seed: None takes the dataset's.
         responders: whether effects show; without, a trigger's own motion is all there is to see (Table 1, row "w/o
             responder").
+        learned: constants of the learned policy that take precedence over those on the model's card.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -43,6 +44,7 @@ class CollectConfig(BaseModel):
     images: Literal["jpeg", "png"] = "jpeg"
     seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
     responders: bool = True
+    learned: dict[str, Any] = {}
     interaction: InteractionConfig = InteractionConfig()
     render: RenderConfig = RenderConfig()
 
@@ -72,17 +74,19 @@ def collect(
     workers: int,
     progress: Progress | None = None,
     chooser: Chooser | None = None,
+    provenance: dict[str, Any] | None = None,
 ) -> Collected:
     """Record an episode for every board that has none.
 
     Args:
         chooser: makes the policies; by default the built-in one that the configuration names.
+        provenance: what else decides the chooser's choices, JSON values; recorded, and another is refused later.
 
     Raises:
         BusybotError: the dataset's episodes were begun with other settings, or a worker is at fault.
     """
     with dataset.locked():
-        dataset.begin_collecting(_collect_info(config, dataset.info.seed))
+        dataset.begin_collecting(_collect_info(config, dataset.info.seed, provenance))
         dataset.remove_leftovers()
         before = dataset.finished()
         missing = [index for index in range(dataset.info.boards) if index not in before]
@@ -105,7 +109,7 @@ def collect(
     return Collected(dataset.info.boards, done, done - len(before))
 
 
-def _collect_info(config: CollectConfig, dataset_seed: int) -> CollectInfo:
+def _collect_info(config: CollectConfig, dataset_seed: int, provenance: dict[str, Any] | None) -> CollectInfo:
     return CollectInfo(
         policy=config.policy,
         steps=config.steps,
@@ -117,6 +121,7 @@ def _collect_info(config: CollectConfig, dataset_seed: int) -> CollectInfo:
             "responders": config.responders,
             "interaction": config.interaction.model_dump(mode="json"),
             "render": config.render.model_dump(mode="json"),
+            **({"chooser": provenance} if provenance else {}),
         },
     )
 

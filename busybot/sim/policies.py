@@ -48,7 +48,8 @@ class Policy(Protocol):
 class Chooser(Protocol):
     """Makes a board's policy. It is handed to worker processes: plain data that loads what it needs at first use."""
 
-    name: str
+    @property
+    def name(self) -> str: ...
 
     def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy: ...
 

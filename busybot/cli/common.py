@@ -6,6 +6,7 @@ standard error.
 
 import json
 import os
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -39,6 +40,15 @@ WorkersOption = Annotated[
 def say(message: str) -> None:
     """A line of progress or explanation, on standard error."""
     print(message, file=sys.stderr, flush=True)
+
+
+def own_name() -> str:
+    """How to call this program again: `busybot`, or its path when the environment is not active."""
+    found = shutil.which("busybot")
+    called = Path(sys.argv[0])
+    if called.name != "busybot" or (found and Path(found).samefile(called)):
+        return "busybot"
+    return os.path.relpath(called) if called.is_relative_to(Path.cwd()) else str(called)
 
 
 def print_json(value: Any) -> None:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, print_json, say
+from busybot.cli.common import JsonOption, SeedOption, own_name, print_json, say
 
 
 def generate(
@@ -48,4 +48,4 @@ def generate(
         say(
             f"{dataset.info.boards} boards ({dataset.info.split}) in {out}; {thrown} draws did not fit and were redrawn"
         )
-        say(f"next: busybot collect {out}")
+        say(f"next: {own_name()} collect {out}")

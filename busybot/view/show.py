@@ -54,10 +54,10 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     Raises:
         BusybotError: the input is at fault, or the viewer fails.
     """
+    path = episode_file(source, number)
     window = not (wanted.web or wanted.save or wanted.screenshot)
     if window:
         require_display()
-    path = episode_file(source, number)
     episode = read_episode(path, images="lazy")
     steps = len(episode.steps)
     if wanted.step is not None and not 0 <= wanted.step <= steps:

@@ -170,7 +170,7 @@ def main() -> None:
         "command": f"python benchmarks/collection.py --assets {library.name} {mode}",
         "seed": SEED,
         "assets_sha256": library.sha256,
-        "machine": {"system": platform.platform(), "python": platform.python_version(), "cores": os.cpu_count()},
+        "machine": {"system": platform.system(), "python": platform.python_version(), "cores": os.cpu_count()},
     }
     text = json.dumps(origin | result, indent=None if arguments.json else 2)
     if arguments.out:

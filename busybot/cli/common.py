@@ -1,7 +1,7 @@
 """What all subcommands share: options with one meaning, output for machines, errors for people.
 
-With `--json` a command prints exactly one JSON object on standard output, also when it fails; progress and logs go to
-standard error.
+With `--json` a command prints exactly one JSON object on standard output, also when input or environment are at fault;
+progress and logs go to standard error. After wrong usage or Ctrl-C standard output stays empty.
 """
 
 import json
@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -73,20 +73,28 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def report_errors(context: typer.Context) -> Iterator[None]:
-    """Turn a BusybotError into `error: ...` on standard error and exit code 1, Ctrl-C into exit code 130.
+    """Turn faults of input and environment into `error: ...` and exit code 1, Ctrl-C into exit code 130.
 
     `busybot.cli.main` does this around every subcommand.
     """
     try:
         yield
     except BusybotError as error:
-        say(f"error: {error}")
-        if context.meta.get(JSON_WANTED):
-            print_json({"error": error.what, "mend": error.mend})
-        raise typer.Exit(1) from None
+        _report(context, error)
+    except OSError as error:
+        # of the file system: nothing that our own code expected, but something that the user can mend
+        what = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        _report(context, BusybotError(what, "check that the path can be written and that the disk has room"))
     except KeyboardInterrupt:
         say("interrupted")
         raise typer.Exit(130) from None
+
+
+def _report(context: typer.Context, error: BusybotError) -> NoReturn:
+    say(f"error: {error}")
+    if context.meta.get(JSON_WANTED):
+        print_json({"error": error.what, "mend": error.mend})
+    raise typer.Exit(1) from None
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """What a recorded interaction costs, in CPU time, against one frame of SAPIEN's `minimal` shader pack.
 
-    python benchmarks/collection.py [--assets DIR] [--boards 8] [--json]
-    python benchmarks/collection.py --memory 500
+    python benchmarks/collection.py [--assets DIR] [--boards 8] [--json] [--out FILE]
+    python benchmarks/collection.py --memory 500 [--assets DIR]
 
 The first mode acts on the same boards with our shader pack and, alternating within one process, shows each new state
 to a camera with SAPIEN's `minimal` pack. Counted are interactions that moved a link: simulated, rendered, read back,
@@ -15,6 +15,8 @@ The second mode builds and plays so many boards in one process and reports its r
 
 import argparse
 import json
+import os
+import platform
 import resource
 import sys
 import tempfile
@@ -32,6 +34,7 @@ from busybot.boards.spec import BoardSpec
 from busybot.episodes.episode import Image, Step
 from busybot.episodes.geometry import Rays
 from busybot.episodes.mcap_file import write_episode
+from busybot.files import write_atomically
 from busybot.objects.library import Library, find
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.policies import BuiltIn
@@ -41,6 +44,7 @@ from busybot.sim.scene import BoardScene, Simulator
 from busybot.sim.surroundings import Surroundings
 
 STEPS = 30
+SEED = 1
 Result = TypeVar("Result")
 Times = dict[str, list[float]]
 
@@ -106,7 +110,7 @@ def benchmark(library: Library, boards: int) -> dict[str, Any]:
     """All figures, CPU milliseconds (medians) and ratios."""
     ours = Simulator(library, RenderConfig())
     times: Times = {}
-    specs = list(generate_boards(BoardConfig(boards=boards, group_size=1, seed=1), library))
+    specs = list(generate_boards(BoardConfig(boards=boards, group_size=1, seed=SEED), library))
     with tempfile.TemporaryDirectory() as folder:
         # the shader pack belongs to the camera, so simulators with different packs live side by side
         with_shadows = Simulator(library, RenderConfig(shader="minimal"))
@@ -137,7 +141,7 @@ def memory(library: Library, boards: int) -> dict[str, Any]:
     """Resident memory of this process, MB, after every tenth of the boards (each played for 3 actions)."""
     simulator = Simulator(library, RenderConfig())
     process, trace = psutil.Process(), []
-    config = BoardConfig(boards=boards, group_size=1)
+    config = BoardConfig(boards=boards, group_size=1, seed=SEED)
     for number, spec in enumerate(generate_boards(config, library), start=1):
         record_episode(simulator, spec, BuiltIn("scripted"), 3, InteractionConfig(), 0)
         if number % max(1, boards // 10) == 0:
@@ -158,11 +162,22 @@ def main() -> None:
     parser.add_argument("--assets", default="procedural", help="`procedural` or a folder of objects")
     parser.add_argument("--boards", type=int, default=8, help="boards to play in the first mode")
     parser.add_argument("--memory", type=int, metavar="BOARDS", help="run the second mode over so many boards")
+    parser.add_argument("--out", type=Path, help="write the result to this file, too")
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     arguments = parser.parse_args()
     library = find(arguments.assets)
     result = memory(library, arguments.memory) if arguments.memory else benchmark(library, arguments.boards)
-    print(json.dumps(result, indent=None if arguments.json else 2))
+    mode = f"--memory {arguments.memory}" if arguments.memory else f"--boards {arguments.boards}"
+    origin = {
+        "command": f"python benchmarks/collection.py --assets {library.name} {mode}",
+        "seed": SEED,
+        "assets_sha256": library.sha256,
+        "machine": {"system": platform.system(), "python": platform.python_version(), "cores": os.cpu_count()},
+    }
+    text = json.dumps(origin | result, indent=None if arguments.json else 2)
+    if arguments.out:
+        write_atomically(arguments.out, (text + "\n").encode())
+    print(text)
 
 
 if __name__ == "__main__":

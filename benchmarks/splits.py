@@ -9,6 +9,7 @@ their relations from the first 23 images. The file holds the metrics with the co
 
 import argparse
 import json
+import os
 import platform
 import subprocess
 import sys
@@ -67,7 +68,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = arguments.keep or Path(temporary)
         rows = [run(split, policy, folder, arguments) for policy in POLICIES for split in SPLITS]
-    machine = {"processor": platform.machine(), "system": platform.platform(), "python": platform.python_version()}
+    machine = {
+        "processor": platform.machine(),
+        "cores": os.cpu_count(),
+        "system": platform.system(),
+        "python": platform.python_version(),
+    }
     assets = "procedural" if arguments.assets == "procedural" else Path(arguments.assets).name
     result = {"assets": assets, "seed": arguments.seed, "machine": machine, "rows": rows}
     arguments.out.write_text(json.dumps(result, indent=2) + "\n")

@@ -1,5 +1,6 @@
 """Files that are whole or absent, and paths that stay inside their folder."""
 
+import contextlib
 import json
 import os
 from pathlib import Path
@@ -19,7 +20,8 @@ def write_atomically(path: Path, data: bytes) -> None:
             os.fsync(file.fileno())
         os.replace(temporary, path)
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # the fault that led here is the one to tell
+            temporary.unlink(missing_ok=True)
 
 
 def write_json(path: Path, value: Any) -> None:

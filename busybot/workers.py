@@ -11,6 +11,7 @@ import os
 import signal
 import sys
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -80,7 +81,7 @@ def run_tasks(
                 if state == "done":
                     yield task, value
                 elif state == "fault":
-                    raise BusybotError(value)
+                    raise BusybotError(*value)
                 else:
                     tries[task] = tries.get(task, 0) + 1
                     if tries[task] >= TRIES:
@@ -196,4 +197,7 @@ def _main(
             work = work or make_work(*arguments)
             pipe.send(("done", work(task)))
         except BusybotError as error:
-            pipe.send(("fault", str(error)))
+            pipe.send(("fault", (error.what, error.mend)))
+        except Exception as error:  # told to the parent, which ends the work; trying again would not help
+            traceback.print_exc()
+            pipe.send(("fault", (f"task {task}: {type(error).__name__}: {error}", None)))

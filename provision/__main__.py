@@ -46,11 +46,16 @@ def main() -> int:
 def set_up(log: Log) -> str:
     """All three parts; the line that says that everything is ready."""
     here = system.distribution()
+    environment = packages.Environment(ROOT, packages.has_nvidia_gpu())
+    if environment.ready():
+        # where it renders already, nothing is installed, wherever the driver may lie
+        found = probe(environment)
+        if found["renders"]:
+            return _ready(found)
     missing, driverless = system.missing_packages(here), not system.has_vulkan_driver()
     if missing or driverless:
         why = " and ".join(["system packages are missing"] * bool(missing) + ["there is no Vulkan driver"] * driverless)
         system.apply(driver.plan(here, system.sources(), missing, driverless), why, log)
-    environment = packages.Environment(ROOT, packages.has_nvidia_gpu())
     if not environment.ready():
         packages.create(environment, log)
         packages.install(environment, log)
@@ -66,6 +71,10 @@ def set_up(log: Log) -> str:
             f"SAPIEN still cannot render: {found['error']}",
             "`.venv/bin/busybot doctor` shows the Vulkan device. VK_DRIVER_FILES can name another driver's JSON file.",
         )
+    return _ready(found)
+
+
+def _ready(found: dict[str, object]) -> str:
     return f"ready: Python {platform.python_version()}, {found['device']}, {found['driver']}"
 
 

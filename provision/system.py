@@ -39,7 +39,10 @@ def chosen_driver() -> str | None:
 
 def has_vulkan_driver() -> bool:
     """Whether any Vulkan driver is installed; whether SAPIEN can use it is another question."""
-    return chosen_driver() is not None or any(any(Path(folder).glob("*.json")) for folder in ICD_FOLDERS)
+    # where the Vulkan loader looks beside the system's folders
+    data = [os.environ.get("XDG_DATA_HOME") or "~/.local/share", *os.environ.get("XDG_DATA_DIRS", "").split(":")]
+    folders = [*ICD_FOLDERS, *(f"{folder}/vulkan/icd.d" for folder in data if folder)]
+    return chosen_driver() is not None or any(any(Path(f).expanduser().glob("*.json")) for f in folders)
 
 
 def distribution() -> driver.Distribution:

@@ -121,3 +121,13 @@ def _runs(pid: int) -> bool:
         return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
         return False
+
+
+def crashing() -> Callable[[int], int]:
+    return lambda task: 1 // 0
+
+
+def test_an_error_of_the_program_is_told_at_once_and_not_tried_again(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(BusybotError, match="task 5: ZeroDivisionError"):
+        list(run_tasks([5], crashing, (), 1))
+    assert capfd.readouterr().err.count("Traceback") == 1

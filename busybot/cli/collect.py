@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from busybot.cli.common import JsonOption, WorkersOption, episode_progress, print_json, say
+from busybot.cli.common import JsonOption, WorkersOption, episode_progress, own_name, print_json, say
 from busybot.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def collect(
         print_json({"dataset": dataset, "boards": result.boards, "episodes": result.done, "new": result.new})
     else:
         say(f"{result.done} of {result.boards} episodes in {dataset}, {result.new} of them new")
-        say(f"next: busybot dataset info {dataset}; busybot view {dataset}")
+        say(f"next: {own_name()} dataset info {dataset}; {own_name()} view {dataset}")
 
 
 def _chooser(policy: str, model: str | None, learned: dict[str, Any]) -> "tuple[Chooser | None, dict[str, Any] | None]":

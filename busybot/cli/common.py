@@ -1,17 +1,18 @@
 """What all subcommands share: options with one meaning, output for machines, errors for people.
 
-With `--json` a command prints exactly one JSON object on standard output, also when it fails; progress and logs go to
-standard error.
+With `--json` a command prints exactly one JSON object on standard output, also when input or environment are at fault;
+progress and logs go to standard error. After wrong usage or Ctrl-C standard output stays empty.
 """
 
 import json
 import os
+import shutil
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -41,6 +42,15 @@ def say(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
+def own_name() -> str:
+    """How to call this program again: `busybot`, or its path when the environment is not active."""
+    found = shutil.which("busybot")
+    called = Path(sys.argv[0])
+    if called.name != "busybot" or (found and Path(found).samefile(called)):
+        return "busybot"
+    return os.path.relpath(called) if called.is_relative_to(Path.cwd()) else str(called)
+
+
 def print_json(value: Any) -> None:
     """The one JSON object of a command with `--json`, on standard output. NaN and infinities are refused."""
     print(json.dumps(value, default=_plain, allow_nan=False), flush=True)
@@ -63,20 +73,28 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def report_errors(context: typer.Context) -> Iterator[None]:
-    """Turn a BusybotError into `error: ...` on standard error and exit code 1, Ctrl-C into exit code 130.
+    """Turn faults of input and environment into `error: ...` and exit code 1, Ctrl-C into exit code 130.
 
     `busybot.cli.main` does this around every subcommand.
     """
     try:
         yield
     except BusybotError as error:
-        say(f"error: {error}")
-        if context.meta.get(JSON_WANTED):
-            print_json({"error": error.what, "mend": error.mend})
-        raise typer.Exit(1) from None
+        _report(context, error)
+    except OSError as error:
+        # of the file system: nothing that our own code expected, but something that the user can mend
+        what = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        _report(context, BusybotError(what, "check that the path can be written and that the disk has room"))
     except KeyboardInterrupt:
         say("interrupted")
         raise typer.Exit(130) from None
+
+
+def _report(context: typer.Context, error: BusybotError) -> NoReturn:
+    say(f"error: {error}")
+    if context.meta.get(JSON_WANTED):
+        print_json({"error": error.what, "mend": error.mend})
+    raise typer.Exit(1) from None
 
 
 @contextmanager

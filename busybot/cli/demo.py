@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, WorkersOption, print_json, say
+from busybot.cli.common import JsonOption, SeedOption, WorkersOption, own_name, print_json, say
 
 
 def demo(
@@ -27,7 +27,7 @@ def demo(
         )
         return
     say(f"\nthe story, to read:  {done.report}")
-    say(f"the viewer:          busybot view {done.out / 'boards'}")
+    say(f"the viewer:          {own_name()} view {done.out / 'boards'}")
     print(done.out)
 
 

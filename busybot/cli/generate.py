@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, print_json, say
+from busybot.cli.common import JsonOption, own_name, print_json, say
 
 
 def generate(
@@ -16,7 +16,7 @@ def generate(
     assets: Annotated[str, typer.Option(help="`procedural`, or a folder of annotated objects.")] = "procedural",
     uniform: Annotated[bool, typer.Option("--uniform", help="Draw instances evenly, ignoring their weights.")] = False,
     group_size: Annotated[int | None, typer.Option(min=1, help="Boards that share one appearance.")] = None,
-    seed: SeedOption = 0,
+    seed: Annotated[int | None, typer.Option(min=0, help="Seed of everything that is drawn; 0 by default.")] = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters of BoardConfig.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as name=value.")] = None,
     json: JsonOption = False,
@@ -29,7 +29,7 @@ def generate(
     from busybot.objects.library import find
 
     options = {"split": split, "boards": boards, "relations": relations, "group_size": group_size}
-    parameters = build(BoardConfig, config, set_ or [], options | {"seed": seed or None, "uniform": uniform or None})
+    parameters = build(BoardConfig, config, set_ or [], options | {"seed": seed, "uniform": uniform or None})
     redraws = Redraws()
     dataset = create_dataset(out, parameters, find(assets), redraws)
     if json:
@@ -48,4 +48,4 @@ def generate(
         say(
             f"{dataset.info.boards} boards ({dataset.info.split}) in {out}; {thrown} draws did not fit and were redrawn"
         )
-        say(f"next: busybot collect {out}")
+        say(f"next: {own_name()} collect {out}")

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 from pydantic import ValidationError
@@ -148,17 +149,23 @@ class Dataset:
         return {index for index in found if index < self.info.boards}
 
     def begin_collecting(self, collect: CollectInfo) -> None:
-        """Record how episodes are made, or refuse to continue otherwise than before.
+        """Record how episodes are made, or refuse to continue otherwise than before. Call it under `locked`.
+
+        While there are no episodes, a new attempt replaces what an earlier one recorded.
 
         Raises:
             BusybotError: naming each setting that differs from the recorded one.
         """
-        if self.info.collect is None:
+        self.info = Dataset.open(self.path).info  # another process may have begun since this one opened the dataset
+        if self.info.collect is None or not self.finished():
             self.info = self.info.model_copy(update={"collect": collect})
             write_json(inside(self.path, INFO_FILE), self.info.model_dump(mode="json"))
             return
-        recorded, wanted = (value.model_dump(mode="json") for value in (self.info.collect, collect))
-        differing = [f"{key} {old!r}, now {wanted[key]!r}" for key, old in recorded.items() if wanted[key] != old]
+        recorded, wanted = (_flat(value.model_dump(mode="json")) for value in (self.info.collect, collect))
+        keys = sorted(recorded.keys() | wanted.keys())
+        differing = [
+            f"{k} {recorded.get(k)!r}, now {wanted.get(k)!r}" for k in keys if recorded.get(k) != wanted.get(k)
+        ]
         if differing:
             what = f"{self.path}: its episodes were begun with other settings: {'; '.join(differing)}"
             raise BusybotError(what, "continue with the recorded settings, or collect into another dataset")
@@ -252,13 +259,15 @@ class Dataset:
 
     def _write_shard(self, shard: int, indices: list[int], given: Mapping[int, Rows], derive: Derive) -> None:
         stored = self._stored_rows(shard)
-        ready = {i: stored[i] for i in indices if i in stored and i not in given and self._is_current(i, stored[i])}
+        kept = [i for i in indices if i in stored and i not in given]
+        ready = {i: stored[i] for i in kept if self._is_current(i, stored[i]) and _is_whole(stored[i])}
         if set(ready) == set(indices) == set(stored):
             return
         ready |= {i: given[i] for i in indices if i in given}
         missing = [i for i in indices if i not in ready]
         ready |= zip(missing, derive([(self.episode_path(i), i) for i in missing]), strict=True)
-        for table in TABLES:
+        # `episodes` last: an episode counts as stored when its row is there, so its other rows must be there before
+        for table in sorted(TABLES, key=lambda name: name == "episodes"):
             write_shard(self.table_path(table, shard), table, [ready[i][table] for i in indices])
 
     def _stored_rows(self, shard: int, names: Iterable[str] = tuple(TABLES)) -> dict[int, Rows]:
@@ -272,6 +281,21 @@ class Dataset:
 
     def _is_current(self, index: int, rows: Rows) -> bool:
         return rows["episodes"]["bytes"][0].as_py() == self.episode_path(index).stat().st_size
+
+
+def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings with dotted names, as `--set` takes them."""
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        nested = _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+        flat |= nested
+    return flat
+
+
+def _is_whole(rows: Rows) -> bool:
+    """Whether an episode's rows are there in all tables: a writer may have been stopped between two of them."""
+    steps = rows["episodes"]["steps"][0].as_py()
+    return rows["steps"].num_rows == steps and rows["objects"].num_rows > 0
 
 
 def _boards_name(shard: int) -> str:

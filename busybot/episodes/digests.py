@@ -1,8 +1,8 @@
 """What an episode is, as three hashes over decoded values in a fixed order.
 
 - board: the `BoardSpec` alone.
-- trace: what was done and what came of it in discrete states. It does not look at pixels, so neither the renderer nor
-  the image format matters.
+- trace: what was done and what came of it in discrete states. It holds no pixels, so the image format does not matter;
+  but what a policy does may depend on what it sees, and positions come from the depth image.
 - content: all of the recording, images as they decode from the file.
 
 None depends on names, paths, times, the number of workers, the host, package versions or the bytes of a codec. They

@@ -77,7 +77,7 @@ class Step:
         joint_positions_before, ..._after: the trigger links' joint positions (radians or object units x scale), same
             order as the trigger states. Privileged.
         success: a trigger state changed because of the action. Privileged.
-        vetoed: strict mode refused every direction before it was executed.
+        vetoed: strict mode refused every direction before it was executed. Privileged.
     """
 
     pixel: tuple[int, int]

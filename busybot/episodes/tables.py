@@ -1,6 +1,6 @@
 """Episodes as tables for pandas and pyarrow, made from files as they were read back.
 
-`episode_rows` is what a worker returns to its parent; `Shards` keeps the rows of many episodes in Parquet files.
+`episode_rows` is what a worker returns to its parent; `write_shard` puts the rows of many episodes in a Parquet file.
 """
 
 import io

@@ -143,7 +143,7 @@ def _check_episode(task: _Task) -> _Checked:
         pairs.append(("image_format", wanted.images))
         faults += [f"{name} is {episode[name]!r}, the dataset says {value!r}" for name, value in pairs
                    if episode[name] is not None and episode[name] != value]  # fmt: skip
-        if episode["steps"] > wanted.steps:
+        if episode["steps"] != wanted.steps:
             faults.append(f"it has {episode['steps']} steps, the dataset says {wanted.steps}")
     return _Checked(rows, tuple(Problem(str(task.path), fault, MEND_EPISODE) for fault in faults))
 

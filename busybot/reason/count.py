@@ -50,7 +50,10 @@ def count(observed: Observed, config: CountConfig | None = None) -> InferredGrap
     config = config or CountConfig()
     changed = changes(observed, config.change)
     probabilities = count_changes(changed, acted_objects(observed), observed.triggers, observed.responders, config)
-    return InferredGraph("count", probabilities)
+    prior = np.zeros(probabilities.shape[1:])
+    if len(observed.triggers):
+        prior[np.ix_(observed.triggers, observed.responders)] = config.controlled / len(observed.triggers)
+    return InferredGraph("count", probabilities, prior=prior)
 
 
 def count_changes(

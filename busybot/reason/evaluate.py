@@ -58,7 +58,7 @@ class Judged:
 
     def counts(self, steps: int) -> m.EdgeCounts:
         """Edges claimed after so many steps against the truth."""
-        claimed = self.graph.after(steps) >= self.graph.threshold
+        claimed = self.graph.claimed(steps)
         return m.count_edges(claimed, self.truth.edges, self.truth.candidates)
 
 
@@ -182,7 +182,7 @@ def _by_kind(judged: Sequence[Judged], steps: int) -> dict[str, dict[str, Any]]:
     for kind in kinds:
         hits = claimed = true = 0
         for one in judged:
-            edges = one.graph.after(steps) >= one.graph.threshold
+            edges = one.graph.claimed(steps)
             of_kind = np.zeros_like(one.truth.edges)
             for pair, names in one.truth.kinds.items():
                 of_kind[pair] = kind in names

@@ -111,8 +111,10 @@ class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
 
     def step(self, action: dict[str, Any]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         scene = self._playing()
-        grasp = self.grasp(np.asarray(action["position"], np.float32))
-        step, after = interact(scene, grasp, int(action["direction"]), self._interaction, self._image)
+        position, direction = np.asarray(action["position"], np.float32), int(action["direction"])
+        if position.shape != (3,) or not np.isfinite(position).all() or not 0 <= direction < len(DIRECTIONS):
+            raise BusybotError(f"the action {action} is not one", "see `env.action_space`")
+        step, after = interact(scene, self.grasp(position), direction, self._interaction, self._image)
         self._image = after or self._image
         self._steps += 1
         return self._observation(), float(step.reward), False, self._steps >= self.max_steps, self._truth(step)
@@ -130,7 +132,7 @@ class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
         scene = self._playing()
         pixels, depth = project(position, scene.camera)
         column, row = (int(value) for value in np.floor(pixels))
-        inside = 0 <= column < self._view.width and 0 <= row < self._view.height and depth > 0
+        inside = depth > 0 and 0 <= column < self._view.width and 0 <= row < self._view.height
         assert self._image.depth is not None and self._image.segmentation is not None
         if not inside or abs(float(depth) - float(self._image.depth[row, column])) > REACH:
             edge = (min(max(column, 0), self._view.width - 1), min(max(row, 0), self._view.height - 1))

@@ -55,9 +55,9 @@ class InteractionConfig(BaseModel):
     increment: Annotated[float, Field(gt=0, le=1)] = 0.03
     increments: Annotated[int, Field(ge=1, le=100)] = 7
     physics_steps: Annotated[int, Field(ge=1, le=100)] = 5
-    stiffness: Annotated[float, Field(gt=0)] = 200.0
-    damping: Annotated[float, Field(ge=0)] = 4.0
-    force_limit: Annotated[float, Field(gt=0)] = 3.0
+    stiffness: Annotated[float, Field(gt=0, le=1e4)] = 200.0
+    damping: Annotated[float, Field(ge=0, le=1e4)] = 4.0
+    force_limit: Annotated[float, Field(gt=0, le=1e4)] = 3.0
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ JOINT_DAMPING = 0.02
 """Keeps the suction drive from overshooting by more than 3 % of a joint's range."""
 GLOW, PAINT = 0.35, 0.7
 """Shares of a lamp's colour that it emits, and that it reflects."""
+DARK = 0.06
+"""What an unlit lamp still reflects, so that one sees its shape."""
 
 
 @dataclass
@@ -91,7 +93,7 @@ class Responder:
         self.state = state
         if self.effect.type == "color":
             for material in self.materials:
-                material.set_base_color([*(PAINT * channel for channel in values[state]), 1.0])
+                material.set_base_color([*(DARK + (PAINT - DARK) * channel for channel in values[state]), 1.0])
                 material.set_emission([*(GLOW * channel for channel in values[state]), 1.0])
             return
         position = self.articulation.qpos

@@ -19,6 +19,7 @@ from busybot.episodes.geometry import Rays
 from busybot.rng import generator
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.policies import Chooser
+from busybot.sim.probe import driver_of
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, Simulator
 
@@ -90,11 +91,17 @@ def renderer_fingerprint(config: RenderConfig, scene: BoardScene) -> dict[str, A
     device = scene.scene.render_system.device
     return {
         "device": device.name,
+        "driver": _driver(device.name),
         "sapien": version("sapien"),
         "shader": config.shader,
         "shader_sha256": _shader_hash() if config.shader == "busybot" else "",
         "config": config.model_dump(mode="json"),
     }
+
+
+@cache
+def _driver(device: str) -> str | None:
+    return driver_of(device)
 
 
 @cache

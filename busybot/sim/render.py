@@ -11,11 +11,11 @@ from typing import Annotated, Any, Literal
 import cv2
 import numpy as np
 import sapien
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from busybot.episodes.episode import Camera
 
-Coordinate = Annotated[float, Field(ge=-100, le=100)]
+Coordinate = Annotated[float, Field(ge=-100, le=100, allow_inf_nan=False)]
 
 
 class RenderConfig(BaseModel):
@@ -37,8 +37,17 @@ class RenderConfig(BaseModel):
     position: tuple[Coordinate, Coordinate, Coordinate] = (0.0, -0.1, 4.0)
     target: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     fov_deg: Annotated[float, Field(gt=1, lt=170)] = 69.4
-    near: Annotated[float, Field(gt=0)] = 1.0
-    far: Annotated[float, Field(gt=0)] = 6.0
+    near: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
+    far: Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)] = 6.0
+
+    @model_validator(mode="after")
+    def _looks_somewhere(self) -> "RenderConfig":
+        distance = float(np.linalg.norm(np.subtract(self.target, self.position)))
+        if distance < 1e-6:
+            raise ValueError("position and target are the same point")
+        if not self.near < distance < self.far:
+            raise ValueError(f"the target is {distance:.3g} away, not between near {self.near:g} and far {self.far:g}")
+        return self
 
 
 @dataclass

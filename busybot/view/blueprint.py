@@ -91,6 +91,7 @@ def signal_views(episode: Episode) -> Any:
     signals = rrb.TimeSeriesView(
         origin="signals",
         name="Changed pixels (line: threshold, dots: reward)",
+        axis_x=_steps_axis(len(episode.steps) + 1),
         axis_y=axis,
         plot_legend=rrb.PlotLegend(visible=False),
     )
@@ -98,16 +99,21 @@ def signal_views(episode: Episode) -> Any:
     return rrb.Tabs(signals, reward)
 
 
+def _steps_axis(last: int) -> Any:
+    """All steps from the start to `last`."""
+    start, end = rrb.TimeRangeBoundary.absolute(seq=0), rrb.TimeRangeBoundary.absolute(seq=max(last, 1))
+    return rrb.TimeAxis(view_range=rrb.TimeRange(start=start, end=end))
+
+
 def belief_views(episode: Episode, names: list[str]) -> Any:
     """Probabilities of the edges worth a curve, and of all pairs as a heat map, for each reasoner."""
     last = round(len(episode.steps) * (1 + LEGEND_SHARE))
-    start, end = rrb.TimeRangeBoundary.absolute(seq=0), rrb.TimeRangeBoundary.absolute(seq=max(last, 1))
     views: list[Any] = []
     for name in names:
         curves = rrb.TimeSeriesView(
             origin=f"inference/{name}/edges",
             name=f"Edge probabilities: {name}",
-            axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=start, end=end)),
+            axis_x=_steps_axis(last),  # room for the legend at the right
             axis_y=rrb.ScalarAxis(range=(0.0, 1.05)),
             plot_legend=rrb.PlotLegend(corner="rightbottom"),
         )

@@ -21,7 +21,7 @@ FAINT: Rgb = (222, 226, 232)
 PAPER: Rgb = (255, 255, 255)
 """Text, secondary text, hairlines and background of figures."""
 
-TRUE_CURVES: tuple[Rgb, ...] = ((25, 180, 120), (60, 200, 215), (160, 205, 60), (95, 160, 245), (120, 225, 175))
+TRUE_CURVES: tuple[Rgb, ...] = ((25, 180, 120), (95, 160, 245), (175, 205, 60), (60, 205, 225), (175, 140, 255))
 WRONG_CURVES: tuple[Rgb, ...] = ((225, 50, 55), (245, 120, 60), (215, 70, 140), (165, 60, 50))
 """Several relations in one plot: cool colours are true, warm ones are not."""
 

@@ -55,7 +55,8 @@ def viewer_process(arguments: list[str], folder: Path, private: bool = True) -> 
         private: keep the user's viewer settings out and send no usage statistics.
     """
     command = [str(viewer_binary()), "--bind", LOOPBACK, *arguments]
-    environment = private_environment(folder) if private else dict(os.environ)
+    # the viewer leaves a folder wherever temporary files go
+    environment = (private_environment(folder) if private else dict(os.environ)) | {"TMPDIR": str(folder)}
     with open(folder / "viewer.log", "wb") as log:
         process = subprocess.Popen(
             [sys.executable, "-I", "-c", _DIE_WITH_PARENT, str(os.getpid()), *command],

@@ -68,7 +68,7 @@ def object_relief(image: Image, own: np.ndarray, rays: Rays) -> Relief | None:
         return None
     rows = slice(max(box[1] - 2, 0), box[1] + box[3] + 2)
     columns = slice(max(box[0] - 2, 0), box[0] + box[2] + 2)
-    inner = own[rows, columns].astype(np.uint8)
+    inner = _without_threads(own[rows, columns].astype(np.uint8))
     used = cv2.dilate(inner, np.ones((3, 3), np.uint8)).astype(bool)
     points = rays.directions[rows, columns] * image.depth[rows, columns, None] + rays.origin
     rim = used & (inner == 0)
@@ -77,6 +77,12 @@ def object_relief(image: Image, own: np.ndarray, rays: Rays) -> Relief | None:
     number = np.full(used.shape, -1)
     number[used] = np.arange(int(used.sum()))
     return Relief(points[used].astype(np.float32), _triangles(number), colors[used].astype(np.uint8))
+
+
+def _without_threads(inner: np.ndarray) -> np.ndarray:
+    """The pixels without parts of one or two pixels' width, which would stand on the board as tall thin fences."""
+    solid = cv2.morphologyEx(inner, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return solid if solid.any() else inner
 
 
 def _on_the_board(rays: Rays, rows: slice, columns: slice) -> np.ndarray:

@@ -134,7 +134,7 @@ def true_edges(board: BoardSpec) -> list[Edge]:
 def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[Edge]:
     """Claimed edges after so many steps, right or wrong, and the true ones that are not claimed."""
     truth, probabilities = np.array(board.relation_matrix(), bool), inferred.after(steps)
-    claimed = probabilities >= inferred.threshold
+    claimed = probabilities > inferred.threshold
     edges = []
     for i, j in np.argwhere(claimed | truth):
         verdict: Verdict = "missed" if not claimed[i, j] else "correct" if truth[i, j] else "wrong"
@@ -145,7 +145,7 @@ def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[
 def pairs_ever(board: BoardSpec, inferred: InferredGraph) -> list[tuple[int, int]]:
     """Cause and effect of every edge that `judged_edges` gives after any number of steps."""
     truth = np.array(board.relation_matrix(), bool)
-    ever = (inferred.probabilities >= inferred.threshold).any(0)
+    ever = (inferred.probabilities > inferred.threshold).any(0)
     return [(int(i), int(j)) for i, j in np.argwhere(ever | truth)]
 
 

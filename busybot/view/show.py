@@ -1,5 +1,6 @@
 """From a file or dataset to the viewer: the one call of `busybot view`."""
 
+import signal
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -54,10 +55,11 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     Raises:
         BusybotError: the input is at fault, or the viewer fails.
     """
+    path = episode_file(source, number)
+    signal.signal(signal.SIGTERM, _interrupt)
     window = not (wanted.web or wanted.save or wanted.screenshot)
     if window:
         require_display()
-    path = episode_file(source, number)
     episode = read_episode(path, images="lazy")
     steps = len(episode.steps)
     if wanted.step is not None and not 0 <= wanted.step <= steps:
@@ -85,6 +87,11 @@ def _show_live(
         else:
             announce(shown)
             show_window(rrd, wanted.step)
+
+
+def _interrupt(number: int, frame: object) -> None:
+    """Being asked to end is like Ctrl-C: temporary folders and viewers are cleared away."""
+    raise KeyboardInterrupt
 
 
 def episode_file(source: Path, number: int | None = None) -> Path:

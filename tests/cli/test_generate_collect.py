@@ -50,3 +50,28 @@ def test_faults_name_the_place_and_the_mend(tmp_path: Path) -> None:
 def test_wrong_usage_exits_with_2() -> None:
     assert busybot("generate").returncode == 2
     assert busybot("collect", "x", "--no-such-option").returncode == 2
+
+
+def test_faults_of_the_file_system_are_told_without_traceback(tmp_path: Path) -> None:
+    for arguments in (("generate", "/dev/null/x", "--boards", "1", "--json"), ("generate", "/proc/nowhere/x")):
+        result = busybot(*arguments)
+        assert result.returncode == 1 and "Traceback" not in result.stderr
+        assert "mend:" in result.stderr
+    assert "error" in json.loads(busybot("generate", "/dev/null/x", "--json").stdout)
+
+
+def test_the_option_wins_over_file_and_set(tmp_path: Path) -> None:
+    result = busybot("generate", str(tmp_path / "d"), "--boards", "1", "--set", "seed=3", "--seed", "0", "--json")
+    assert json.loads(result.stdout)["seed"] == 0
+
+
+def test_views_that_show_nothing_are_refused(tmp_path: Path) -> None:
+    assert busybot("generate", str(tmp_path / "d"), "--boards", "1").returncode == 0
+    for setting, message in (
+        ("render.near=7", "between near 7 and far 6"),
+        ("render.position=[0,0,0]", "same point"),
+        ("interaction.force_limit=.inf", "force_limit"),
+        ("interaction.delta=many", "interaction.delta"),
+    ):
+        result = busybot("collect", str(tmp_path / "d"), "--set", setting)
+        assert result.returncode == 1 and message in result.stderr and "Traceback" not in result.stderr, result.stderr

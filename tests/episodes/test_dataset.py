@@ -12,7 +12,8 @@ import pytest
 from busybot.episodes import dataset as module
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.mcap_file import write_episode
-from busybot.episodes.tables import episode_rows
+from busybot.episodes.tables import episode_rows, write_shard
+from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from tests.episodes.folders import COLLECT, make_dataset
 from tests.episodes.synthetic import make_board, make_episode
@@ -106,7 +107,7 @@ def test_collecting_continues_only_with_the_recorded_settings(tmp_path: Path) ->
     dataset = make_dataset(tmp_path / "d")
     Dataset.open(dataset.path).begin_collecting(COLLECT)
     other = COLLECT.model_copy(update={"delta": 7, "strict": True})
-    with pytest.raises(BusybotError, match="strict False, now True; delta 20, now 7"):
+    with pytest.raises(BusybotError, match="delta 20, now 7; strict False, now True"):
         Dataset.open(dataset.path).begin_collecting(other)
 
 
@@ -213,3 +214,38 @@ def test_whole_shards_without_episodes_disappear(tmp_path: Path, monkeypatch: py
     dataset.episode_path(3).unlink()
     dataset.write_tables()
     assert [p.name for p in (tmp_path / "d/tables/steps").iterdir()] == ["part-00000.parquet"]
+
+
+@pytest.mark.parametrize("table", ["episodes", "steps", "objects"])
+def test_tables_torn_by_a_stop_are_mended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, table: str) -> None:
+    """A writer is stopped before it writes one of the three tables; the next one leaves all of them whole."""
+    dataset = make_dataset(tmp_path / "d")
+    write_episode(dataset.episode_path(2), make_episode(2))
+
+    def stopped(path: Path, name: str, rows: list[object]) -> None:
+        if name == table:
+            raise KeyboardInterrupt
+        write_shard(path, name, rows)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(module, "write_shard", stopped)
+        dataset.write_tables()
+    dataset.write_tables()
+    for name in ("episodes", "steps", "objects"):
+        assert set(dataset.table(name)["episode"].to_pylist()) == {0, 1, 2, 3}
+    assert verify(dataset.path).ok
+
+
+def test_settings_of_a_failed_start_do_not_bind(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d", finished=())
+    dataset.begin_collecting(COLLECT.model_copy(update={"steps": 9}))
+    assert Dataset.open(dataset.path).info.collect.steps == 9  # type: ignore[union-attr]
+
+
+def test_settings_that_another_process_recorded_meanwhile_are_seen(tmp_path: Path) -> None:
+    early = make_dataset(tmp_path / "d", finished=())
+    late = Dataset.open(early.path)
+    late.begin_collecting(COLLECT.model_copy(update={"policy": "scripted"}))
+    write_episode(late.episode_path(0), make_episode(0))
+    with pytest.raises(BusybotError, match="policy 'scripted', now 'random'"):
+        early.begin_collecting(COLLECT)

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.boards.spec import BoardSpec, PlacedObject
 from busybot.objects.geometry import link_vertices
 from busybot.objects.library import Library
 from busybot.objects.meshes import check_meshes
@@ -14,22 +13,7 @@ from busybot.objects.snapshot import read_snapshot
 from busybot.objects.urdf import parse_urdf
 from busybot.sim.interaction import InteractionConfig, permitted, pull
 from busybot.sim.scene import Simulator
-
-
-def board(model: ObjectModel, states: tuple[int, ...]) -> BoardSpec:
-    placed = PlacedObject(
-        key=model.key, role="trigger", position=(0, 0, model.offset_z), yaw=0, scale=model.scale, states=states
-    )
-    return BoardSpec(
-        index=0,
-        seed=0,
-        split="train",
-        appearance_group=0,
-        texture="wood",
-        color=(1, 1, 1),
-        objects=(placed,),
-        relations=(),
-    )
+from tests.sim.conftest import lone
 
 
 def highest_point(model: ObjectModel, link: TriggerLink, state: int) -> np.ndarray:
@@ -49,7 +33,7 @@ def test_links_move_by_some_directions_and_not_by_others(procedural: Path) -> No
         for number, link in enumerate(model.trigger_links):
             for state in range(link.states):
                 states = tuple(state if k == number else 0 for k in range(len(model.trigger_links)))
-                scene = simulator.board(board(model, states))
+                scene = simulator.board(lone(model, states))
                 point = highest_point(model, link, state)
                 moved = [pull(scene, number, point, direction, config, None)[1] != state for direction in DIRECTIONS]
                 place = f"{model.key} {link.name} in state {state}"

@@ -7,6 +7,7 @@ from busybot.errors import BusybotError
 from busybot.reason.count import CountConfig, count, count_changes
 from busybot.reason.infer import infer
 from busybot.reason.observed import observe
+from busybot.reason.result import InferredGraph
 from tests.episodes.synthetic import make_episode, make_real_episode
 
 TRIGGERS, RESPONDERS = np.array([0, 1]), np.array([2, 3])
@@ -107,3 +108,21 @@ def test_nothing_is_claimed_where_nothing_can_be_seen() -> None:
 def test_an_unknown_model_is_refused_by_name() -> None:
     with pytest.raises(BusybotError, match="no model 'oracle'.*\n.*count"):
         infer(make_episode(), model="oracle")
+
+
+@pytest.mark.parametrize("triggers", [1, 2, 3])
+def test_nothing_is_claimed_without_evidence(triggers: int) -> None:
+    """Steps in which nothing changed say nothing, however few triggers there are to choose from."""
+    changed, acted = np.zeros((3, triggers + 2), bool), np.zeros(3, int)
+    chances = count_changes(changed, acted, np.arange(triggers), np.arange(triggers, triggers + 2), CountConfig())
+    graph = InferredGraph("count", chances)
+    assert not graph.claimed(3).any()
+    assert chances.max() == pytest.approx(0.5 / triggers)
+
+
+def test_before_the_first_step_the_prior_is_believed() -> None:
+    observed = observe(make_episode(0))
+    prior = infer(observed).after(0)
+    pairs = np.ix_(observed.triggers, observed.responders)
+    assert prior[pairs] == pytest.approx(0.5 / len(observed.triggers))
+    assert prior.sum() == pytest.approx(prior[pairs].sum())

@@ -9,7 +9,7 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.directions import OPPOSITE
 from busybot.boards.generate import generate_boards
 from busybot.episodes.geometry import Rays
-from busybot.sim.interaction import Grasp, InteractionConfig, changed_pixels, interact, permitted
+from busybot.sim.interaction import InteractionConfig, changed_pixels, interact, permitted
 from busybot.sim.policies import BuiltIn
 from busybot.sim.recorder import grasp_at
 from busybot.sim.scene import BoardScene, Simulator
@@ -166,4 +166,3 @@ def test_grasp_of_a_trigger_link_names_its_joint(procedural_simulator: Simulator
         assert (number is not None) == link.trigger
         if number is not None:
             assert scene.triggers[number].link.name == link.name and scene.triggers[number].object == link.object
-    assert isinstance(Grasp(None, np.zeros(3, np.float32), (0, 0)), Grasp)

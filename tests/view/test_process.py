@@ -4,6 +4,7 @@ import contextlib
 import os
 import subprocess
 import sys
+import tempfile
 import time
 import urllib.request
 from pathlib import Path
@@ -150,3 +151,12 @@ def test_a_screenshot_shows_the_step_that_was_asked_for(tmp_path: Path) -> None:
     camera = slice(40, 540), slice(0, 520)
     assert (start[camera] != later[camera]).any(-1).mean() > 0.02
     assert len({tuple(color) for color in later[camera].reshape(-1, 3)}) > 50
+
+
+@pytest.mark.long
+def test_a_screenshot_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    monkeypatch.setattr(tempfile, "tempdir", None)
+    picture_episode(make_episode(steps=1), [], tmp_path / "picture.png")
+    assert (tmp_path / "picture.png").exists() and not list((tmp_path / "temporary").iterdir())

@@ -62,7 +62,7 @@ def test_the_acted_object_is_the_one_whose_box_holds_the_pixel() -> None:
 def test_edges_are_right_wrong_or_missed() -> None:
     board = make_episode().board
     assert [(edge.cause, edge.effect) for edge in true_edges(board)] == [(0, 1), (3, 2)]
-    verdicts = {(e.cause, e.effect): e.verdict for e in judged_edges(board, graph((0, 1, 0.9), (0, 4, 0.5)), 1)}
+    verdicts = {(e.cause, e.effect): e.verdict for e in judged_edges(board, graph((0, 1, 0.9), (0, 4, 0.6)), 1)}
     assert verdicts == {(0, 1): "correct", (0, 4): "wrong", (3, 2): "missed"}
 
 

@@ -19,7 +19,6 @@ from busybot.objects.procedural.solids import (
     inset,
     lathe,
     loft,
-    matching_circle,
     prism,
     rectangle,
     ring,
@@ -176,11 +175,3 @@ def ridged_cap(length: float, width: float, height: float, material: Material, r
     for x in np.linspace(-0.32, 0.32, ridges) * length:
         parts.append(Part(box(0.09 * length, 0.86 * width, 0.008, 0.003).moved(x=float(x), z=height - 0.002), material))
     return parts
-
-
-def round_hole_plate(
-    width: float, height: float, hole: float, thickness: float, material: Material, radius: float
-) -> Part:
-    """A plate with a round hole in the middle."""
-    outline = rectangle(width, height, radius, corner=8)
-    return Part(frame(outline, matching_circle(outline, hole), 0, thickness, bevel=0.008), material)

@@ -9,7 +9,8 @@ Paper section 3.1 and protocol "Interaction". The rules, in order:
 3. After each increment the motion stops if something changed: by default when the joint has crossed into another state
    (`stop="physics"`, no rendering), or when the images differ by more than delta pixels (`stop="pixels"`, as the
    original does it; `tests/sim/test_interaction.py` measures how often the two agree).
-4. The gripper lets go and the joint snaps into the detent of the state that it has reached; a joint that did not leave
+4. In strict mode a direction far from the annotated ones is vetoed: it counts as executed, but nothing moves.
+5. The gripper lets go and the joint snaps into the detent of the state that it has reached; a joint that did not leave
    its state snaps back, and the opposite direction is tried anchored at the same point.
 
 The gripper is a drive between the world and the held point, with a force limit: no body, no contacts.
@@ -121,17 +122,20 @@ def interact(
 def _execute(
     scene: BoardScene, grasp: Grasp, proposed: tuple[int, ...], config: InteractionConfig, before: Image | None
 ) -> tuple[tuple[int, ...], float, bool]:
-    """The directions tried, the distance reached in the last one, and whether strict mode refused all."""
+    """The directions tried, the distance reached in the last one, and whether strict mode vetoed all of them."""
     order = tuple(dict.fromkeys(int(d) for first in proposed for d in (first, OPPOSITE[first])))
     full = round(config.increment * config.increments, 6)
     if grasp.trigger is None:
         return order, full, False
     number = grasp.trigger
-    allowed = tuple(d for d in order if not config.strict or permitted(scene, number, d, config))
+    allowed = [d for d in order if not config.strict or permitted(scene, number, d, config)]
     executed: list[int] = []
-    distance = 0.0
-    for candidate in allowed:
+    distance = full
+    for candidate in order:
         executed.append(candidate)
+        if candidate not in allowed:
+            distance = full  # a veto feels like a pull that moves nothing
+            continue
         distance, state = pull(scene, number, grasp.position, DIRECTIONS[candidate], config, before)
         if state != scene.triggers[number].state:
             scene.set_trigger(number, state)

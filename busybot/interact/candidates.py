@@ -16,7 +16,7 @@ from busybot.boards.directions import OPPOSITE
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.interact.beliefs import PAIR_OF, PAIRS, pair_scores, sigmoid
+from busybot.interact.beliefs import PAIRS, pair_scores, sigmoid
 from busybot.interact.clusters import cluster_tops
 from busybot.interact.memory import Memory
 from busybot.interact.policy_config import PolicyConfig
@@ -132,20 +132,16 @@ def find_candidates(
     links = memory.links if memory is not None else np.zeros(view.height.shape, np.int32)
     smooth = smoothed(view.affordance, config.blur)
     pixels = _proposals(smooth, view.affordance, links, config)
-    replays = memory.replays(image.depth) if memory is not None and config.candidates == "peaks" else []
-    pixels = np.concatenate([pixels, np.array([one.pixel for one in replays], int).reshape(-1, 2)])
     if not len(pixels):
         return _nothing()
     columns, rows = pixels.T
     at_crop, directions = model.directions(view, pixels)
-    directions = np.array(directions, float)
+    directions = np.asarray(directions, float)
     logits = config.dense_weight * smooth[rows, columns] + (1 - config.dense_weight) * at_crop
     logits = logits + prior_shift(config)
     beliefs, pairs = sigmoid(logits), pair_scores(directions)
     if memory is not None:
         beliefs, pairs = memory.doubted(pixels, logits, pairs)
-    for place, one in enumerate(replays, start=len(pixels) - len(replays)):
-        beliefs[place] = pairs[place, PAIR_OF[one.direction]] = directions[place, one.direction] = config.replay_belief
     regions = _regions(view.affordance, links, pixels, config)
     positions = rays.directions[rows, columns] * image.depth[rows, columns, None] + rays.origin
     return Candidates(pixels, positions, beliefs, directions, pairs, regions)

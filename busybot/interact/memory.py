@@ -34,33 +34,6 @@ class Failure:
     pairs: dict[int, float]
 
 
-@dataclass(frozen=True)
-class Worked:
-    """An action with reward, and what it looked like before it.
-
-    Attributes:
-        link: number of the link that it moved.
-        pixel: (u, v).
-        direction: the one that worked.
-        corner: (u, v) of the upper left pixel of the region that moved.
-        mask: bool (h, w), the region.
-        depth: float32 (h, w), before the action.
-    """
-
-    link: int
-    pixel: tuple[int, int]
-    direction: int
-    corner: tuple[int, int]
-    mask: np.ndarray
-    depth: np.ndarray
-
-    def shows_in(self, depth: np.ndarray, tolerance: float) -> bool:
-        """Whether the region looks as it did before the action."""
-        (u, v), (height, width) = self.corner, self.mask.shape
-        now = depth[v : v + height, u : u + width]
-        return bool((np.abs(now - self.depth)[self.mask] <= tolerance).all())
-
-
 class Memory:
     """One board's memory.
 
@@ -69,7 +42,6 @@ class Memory:
         pairs: link to the direction pair that moved it last.
         visits: link to how often it was moved.
         failures: those that no later success has explained.
-        worked: one entry per successful action that differs from the earlier ones.
     """
 
     def __init__(self, height: np.ndarray, config: PolicyConfig, elevation: float = 0.002):
@@ -85,7 +57,6 @@ class Memory:
         self.pairs: dict[int, int] = {}
         self.visits: Counter[int] = Counter()
         self.failures: list[Failure] = []
-        self.worked: list[Worked] = []
 
     def succeeded(self, pixel: tuple[int, int], direction: int, before: np.ndarray, after: np.ndarray) -> int:
         """Remember an action with reward; returns the number of the link that moved.
@@ -103,11 +74,6 @@ class Memory:
         self.pairs[link] = int(PAIR_OF[direction])
         self.visits[link] += 1
         self.failures = [one for one in self.failures if not moved[one.pixel[1], one.pixel[0]]]
-        if not any(one.link == link and one.shows_in(before, self._config.change) for one in self.worked):
-            rows, columns = np.nonzero(moved)
-            place = (slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1))
-            corner = (int(columns.min()), int(rows.min()))
-            self.worked.append(Worked(link, pixel, direction, corner, moved[place], before[place].copy()))
         return link
 
     def _link(self, moved: np.ndarray) -> int:
@@ -122,8 +88,6 @@ class Memory:
     def failed(self, failure: Failure) -> None:
         """Remember an action without reward."""
         self.failures.append(failure)
-        tried = failure.pairs
-        self.worked = [one for one in self.worked if one.pixel != failure.pixel or PAIR_OF[one.direction] not in tried]
 
     def doubted(self, pixels: np.ndarray, logits: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What remains of the model's beliefs after what happened on this board.
@@ -153,11 +117,6 @@ class Memory:
         for link, pair in self.pairs.items():
             pairs[links == link, pair] = np.maximum(pairs[links == link, pair], self._config.known_pair)
         return beliefs, pairs
-
-    def replays(self, depth: np.ndarray) -> list[Worked]:
-        """Actions that worked before on links that look as they did then; at most one per link, the latest."""
-        fitting = {one.link: one for one in self.worked if one.shows_in(depth, self._config.change)}
-        return list(fitting.values()) if self._config.replay else []
 
 
 def _posterior(belief: Any, pair_belief: Any) -> Any:

@@ -35,8 +35,6 @@ class PolicyConfig(BaseModel):
         failure_penalty: logits that every failure on the board takes from all untouched candidates.
         failure_sigma: how far around it a failure is believed, pixels (Gaussian).
         known_pair: least belief in the direction pair that moved a known link before.
-        replay: whether an action that worked is believed to work again where all looks as it did before it.
-        replay_belief: how much.
         explore: new links are tried while the best one's expected success exceeds this; then known ones are repeated.
         collect: least expected success of a candidate when data for reasoning are collected.
         ucb_c, ucb_window: the paper's bonus and the side of its window, pixels.
@@ -63,8 +61,6 @@ class PolicyConfig(BaseModel):
     failure_penalty: Logit = 0.7
     failure_sigma: Annotated[float, Field(gt=0)] = 6.0
     known_pair: Share = 0.97
-    replay: bool = True
-    replay_belief: Share = 0.99
     explore: Share = 0.35
     collect: Share = 0.35
     ucb_c: Annotated[float, Field(ge=0)] = 0.5

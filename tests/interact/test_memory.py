@@ -98,13 +98,3 @@ def test_known_links_are_not_doubted_for_failures_elsewhere() -> None:
     beliefs, pairs = logits_of(memory, (50, 50), (75, 42))
     assert beliefs[0] > 0.85 > 0.6 > beliefs[1]
     assert pairs[0, PAIR_OF[UP]] == CONFIG.known_pair
-
-
-def test_what_worked_can_be_repeated_when_all_looks_the_same() -> None:
-    memory = fresh()
-    memory.succeeded((50, 50), UP, BOTH_UP, LEFT_DOWN)
-    assert not memory.replays(LEFT_DOWN)
-    assert [(one.pixel, one.direction) for one in memory.replays(BOTH_UP)] == [((50, 50), UP)]
-    assert memory.replays(shown(BUTTON, PRESSED))  # the other button does not matter
-    memory.failed(Failure((50, 50), {int(PAIR_OF[UP]): 0.9}))
-    assert not memory.replays(BOTH_UP)

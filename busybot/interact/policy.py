@@ -4,8 +4,8 @@ Modes:
 
 - `evaluate`: try new links while the best candidate's expected success exceeds a threshold, then repeat known ones.
 - `greedy`: always the highest affordance and its best direction (Table 1, row "w/o exploration").
-- `ucb`: the paper's Upper Confidence Bound: P + c sqrt(ln t / N) at every elevated pixel. N counts the earlier picks
-  whose window holds the pixel; the paper leaves N = 0 open, where N is taken as 1, and one more is added everywhere.
+- `ucb`: the paper's Upper Confidence Bound, P + c sqrt(ln t / N) at every elevated pixel. The paper's N, the number of
+  earlier picks whose window holds the pixel, is 0 at first and its bonus infinite: here it is the number plus one.
 - `collect`: a random one of the candidates, one per region, as the paper collects data for reasoning.
 """
 

@@ -37,7 +37,7 @@ from busybot.episodes.mcap_file import write_episode
 from busybot.files import write_atomically
 from busybot.objects.library import Library, find
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
-from busybot.sim.policies import make_policy
+from busybot.sim.policies import BuiltIn
 from busybot.sim.recorder import grasp_at, record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, Simulator
@@ -66,15 +66,17 @@ def measure_board(simulators: dict[str, Simulator], board: BoardSpec, folder: Pa
     for reference in references.values():
         timed_frame(reference)
     rays = Rays(scene.camera)
-    policies = [make_policy(name, scene, rays, config) for name in ("scripted", "random")]
+    policies = [BuiltIn(name).make(scene, rays, config) for name in ("scripted", "random")]
     rng = np.random.default_rng(board.index)
-    episode = record_episode(simulators["ours"], board, "scripted", STEPS, config, 0)
+    episode = record_episode(simulators["ours"], board, BuiltIn("scripted"), STEPS, config, 0)
     writing: Times = {}
     size = timed(writing, "write", lambda: write_episode(folder / "episode.mcap", episode))
     times.setdefault("bytes per frame", []).append(size / len(episode.images))
     for number in range(2 * STEPS):
         action = policies[number % 2].choose(image, rng)
-        step, after, seconds = timed_action(scene, grasp_at(scene, image, rays, action.pixel), action.direction, image)
+        step, after, seconds = timed_action(
+            scene, grasp_at(scene, image, rays, action.pixel), action.directions[0], image
+        )
         if after is None:
             times.setdefault("unchanged interaction", []).append(seconds)
             continue
@@ -141,7 +143,7 @@ def memory(library: Library, boards: int) -> dict[str, Any]:
     process, trace = psutil.Process(), []
     config = BoardConfig(boards=boards, group_size=1, seed=SEED)
     for number, spec in enumerate(generate_boards(config, library), start=1):
-        record_episode(simulator, spec, "scripted", 3, InteractionConfig(), 0)
+        record_episode(simulator, spec, BuiltIn("scripted"), 3, InteractionConfig(), 0)
         if number % max(1, boards // 10) == 0:
             trace.append({"boards": number, "rss_mb": round(process.memory_info().rss / 1e6)})
             print(trace[-1], file=sys.stderr, flush=True)

@@ -1,17 +1,26 @@
 """`busybot collect DATASET`: an episode for every board that has none."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from busybot.cli.common import JsonOption, WorkersOption, episode_progress, own_name, print_json, say
+from busybot.errors import BusybotError
+
+if TYPE_CHECKING:
+    from busybot.sim.policies import Chooser
 
 
 def collect(
     dataset: Annotated[Path, typer.Argument(help="A dataset folder made by `busybot generate`.")],
     steps: Annotated[int | None, typer.Option(min=0, help="Proposed actions per episode.")] = None,
-    policy: Annotated[str | None, typer.Option(help="random, or scripted (an oracle that knows the joints).")] = None,
+    policy: Annotated[
+        str | None, typer.Option(help="random, learned, or scripted (an oracle that knows the joints).")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option(help="Of the learned policy: a shipped model's name or a folder.")
+    ] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Veto directions far from the annotated ones.")] = False,
     images: Annotated[str | None, typer.Option(help="jpeg or png.")] = None,
     assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
@@ -33,9 +42,10 @@ def collect(
     parameters = build(CollectConfig, config, set_ or [], options | {"interaction.strict": strict or None})
     target = Dataset.open(dataset)
     library = find(assets, target.info.assets.sha256)
+    chooser, provenance = _chooser(parameters.policy, model, parameters.learned)
     try:
         with episode_progress("collecting") as progress:
-            result = run(target, library, parameters, workers or default_workers(), progress)
+            result = run(target, library, parameters, workers or default_workers(), progress, chooser, provenance)
     except KeyboardInterrupt:
         say(f"{len(target.finished())} of {target.info.boards} episodes are there; the same command continues")
         raise
@@ -44,3 +54,15 @@ def collect(
     else:
         say(f"{result.done} of {result.boards} episodes in {dataset}, {result.new} of them new")
         say(f"next: {own_name()} dataset info {dataset}; {own_name()} view {dataset}")
+
+
+def _chooser(policy: str, model: str | None, learned: dict[str, Any]) -> "tuple[Chooser | None, dict[str, Any] | None]":
+    """Who makes the policies, and what it is made of; nobody for the built-in ones."""
+    if policy != "learned":
+        if model is not None:
+            raise BusybotError(f"--model {model} goes with --policy learned, not with {policy}")
+        return None, None
+    from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser
+
+    chooser = LearnedChooser(model or DEFAULT_MODEL, "collect", learned)
+    return chooser, chooser.provenance()

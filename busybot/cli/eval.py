@@ -57,6 +57,56 @@ def reason(
         _print_tables(result)
 
 
+@app.command()
+def interact(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset; only its boards are used.")],
+    model: Annotated[
+        str | None, typer.Option(help="A shipped model's name or a folder; or random, scripted (an oracle).")
+    ] = None,
+    mode: Annotated[str, typer.Option(help="Of a model: evaluate, greedy, ucb or collect.")] = "evaluate",
+    boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones.")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Veto directions far from the annotated ones.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results; a stopped evaluation goes on in it.")
+    ] = None,
+    record: Annotated[Path | None, typer.Option(help="Record the episodes as a dataset in this folder.")] = None,
+    figures: Annotated[int, typer.Option(min=0, help="Draw so many of the recorded boards into OUT/figures.")] = 0,
+    assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of EvaluateConfig.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """How often actions succeed, and how many of the movable links they find: ten actions on each board.
+
+    Shares in JSON lie between 0 and 1, in the table they are percent.
+    """
+    from busybot.cli.eval_interact import check_figures, draw_figures, evaluate_model, print_table
+    from busybot.config import build
+    from busybot.episodes.dataset import Dataset
+    from busybot.interact.evaluate import EvaluateConfig
+
+    check_figures(figures, model, out, record)
+    options = {"boards": boards, "interaction.strict": strict or None}
+    parameters = build(EvaluateConfig, config, set_ or [], options)
+    words = ["busybot", "eval", "interact", str(dataset), *(["--model", model] if model else []), "--mode", mode]
+    words += ["--seed", str(seed), *(["--strict"] if strict else []), *(["--boards", str(boards)] if boards else [])]
+    words += [word for setting in set_ or [] for word in ("--set", setting)]
+    words += ["--config", str(config)] if config else []
+    with episode_progress("acting") as progress:
+        result = evaluate_model(
+            Dataset.open(dataset), model, mode, parameters, assets, seed, workers, progress, out, record
+        )
+    if figures and out is not None and record is not None:
+        draw_figures(out / "figures", record, model, parameters, figures)
+    result["command"] = shlex.join(words)
+    if json:
+        print_json(result)
+    else:
+        print_table(result)
+
+
 def _print_tables(result: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table

@@ -66,7 +66,7 @@ class Step:
         pixel: (u, v) chosen in the image before.
         position: board frame, float32-representable, board units.
         direction: index into `boards.directions.DIRECTIONS`, the one proposed.
-        executed: the directions that the gripper really tried, in order.
+        executed: the directions that were tried, in order, vetoed ones among them.
         distance: board units reached in the last executed direction when the motion stopped.
         changed_pixels: pixels that differ between the raw images before and after.
         reward: 1 if `changed_pixels` exceeds the episode's delta.
@@ -77,7 +77,7 @@ class Step:
         joint_positions_before, ..._after: the trigger links' joint positions (radians or object units x scale), same
             order as the trigger states. Privileged.
         success: a trigger state changed because of the action. Privileged.
-        vetoed: strict mode refused every direction before it was executed. Privileged.
+        vetoed: strict mode vetoed every direction, so that nothing could move. Privileged.
     """
 
     pixel: tuple[int, int]

@@ -17,6 +17,7 @@ from busybot.episodes.mcap_file import write_episode
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows
 from busybot.objects.library import Library
 from busybot.sim.interaction import InteractionConfig
+from busybot.sim.policies import BuiltIn, Chooser
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
@@ -27,18 +28,23 @@ class CollectConfig(BaseModel):
     """How episodes are collected.
 
     Attributes:
-        policy: `random` or `scripted`.
+        policy: `random` or `scripted`, or the name of the chooser that `collect` is given.
         steps: proposed actions per episode.
         images: encoding of RGB; `png` is lossless and about five times as large.
         seed: None takes the dataset's.
+        responders: whether effects show; without, a trigger's own motion is all there is to see (Table 1, row "w/o
+            responder").
+        learned: constants of the learned policy that take precedence over those on the model's card.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    policy: Literal["random", "scripted"] = "random"
+    policy: Annotated[str, Field(pattern=r"^[a-z-]{1,32}$")] = "random"
     steps: Annotated[int, Field(ge=0, le=100_000)] = 30
     images: Literal["jpeg", "png"] = "jpeg"
     seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
+    responders: bool = True
+    learned: dict[str, Any] = {}
     interaction: InteractionConfig = InteractionConfig()
     render: RenderConfig = RenderConfig()
 
@@ -62,23 +68,34 @@ Progress = Callable[[int, int], None]
 
 
 def collect(
-    dataset: Dataset, library: Library, config: CollectConfig, workers: int, progress: Progress | None = None
+    dataset: Dataset,
+    library: Library,
+    config: CollectConfig,
+    workers: int,
+    progress: Progress | None = None,
+    chooser: Chooser | None = None,
+    provenance: dict[str, Any] | None = None,
 ) -> Collected:
     """Record an episode for every board that has none.
+
+    Args:
+        chooser: makes the policies; by default the built-in one that the configuration names.
+        provenance: what else decides the chooser's choices, JSON values; recorded, and another is refused later.
 
     Raises:
         BusybotError: the dataset's episodes were begun with other settings, or a worker is at fault.
     """
     with dataset.locked():
-        dataset.begin_collecting(_collect_info(config, dataset.info.seed))
+        dataset.begin_collecting(_collect_info(config, dataset.info.seed, provenance))
         dataset.remove_leftovers()
         before = dataset.finished()
         missing = [index for index in range(dataset.info.boards) if index not in before]
         rows: dict[int, Rows] = {}
         done = len(before)
         seed = dataset.info.seed if config.seed is None else config.seed
+        arguments = (dataset.path, library, config, seed, chooser or BuiltIn(config.policy))
         try:
-            for index, result in run_tasks(missing, _make_work, (dataset.path, library, config, seed), workers):
+            for index, result in run_tasks(missing, _make_work, arguments, workers):
                 rows[index] = result
                 done += 1
                 if progress:
@@ -92,7 +109,7 @@ def collect(
     return Collected(dataset.info.boards, done, done - len(before))
 
 
-def _collect_info(config: CollectConfig, dataset_seed: int) -> CollectInfo:
+def _collect_info(config: CollectConfig, dataset_seed: int, provenance: dict[str, Any] | None) -> CollectInfo:
     return CollectInfo(
         policy=config.policy,
         steps=config.steps,
@@ -101,20 +118,24 @@ def _collect_info(config: CollectConfig, dataset_seed: int) -> CollectInfo:
         delta=config.interaction.delta,
         seed=dataset_seed if config.seed is None else config.seed,
         settings={
+            "responders": config.responders,
             "interaction": config.interaction.model_dump(mode="json"),
             "render": config.render.model_dump(mode="json"),
+            **({"chooser": provenance} if provenance else {}),
         },
     )
 
 
-def _make_work(path: Path, library: Library, config: CollectConfig, seed: int) -> Callable[[int], Any]:
+def _make_work(
+    path: Path, library: Library, config: CollectConfig, seed: int, chooser: Chooser
+) -> Callable[[int], Any]:
     """What a worker does with a board's index: record, write, and read back the rows of its tables."""
     dataset = Dataset.open(path)
-    simulator = Simulator(library, config.render)
+    simulator = Simulator(library, config.render, config.responders)
 
     def work(index: int) -> Rows:
         board = dataset.board(index)
-        episode = record_episode(simulator, board, config.policy, config.steps, config.interaction, seed)
+        episode = record_episode(simulator, board, chooser, config.steps, config.interaction, seed)
         file = dataset.episode_path(index)
         write_episode(file, episode, config.images)
         return episode_rows(file, index)

@@ -4,17 +4,19 @@ Paper section 3.1 and protocol "Interaction". The rules, in order:
 
 1. The gripper takes hold of whatever is visible at the chosen pixel. Only trigger links give way: anything else is a
    miss, which changes nothing and is not simulated.
-2. The proposed direction is executed, then its opposite. Each starts from rest and moves the gripper's target in
-   growing distances of 0.03 up to 0.21 units.
+2. The proposed direction is executed, then its opposite; if several are proposed, pair after pair until one works.
+   Each starts from rest and moves the gripper's target in growing distances of 0.03 up to 0.21 units.
 3. After each increment the motion stops if something changed: by default when the joint has crossed into another state
    (`stop="physics"`, no rendering), or when the images differ by more than delta pixels (`stop="pixels"`, as the
    original does it; `tests/sim/test_interaction.py` measures how often the two agree).
-4. The gripper lets go and the joint snaps into the detent of the state that it has reached; a joint that did not leave
+4. In strict mode a direction far from the annotated ones is vetoed: it counts as executed, but nothing moves.
+5. The gripper lets go and the joint snaps into the detent of the state that it has reached; a joint that did not leave
    its state snaps back, and the opposite direction is tried anchored at the same point.
 
 The gripper is a drive between the world and the held point, with a force limit: no body, no contacts.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -33,6 +35,7 @@ class InteractionConfig(BaseModel):
     """Constants of an action.
 
     Attributes:
+        reward: `pixels`, or `joints` for the oracle rows of Table 1: whether a trigger changed its state.
         delta: more changed pixels than this are a reward.
         tolerance: a pixel differs when a channel differs by more than this share of its range.
         stop: what ends a motion.
@@ -44,6 +47,7 @@ class InteractionConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    reward: Literal["pixels", "joints"] = "pixels"
     delta: Annotated[int, Field(ge=0)] = 500
     tolerance: Annotated[float, Field(ge=0, le=1)] = 0.01
     stop: Literal["physics", "pixels"] = "physics"
@@ -74,19 +78,21 @@ def changed_pixels(before: np.ndarray, after: np.ndarray, tolerance: float) -> i
 
 
 def interact(
-    scene: BoardScene, grasp: Grasp, direction: int, config: InteractionConfig, before: Image | None
+    scene: BoardScene, grasp: Grasp, directions: int | Sequence[int], config: InteractionConfig, before: Image | None
 ) -> tuple[Step, Image | None]:
     """Execute one proposed action.
 
     Args:
-        direction: index into DIRECTIONS.
+        directions: index into DIRECTIONS, or several in the order in which their pairs are tried until one works (the
+            paper's first 100 epochs try all; evaluation proposes one).
         before: what the camera showed; None in a simulation without renderer, where the reward is the true one.
 
     Returns:
         the step, and the image after it if anything changed (None otherwise, or without renderer).
     """
     states, shown, joints = scene.trigger_states(), scene.responder_states(), scene.joint_positions()
-    executed, distance, vetoed = _execute(scene, grasp, direction, config, before)
+    proposed = (directions,) if isinstance(directions, int | np.integer) else tuple(directions)
+    executed, distance, vetoed = _execute(scene, grasp, proposed, config, before)
     success = scene.trigger_states() != states
     after = scene.observe() if success and before is not None else None
     changed = changed_pixels(before.rgb, after.rgb, config.tolerance) if before is not None and after is not None else 0
@@ -94,11 +100,11 @@ def interact(
     step = Step(
         pixel=grasp.pixel,
         position=(float(grasp.position[0]), float(grasp.position[1]), float(grasp.position[2])),
-        direction=direction,
+        direction=int(proposed[0]),
         executed=executed,
         distance=distance,
         changed_pixels=changed,
-        reward=int(changed > config.delta) if before is not None else int(success),
+        reward=int(changed > config.delta) if before is not None and config.reward == "pixels" else int(success),
         acted_object=held.object if held else -1,
         acted_link=held.link.name if held else "",
         trigger_states_before=states,
@@ -114,19 +120,22 @@ def interact(
 
 
 def _execute(
-    scene: BoardScene, grasp: Grasp, direction: int, config: InteractionConfig, before: Image | None
+    scene: BoardScene, grasp: Grasp, proposed: tuple[int, ...], config: InteractionConfig, before: Image | None
 ) -> tuple[tuple[int, ...], float, bool]:
-    """The directions tried, the distance reached in the last one, and whether strict mode refused both."""
-    order = (int(direction), int(OPPOSITE[direction]))
+    """The directions tried, the distance reached in the last one, and whether strict mode vetoed all of them."""
+    order = tuple(dict.fromkeys(int(d) for first in proposed for d in (first, OPPOSITE[first])))
     full = round(config.increment * config.increments, 6)
     if grasp.trigger is None:
         return order, full, False
     number = grasp.trigger
-    allowed = tuple(d for d in order if not config.strict or permitted(scene, number, d, config))
+    allowed = [d for d in order if not config.strict or permitted(scene, number, d, config)]
     executed: list[int] = []
-    distance = 0.0
-    for candidate in allowed:
+    distance = full
+    for candidate in order:
         executed.append(candidate)
+        if candidate not in allowed:
+            distance = full  # a veto feels like a pull that moves nothing
+            continue
         distance, state = pull(scene, number, grasp.position, DIRECTIONS[candidate], config, before)
         if state != scene.triggers[number].state:
             scene.set_trigger(number, state)

@@ -27,22 +27,41 @@ TRIES = 6
 
 @dataclass(frozen=True)
 class Action:
-    """A pixel (u, v) to take hold of and the index of the direction to move in."""
+    """A pixel (u, v) to take hold of and the indices of the directions to try, one in the usual case."""
 
     pixel: tuple[int, int]
-    direction: int
+    directions: tuple[int, ...]
 
 
 class Policy(Protocol):
-    """Chooses an action from what the camera shows."""
+    """Chooses actions from what the camera shows, and is told what came of them."""
 
     name: str
     oracle: bool
 
     def choose(self, image: Image, rng: np.random.Generator) -> Action: ...
 
+    def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
+        """What the agent perceives of its own action: the directions executed, the pixel reward, the image after."""
 
-class RandomPolicy:
+
+class Chooser(Protocol):
+    """Makes a board's policy. It is handed to worker processes: plain data that loads what it needs at first use."""
+
+    @property
+    def name(self) -> str: ...
+
+    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy: ...
+
+
+class Forgetful:
+    """A policy whose choices do not depend on what came of earlier ones."""
+
+    def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
+        pass
+
+
+class RandomPolicy(Forgetful):
     """A random elevated pixel and a random direction."""
 
     name, oracle = "random", False
@@ -56,10 +75,10 @@ class RandomPolicy:
         elevated = np.flatnonzero(self._rays.heights(image.depth) > ELEVATION)
         chosen = int(rng.choice(elevated)) if len(elevated) else int(rng.integers(image.depth.size))
         row, column = divmod(chosen, image.depth.shape[1])
-        return Action((column, row), int(rng.integers(len(DIRECTIONS))))
+        return Action((column, row), (int(rng.integers(len(DIRECTIONS))),))
 
 
-class ScriptedPolicy:
+class ScriptedPolicy(Forgetful):
     """A random visible trigger link, held well inside, moved towards another state.
 
     Candidate directions are ordered by how well they follow the joint, then tried in the simulator and undone; the
@@ -85,11 +104,11 @@ class ScriptedPolicy:
             point = self._rays.point(image.depth, pixel)
             direction, reached = self._direction(number, point, wanted)
             if direction is not None and reached == wanted:
-                return Action(pixel, direction)
+                return Action(pixel, (direction,))
             if direction is not None and fallback is None:
-                fallback = Action(pixel, direction)
+                fallback = Action(pixel, (direction,))
             last = pixel
-        return fallback or Action(last, int(rng.integers(len(DIRECTIONS))))
+        return fallback or Action(last, (int(rng.integers(len(DIRECTIONS))),))
 
     def _visible_links(self, segmentation: np.ndarray) -> list[tuple[int, np.ndarray]]:
         """Trigger joints with enough pixels, and their masks."""
@@ -137,14 +156,15 @@ def _interior_pixels(mask: np.ndarray, rng: np.random.Generator, count: int) -> 
     return [(int(inner_columns[k] + left), int(inner_rows[k] + top)) for k in chosen]
 
 
-def make_policy(name: str, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
-    """The policy called `name` for this board.
+@dataclass(frozen=True)
+class BuiltIn:
+    """The policies that need no model: `random` and `scripted`."""
 
-    Raises:
-        BusybotError: there is no such policy.
-    """
-    if name == "random":
-        return RandomPolicy(rays)
-    if name == "scripted":
-        return ScriptedPolicy(scene, rays, config)
-    raise BusybotError(f"unknown policy {name!r}", "choose random or scripted")
+    name: str
+
+    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+        if self.name == "random":
+            return RandomPolicy(rays)
+        if self.name == "scripted":
+            return ScriptedPolicy(scene, rays, config)
+        raise BusybotError(f"unknown policy {self.name!r}", "choose random or scripted")

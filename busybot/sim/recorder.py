@@ -18,7 +18,7 @@ from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.geometry import Rays
 from busybot.rng import generator
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
-from busybot.sim.policies import make_policy
+from busybot.sim.policies import Chooser
 from busybot.sim.probe import driver_of
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, Simulator
@@ -34,7 +34,7 @@ def grasp_at(scene: BoardScene, image: Image, rays: Rays, pixel: tuple[int, int]
 
 
 def record_episode(
-    simulator: Simulator, board: BoardSpec, policy: str, steps: int, config: InteractionConfig, seed: int
+    simulator: Simulator, board: BoardSpec, chooser: Chooser, steps: int, config: InteractionConfig, seed: int
 ) -> Episode:
     """Collect one episode of `steps` proposed actions.
 
@@ -44,7 +44,7 @@ def record_episode(
     scene = simulator.board(board)
     assert simulator.render is not None
     rays = Rays(scene.camera)
-    chooser = make_policy(policy, scene, rays, config)
+    policy = chooser.make(scene, rays, config)
     images = [scene.observe()]
     episode = Episode(
         board=board,
@@ -54,20 +54,21 @@ def record_episode(
         images=images,
         frame_of=[0],
         steps=[],
-        policy=chooser.name,
-        oracle=chooser.oracle,
+        policy=policy.name,
+        oracle=policy.oracle,
         settings={"seed": seed, "interaction": config.model_dump(mode="json")},
         renderer=renderer_fingerprint(simulator.render, scene),
         versions=package_versions(),
     )
-    rng = generator(seed, board.split, board.index, f"policy/{policy}")
+    rng = generator(seed, board.split, board.index, f"policy/{chooser.name}")
     for _ in range(steps):
-        action = chooser.choose(images[-1], rng)
+        action = policy.choose(images[-1], rng)
         grasp = grasp_at(scene, images[-1], rays, action.pixel)
-        step, after = interact(scene, grasp, action.direction, config, images[-1])
+        step, after = interact(scene, grasp, action.directions, config, images[-1])
         episode.steps.append(step)
         if after is not None:
             images.append(after)
+        policy.told(action, step.executed, step.reward, images[-1])
         episode.frame_of.append(len(images) - 1)
     return episode
 

@@ -51,10 +51,11 @@ class Simulator:
     Args:
         library: where the objects come from.
         render: how boards are looked at; None for a simulation without pictures, which needs no renderer.
+        responders: whether responders follow their triggers.
     """
 
-    def __init__(self, library: Library, render: RenderConfig | None):
-        self.library, self.render = library, render
+    def __init__(self, library: Library, render: RenderConfig | None, responders: bool = True):
+        self.library, self.render, self.responders = library, render, responders
         self._builders: dict[tuple[str, float], Any] = {}
         sapien.physx.set_scene_config(gravity=np.zeros(3, np.float32))
         sapien.set_log_level("critical")
@@ -157,7 +158,8 @@ class BoardScene:
         self.links = tuple(links)
         self._codes = np.zeros(max(codes, default=0) + 2, np.uint16)
         self._codes[list(codes)] = list(codes.values())
-        self._relation_of = {_joint_index(self.triggers, relation): relation for relation in spec.relations}
+        relations = spec.relations if simulator.responders else ()
+        self._relation_of = {_joint_index(self.triggers, relation): relation for relation in relations}
         self._trigger_of_link = {
             code: number
             for number, joint in enumerate(self.triggers)

@@ -14,6 +14,7 @@ from busybot.reason.appearance import changes
 from busybot.reason.evaluate import judge_episode, summarise
 from busybot.reason.observed import acted_objects, observe
 from busybot.sim.interaction import InteractionConfig
+from busybot.sim.policies import BuiltIn
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
@@ -33,7 +34,9 @@ def test_counting_finds_the_relations_of_scripted_rollouts(simulator: Simulator,
     config = BoardConfig(boards=BOARDS, split=split, seed=11, group_size=1)  # type: ignore[arg-type]
     judged = []
     for board in generate_boards(config, simulator.library):
-        write_episode(tmp_path / "e.mcap", record_episode(simulator, board, "scripted", 22, InteractionConfig(), 11))
+        write_episode(
+            tmp_path / "e.mcap", record_episode(simulator, board, BuiltIn("scripted"), 22, InteractionConfig(), 11)
+        )
         episode = read_episode(tmp_path / "e.mcap", "lazy")
         _assert_changes_are_seen(episode)
         judged.append(judge_episode(episode))

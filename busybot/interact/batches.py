@@ -1,0 +1,153 @@
+"""Training batches: crops of recorded pictures, moved, scaled, turned and mirrored together with their labels.
+
+What makes a switch work does not depend on where on the board it stands, nor much on its size or on how it is turned
+about the camera's axis. So each crop is shown at a random offset and scale and in one of the eight orientations of a
+square, and heights, normals and directions change as the object itself would.
+
+In the picture +x is right and +y is up. `MIRROR_X` maps (x, y) to (-x, y), `MIRROR_Y` to (x, -y), and `TRANSPOSE`,
+which swaps rows and columns, to (-y, -x). Quarter turns are transpositions with one mirror.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.interact.features import Pinhole, colour_features, depth_features, unit
+from busybot.interact.fit_config import FitConfig
+from busybot.interact.samples import SIDE, Samples
+
+MIRROR_X = np.diag([-1.0, 1.0, 1.0])
+MIRROR_Y = np.diag([1.0, -1.0, 1.0])
+TRANSPOSE = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def remapped_directions(matrix: np.ndarray) -> np.ndarray:
+    """For each direction the index of the one that `matrix` (3, 3) takes to it: labels[remapped] are the new labels."""
+    images = DIRECTIONS @ matrix.T
+    return np.argmax(DIRECTIONS @ images.T, axis=1)
+
+
+@dataclass
+class Batch:
+    """B crops.
+
+    Attributes:
+        features: float32 (B, C, S, S).
+        rows, columns: int64 (B,), the pixel acted on, in the crop.
+        reward: float32 (B,).
+        labels, known: float32 (B, 18), which directions worked and for which that is known.
+    """
+
+    features: Tensor
+    rows: Tensor
+    columns: Tensor
+    reward: Tensor
+    labels: Tensor
+    known: Tensor
+
+
+def draw_batch(samples: Samples, chosen: np.ndarray, config: FitConfig, rng: np.random.Generator) -> Batch:
+    """Crops of the chosen samples, augmented."""
+    side, augmentation = config.side, config.augmentation
+    cut = _draw_side(config, rng)
+    reach = min(config.jitter, cut // 2 - 1, (SIDE - 2 - cut) // 2)
+    batch = cut_batch(samples, chosen, cut, rng.integers(-reach, reach + 1, (len(chosen), 2)))
+    if cut != side:
+        _resize(batch, side, samples.inputs == "depth")
+    for matrix, share in ((MIRROR_X, 0.5), (MIRROR_Y, 0.5), (TRANSPOSE, augmentation.transposed)):
+        apply_symmetry(batch, matrix, torch.from_numpy(rng.random(len(chosen)) < share), samples.inputs == "depth")
+    if samples.inputs == "rgb" and augmentation.colour:
+        gain, offset = rng.normal(0, augmentation.colour, (2, len(chosen), 3, 1, 1)).astype(np.float32)
+        batch.features = batch.features * torch.from_numpy(1 + gain) + torch.from_numpy(offset / 2)
+    return batch
+
+
+def _draw_side(config: FitConfig, rng: np.random.Generator) -> int:
+    """How many pixels become the `side` pixels of this batch; an even number."""
+    side, augmentation = config.side, config.augmentation
+    scaled, factor = rng.random() < augmentation.scaled, np.exp(rng.uniform(-1, 1) * augmentation.log_scale)
+    return min(int(side * factor) // 2 * 2, SIDE - 2) if scaled else side
+
+
+def cut_batch(samples: Samples, chosen: np.ndarray, side: int, offsets: np.ndarray | None = None) -> Batch:
+    """Crops around the samples' pixels as they are.
+
+    Args:
+        offsets: int (B, 2), rows and columns by which the crops are moved.
+    """
+    moved = np.zeros((len(chosen), 2), int) if offsets is None else offsets
+    features = (_cut_depth if samples.inputs == "depth" else _cut_colours)(samples, chosen, side, moved)
+    labels, known = samples.direction_labels(chosen)
+    return Batch(
+        features=features,
+        rows=torch.from_numpy(side // 2 - moved[:, 0]),
+        columns=torch.from_numpy(side // 2 - moved[:, 1]),
+        reward=torch.from_numpy(samples.reward[chosen].astype(np.float32)),
+        labels=torch.from_numpy(labels.astype(np.float32)),
+        known=torch.from_numpy(known.astype(np.float32)),
+    )
+
+
+def _cut_depth(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> Tensor:
+    """Features from depth, (B, 4, side, side); each needs a margin of one pixel."""
+    around = np.arange(-1, side + 1) - side // 2
+    stored = np.empty((len(chosen), side + 2, side + 2), np.uint16)
+    for number, (index, (down, right)) in enumerate(zip(chosen, moved, strict=True)):
+        top, left = SIDE // 2 + around[0] + down, SIDE // 2 + around[0] + right
+        square = samples.squares[samples.dataset[index]][samples.row[index]]
+        stored[number] = square[top : top + side + 2, left : left + side + 2]
+    offset, step = samples.scale[chosen].T[:, :, None, None]
+    depth = torch.from_numpy(np.where(stored > 0, offset + stored * step, np.float32(0)))
+    rows = samples.pixels[chosen, 1, None] + moved[:, :1] + around
+    columns = samples.pixels[chosen, 0, None] + moved[:, 1:] + around
+    camera = samples.camera
+    rows, columns = rows.clip(0, camera.height - 1), columns.clip(0, camera.width - 1)
+    return depth_features(Pinhole(camera).points(depth, torch.from_numpy(rows), torch.from_numpy(columns)))
+
+
+def _cut_colours(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> Tensor:
+    """Features from colours, (B, 3, side, side)."""
+    crops = np.empty((len(chosen), side, side, 3), np.uint8)
+    for number, (index, (down, right)) in enumerate(zip(chosen, moved, strict=True)):
+        top, left = SIDE // 2 - side // 2 + down, SIDE // 2 - side // 2 + right
+        square = samples.squares[samples.dataset[index]][samples.row[index]]
+        crops[number] = square[top : top + side, left : left + side]
+    return colour_features(crops)
+
+
+def _resize(batch: Batch, side: int, depth: bool) -> None:
+    """Show the crops `side` pixels wide, as if everything in them were larger or smaller, heights included."""
+    factor = side / batch.features.shape[-1]
+    features = functional.interpolate(batch.features, size=(side, side), mode="bilinear", align_corners=False)
+    if depth:
+        features = torch.cat([features[:, :1] * factor, unit(features[:, 1:])], dim=1)
+    batch.features = features
+    batch.rows = ((batch.rows + 0.5) * factor).long().clamp(0, side - 1)
+    batch.columns = ((batch.columns + 0.5) * factor).long().clamp(0, side - 1)
+
+
+def apply_symmetry(batch: Batch, matrix: np.ndarray, chosen: Tensor, depth: bool) -> None:
+    """Mirror or transpose the chosen crops (bool (B,)) with their labels; `matrix` is one of the three above."""
+    transposed = matrix is TRANSPOSE
+    axis = -1 if matrix is MIRROR_X else -2
+    part = batch.features[chosen]
+    part = part.transpose(-1, -2) if transposed else part.flip(axis)
+    if depth:
+        turn = torch.tensor(matrix, dtype=part.dtype)
+        part = torch.cat([part[:, :1], torch.einsum("ij,bjhw->bihw", turn, part[:, 1:])], dim=1)
+    batch.features[chosen] = part
+    last = batch.features.shape[-1] - 1
+    rows, columns = batch.rows, batch.columns
+    if transposed:
+        batch.rows, batch.columns = torch.where(chosen, columns, rows), torch.where(chosen, rows, columns)
+    elif axis == -1:
+        batch.columns = torch.where(chosen, last - columns, columns)
+    else:
+        batch.rows = torch.where(chosen, last - rows, rows)
+    order = torch.from_numpy(remapped_directions(matrix))
+    batch.labels[chosen] = batch.labels[chosen][:, order]
+    batch.known[chosen] = batch.known[chosen][:, order]

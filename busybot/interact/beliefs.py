@@ -1,0 +1,20 @@
+"""Direction pairs and probabilities: a proposed direction is executed with its opposite (paper section 3.1)."""
+
+import numpy as np
+
+from busybot.boards.directions import OPPOSITE
+
+PAIRS: np.ndarray = np.flatnonzero(np.arange(len(OPPOSITE)) < OPPOSITE)
+"""First direction of each of the 9 pairs, shape (9,)."""
+PAIR_OF: np.ndarray = np.searchsorted(PAIRS, np.minimum(np.arange(len(OPPOSITE)), OPPOSITE))
+"""Pair of each direction, shape (18,)."""
+
+
+def pair_scores(directions: np.ndarray) -> np.ndarray:
+    """Probability (..., 9) that one of a pair works, from those of the 18 directions (..., 18)."""
+    return 1 - (1 - directions[..., PAIRS]) * (1 - directions[..., OPPOSITE[PAIRS]])
+
+
+def sigmoid(logits: np.ndarray) -> np.ndarray:
+    """Probabilities of logits, without overflow."""
+    return 1 / (1 + np.exp(-np.clip(np.asarray(logits, float), -30, 30)))

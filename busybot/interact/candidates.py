@@ -1,0 +1,217 @@
+"""From a look at a board to action candidates: where to act, in which direction, how likely it works, on which region.
+
+Paper section 3.1 takes the pixel with the highest affordance, section 3.2 the best position of each K-means cluster.
+Here a candidate is a peak of the affordance, so that small and neighbouring links have candidates of their own;
+`PolicyConfig.candidates = "kmeans"` selects the paper's clusters. A direction is proposed with its opposite, so a pair
+works unless both fail: 1 - (1 - p)(1 - p_opposite).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar
+
+import cv2
+import numpy as np
+
+from busybot.boards.directions import OPPOSITE
+from busybot.episodes.episode import Image
+from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
+from busybot.interact.beliefs import PAIRS, pair_scores, sigmoid
+from busybot.interact.clusters import cluster_tops
+from busybot.interact.memory import Memory
+from busybot.interact.policy_config import PolicyConfig
+
+NOWHERE = -20.0
+"""Logit of pixels at which nothing can be held."""
+
+
+class View(Protocol):
+    """What a model sees in an image."""
+
+    @property
+    def height(self) -> np.ndarray:
+        """float32 (H, W), board units above the board."""
+
+    @property
+    def affordance(self) -> np.ndarray:
+        """float32 (H, W), logits that acting at the pixel has an effect; very low off elevated pixels."""
+
+
+V = TypeVar("V", bound=View)
+
+
+class ActionModel(Protocol[V]):
+    """What the policy needs of a model; `interact.model.Model` is one."""
+
+    def look(self, image: Image, rays: Rays) -> V:
+        """Affordance of every pixel."""
+
+    def directions(self, view: V, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """For int pixels (K, 2), u and v: position logits (K,) and probabilities of the 18 directions (K, 18)."""
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """K possible actions on what one image shows, in no particular order.
+
+    Attributes:
+        pixels: int (K, 2), u and v.
+        positions: float32 (K, 3), board frame, board units.
+        beliefs: float (K,), probability that something can be moved at the position.
+        directions: float (K, 18), probability that the direction works where something can be moved.
+        pairs: float (K, 9), the same of direction pairs.
+        regions: int (K,). Positive: number of a link that the memory has seen moving. Negative: a connected region of
+            affordance of which nothing has moved yet.
+    """
+
+    pixels: np.ndarray
+    positions: np.ndarray
+    beliefs: np.ndarray
+    directions: np.ndarray
+    pairs: np.ndarray
+    regions: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+    @property
+    def scores(self) -> np.ndarray:
+        """Expected success of the best direction pair, float (K,)."""
+        return self.beliefs * self.pairs.max(axis=1, initial=0)
+
+    @property
+    def best_pairs(self) -> np.ndarray:
+        """int (K,), which of the 9 pairs is believed in most."""
+        return self.pairs.argmax(axis=1)
+
+    @property
+    def best_directions(self) -> np.ndarray:
+        """int (K,), of the best pair the direction that is believed in more."""
+        first = PAIRS[self.best_pairs]
+        rows = np.arange(len(self))
+        swap = self.directions[rows, OPPOSITE[first]] > self.directions[rows, first]
+        return np.where(swap, OPPOSITE[first], first)
+
+    def take(self, chosen: np.ndarray) -> "Candidates":
+        """Those candidates, by index or mask."""
+        return replace(self, **{name: getattr(self, name)[chosen] for name in self.__dataclass_fields__})
+
+    def best_of_regions(self) -> "Candidates":
+        """One candidate per region, the one with the highest score."""
+        order = np.argsort(-self.scores, kind="stable")
+        _, first = np.unique(self.regions[order], return_index=True)
+        return self.take(order[np.sort(first)])
+
+
+def find_candidates(
+    model: ActionModel[V],
+    image: Image,
+    rays: Rays,
+    memory: Memory | None = None,
+    config: PolicyConfig | None = None,
+    view: V | None = None,
+) -> Candidates:
+    """Action candidates on what an image shows.
+
+    Args:
+        model: affordance of positions and directions.
+        image: its depth (and RGB, for a model that sees colours) is used, nothing else.
+        memory: what was learnt on this board; without it every region is new and nothing has failed yet.
+        view: what `model.look(image, rays)` returned, if it was called already.
+
+    Returns:
+        candidates, empty where nothing can be held. `Candidates.best_of_regions` leaves one per region.
+
+    Raises:
+        BusybotError: the image has no depth.
+    """
+    config = config or PolicyConfig()
+    if image.depth is None:
+        raise BusybotError("action candidates need depth images", "record the episode with depth")
+    view = model.look(image, rays) if view is None else view
+    links = memory.links if memory is not None else np.zeros(view.height.shape, np.int32)
+    smooth = smoothed(view.affordance, config.blur)
+    pixels = _proposals(smooth, view.affordance, links, config)
+    if not len(pixels):
+        return _nothing()
+    columns, rows = pixels.T
+    at_crop, directions = model.directions(view, pixels)
+    directions = np.asarray(directions, float)
+    logits = config.dense_weight * smooth[rows, columns] + (1 - config.dense_weight) * at_crop
+    logits = logits + prior_shift(config)
+    beliefs, pairs = sigmoid(logits), pair_scores(directions)
+    if memory is not None:
+        beliefs, pairs = memory.doubted(pixels, logits, pairs)
+    regions = _regions(view.affordance, links, pixels, config)
+    positions = rays.directions[rows, columns] * image.depth[rows, columns, None] + rays.origin
+    return Candidates(pixels, positions, beliefs, directions, pairs, regions)
+
+
+def smoothed(affordance: np.ndarray, width: int) -> np.ndarray:
+    """Affordance logits (H, W) averaged over a few pixels; holds at a link's border become less attractive."""
+    floored = np.maximum(affordance, NOWHERE).astype(np.float32)
+    return cv2.GaussianBlur(floored, (width | 1, width | 1), 0)
+
+
+def prior_shift(config: PolicyConfig) -> float:
+    """What is added to a model's logits, because few places work and half of those that it was trained on did.
+
+    Half of the shift that Bayes' rule asks for: the candidates are chosen, not any places.
+    """
+    return float(0.5 * np.log(config.prior / (1 - config.prior)))
+
+
+def held(affordance: np.ndarray) -> np.ndarray:
+    """bool (H, W): pixels at which the model sees something that could be held at all."""
+    return affordance > NOWHERE / 2
+
+
+def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, config: PolicyConfig) -> np.ndarray:
+    """Pixels int (K, 2): peaks, or the tops of clusters."""
+    if config.candidates == "kmeans":
+        likely = held(affordance) & (sigmoid(smooth + prior_shift(config)) > config.cluster_belief)
+        return cluster_tops(smooth, likely, config.clusters)
+    found = _peaks(smooth, held(affordance) & (smooth > config.peak_logit), config)
+    if (links > 0).any():
+        rest = np.where(links > 0, np.float32(NOWHERE), affordance)
+        square = np.ones((config.opening, config.opening), np.uint8)
+        left = cv2.morphologyEx((rest > config.region_logit).astype(np.uint8), cv2.MORPH_OPEN, square)
+        rest = np.where(links > 0, np.float32(NOWHERE), smoothed(rest, config.blur))
+        found = np.unique(np.concatenate([found, _peaks(rest, left > 0, config)]), axis=0)
+    return found
+
+
+def _peaks(smooth: np.ndarray, where: np.ndarray, config: PolicyConfig) -> np.ndarray:
+    """Local maxima (u, v) of float32 (H, W), highest first, int (K, 2); one in the middle of each plateau."""
+    side = 2 * config.peak_radius + 1
+    top = (smooth == cv2.dilate(smooth, np.ones((side, side), np.uint8))) & where
+    _, labels, _, centres = cv2.connectedComponentsWithStats(top.astype(np.uint8), connectivity=8)
+    pixels = np.stack(np.nonzero(top)[::-1], axis=1)
+    plateau = labels[pixels[:, 1], pixels[:, 0]]
+    from_centre = ((pixels - centres[plateau]) ** 2).sum(axis=1)
+    order = np.lexsort((from_centre, plateau))
+    _, first = np.unique(plateau[order], return_index=True)
+    pixels = pixels[order[first]]
+    return pixels[np.argsort(-smooth[pixels[:, 1], pixels[:, 0]], kind="stable")[: config.most]]
+
+
+def _regions(affordance: np.ndarray, links: np.ndarray, pixels: np.ndarray, config: PolicyConfig) -> np.ndarray:
+    """Region of each pixel: the known link, else minus a number of its own for each connected rest of affordance."""
+    new = (affordance > config.region_logit) & (links == 0)
+    count, labels = cv2.connectedComponents(new.astype(np.uint8))
+    columns, rows = pixels.T
+    known, label = links[rows, columns], labels[rows, columns]
+    alone = count + np.arange(len(pixels))  # a peak outside of every region is a region of its own
+    return np.where(known > 0, known, -np.where(label > 0, label, alone))
+
+
+def _nothing() -> Candidates:
+    empty = np.zeros(0)
+    return Candidates(
+        pixels=np.zeros((0, 2), int),
+        positions=np.zeros((0, 3), np.float32),
+        beliefs=empty,
+        directions=np.zeros((0, 18)),
+        pairs=np.zeros((0, 9)),
+        regions=np.zeros(0, int),
+    )

@@ -1,0 +1,83 @@
+"""The state of a training in one file: safetensors, tensors by name and a header of text. Nothing is unpickled.
+
+Weights, AdamW's moments, replay priorities and the iteration: together with the seed they determine all that follows,
+because every iteration draws from a generator of its own.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor, nn
+
+from busybot.errors import BusybotError
+from busybot.files import write_atomically
+
+NETWORK, OPTIMIZER = "network.", "optimizer."
+
+
+@dataclass
+class Checkpoint:
+    """Tensors and what is not a tensor (JSON values)."""
+
+    tensors: dict[str, Tensor]
+    values: dict[str, Any]
+
+
+def save_tensors(path: Path, tensors: dict[str, Tensor], values: dict[str, Any] | None = None) -> None:
+    """Write the file atomically; equal contents are equal files."""
+    header = {"values": json.dumps(values, sort_keys=True)} if values is not None else None
+    plain = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    write_atomically(path, save(plain, header))
+
+
+def load_tensors(path: Path) -> Checkpoint:
+    """Read what `save_tensors` wrote.
+
+    Raises:
+        BusybotError: the file is absent or damaged.
+    """
+    if not path.is_file():
+        raise BusybotError(f"{path}: there is no such file")
+    try:
+        with safe_open(path, "pt") as file:
+            header = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.offset_keys()}
+        return Checkpoint(tensors, json.loads(header.get("values", "{}")))
+    except (SafetensorError, OSError, ValueError) as error:
+        raise BusybotError(f"{path}: damaged: {error}", "remove it, or copy it again") from None
+
+
+def network_tensors(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The network's own tensors of a checkpoint."""
+    return {name.removeprefix(NETWORK): value for name, value in tensors.items() if name.startswith(NETWORK)}
+
+
+def load_weights(network: nn.Module, tensors: dict[str, Tensor], where: Path) -> None:
+    """Give a network its weights; refuses those of another network."""
+    try:
+        network.load_state_dict(tensors)
+    except RuntimeError as error:
+        what = str(error).splitlines()[-1].strip()
+        raise BusybotError(f"{where}: not the weights of this network: {what}") from None
+
+
+def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """State of every parameter, by the parameter's number and the state's name."""
+    state = optimizer.state_dict()["state"]
+    return {f"{OPTIMIZER}{number}.{name}": value for number, entry in state.items() for name, value in entry.items()}
+
+
+def restore_optimizer(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
+    """Put back what `optimizer_tensors` returned."""
+    state: dict[int, dict[str, Tensor]] = {}
+    for key, value in tensors.items():
+        if key.startswith(OPTIMIZER):
+            number, name = key.removeprefix(OPTIMIZER).split(".")
+            state.setdefault(int(number), {})[name] = value
+    groups = optimizer.state_dict()["param_groups"]
+    optimizer.load_state_dict({"state": state, "param_groups": groups})

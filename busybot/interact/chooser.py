@@ -1,0 +1,118 @@
+"""Makers of learned policies: plain data that worker processes receive; models are loaded there at first use."""
+
+import hashlib
+import multiprocessing
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import torch
+from pydantic import ValidationError
+
+from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
+from busybot.interact.explore import ExploreConfig, GuidedExplorer, UnguidedExplorer
+from busybot.interact.model import INFO_FILE, Model, ModelInfo, find_model
+from busybot.interact.policy import LearnedPolicy, Mode, policy_name
+from busybot.interact.policy_config import PolicyConfig
+from busybot.sim.interaction import InteractionConfig
+from busybot.sim.policies import Policy
+from busybot.sim.scene import BoardScene
+
+DEFAULT_MODEL = "procedural"
+"""The shipped model that commands use when none is named."""
+
+
+@dataclass(frozen=True)
+class LearnedChooser:
+    """Makes the policy of a trained model.
+
+    Attributes:
+        model: name of a shipped model, or a folder.
+        mode: see `interact.policy`.
+        overrides: values of `PolicyConfig` that take precedence over those on the model's card.
+    """
+
+    model: str
+    mode: Mode = "evaluate"
+    overrides: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Depends on the mode alone: the same draws wherever the model lies."""
+        return policy_name(self.mode)
+
+    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+        model = load_once(self.model)
+        return LearnedPolicy(model, rays, policy_config(model.info, self.overrides), self.mode)
+
+    def provenance(self) -> dict[str, Any]:
+        """Everything that decides the choices, JSON values; two models are the same if this is."""
+        return {"mode": self.mode, "policy": _resolved(self.model, self.overrides), "model": fingerprint(self.model)}
+
+
+@dataclass(frozen=True)
+class ExploreChooser:
+    """Makes the policy that collects a training round.
+
+    Attributes:
+        model: the model of the round before; None in the first round.
+    """
+
+    model: str | None
+    config: ExploreConfig = ExploreConfig()
+
+    @property
+    def name(self) -> str:
+        return UnguidedExplorer.name if self.model is None else GuidedExplorer.name
+
+    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+        if self.model is None:
+            return UnguidedExplorer(rays, self.config)
+        return GuidedExplorer(load_once(self.model), rays, self.config)
+
+    def provenance(self) -> dict[str, Any]:
+        """Everything that decides the choices, JSON values."""
+        model = None if self.model is None else fingerprint(self.model)
+        return {"explore": self.config.model_dump(mode="json"), "model": model}
+
+
+def policy_config(info: ModelInfo, overrides: dict[str, Any]) -> PolicyConfig:
+    """The defaults, then the model's card, then the overrides.
+
+    Raises:
+        BusybotError: there is no such parameter, or its value is not allowed.
+    """
+    try:
+        return PolicyConfig.model_validate({"prior": info.prior, **info.thresholds, **overrides})
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        known = f"the learned policy's parameters are {', '.join(PolicyConfig.model_fields)}"
+        raise BusybotError(f"parameter {place} of the learned policy: {first['msg']}", known) from None
+
+
+def fingerprint(name_or_path: str) -> dict[str, Any]:
+    """What a model is, without where it lies: hashes of its files, and its card."""
+    folder = find_model(name_or_path)
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    hashes = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+    return {"name": folder.name, "sha256": hashes, "card": load_once(name_or_path).info.model_dump(mode="json")}
+
+
+def load_once(name_or_path: str) -> Model:
+    """The model, read anew when its card on disk changed."""
+    if multiprocessing.parent_process() is not None:
+        torch.set_num_threads(1)  # as many workers as cores: more threads would only wait for each other
+    folder = find_model(name_or_path)
+    return _load(str(folder), (folder / INFO_FILE).stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _load(folder: str, changed: int) -> Model:
+    return Model.load(Path(folder))
+
+
+def _resolved(model: str, overrides: dict[str, Any]) -> dict[str, Any]:
+    return policy_config(load_once(model).info, overrides).model_dump(mode="json")

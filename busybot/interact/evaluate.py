@@ -1,0 +1,158 @@
+"""Measure an interaction policy on a dataset's boards (protocol "Interaction", Table 1).
+
+The boards alone are needed: every evaluation acts on them anew. The result of a board depends on the board, the policy
+and the seed, so an evaluation that was stopped goes on where it was (`evaluate_folder`).
+"""
+
+import platform
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from busybot import __version__
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.mcap_file import write_episode
+from busybot.files import write_json
+from busybot.interact import metrics as m
+from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording
+from busybot.interact.judge import judge
+from busybot.objects.library import Library
+from busybot.rng import generator
+from busybot.sim.interaction import InteractionConfig
+from busybot.sim.policies import Chooser
+from busybot.sim.recorder import record_episode
+from busybot.sim.render import RenderConfig
+from busybot.sim.scene import Simulator
+from busybot.workers import run_tasks
+
+Progress = Callable[[int, int], None]
+"""Told after each board: boards judged, and boards."""
+
+
+class EvaluateConfig(BaseModel):
+    """How a policy is measured.
+
+    Attributes:
+        actions: proposed on each board.
+        boards: only so many, the first ones; None for all.
+        responders: whether effects show.
+        learned: constants of the learned policy that take precedence over those on the model's card.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    actions: Annotated[int, Field(ge=1, le=100_000)] = 10
+    boards: Annotated[int, Field(ge=1)] | None = None
+    responders: bool = True
+    learned: dict[str, Any] = {}
+    interaction: InteractionConfig = InteractionConfig()
+    render: RenderConfig = RenderConfig()
+
+
+def evaluate(
+    dataset: Dataset,
+    library: Library,
+    chooser: Chooser,
+    config: EvaluateConfig,
+    seed: int = 0,
+    workers: int = 1,
+    progress: Progress | None = None,
+    out: Path | None = None,
+    record: Path | None = None,
+    provenance: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Act on every board and compute the metrics; JSON values, see `summarise`.
+
+    Args:
+        dataset: its boards are used, its episodes are not.
+        seed: of the policy's draws.
+        out: folder for the results, with which a stopped evaluation goes on.
+        record: folder of a new dataset for the episodes.
+        provenance: what decides the chooser's choices, JSON values, as `LearnedChooser.provenance` tells it.
+
+    Raises:
+        BusybotError: `out` or `record` hold something else, or a worker is at fault.
+    """
+    settings = _settings(dataset, chooser.name, config, seed, provenance or {})
+    count = min(config.boards or dataset.info.boards, dataset.info.boards)
+    judged = begin(out, settings) if out is not None else {}
+    with ExitStack() as stack:
+        recorded = stack.enter_context(recording(record, dataset, settings)) if record is not None else None
+        done = set(judged) & recorded.finished() if recorded is not None else set(judged)
+        missing = [index for index in range(count) if index not in done]
+        arguments = (dataset.path, library, config, seed, chooser, record)
+        for index, text in run_tasks(missing, make_work, arguments, workers):
+            judged[index] = m.JudgedBoard.model_validate_json(text)
+            if out is not None:
+                append(out, text)
+            if progress:
+                progress(len(judged), count)
+    result = plain({**summarise([judged[index] for index in range(count)], seed, dataset.info.split), **settings})
+    if out is not None:
+        write_json(out / RESULT, result)
+    return result
+
+
+def make_work(
+    path: Path, library: Library, config: EvaluateConfig, seed: int, chooser: Chooser, record: Path | None
+) -> Callable[[int], str]:
+    """What a worker does with a board's index: act on it, record it if wanted, judge it; returns JSON."""
+    dataset = Dataset.open(path)
+    recorded = Dataset.open(record) if record else None
+    simulator = Simulator(library, config.render, config.responders)
+    annotated = {key: model.directions for key, model in library.objects.items()}
+
+    def work(index: int) -> str:
+        board = dataset.board(index)
+        episode = record_episode(simulator, board, chooser, config.actions, config.interaction, seed)
+        if recorded is not None:
+            write_episode(recorded.episode_path(index), episode, "jpeg")
+        judged = judge(episode, annotated, config.interaction.strict_angle_deg)
+        # a board's number in its dataset, which is where results are looked up
+        return judged.model_copy(update={"board": index}).model_dump_json()
+
+    return work
+
+
+def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> dict[str, Any]:
+    """All metrics of protocol "Interaction" over judged boards, JSON values; shares from 0 to 1."""
+    rng = generator(seed, split, 0, "interact/bootstrap")
+    return {
+        **m.micro(boards),
+        "boards": len(boards),
+        "macro": m.macro(boards),
+        "intervals": {"level": m.LEVEL, **m.intervals(boards, rng)},
+        "counts": {
+            name: dict(zip(("part", "whole"), counts, strict=True)) for name, counts in m.counts(boards).items()
+        },
+        "failures_by_cause": m.failures_by_cause(boards),
+        "failures_by_object": m.failures_by_object(boards),
+        "missed_links": m.missed_links(boards),
+        "by_step": m.by_step(boards),
+    }
+
+
+def _settings(
+    dataset: Dataset, policy: str, config: EvaluateConfig, seed: int, provenance: dict[str, Any]
+) -> dict[str, Any]:
+    """What is measured; two results are comparable as far as these agree."""
+    info = dataset.info
+    origin = {"name": info.name, "split": info.split, "boards": info.boards, "board_hash": dataset.hashes().board}
+    return {
+        "policy": policy,
+        "actions": config.actions,
+        "strict": config.interaction.strict,
+        "provenance": provenance,
+        "config": config.model_dump(mode="json"),
+        "dataset": origin | {"assets": info.assets.name, "seed": info.seed},
+        "seed": seed,
+        "versions": {
+            "busybot": __version__,
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("numpy", "sapien", "torch")},
+        },
+    }

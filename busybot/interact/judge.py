@@ -1,0 +1,81 @@
+"""What came of an episode's actions, in the terms of the metrics. Reads what only the simulator knows."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.episodes.episode import Episode, Image, Step
+from busybot.interact.metrics import JudgedAction, JudgedBoard, JudgedLink, Target
+
+Annotated = Mapping[str, Sequence[Sequence[float]]]
+"""Object key to its annotated effective directions, not normalised, board frame."""
+
+
+def judge(episode: Episode, annotated: Annotated, angle_deg: float = 30.0) -> JudgedBoard:
+    """Put the truth beside every action.
+
+    Args:
+        episode: with segmentation.
+        annotated: of every trigger object on the board.
+        angle_deg: a direction farther from every annotated one is off the axis.
+    """
+    keys = [placed.key for placed in episode.board.objects]
+    first = episode.image(0).segmentation
+    assert first is not None, "a simulator's images have a segmentation"
+    visible = np.bincount(first.ravel(), minlength=len(episode.links) + 1)
+    movable = [index for index, link in enumerate(episode.links) if link.trigger]
+    numbers = {(episode.links[i].object, episode.links[i].name): number for number, i in enumerate(movable)}
+    links = tuple(
+        JudgedLink(
+            object=episode.links[i].object,
+            key=keys[episode.links[i].object],
+            link=episode.links[i].name,
+            pixels=int(visible[i + 1]),
+        )
+        for i in movable
+    )
+    actions = []
+    for index, step in enumerate(episode.steps):
+        on, key = _target(episode, episode.image(index), step)
+        off = None
+        if step.success:
+            off = off_axis(step.executed[-1], annotated[keys[step.acted_object]], angle_deg)
+        actions.append(
+            JudgedAction(
+                pixel=step.pixel,
+                direction=step.direction,
+                executed=step.executed,
+                on=on,
+                key=key,
+                link=numbers.get((step.acted_object, step.acted_link), -1),
+                success=step.success,
+                reward=bool(step.reward),
+                changed_pixels=step.changed_pixels,
+                off_axis=off,
+                vetoed=step.vetoed,
+            )
+        )
+    return JudgedBoard(board=episode.board.index, links=links, actions=tuple(actions))
+
+
+def off_axis(direction: int, annotated: Sequence[Sequence[float]], angle_deg: float) -> bool:
+    """Whether a direction is more than `angle_deg` off every annotated one; true if there is none."""
+    known = np.array(annotated, float).reshape(-1, 3)
+    if not len(known):
+        return True
+    known /= np.linalg.norm(known, axis=1, keepdims=True)
+    return bool((known @ DIRECTIONS[direction]).max() <= np.cos(np.deg2rad(angle_deg)))
+
+
+def _target(episode: Episode, image: Image, step: Step) -> tuple[Target, str]:
+    """What the chosen pixel showed, and of which object."""
+    assert image.segmentation is not None
+    code = int(image.segmentation[step.pixel[1], step.pixel[0]])
+    if code == 0:
+        return "board", ""
+    link = episode.links[code - 1]
+    placed = episode.board.objects[link.object]
+    if link.trigger:
+        return "link", placed.key
+    return ("trigger" if placed.role == "trigger" else "responder"), placed.key

@@ -1,0 +1,124 @@
+"""What the agent remembers of one board: the links that it saw moving, and what failed where.
+
+The paper keeps a count of picks per window (UCB, section 3.1). Here what moved around a rewarded action becomes one
+link, so that neighbouring buttons stay apart, and a failure lowers the belief in what lies near it.
+
+Only what the agent may read enters: depth before and after its own actions, the directions executed, the reward.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from busybot.interact.beliefs import PAIR_OF, sigmoid
+from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.regions import enlarged, moved_region
+
+NEGLIGIBLE = 0.05
+"""Failures whose weight at a candidate is lower do not reach it."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An action without reward.
+
+    Attributes:
+        pixel: (u, v).
+        pairs: the direction pairs that were tried, and the belief that each would have moved what is there.
+    """
+
+    pixel: tuple[int, int]
+    pairs: dict[int, float]
+
+
+class Memory:
+    """One board's memory.
+
+    Attributes:
+        links: int32 (H, W), number of the known link that was seen moving at the pixel, 0 for none.
+        pairs: link to the direction pair that moved it last.
+        visits: link to how often it was moved.
+        failures: those that no later success has explained.
+    """
+
+    def __init__(self, height: np.ndarray, config: PolicyConfig, elevation: float = 0.002):
+        """Start on a new board.
+
+        Args:
+            height: float32 (H, W), board units above the board, at the first look.
+            elevation: what lies higher is an object; connected pixels are one component.
+        """
+        self._config = config
+        _, self._components = cv2.connectedComponents((height > elevation).astype(np.uint8))
+        self.links = np.zeros(height.shape, np.int32)
+        self.pairs: dict[int, int] = {}
+        self.visits: Counter[int] = Counter()
+        self.failures: list[Failure] = []
+
+    def succeeded(self, pixel: tuple[int, int], direction: int, before: np.ndarray, after: np.ndarray) -> int:
+        """Remember an action with reward; returns the number of the link that moved.
+
+        Args:
+            direction: the one that worked.
+            before, after: depth images, float32 (H, W).
+        """
+        component = self._components[pixel[1], pixel[0]]
+        body = (self._components == component) & (component > 0)
+        moved = moved_region(before, after, pixel, body, self._config)
+        link = self._link(moved)
+        self.links[enlarged(moved) & (self.links == 0)] = link
+        self.links[moved] = link
+        self.pairs[link] = int(PAIR_OF[direction])
+        self.visits[link] += 1
+        self.failures = [one for one in self.failures if not moved[one.pixel[1], one.pixel[0]]]
+        return link
+
+    def _link(self, moved: np.ndarray) -> int:
+        """The known link that overlaps the moved region (H, W) enough to be the same, else a new number."""
+        shared = np.bincount(self.links[moved], minlength=len(self.pairs) + 1)[1:]
+        if not shared.any():
+            return len(self.pairs) + 1
+        likely = int(shared.argmax()) + 1
+        smaller = min(np.count_nonzero(moved), np.count_nonzero(self.links == likely))
+        return likely if shared[likely - 1] > self._config.same_link * smaller else len(self.pairs) + 1
+
+    def failed(self, failure: Failure) -> None:
+        """Remember an action without reward."""
+        self.failures.append(failure)
+
+    def doubted(self, pixels: np.ndarray, logits: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What remains of the model's beliefs after what happened on this board.
+
+        Args:
+            pixels: int (K, 2), u and v.
+            logits: (K,), that something can be moved at the pixel.
+            pairs: (K, 9), that a direction pair moves it.
+
+        Returns:
+            probabilities (K,) and (K, 9).
+        """
+        columns, rows = pixels.T
+        links = self.links[rows, columns]
+        failed_at = np.array([one.pixel for one in self.failures], int).reshape(-1, 2)
+        on_component = self._components[failed_at[:, 1], failed_at[:, 0]]
+        same = (self._components[rows, columns][:, None] == on_component[None]).sum(axis=1)
+        penalty = self._config.component_penalty * same + self._config.failure_penalty * len(self.failures)
+        beliefs, pairs = sigmoid(logits - np.where(links == 0, penalty, 0)), pairs.copy()
+        for failure in self.failures:
+            distance = ((pixels - np.array(failure.pixel)) ** 2).sum(axis=1)
+            near = np.exp(-distance / (2 * self._config.failure_sigma**2))
+            near[near < NEGLIGIBLE] = 0
+            for pair, pair_belief in failure.pairs.items():
+                beliefs = (1 - near) * beliefs + near * _posterior(beliefs, pair_belief)
+                pairs[:, pair] *= 1 - near
+        for link, pair in self.pairs.items():
+            pairs[links == link, pair] = np.maximum(pairs[links == link, pair], self._config.known_pair)
+        return beliefs, pairs
+
+
+def _posterior(belief: Any, pair_belief: Any) -> Any:
+    """Belief that something can be moved after a pair believed in so much did not move it (Bayes)."""
+    return belief * (1 - pair_belief) / (1 - belief * pair_belief + 1e-6)

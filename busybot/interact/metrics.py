@@ -1,0 +1,222 @@
+"""How good an interaction policy is (protocol "Interaction"): precision, recall, and what went wrong.
+
+A success is a true change of a trigger's state caused by the action. Every proposed action counts, also when nothing
+was held. All values are shares from 0 to 1; what is not defined is None. Micro pools the actions or links of all
+boards, macro averages over boards. Intervals are bootstraps over boards.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+DRAWS, LEVEL = 1000, 0.95
+
+Target = Literal["link", "trigger", "responder", "board"]
+Interval = tuple[float, float] | None
+
+
+class JudgedLink(BaseModel):
+    """A movable link of the board.
+
+    Attributes:
+        object: index on the board.
+        key: the object in the library.
+        pixels: visible at the beginning.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    object: int
+    key: str
+    link: str
+    pixels: int
+
+
+class JudgedAction(BaseModel):
+    """A proposed action and what came of it.
+
+    Attributes:
+        pixel: (u, v).
+        direction: the one proposed.
+        executed: the directions that were tried, in order.
+        on: what the pixel showed: a movable link, a trigger's body, a responder, or none of them.
+        key: the object at the pixel, "" for the board.
+        link: index of the held link among the board's links, -1 for none.
+        success: the link's state changed.
+        reward: what the pixels said.
+        changed_pixels: how many differed.
+        off_axis: the direction that worked is more than 30 degrees off every annotated one; None without success.
+        vetoed: strict mode refused all directions.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    pixel: tuple[int, int]
+    direction: int
+    executed: tuple[int, ...]
+    on: Target
+    key: str
+    link: int
+    success: bool
+    reward: bool
+    changed_pixels: int
+    off_axis: bool | None
+    vetoed: bool
+
+
+class JudgedBoard(BaseModel):
+    """All that the metrics need of one board."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    board: int
+    links: tuple[JudgedLink, ...]
+    actions: tuple[JudgedAction, ...]
+
+    def moved(self) -> set[int]:
+        """Links that at least one action moved."""
+        return {action.link for action in self.actions if action.success}
+
+    def exploring(self) -> list[JudgedAction]:
+        """Actions that did not take hold of a link which had moved before."""
+        moved: set[int] = set()
+        new = []
+        for action in self.actions:
+            if action.link < 0 or action.link not in moved:
+                new.append(action)
+            if action.success:
+                moved.add(action.link)
+        return new
+
+    def objects(self) -> tuple[int, int]:
+        """Trigger objects of which a link was moved, and trigger objects."""
+        moved = {self.links[link].object for link in self.moved()}
+        return len(moved), len({link.object for link in self.links})
+
+
+Parts = Callable[[JudgedBoard], tuple[int, int]]
+"""Numerator and denominator of a share on one board."""
+
+SHARES: dict[str, Parts] = {
+    "precision": lambda board: (sum(a.success for a in board.actions), len(board.actions)),
+    "recall": lambda board: (len(board.moved()), len(board.links)),
+    "recall_objects": lambda board: board.objects(),
+    "precision_exploring": lambda board: (sum(a.success for a in board.exploring()), len(board.exploring())),
+    "off_axis_share": lambda board: (
+        sum(bool(a.off_axis) for a in board.actions),
+        sum(a.success for a in board.actions),
+    ),
+    "precision_reward": lambda board: (sum(a.reward for a in board.actions), len(board.actions)),
+    "reward_agreement": lambda board: (sum(a.reward == a.success for a in board.actions), len(board.actions)),
+}
+"""What each share pools: successes of proposed actions; moved of all movable links; objects with a moved link of all
+trigger objects; successes of actions that do not repeat a link; successes off the annotated axes; rewarded actions;
+actions on which the pixels and the joints agree."""
+
+
+def micro(boards: Sequence[JudgedBoard]) -> dict[str, float | None]:
+    """All shares over all boards pooled."""
+    return {name: _share(part, whole) for name, (part, whole) in counts(boards).items()}
+
+
+def counts(boards: Sequence[JudgedBoard]) -> dict[str, tuple[int, int]]:
+    """Numerators and denominators of the pooled shares."""
+    sums = {name: _table(boards, parts).sum(0) for name, parts in SHARES.items()}
+    return {name: (int(part), int(whole)) for name, (part, whole) in sums.items()}
+
+
+def macro(boards: Sequence[JudgedBoard]) -> dict[str, float | None]:
+    """Mean over the boards on which a share is defined."""
+    means = {}
+    for name, parts in SHARES.items():
+        table = _table(boards, parts)
+        defined = table[table[:, 1] > 0]
+        means[name] = float((defined[:, 0] / defined[:, 1]).mean()) if len(defined) else None
+    return means
+
+
+def intervals(
+    boards: Sequence[JudgedBoard], rng: np.random.Generator, draws: int = DRAWS, level: float = LEVEL
+) -> dict[str, Interval]:
+    """Percentile intervals of the pooled shares, boards drawn with replacement; None where a draw has none."""
+    if not boards:
+        return dict.fromkeys(SHARES)
+    chosen = rng.integers(len(boards), size=(draws, len(boards)))
+    found: dict[str, Interval] = {}
+    for name, parts in SHARES.items():
+        part, whole = _table(boards, parts)[chosen].sum(1).T
+        if whole.all():
+            low, high = np.quantile(part / whole, [(1 - level) / 2, (1 + level) / 2])
+            found[name] = (float(low), float(high))
+        else:
+            found[name] = None
+    return found
+
+
+def failures_by_cause(boards: Sequence[JudgedBoard]) -> dict[str, int]:
+    """Failed actions by what they held: nothing movable (where), or a link in a direction that does not move it."""
+    causes = {"link": "direction", "trigger": "position: trigger body"}
+    names = ["direction", "direction vetoed", *(f"position: {on}" for on in ("trigger body", "responder", "board"))]
+    counts = dict.fromkeys(names, 0)
+    for action in _failures(boards):
+        name = "direction vetoed" if action.vetoed else causes.get(action.on, f"position: {action.on}")
+        counts[name] += 1
+    return counts
+
+
+def failures_by_object(boards: Sequence[JudgedBoard]) -> dict[str, dict[str, int]]:
+    """For each object on which an action failed: failures because of the position and of the direction, and actions."""
+    counts: dict[str, dict[str, int]] = {}
+    for board in boards:
+        for action in board.actions:
+            row = counts.setdefault(action.key or "board", {"position": 0, "direction": 0, "actions": 0})
+            row["actions"] += 1
+            if not action.success:
+                row["direction" if action.on == "link" else "position"] += 1
+    failed = {key: row for key, row in counts.items() if row["position"] + row["direction"]}
+    return dict(sorted(failed.items(), key=lambda item: (-item[1]["position"] - item[1]["direction"], item[0])))
+
+
+def missed_links(boards: Sequence[JudgedBoard]) -> dict[str, dict[str, int]]:
+    """For each `object/link` that was missed on a board: how often it was, on how many, its fewest visible pixels."""
+    present: Counter[str] = Counter()
+    missed: dict[str, dict[str, int]] = {}
+    for board in boards:
+        moved = board.moved()
+        for number, link in enumerate(board.links):
+            name = f"{link.key}/{link.link}"
+            present[name] += 1
+            if number not in moved:
+                row = missed.setdefault(name, {"missed": 0, "fewest_pixels": link.pixels})
+                row["missed"] += 1
+                row["fewest_pixels"] = min(row["fewest_pixels"], link.pixels)
+    rows = {name: {**row, "boards": present[name]} for name, row in missed.items()}
+    return dict(sorted(rows.items(), key=lambda item: (-item[1]["missed"], item[0])))
+
+
+def by_step(boards: Sequence[JudgedBoard]) -> list[dict[str, float | None]]:
+    """Precision of the k-th actions, and recall after them, k from 1."""
+    rows: list[dict[str, float | None]] = []
+    for count in range(1, 1 + max((len(board.actions) for board in boards), default=0)):
+        last = [board.actions[count - 1] for board in boards if len(board.actions) >= count]
+        moved = [{a.link for a in board.actions[:count] if a.success} for board in boards]
+        links = sum(len(board.links) for board in boards)
+        precision = _share(sum(action.success for action in last), len(last))
+        rows.append({"precision": precision, "recall": _share(sum(map(len, moved)), links)})
+    return rows
+
+
+def _failures(boards: Sequence[JudgedBoard]) -> list[JudgedAction]:
+    return [action for board in boards for action in board.actions if not action.success]
+
+
+def _table(boards: Sequence[JudgedBoard], parts: Parts) -> np.ndarray:
+    """int (boards, 2)."""
+    return np.array([parts(board) for board in boards], int).reshape(-1, 2)
+
+
+def _share(part: int, whole: int) -> float | None:
+    return float(part / whole) if whole else None

@@ -1,0 +1,202 @@
+"""A trained model: a folder with two files of weights and `model.json`, which says what they are.
+
+`fast` is the only variant so far; the folder's format has room for others.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from torch import Tensor, nn
+from torch.nn import functional
+
+from busybot.episodes.episode import Image
+from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
+from busybot.files import read_json, write_json
+from busybot.interact.checkpoint import load_tensors, load_weights, save_tensors
+from busybot.interact.features import ELEVATED, Inputs, Pinhole, colour_features, heights_of, picture_features
+from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network
+
+INFO_FILE = "model.json"
+SHIPPED = Path(__file__).with_name("models")
+
+NOT_ELEVATED = -20.0
+"""Logit of pixels that belong to the board: nothing to take hold of."""
+MARGIN = 32
+"""The position network is run on what lies within so many pixels of something elevated: a third is saved."""
+
+
+class ModelInfo(BaseModel):
+    """What `model.json` says.
+
+    Attributes:
+        variant: which networks.
+        inputs: what they see; the height is always known to the policy.
+        prior: share of elevated pixels that work, as training batches (half of each) do not show it.
+        thresholds: of the policy, chosen on training boards.
+        training: provenance: datasets with hashes, seed, configuration, figures; JSON values.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: Literal["1"] = "1"
+    variant: Literal["fast"] = "fast"
+    inputs: Inputs = "depth"
+    prior: Annotated[float, Field(gt=0, lt=1)] = 0.15
+    thresholds: dict[str, float] = {}
+    training: dict[str, Any] = {}
+
+
+@dataclass(frozen=True)
+class View:
+    """What the model makes of one picture.
+
+    Attributes:
+        height: float32 (H, W), board units above the board; the lowest value where nothing was hit.
+        affordance: float32 (H, W), logit that acting here works; `NOT_ELEVATED` off the elevated pixels.
+        features: float32 (C, H, W), what the networks see.
+    """
+
+    height: np.ndarray
+    affordance: np.ndarray
+    features: np.ndarray
+
+
+class Model:
+    """Where and how to act.
+
+    Args:
+        networks: `position` and `direction`; they are put into evaluation mode.
+        bfloat16: multiply in bfloat16, about twice as fast on current processors.
+    """
+
+    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module], bfloat16: bool = True):
+        self.info, self.bfloat16 = info, bfloat16
+        self.networks = {kind: network.eval() for kind, network in networks.items()}
+        self._camera: tuple[Rays, Pinhole] | None = None
+
+    @classmethod
+    def load(cls, name_or_path: str | Path) -> "Model":
+        """A shipped model by its name, or any by its folder (a training's folder stands for its final model).
+
+        Raises:
+            BusybotError: there is no such model, or its files are damaged or do not belong together.
+        """
+        folder = find_model(name_or_path)
+        try:
+            info = ModelInfo.model_validate(read_json(folder / INFO_FILE))
+        except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(map(str, first["loc"]))
+            raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
+        networks = {kind: make_network(kind, info.inputs) for kind in KINDS}
+        for kind, network in networks.items():
+            file = weights_file(folder, kind)
+            load_weights(network, load_tensors(file).tensors, file)
+        return cls(info, networks)
+
+    def save(self, folder: Path) -> None:
+        """Write the folder, `model.json` last."""
+        for kind, network in self.networks.items():
+            save_tensors(weights_file(folder, kind), network.state_dict())
+        write_json(folder / INFO_FILE, self.info.model_dump(mode="json"))
+
+    def look(self, image: Image, rays: Rays) -> View:
+        """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours."""
+        if image.depth is None:
+            raise BusybotError("the interaction policy needs depth images")
+        features = picture_features(image.depth, self._pinhole(rays))
+        height = heights_of(features)
+        if self.info.inputs == "rgb":
+            features = colour_features(image.rgb)
+        elevated = height > ELEVATED
+        affordance = torch.full_like(height, NOT_ELEVATED)
+        if elevated.any():
+            window = _window(elevated)
+            logits = self._run("position", _pad_to_stride(features[:, *window])[None])[0]
+            part = elevated[window]
+            affordance[window] = torch.where(part, logits[: part.shape[0], : part.shape[1]], NOT_ELEVATED)
+        return View(height.numpy(), affordance.numpy(), features.numpy())
+
+    def directions(self, view: View, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A closer look at some pixels.
+
+        Args:
+            pixels: int (K, 2), u and v.
+
+        Returns:
+            the logit that acting there works, float32 (K,), and the probability that each direction works there if any
+            does, float32 (K, 18).
+        """
+        if not len(pixels):
+            return np.empty(0, np.float32), np.empty((0, 18), np.float32)
+        crops = torch.from_numpy(crops_around(view.features, pixels))
+        logits, position = self._run("direction", crops)
+        return position.numpy(), torch.sigmoid(logits).numpy()
+
+    def _run(self, kind: Kind, features: Tensor) -> Any:
+        """The outputs of a network in float32."""
+        with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16, enabled=self.bfloat16):
+            outputs = self.networks[kind](features.contiguous(memory_format=torch.channels_last))
+        return tuple(output.float() for output in outputs) if isinstance(outputs, tuple) else outputs.float()
+
+    def _pinhole(self, rays: Rays) -> Pinhole:
+        if self._camera is None or self._camera[0] is not rays:
+            self._camera = (rays, Pinhole(rays.camera))
+        return self._camera[1]
+
+
+def find_model(name_or_path: str | Path) -> Path:
+    """The folder that a name or a path means."""
+    given = Path(name_or_path)
+    for folder in (given, given / "model"):
+        if (folder / INFO_FILE).is_file():
+            return folder
+    shipped = sorted(path.parent.name for path in SHIPPED.glob(f"*/{INFO_FILE}"))
+    if str(name_or_path) in shipped:
+        return SHIPPED / str(name_or_path)
+    known = f"the shipped models are {', '.join(shipped)}; " if shipped else ""
+    raise BusybotError(
+        f"{name_or_path}: no model of that name, and no folder with {INFO_FILE}",
+        f"{known}`busybot train interact --out DIR` makes one",
+    )
+
+
+def weights_file(folder: Path, kind: Kind) -> Path:
+    """Where a model's folder has the weights of a network."""
+    return folder / f"{kind}.safetensors"
+
+
+def crops_around(features: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Crops with pixel (u, v) at (CROP / 2, CROP / 2); outside the picture its border is repeated.
+
+    Shapes:
+        features: (C, H, W); pixels: int (K, 2).
+        returns: (K, C, CROP, CROP).
+    """
+    around = np.arange(CROP) - CROP // 2
+    rows = np.clip(pixels[:, 1, None] + around, 0, features.shape[1] - 1)  # (K, CROP)
+    columns = np.clip(pixels[:, 0, None] + around, 0, features.shape[2] - 1)
+    return np.ascontiguousarray(features[:, rows[:, :, None], columns[:, None, :]].swapaxes(0, 1))
+
+
+def _window(elevated: Tensor) -> tuple[slice, slice]:
+    """Rows and columns within `MARGIN` of something elevated, of sides that the position network needs if possible."""
+    sides = []
+    for size, along in zip(elevated.shape, (elevated.any(dim=1), elevated.any(dim=0)), strict=True):
+        occupied = along.nonzero()
+        first = max(0, int(occupied[0]) - MARGIN) // POSITION_STRIDE * POSITION_STRIDE
+        last = int(occupied[-1]) + 1 + MARGIN
+        sides.append(slice(first, min(size, -(-last // POSITION_STRIDE) * POSITION_STRIDE)))
+    return sides[0], sides[1]
+
+
+def _pad_to_stride(features: Tensor) -> Tensor:
+    """Repeat the last row and column until both sides are multiples of what the position network needs."""
+    height, width = features.shape[-2:]
+    missing = (0, -width % POSITION_STRIDE, 0, -height % POSITION_STRIDE)
+    return functional.pad(features[None], missing, mode="replicate")[0] if any(missing) else features

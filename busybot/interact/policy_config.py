@@ -1,0 +1,69 @@
+"""The constants of the learned policy, in one place.
+
+They were chosen on boards of training objects. A model's card may carry other values (`policy` in model.json), and
+`--set policy.NAME=VALUE` overrides both.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Inner = Annotated[float, Field(gt=0, lt=1)]
+Logit = Annotated[float, Field(ge=-50, le=50)]
+Pixels = Annotated[int, Field(ge=0, le=200)]
+
+
+class PolicyConfig(BaseModel):
+    """How affordances become actions.
+
+    Attributes:
+        candidates: `peaks` of the affordance per region, or the paper's `kmeans` clusters.
+        peak_radius: of two peaks nearer than this in rows and columns only the higher one is a candidate.
+        peak_logit: lower peaks are no candidates.
+        most: candidates per look, the highest first.
+        blur: width of the Gaussian over the affordance before peaks are sought, pixels, odd.
+        region_logit: pixels above it form the connected regions of affordance.
+        opening: what a known link leaves over must hold a square of this side to have a peak, pixels.
+        dense_weight: share of the position network's logit in a candidate's belief; the rest is the crop network's.
+        prior: share of working positions among the candidates; training sees half and half.
+        change: depth that differs by more than this has moved, board units.
+        reach: a link's motion is looked for this far around the action, pixels.
+        disc: so far around the action the link is taken as moved whatever the depth says, pixels.
+        same_link: a motion is of a known link when it overlaps more than this share of the smaller of both regions.
+        component_penalty: logits that every failure takes from untouched candidates on the same elevated component.
+        failure_penalty: logits that every failure on the board takes from all untouched candidates.
+        failure_sigma: how far around it a failure is believed, pixels (Gaussian).
+        known_pair: least belief in the direction pair that moved a known link before.
+        explore: new links are tried while the best one's expected success exceeds this; then known ones are repeated.
+        collect: least expected success of a candidate when data for reasoning are collected.
+        ucb_c, ucb_window: the paper's bonus and the side of its window, pixels.
+        clusters: k of the K-means candidates: no board has more movable links.
+        cluster_belief: least affordance of a pixel that takes part in the clusters.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    candidates: Literal["peaks", "kmeans"] = "peaks"
+    peak_radius: Pixels = 3
+    peak_logit: Logit = -4.0
+    most: Annotated[int, Field(ge=1, le=1000)] = 40
+    blur: Annotated[int, Field(ge=1, le=31)] = 3
+    region_logit: Logit = 0.0
+    opening: Annotated[int, Field(ge=1, le=31)] = 5
+    dense_weight: Share = 0.5
+    prior: Inner = 0.15
+    change: Annotated[float, Field(gt=0)] = 2e-4
+    reach: Pixels = 36
+    disc: Pixels = 2
+    same_link: Share = 0.25
+    component_penalty: Logit = 1.0
+    failure_penalty: Logit = 0.7
+    failure_sigma: Annotated[float, Field(gt=0)] = 6.0
+    known_pair: Share = 0.97
+    explore: Share = 0.35
+    collect: Share = 0.35
+    ucb_c: Annotated[float, Field(ge=0)] = 0.5
+    ucb_window: Annotated[int, Field(ge=1, le=200)] = 10
+    clusters: Annotated[int, Field(ge=1, le=100)] = 7
+    cluster_belief: Share = 0.5

@@ -1,0 +1,98 @@
+"""What a training's folder says about itself: what was asked for, and where a model comes from."""
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from torch import nn
+
+from busybot import __version__
+from busybot.episodes.dataset import Dataset
+from busybot.errors import BusybotError
+from busybot.files import read_json, write_json
+from busybot.interact.checkpoint import load_tensors, load_weights, network_tensors
+from busybot.interact.fit import FitJob
+from busybot.interact.samples import open_samples
+from busybot.interact.train_config import Round, TrainConfig
+
+TRAIN_FILE = "train.json"
+BEFORE = {"rounds", "validation"}
+"""What may lie in a folder in which a training begins: recorded rounds, to train on with `--offline`."""
+
+
+def begin_folder(out: Path, config: TrainConfig, seed: int) -> None:
+    """Note what is asked for, or refuse to continue a training that was asked for otherwise."""
+    wanted = {"seed": seed, "config": config.model_dump(mode="json")}
+    if not (out / TRAIN_FILE).exists():
+        strangers = sorted({entry.name for entry in out.iterdir()} - BEFORE) if out.is_dir() else []
+        if strangers:
+            raise BusybotError(f"{out}: it holds {strangers[0]!r} and no {TRAIN_FILE}", "name another folder")
+        write_json(out / TRAIN_FILE, wanted)
+        return
+    recorded = read_json(out / TRAIN_FILE)
+    differing = _differences(recorded, wanted, "")
+    if differing:
+        raise BusybotError(
+            f"{out}: a training with other parameters was begun there: {'; '.join(differing[:5])}",
+            "continue it with the same parameters, or name another folder",
+        )
+
+
+def _differences(recorded: Any, wanted: Any, place: str) -> list[str]:
+    if isinstance(recorded, dict) and isinstance(wanted, dict):
+        names = sorted(recorded.keys() | wanted.keys())
+        return [d for n in names for d in _differences(recorded.get(n), wanted.get(n), f"{place}.{n}".lstrip("."))]
+    return [] if recorded == wanted else [f"{place} {recorded!r}, now {wanted!r}"]
+
+
+def schedule_for(config: TrainConfig, datasets: int) -> tuple[Round, ...]:
+    """The rounds; for n given datasets the first n - 1 of them and the last one."""
+    if not datasets or datasets == len(config.rounds):
+        return config.rounds
+    if datasets > len(config.rounds):
+        raise BusybotError(
+            f"{datasets} datasets for {len(config.rounds)} rounds of training",
+            "set as many rounds: --set 'rounds=[{boards: 1, steps: 1, position: 1500, direction: 2000}, ...]'",
+        )
+    return (*config.rounds[: datasets - 1], config.rounds[-1])
+
+
+def network_of(job: FitJob, network: nn.Module) -> nn.Module:
+    """The network with the weights of the job's checkpoint."""
+    load_weights(network, network_tensors(load_tensors(job.checkpoint).tensors), job.checkpoint)
+    return network
+
+
+def describe(
+    config: TrainConfig,
+    seed: int,
+    datasets: Sequence[Dataset],
+    caches: Sequence[Path],
+    figures: Mapping[str, Mapping[str, float | None]],
+) -> dict[str, Any]:
+    """A model's provenance, JSON values."""
+    samples = open_samples(caches, config.inputs, config.window)
+    rounds = []
+    for number, dataset in enumerate(datasets):
+        of_round = samples.dataset == number
+        hashes = dataset.hashes()
+        rounds.append(
+            {
+                "boards": dataset.info.boards,
+                "seed": dataset.info.seed,
+                "assets": dataset.info.assets.name,
+                "board_hash": hashes.board,
+                "content_hash": hashes.content,
+                "samples": int(of_round.sum()),
+                "rewarded": int(np.count_nonzero(samples.reward & of_round)),
+            }
+        )
+    return {
+        "seed": seed,
+        "config": config.model_dump(mode="json"),
+        "rounds": rounds,
+        "validation": {kind: dict(values) for kind, values in figures.items()},
+        "versions": {"busybot": __version__, **{name: version(name) for name in ("torch", "numpy")}},
+    }

@@ -1,0 +1,64 @@
+"""What a model makes of a recorded episode, for pictures: affordance, candidates and known links before every action.
+
+A function of the episode and the model: whoever acted, the memory is told what the recorded actions led to.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from busybot.episodes.episode import Episode
+from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
+from busybot.interact.beliefs import PAIR_OF, pair_scores, sigmoid
+from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates, prior_shift
+from busybot.interact.memory import Failure, Memory
+from busybot.interact.policy_config import PolicyConfig
+
+
+@dataclass(frozen=True)
+class Thought:
+    """Before one action.
+
+    Attributes:
+        step: index of the action.
+        affordance: float (H, W), probability that acting at the pixel works, before any memory.
+        candidates: with the memory's doubts.
+        links: int32 (H, W), number of the known link at the pixel, 0 for none.
+        known: whether the action was on a link that had moved before.
+    """
+
+    step: int
+    affordance: np.ndarray
+    candidates: Candidates
+    links: np.ndarray
+    known: bool
+
+
+def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None = None) -> Iterator[Thought]:
+    """Thoughts before every action of an episode, in order.
+
+    Raises:
+        BusybotError: the episode was recorded without depth.
+    """
+    config = config or PolicyConfig()
+    rays = Rays(episode.camera)
+    memory: Memory | None = None
+    for index, step in enumerate(episode.steps):
+        before, after = episode.image(index), episode.image(index + 1)
+        if before.depth is None or after.depth is None:
+            raise BusybotError(f"board {episode.board.index}: affordances need depth images, the episode has none")
+        view = model.look(before, rays)
+        memory = memory or Memory(view.height, config)
+        found = find_candidates(model, before, rays, memory, config, view)
+        affordance = sigmoid(view.affordance + prior_shift(config))
+        known = bool(memory.links[step.pixel[1], step.pixel[0]])
+        yield Thought(index, affordance, found, memory.links.copy(), known)
+        if step.reward:
+            memory.succeeded(step.pixel, step.executed[-1], before.depth, after.depth)
+            continue
+        _, directions = model.directions(view, np.array([step.pixel]))
+        believed = pair_scores(np.asarray(directions, float))[0]
+        tried = {int(PAIR_OF[one]) for one in step.executed} or {int(PAIR_OF[step.direction])}
+        memory.failed(Failure(step.pixel, {pair: float(believed[pair]) for pair in sorted(tried)}))

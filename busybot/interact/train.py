@@ -1,0 +1,185 @@
+"""Training by rounds (paper section 3.1): collect with the current policy, then train on what is on disk.
+
+A training is a folder:
+
+train.json                    what was asked for; the same command continues, another one is refused
+rounds/00, 01, ...            ordinary datasets, one per round; `busybot view` shows them
+validation/                   boards that are never trained on
+models/00, 01, ...            the model after each round
+model/                        the last one, with provenance and figures
+metrics/{position,direction}.jsonl, training.png
+checkpoints/, cache/          to go on from where a killed training stopped; derived samples
+
+The weights depend on the recorded steps and the seed alone: training again from a copy of the datasets ends in the same
+ones (`--offline`), and so does a training that was killed and continued.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from busybot.boards.config import BoardConfig
+from busybot.episodes.create import create_dataset
+from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.errors import BusybotError
+from busybot.interact.fit import FitJob, make_fit
+from busybot.interact.model import INFO_FILE as MODEL_FILE
+from busybot.interact.model import Model, ModelInfo
+from busybot.interact.networks import KINDS, Kind, make_network
+from busybot.interact.plots import plot_training
+from busybot.interact.run_folder import begin_folder, describe, network_of, schedule_for
+from busybot.interact.samples import cache_samples
+from busybot.interact.train_config import TrainConfig
+from busybot.objects.library import Library
+from busybot.rng import generator
+from busybot.sim.collect import CollectConfig, Progress, collect
+from busybot.sim.policies import Chooser
+from busybot.workers import run_tasks
+
+FIT_SECONDS = 7 * 86400.0
+"""One network may be trained for so long in one round."""
+
+
+class Explorer(Chooser, Protocol):
+    """Who collects a round."""
+
+    def provenance(self) -> dict[str, Any]:
+        """All that decides the choices, JSON values."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where the recorded steps come from.
+
+    Attributes:
+        library: the objects with which new rounds are recorded; None to train on what is there.
+        explore: from a model's folder (None: nothing is known yet) to who collects.
+        datasets: the rounds, if they lie elsewhere; else they are in the training's own folder.
+    """
+
+    library: Library | None
+    explore: Callable[[str | None], Explorer]
+    datasets: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Told:
+    """Who is told of the progress: a line of text, and a labelled count of episodes."""
+
+    say: Callable[[str], None]
+    count: Callable[[str], AbstractContextManager[Progress]]
+
+
+class Training:
+    """One training in its folder."""
+
+    def __init__(self, out: Path, config: TrainConfig, source: Source, seed: int, workers: int, told: Told):
+        self.out, self.config, self.source, self.told = out, config, source, told
+        self.seed, self.workers = seed, workers
+        self.schedule = schedule_for(config, len(source.datasets))
+
+    def run(self) -> Model:
+        """All rounds that are not done yet; returns the final model.
+
+        Raises:
+            BusybotError: the folder holds another training, or recorded rounds are missing or unfinished.
+        """
+        begin_folder(self.out, self.config, self.seed)
+        validation = self._validation()
+        datasets: list[Dataset] = []
+        for number in range(len(self.schedule)):
+            datasets.append(self._recorded(number))
+            if not (self._model_folder(number) / MODEL_FILE).exists():
+                self._train(number, datasets, validation)
+                plot_training(self.out)
+        final = Model.load(self._model_folder(len(self.schedule) - 1))
+        final.save(self.out / "model")
+        return final
+
+    def _model_folder(self, number: int) -> Path:
+        return self.out / "models" / f"{number:02d}"
+
+    def _recorded(self, number: int) -> Dataset:
+        """The dataset of a round, with an episode for each of its boards."""
+        if self.source.datasets:
+            return _finished(Dataset.open(self.source.datasets[number]))
+        model = str(self._model_folder(number - 1)) if number else None
+        path, plan = self.out / "rounds" / f"{number:02d}", self.schedule[number]
+        return self._collect(path, plan.boards, plan.steps, model, f"round {number}")
+
+    def _validation(self) -> Dataset | None:
+        """The boards that are never trained on."""
+        config, path = self.config, self.out / "validation"
+        absent = not (path / INFO_FILE).exists() and self.source.library is None
+        if not config.validation or absent:
+            return None
+        return self._collect(path, config.validation, config.validation_steps, None, "validation")
+
+    def _collect(self, path: Path, boards: int, steps: int, model: str | None, purpose: str) -> Dataset:
+        library, config = self.source.library, self.config
+        if library is not None and not (path / INFO_FILE).exists():
+            seed = int(generator(self.seed, "train", 0, f"boards/{purpose}").integers(2**31))
+            drawn = BoardConfig(
+                split="train", boards=boards, seed=seed, group_size=config.group_size, uniform=config.uniform
+            )
+            create_dataset(path, drawn, library)
+        dataset = Dataset.open(path)
+        if library is None or len(dataset.finished()) == dataset.info.boards:
+            return _finished(dataset)
+        chooser = self.source.explore(model)
+        settings = CollectConfig(
+            policy=chooser.name,
+            steps=steps,
+            images=config.images,
+            responders=config.responders,
+            interaction=config.interaction,
+            render=config.render,
+        )
+        with self.told.count(f"{purpose}: collecting") as progress:
+            collect(dataset, library, settings, self.workers, progress, chooser, chooser.provenance())
+        return Dataset.open(path)
+
+    def _train(self, number: int, datasets: list[Dataset], validation: Dataset | None) -> None:
+        """Train both networks on all that is recorded, side by side, and save the round's model."""
+        inputs, cache = self.config.inputs, self.out / "cache"
+        caches = tuple(cache_samples(dataset, cache, inputs) for dataset in datasets)
+        held_out = cache_samples(validation, cache, inputs) if validation else None
+        jobs = [self._job(kind, number, caches, held_out) for kind in KINDS]
+        results = dict(run_tasks(range(len(jobs)), make_fit, (jobs,), self.workers, task_seconds=FIT_SECONDS))
+        figures: dict[str, Any] = {kind: results[place] for place, kind in enumerate(KINDS)}
+        info = ModelInfo(
+            variant=self.config.variant,
+            inputs=inputs,
+            training=describe(self.config, self.seed, datasets, caches, figures),
+        )
+        networks = {kind: network_of(job, make_network(kind, inputs)) for kind, job in zip(KINDS, jobs, strict=True)}
+        Model(info, networks).save(self._model_folder(number))
+
+    def _job(self, kind: Kind, number: int, caches: tuple[Path, ...], validation: Path | None) -> FitJob:
+        ends = [0]
+        for plan in self.schedule:
+            ends.append(ends[-1] + getattr(plan, kind))
+        return FitJob(
+            name=f"round {number}: {kind} network",
+            kind=kind,
+            inputs=self.config.inputs,
+            config=getattr(self.config, kind),
+            seed=self.seed,
+            caches=caches,
+            validation=validation,
+            window=self.config.window,
+            start=ends[number],
+            until=ends[number + 1],
+            checkpoint=self.out / "checkpoints" / f"{kind}.safetensors",
+            metrics=self.out / "metrics" / f"{kind}.jsonl",
+        )
+
+
+def _finished(dataset: Dataset) -> Dataset:
+    recorded = len(dataset.finished())
+    if recorded < dataset.info.boards or not recorded:
+        what = f"{dataset.path}: {recorded} of {dataset.info.boards} episodes are recorded"
+        raise BusybotError(what, "record the others: the same command without --offline, or `busybot collect`")
+    return dataset

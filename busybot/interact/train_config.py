@@ -1,0 +1,85 @@
+"""Parameters of `busybot train interact`, with the values that were found to work."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from busybot.interact.explore import ExploreConfig
+from busybot.interact.features import Inputs
+from busybot.interact.fit_config import DirectionFitConfig, FitConfig
+from busybot.interact.networks import CROP
+from busybot.sim.interaction import InteractionConfig
+from busybot.sim.render import RenderConfig
+
+Iterations = Annotated[int, Field(ge=0, le=10_000_000)]
+
+
+class _Plain(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Round(_Plain):
+    """Collect with the current policy, then train on all that is there.
+
+    Attributes:
+        boards: new ones, of the training split.
+        steps: proposed actions per board.
+        position, direction: iterations of the two networks.
+    """
+
+    boards: Annotated[int, Field(ge=1, le=1_000_000)]
+    steps: Annotated[int, Field(ge=1, le=1000)]
+    position: Iterations
+    direction: Iterations
+
+
+ROUNDS = (
+    Round(boards=600, steps=24, position=1500, direction=2500),
+    Round(boards=400, steps=14, position=1500, direction=2500),
+    Round(boards=400, steps=14, position=1500, direction=2500),
+    Round(boards=400, steps=14, position=4500, direction=7500),
+)
+"""On two idle cores 18 minutes of training, both networks side by side, and some 7 of collecting."""
+
+
+class TrainConfig(_Plain):
+    """A whole training.
+
+    Attributes:
+        variant: which networks.
+        inputs: `depth`, or `rgb` for the row "RGB" of Table 1.
+        rounds: the first collects at random, each later one with the model of the one before.
+        window: steps that the replay buffer holds; older ones are forgotten.
+        validation: boards of the training split that are collected as in round 0 and never trained on; 0 for none.
+        validation_steps: proposed actions on each.
+        explore: who collects.
+        position, direction: how the networks are trained.
+        responders, interaction, render: of the simulator, as in `busybot collect`. Without responders a trigger's own
+            motion is all that earns a reward (row "w/o responder"); `interaction.reward=joints` is the oracle's.
+        group_size: boards that share one appearance. Reasoning wants 20 (paper section 3.2); here every board has its
+            own, because where and how to act depends on nothing else.
+        uniform: draw objects with equal probabilities instead of by their weights.
+        images: encoding of recorded colours.
+    """
+
+    variant: Literal["fast"] = "fast"
+    inputs: Inputs = "depth"
+    rounds: Annotated[tuple[Round, ...], Field(min_length=1, max_length=1000)] = ROUNDS
+    window: Annotated[int, Field(ge=1)] = 1_000_000
+    validation: Annotated[int, Field(ge=0, le=100_000)] = 40
+    validation_steps: Annotated[int, Field(ge=1, le=1000)] = 24
+    explore: ExploreConfig = ExploreConfig()
+    position: FitConfig = FitConfig()
+    direction: DirectionFitConfig = DirectionFitConfig()
+    responders: bool = True
+    interaction: InteractionConfig = InteractionConfig()
+    render: RenderConfig = RenderConfig()
+    group_size: Annotated[int, Field(ge=1, le=10_000)] = 1
+    uniform: bool = False
+    images: Literal["jpeg", "png"] = "jpeg"
+
+    @model_validator(mode="after")
+    def _sides(self) -> "TrainConfig":
+        if self.direction.side != CROP:
+            raise ValueError(f"direction.side: the direction network takes crops of {CROP} pixels")
+        return self

@@ -1,0 +1,97 @@
+"""`busybot train interact`, as a user runs it, on rounds that were recorded before."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from busybot.cli.main import app
+from busybot.interact.fit_metrics import read_metrics
+from busybot.interact.model import Model
+from tests.interact.trainings import SMALL, make_rounds, weights
+
+SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
+
+
+def arguments(out: Path, rounds: list[Path], *more: str) -> list[str]:
+    data = [word for path in rounds for word in ("--data", str(path))]
+    return ["train", "interact", "--out", str(out), *data, *SETTINGS, "--workers", "1", *more]
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(app, words)
+
+
+@pytest.fixture
+def rounds(tmp_path: Path) -> list[Path]:
+    return make_rounds(tmp_path / "recorded")
+
+
+def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: list[Path]) -> None:
+    out = tmp_path / "run"
+    result = run(*arguments(out, rounds, "--json"))
+    assert result.exit_code == 0, result.stderr
+    values = json.loads(result.stdout)
+    assert [entry["samples"] for entry in values["training"]["rounds"]] == [24, 12]
+    assert Model.load(out).info.training == values["training"]
+    assert (out / "training.png").read_bytes().startswith(b"\x89PNG")
+    lines = read_metrics(out / "metrics" / "position.jsonl")
+    assert [line["iteration"] for line in lines if "loss" in line] == [2, 4, 6, 8, 10, 12, 14, 16]
+    assert len(weights(out)) == 6
+    assert run(*arguments(out, rounds)).exit_code == 0  # nothing is left to do
+    refused = run(*arguments(out, rounds, "--seed", "1"))
+    assert refused.exit_code == 1 and "seed 0, now 1" in refused.stderr
+
+
+@pytest.mark.long
+def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, rounds: list[Path]) -> None:
+    straight, killed = tmp_path / "straight", tmp_path / "killed"
+    assert run(*arguments(straight, rounds)).exit_code == 0
+    command = [sys.executable, "-m", "busybot", *arguments(killed, rounds)]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    metrics, deadline = killed / "metrics" / "position.jsonl", time.monotonic() + 120
+    while process.poll() is None and len(read_metrics(metrics)) < 2 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert metrics.exists()
+    assert not (killed / "model").exists()
+    assert run(*arguments(killed, rounds)).exit_code == 0
+    assert weights(killed) == weights(straight)
+
+
+@pytest.mark.long
+def test_offline_it_repeats_the_training_from_the_recorded_rounds(tmp_path: Path, rounds: list[Path]) -> None:
+    """Wherever the rounds lie, and whatever the number of workers."""
+    first, copy = tmp_path / "first", tmp_path / "copy"
+    assert run(*arguments(first, rounds)).exit_code == 0
+    shutil.copytree(rounds[0].parent, copy / "rounds")
+    again = run("train", "interact", "--out", str(copy), "--offline", *SETTINGS, "--workers", "2")
+    assert again.exit_code == 0, again.stderr
+    assert weights(copy) == weights(first)
+
+
+def test_offline_without_recorded_rounds_says_so(tmp_path: Path) -> None:
+    result = run("train", "interact", "--out", str(tmp_path / "run"), "--offline", *SETTINGS)
+    assert result.exit_code == 1
+    assert "there is no such folder" in result.stderr
+
+
+def test_more_datasets_than_rounds_are_refused(tmp_path: Path, rounds: list[Path]) -> None:
+    result = run(*arguments(tmp_path / "run", [*rounds, rounds[0]]))
+    assert result.exit_code == 1
+    assert "3 datasets for 2 rounds" in result.stderr
+
+
+def test_a_folder_with_other_things_is_left_alone(tmp_path: Path, rounds: list[Path]) -> None:
+    (tmp_path / "thesis.txt").write_text("precious")
+    result = run(*arguments(tmp_path, rounds))
+    assert result.exit_code == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["recorded", "thesis.txt"]

@@ -1,0 +1,74 @@
+"""Choosers are plain data that name a model; what decides their choices is recorded, where the model lies is not."""
+
+import multiprocessing
+import shutil
+from pathlib import Path
+
+import pytest
+
+from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
+from busybot.interact.chooser import ExploreChooser, LearnedChooser, policy_config
+from busybot.interact.explore import GuidedExplorer, UnguidedExplorer
+from busybot.interact.model import Model, ModelInfo
+from busybot.interact.networks import KINDS, make_network
+from busybot.interact.policy import LearnedPolicy
+from busybot.sim.interaction import InteractionConfig
+from tests.episodes.synthetic import make_camera, make_episode
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("models") / "untrained"
+    networks = {kind: make_network(kind, "depth") for kind in KINDS}
+    Model(ModelInfo(thresholds={"explore": 0.6}), networks).save(folder)
+    return folder
+
+
+def test_the_card_comes_before_the_defaults_and_overrides_before_the_card() -> None:
+    info = ModelInfo(prior=0.3, thresholds={"explore": 0.6, "collect": 0.7})
+    config = policy_config(info, {"collect": 0.8})
+    assert (config.prior, config.explore, config.collect, config.peak_radius) == (0.3, 0.6, 0.8, 3)
+    with pytest.raises(BusybotError, match="parameter explor of the learned policy"):
+        policy_config(info, {"explor": 1})
+
+
+def test_provenance_knows_the_weights_and_not_the_place(model: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "untrained"
+    shutil.copytree(model, copy)
+    here, there = LearnedChooser(str(model)), LearnedChooser(str(copy))
+    assert here.provenance() == there.provenance() and here.name == there.name
+    assert here.provenance()["policy"]["explore"] == 0.6
+    assert LearnedChooser(str(model), "ucb").provenance() != here.provenance()
+    (copy / "position.safetensors").write_bytes((copy / "position.safetensors").read_bytes()[:-1] + b"x")
+    assert here.provenance()["model"]["sha256"] != there.provenance()["model"]["sha256"]
+
+
+def test_choosers_make_policies_that_need_no_segmentation(model: Path) -> None:
+    rays = Rays(make_camera())
+    image = make_episode().image(0)
+    image.segmentation = None
+    kinds = (
+        (LearnedChooser(str(model)), LearnedPolicy),
+        (LearnedChooser(str(model), "collect"), LearnedPolicy),
+        (ExploreChooser(None), UnguidedExplorer),
+        (ExploreChooser(str(model)), GuidedExplorer),
+    )
+    for chooser, kind in kinds:
+        policy = chooser.make(None, rays, InteractionConfig())  # type: ignore[arg-type]
+        assert isinstance(policy, kind) and policy.name == chooser.name and not policy.oracle
+
+
+def test_choosers_go_to_other_processes(model: Path) -> None:
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        name = pool.apply(_name, (LearnedChooser(str(model), "collect"),))
+    assert name == "learned"
+
+
+def _name(chooser: LearnedChooser) -> str:
+    return chooser.make(None, Rays(make_camera()), InteractionConfig()).name  # type: ignore[arg-type]
+
+
+def test_an_unknown_model_is_told() -> None:
+    with pytest.raises(BusybotError, match="no model of that name"):
+        LearnedChooser("nonsense").provenance()

@@ -1,0 +1,76 @@
+"""An evaluation on boards: the same result whatever the workers and interruptions; episodes can be kept."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from busybot.boards.config import BoardConfig
+from busybot.episodes.create import create_dataset
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.verify import verify
+from busybot.errors import BusybotError
+from busybot.files import read_json
+from busybot.interact.evaluate import EvaluateConfig, evaluate
+from busybot.interact.evaluate_folder import BOARDS, RESULT
+from busybot.objects.library import find
+from tests.interact.fakes import OracleChooser
+
+CONFIG = EvaluateConfig(actions=4)
+KEYS = {
+    "precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "boards", "macro", "intervals",
+    "failures_by_cause", "failures_by_object", "missed_links", "by_step", "provenance", "dataset", "seed", "strict",
+    "policy", "actions", "config", "versions",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    path = tmp_path_factory.mktemp("boards") / "data"
+    return create_dataset(path, BoardConfig(boards=4, group_size=1, split="novel-object"), find("procedural"))
+
+
+def run(dataset: Dataset, workers: int = 1, config: EvaluateConfig = CONFIG, **more: Any) -> dict[str, Any]:
+    return evaluate(dataset, find("procedural"), OracleChooser(), config, 3, workers, **more)
+
+
+def test_a_stopped_evaluation_goes_on(dataset: Dataset, tmp_path: Path) -> None:
+    whole, part = tmp_path / "whole", tmp_path / "part"
+    told: list[tuple[int, int]] = []
+    expected = run(dataset, progress=lambda done, total: told.append((done, total)), out=whole)
+    assert set(expected) >= KEYS and expected["boards"] == 4 and expected["precision"] == 1.0
+    assert told == [(k, 4) for k in range(1, 5)]
+    assert read_json(whole / RESULT) == expected
+    run(dataset, out=part)
+    lines = (part / BOARDS).read_text().splitlines(keepends=True)
+    (part / BOARDS).write_text("".join(lines[:2]) + lines[2][:50])  # killed while writing a line
+    (part / RESULT).unlink()
+    told.clear()
+    assert run(dataset, 2, progress=lambda done, total: told.append((done, total)), out=part) == expected
+    assert told == [(3, 4), (4, 4)]
+    assert sorted((part / BOARDS).read_text().splitlines()) == sorted((whole / BOARDS).read_text().splitlines())
+
+
+def test_another_measurement_in_the_same_folder_is_refused(dataset: Dataset, tmp_path: Path) -> None:
+    first = CONFIG.model_copy(update={"boards": 1})
+    run(dataset, config=first, out=tmp_path / "out")
+    with pytest.raises(BusybotError, match="other settings was begun there: .*config"):
+        run(dataset, out=tmp_path / "out")
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "notes.txt").write_text("mine")
+    with pytest.raises(BusybotError, match="holds no evaluation"):
+        run(dataset, out=tmp_path / "other")
+
+
+def test_episodes_can_be_recorded(dataset: Dataset, tmp_path: Path) -> None:
+    config = CONFIG.model_copy(update={"boards": 2})
+    result = run(dataset, config=config, out=tmp_path / "out", record=tmp_path / "episodes")
+    assert result == run(dataset, config=config)
+    recorded = Dataset.open(tmp_path / "episodes")
+    assert recorded.finished() == {0, 1} and verify(recorded.path).ok
+    assert recorded.hashes().board == dataset.hashes().board
+    table = recorded.table("steps")
+    assert table.num_rows == 8 and sum(table["success"].to_pylist()) == round(8 * result["precision"])
+    recorded.episode_path(1).unlink()
+    run(dataset, config=config, out=tmp_path / "out", record=tmp_path / "episodes")
+    assert recorded.finished() == {0, 1}

@@ -1,0 +1,100 @@
+"""What the agent remembers: neighbouring buttons stay apart, failures count near by, what worked can be repeated."""
+
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.interact.beliefs import PAIR_OF
+from busybot.interact.memory import Failure, Memory
+from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.regions import moved_region
+from tests.interact.scenes import BODY, BUTTON, PRESSED, RAYS, picture
+
+CONFIG = PolicyConfig()
+SWITCH = ((40, 40, 80, 60), BODY)
+LEFT, RIGHT = (45, 45, 55, 55), (56, 45, 66, 55)
+UP = int(np.flatnonzero(DIRECTIONS[:, 2] > 0.9)[0])
+
+
+BODY_MASK = np.zeros((120, 160), bool)
+BODY_MASK[40:60, 40:80] = True
+
+
+def shown(left: float, right: float) -> np.ndarray:
+    depth = picture(SWITCH, (LEFT, left), (RIGHT, right)).depth
+    assert depth is not None
+    return depth
+
+
+BOTH_UP, LEFT_DOWN, BOTH_DOWN = shown(BUTTON, BUTTON), shown(PRESSED, BUTTON), shown(PRESSED, PRESSED)
+
+
+def fresh() -> Memory:
+    return Memory(RAYS.heights(BOTH_UP), CONFIG)
+
+
+def logits_of(memory: Memory, *pixels: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    return memory.doubted(np.array(pixels), np.full(len(pixels), 2.0), np.full((len(pixels), 9), 0.5))
+
+
+def test_the_region_is_what_moved_under_the_action() -> None:
+    region = moved_region(BOTH_UP, LEFT_DOWN, (50, 50), BODY_MASK, CONFIG)
+    assert region[45:55, 45:55].all() and region.sum() == 100
+
+
+def test_motion_elsewhere_does_not_belong_to_the_link() -> None:
+    after = shown(PRESSED, BUTTON)
+    after[65:70, 50:55] -= 0.1  # another object within reach
+    after[100:110, 50:60] -= 0.1  # a responder far away
+    region = moved_region(BOTH_UP, after, (50, 50), BODY_MASK, CONFIG)
+    assert region.sum() == 100
+
+
+def test_a_link_that_jumps_leaves_two_places_of_one_region() -> None:
+    before, after = (picture(SWITCH, ((u, 45, u + 6, 55), BUTTON)).depth for u in (45, 65))
+    assert before is not None and after is not None
+    region = moved_region(before, after, (47, 50), BODY_MASK, CONFIG)
+    assert region[45:55, 45:51].all() and region[45:55, 65:71].all() and region.sum() == 120
+
+
+def test_a_motion_without_visible_depth_leaves_a_small_region() -> None:
+    region = moved_region(BOTH_UP, BOTH_UP, (50, 50), BODY_MASK, CONFIG)
+    assert region[50, 50] and 5 <= region.sum() <= 25
+
+
+def test_neighbouring_buttons_are_two_links() -> None:
+    memory = fresh()
+    assert memory.succeeded((50, 50), UP, BOTH_UP, LEFT_DOWN) == 1
+    assert memory.succeeded((56, 50), UP, LEFT_DOWN, BOTH_DOWN) == 2  # beside the first one's border
+    assert (memory.links[45:55, 45:55] == 1).all() and (memory.links[45:55, 56:66] == 2).all()
+
+
+def test_the_same_button_stays_one_link() -> None:
+    memory = fresh()
+    memory.succeeded((50, 50), UP, BOTH_UP, LEFT_DOWN)
+    assert memory.succeeded((47, 47), UP, LEFT_DOWN, BOTH_UP) == 1
+    assert memory.visits == {1: 2} and memory.pairs == {1: int(PAIR_OF[UP])}
+
+
+def test_a_failure_counts_most_where_it_was() -> None:
+    memory = fresh()
+    memory.failed(Failure((50, 50), {3: 0.9}))
+    beliefs, pairs = logits_of(memory, (50, 50), (57, 50), (79, 41))
+    assert beliefs[0] < beliefs[1] < beliefs[2] < 1 / (1 + np.exp(-2))
+    assert pairs[0, 3] == 0 and 0 < pairs[1, 3] < 0.5 and pairs[2, 3] == 0.5
+    assert (np.delete(pairs, 3, axis=1) == 0.5).all()
+
+
+def test_a_later_success_explains_a_failure() -> None:
+    memory = fresh()
+    memory.failed(Failure((50, 50), {3: 0.9}))
+    memory.succeeded((51, 51), UP, BOTH_UP, LEFT_DOWN)
+    assert not memory.failures
+
+
+def test_known_links_are_not_doubted_for_failures_elsewhere() -> None:
+    memory = fresh()
+    memory.succeeded((50, 50), UP, BOTH_UP, LEFT_DOWN)
+    memory.failed(Failure((75, 57), {3: 0.9}))
+    beliefs, pairs = logits_of(memory, (50, 50), (75, 42))
+    assert beliefs[0] > 0.85 > 0.6 > beliefs[1]
+    assert pairs[0, PAIR_OF[UP]] == CONFIG.known_pair

@@ -1,0 +1,101 @@
+"""A model in its folder, and what it makes of a picture."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from busybot.episodes.episode import Image
+from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
+from busybot.interact.model import NOT_ELEVATED, Model, ModelInfo, find_model
+from busybot.interact.networks import KINDS, initialise, make_network
+from tests.episodes.synthetic import make_episode
+
+NO_BOXES = np.empty((0, 4), np.int16)
+
+
+def untrained(inputs: str = "depth") -> Model:
+    info = ModelInfo(inputs=inputs, thresholds={"explore_above": 0.3})
+    networks = {kind: make_network(kind, info.inputs) for kind in KINDS}
+    for network in networks.values():
+        initialise(network, torch.Generator().manual_seed(3))
+    return Model(info, networks)
+
+
+@pytest.fixture
+def seen() -> tuple[Image, Rays]:
+    """A picture without what a learner must not see."""
+    episode = make_episode(0)
+    image = episode.images[0]
+    return Image(image.rgb, image.depth, None, NO_BOXES), Rays(episode.camera)
+
+
+def test_a_folder_holds_all_of_a_model(tmp_path: Path, seen: tuple[Image, Rays]) -> None:
+    model = untrained()
+    model.save(tmp_path / "m")
+    loaded = Model.load(tmp_path / "m")
+    assert loaded.info == model.info
+    assert np.array_equal(loaded.look(*seen).affordance, model.look(*seen).affordance)
+    assert sum(path.stat().st_size for path in (tmp_path / "m").iterdir()) < 5e6
+    assert not [path for path in (tmp_path / "m").iterdir() if path.suffix not in (".json", ".safetensors")]
+
+
+@pytest.mark.parametrize("inputs", ["depth", "rgb"])
+def test_only_elevated_pixels_can_be_acted_on(inputs: str, seen: tuple[Image, Rays]) -> None:
+    view = untrained(inputs).look(*seen)
+    image, rays = seen
+    assert image.depth is not None
+    assert view.height.shape == view.affordance.shape == image.depth.shape == view.features.shape[1:]
+    elevated = np.nan_to_num(rays.heights(image.depth), nan=-1) > 0.002
+    assert (view.affordance[~elevated] == NOT_ELEVATED).all()
+    assert (view.affordance[elevated] > NOT_ELEVATED).all()
+
+
+def test_what_is_far_from_every_object_does_not_change_what_is_seen(seen: tuple[Image, Rays]) -> None:
+    """The position network is run around what is elevated, wherever in the picture that is."""
+    image, rays = seen
+    assert image.depth is not None
+    board = 4.0
+    lone = np.full_like(image.depth, board)
+    lone[60:80, 90:110] = 3.7
+    view = untrained().look(Image(image.rgb, lone, None, NO_BOXES), rays)
+    assert ((view.affordance > NOT_ELEVATED) == (lone < board)).all()
+    empty = untrained().look(Image(image.rgb, np.full_like(lone, board), None, NO_BOXES), rays)
+    assert (empty.affordance == NOT_ELEVATED).all()
+
+
+def test_directions_of_some_pixels(seen: tuple[Image, Rays]) -> None:
+    model = untrained()
+    view = model.look(*seen)
+    pixels = np.array([[0, 0], [80, 60], [159, 119]])  # crops at the border reach outside of the picture
+    position, probabilities = model.directions(view, pixels)
+    assert position.shape == (3,) and probabilities.shape == (3, 18)
+    assert ((probabilities > 0) & (probabilities < 1)).all()
+    alone = model.directions(view, pixels[1:2])[1]
+    assert np.allclose(alone, probabilities[1:2], atol=0.02)
+    assert model.directions(view, np.empty((0, 2), int))[1].shape == (0, 18)
+
+
+def test_what_is_no_model_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match="nowhere: no model of that name"):
+        find_model("nowhere")
+    untrained().save(tmp_path)
+    weights = tmp_path / "position.safetensors"
+    weights.write_bytes(weights.read_bytes()[:1000])
+    with pytest.raises(BusybotError, match=r"position\.safetensors: damaged"):
+        Model.load(tmp_path)
+
+
+def test_weights_of_other_inputs_are_refused(tmp_path: Path) -> None:
+    untrained("rgb").save(tmp_path / "rgb")
+    untrained().save(tmp_path / "depth")
+    (tmp_path / "rgb" / "position.safetensors").replace(tmp_path / "depth" / "position.safetensors")
+    with pytest.raises(BusybotError, match="not the weights of this network"):
+        Model.load(tmp_path / "depth")
+
+
+def test_a_trainings_folder_stands_for_its_model(tmp_path: Path) -> None:
+    untrained().save(tmp_path / "model")
+    assert find_model(tmp_path) == tmp_path / "model"

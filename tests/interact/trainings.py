@@ -1,0 +1,66 @@
+"""Tiny trainings on synthetic datasets."""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.mcap_file import read_episode, write_episode
+from tests.episodes.folders import make_dataset
+
+ROUND = "{boards: 1, steps: 1, position: 8, direction: 8}"
+SMALL = (
+    f"rounds=[{ROUND}, {ROUND}]",
+    "validation=0",
+    "position.batch=4",
+    "position.side=32",
+    "position.report=2",
+    "position.checkpoint=2",
+    "direction.batch=4",
+    "direction.report=2",
+    "direction.checkpoint=2",
+)
+"""Two rounds of 8 iterations."""
+
+
+def make_rounds(folder: Path) -> list[Path]:
+    """Two recorded rounds, of 24 and 12 steps."""
+    counts = {"00": 4, "01": 2}
+    return [make_dataset(folder / name, boards=count, finished=range(count)).path for name, count in counts.items()]
+
+
+def permute_privileged(dataset: Dataset) -> None:
+    """Give everything that only the simulator knows other values, in every episode."""
+    for index in dataset.finished():
+        path = dataset.episode_path(index)
+        episode = read_episode(path)
+        links = len(episode.links)
+        order = np.concatenate([[0], 1 + np.roll(np.arange(links), 1)]).astype(np.uint16)
+        episode.images = [
+            replace(image, segmentation=order[image.segmentation], boxes=image.boxes[::-1].copy())
+            for image in episode.images
+        ]
+        episode.steps = [
+            replace(
+                step,
+                acted_object=-1,
+                acted_link="",
+                success=not step.success,
+                trigger_states_before=tuple(1 - state for state in step.trigger_states_before),
+                trigger_states_after=tuple(1 - state for state in step.trigger_states_after),
+                joint_positions_before=tuple(-value for value in step.joint_positions_before),
+                joint_positions_after=tuple(-value for value in step.joint_positions_after),
+            )
+            for step in episode.steps
+        ]
+        episode.positions = episode.positions[::-1].copy()
+        write_episode(path, episode)
+    dataset.write_tables()
+
+
+def weights(out: Path) -> dict[str, str]:
+    """Hash of every file of weights of a training."""
+    files = sorted(out.glob("model*/**/*.safetensors"))
+    return {str(file.relative_to(out)): hashlib.sha256(file.read_bytes()).hexdigest() for file in files}

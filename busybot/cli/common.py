@@ -81,6 +81,8 @@ def report_errors(context: typer.Context) -> Iterator[None]:
         yield
     except BusybotError as error:
         _report(context, error)
+    except BrokenPipeError:
+        raise  # the reader of our output has gone, as `head` does: typer ends quietly
     except OSError as error:
         # of the file system: nothing that our own code expected, but something that the user can mend
         what = f"{error.filename}: {error.strerror}" if error.filename else str(error)

@@ -245,7 +245,7 @@ def test_damage_is_refused_by_name(name: str, thing: Path) -> None:
 
 def test_a_small_texture_is_fine(thing: Path) -> None:
     texture((64, 64))(thing)
-    load_object(thing)
+    assert load_object(thing).folder == thing.resolve()
 
 
 def test_missing_limits_are_a_quarter_turn(thing: Path) -> None:

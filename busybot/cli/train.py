@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from busybot.cli.common import CONTEXT, JsonOption, SeedOption, WorkersOption, episode_progress, print_json, say
+from busybot.errors import BusybotError
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, context_settings=CONTEXT, help="Learn a skill.")
 
@@ -39,6 +40,8 @@ def interact(
     from busybot.objects.library import find
     from busybot.workers import default_workers
 
+    if offline and not data and not (out / "rounds").is_dir():
+        raise BusybotError(f"{out}: it has no folder `rounds` to train on", "collect first: leave --offline out")
     parameters = build(TrainConfig, config, set_ or [], {"variant": model, "interaction.strict": strict or None})
     library = None if offline or data else find(assets)
     source = Source(library, lambda known: ExploreChooser(known, parameters.explore), tuple(data or ()))

@@ -25,6 +25,8 @@ BEFORE = {"rounds", "validation"}
 def begin_folder(out: Path, config: TrainConfig, seed: int) -> None:
     """Note what is asked for, or refuse to continue a training that was asked for otherwise."""
     wanted = {"seed": seed, "config": config.model_dump(mode="json")}
+    if out.exists() and not out.is_dir():
+        raise BusybotError(f"{out}: it is a file", "name a folder")
     if not (out / TRAIN_FILE).exists():
         strangers = sorted({entry.name for entry in out.iterdir()} - BEFORE) if out.is_dir() else []
         if strangers:

@@ -95,3 +95,15 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path: Path, rounds: list[P
     result = run(*arguments(tmp_path, rounds))
     assert result.exit_code == 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["recorded", "thesis.txt"]
+
+
+def test_what_cannot_be_trained_on_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for arguments, message in (
+        (("--out", tmp_path / "file"), "it is a file"),
+        (("--out", tmp_path / "new", "--offline"), "no folder `rounds`"),
+    ):
+        command = [sys.executable, "-m", "busybot", "train", "interact", *map(str, arguments)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+        assert done.returncode == 1 and message in done.stderr and "mend:" in done.stderr
+    assert not (tmp_path / "new").exists()

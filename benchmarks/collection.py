@@ -1,6 +1,6 @@
 """What a recorded interaction costs, in CPU time, against one frame of SAPIEN's `minimal` shader pack.
 
-    python benchmarks/collection.py [--assets DIR] [--boards 8] [--json] [--out FILE]
+    python benchmarks/collection.py [--assets DIR] [--boards 5] [--json] [--out FILE]
     python benchmarks/collection.py --memory 500 [--assets DIR]
 
 The first mode acts on the same boards with our shader pack and, alternating within one process, shows each new state
@@ -160,7 +160,7 @@ def memory(library: Library, boards: int) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--assets", default="procedural", help="`procedural` or a folder of objects")
-    parser.add_argument("--boards", type=int, default=8, help="boards to play in the first mode")
+    parser.add_argument("--boards", type=int, default=5, help="boards to play in the first mode")
     parser.add_argument("--memory", type=int, metavar="BOARDS", help="run the second mode over so many boards")
     parser.add_argument("--out", type=Path, help="write the result to this file, too")
     parser.add_argument("--json", action="store_true", help="print one JSON object only")

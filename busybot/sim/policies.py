@@ -167,4 +167,4 @@ class BuiltIn:
             return RandomPolicy(rays)
         if self.name == "scripted":
             return ScriptedPolicy(scene, rays, config)
-        raise BusybotError(f"unknown policy {self.name!r}", "choose random or scripted")
+        raise BusybotError(f"unknown policy {self.name!r}", "choose random, learned or scripted")

@@ -34,12 +34,11 @@ class Round(_Plain):
 
 
 ROUNDS = (
-    Round(boards=600, steps=24, position=1500, direction=2500),
-    Round(boards=400, steps=14, position=1500, direction=2500),
-    Round(boards=400, steps=14, position=1500, direction=2500),
-    Round(boards=400, steps=14, position=4500, direction=7500),
+    Round(boards=240, steps=24, position=800, direction=1300),
+    Round(boards=200, steps=14, position=800, direction=1300),
+    Round(boards=200, steps=14, position=1400, direction=2400),
 )
-"""On two idle cores 18 minutes of training, both networks side by side, and some 7 of collecting."""
+"""On two idle cores six minutes of training, both networks side by side, and three of collecting."""
 
 
 class TrainConfig(_Plain):

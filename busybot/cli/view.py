@@ -17,6 +17,9 @@ def view(
     ] = None,
     step: Annotated[int | None, typer.Option(min=0, help="Step to show, 0 is the start; the last by default.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve to browsers on this machine, until Ctrl-C.")] = False,
+    model: Annotated[
+        str | None, typer.Option(help="Show what this interaction model believes: name or folder.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Look at an episode: camera, scene graph, board with relations, signals. Without options a window opens."""
@@ -24,7 +27,7 @@ def view(
 
     if step is not None and not screenshot and (save or web):
         raise typer.BadParameter("it needs --screenshot or the viewer's window", param_hint="--step")
-    show(source, episode, Wanted(save, screenshot, step, web), print_json if json else _tell)
+    show(source, episode, Wanted(save, screenshot, step, web, model), print_json if json else _tell)
 
 
 def _tell(shown: Any) -> None:

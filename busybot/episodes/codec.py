@@ -81,7 +81,7 @@ def encode_rgb(rgb: np.ndarray, image_format: ImageFormat) -> bytes:
 
 
 def encode_plain(values: np.ndarray) -> bytes:
-    """uint8 or uint16 (H, W) to PNG."""
+    """uint8 or uint16 (H, W), or colours (H, W, 3 or 4) in the order of OpenCV, to PNG."""
     return _encode(".png", values, _PLAIN)
 
 

@@ -7,6 +7,7 @@ import rerun.blueprint as rrb
 
 from busybot.episodes.episode import Episode
 from busybot.reason.result import InferredGraph
+from busybot.view.rerun_affordance import SPACE
 from busybot.view.rerun_graph import graph_positions
 from busybot.view.rerun_series import relation_states
 from busybot.view.scene import board_bounds
@@ -21,10 +22,14 @@ LEGEND_SHARE = 0.38
 """Of a plot's width, kept free for its legend."""
 
 
-def blueprint(episode: Episode, inferred: list[InferredGraph], menus: bool = True) -> rrb.Blueprint:
+def blueprint(
+    episode: Episode, inferred: list[InferredGraph], menus: bool = True, affordance: bool = False
+) -> rrb.Blueprint:
     """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
     names = [graph.name for graph in inferred]
-    upper = rrb.Horizontal(camera_views(episode), graph_views(episode, names), board_view(), column_shares=COLUMNS)
+    upper = rrb.Horizontal(
+        camera_views(episode, affordance), graph_views(episode, names), board_view(), column_shares=COLUMNS
+    )
     beliefs = [belief_views(episode, names)] if names else []
     parts = [signal_views(episode), *beliefs, account_views(episode)]
     lower = rrb.Horizontal(*parts, column_shares=COLUMNS if names else [1, 1])
@@ -40,17 +45,17 @@ def blueprint(episode: Episode, inferred: list[InferredGraph], menus: bool = Tru
     )
 
 
-def camera_views(episode: Episode) -> Any:
-    """The image, closely around the board, and depth behind it."""
+def camera_views(episode: Episode, affordance: bool = False) -> Any:
+    """The image, closely around the board, and depth behind it; in front of both the affordance, if it is there."""
     bounds = _bounds(*board_bounds(episode, MARGIN))
-    camera = rrb.Spatial2DView(
-        origin="camera",
-        name="Camera: boxes, action, change",
-        visual_bounds=bounds,
-        background=BACKGROUND,
+    spaces = {"camera": "Camera: boxes, action, change", "depth": "Depth"}
+    if affordance:
+        spaces = {SPACE: "Affordance before the action: candidates, known links", **spaces}
+    views = (
+        rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, background=BACKGROUND)
+        for origin, name in spaces.items()
     )
-    depth = rrb.Spatial2DView(origin="depth", name="Depth", visual_bounds=bounds, background=BACKGROUND)
-    return rrb.Tabs(camera, depth)
+    return rrb.Tabs(*views)
 
 
 def _bounds(low: np.ndarray, high: np.ndarray) -> rrb.VisualBounds2D:

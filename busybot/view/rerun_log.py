@@ -6,7 +6,7 @@ episode's own clock, one second a step.
 
 import contextlib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import rerun as rr
@@ -14,8 +14,10 @@ from rerun.error_utils import catch_and_log_exceptions
 
 from busybot.episodes.episode import Episode
 from busybot.errors import BusybotError
+from busybot.interact.trace import Thought
 from busybot.reason.result import InferredGraph
 from busybot.view.blueprint import blueprint
+from busybot.view.rerun_affordance import log_thought
 from busybot.view.rerun_board import BoardLogger
 from busybot.view.rerun_camera import log_camera_frame
 from busybot.view.rerun_graph import edge_places, log_graph
@@ -62,8 +64,26 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
             log_probabilities(recording, episode, graph, frame)
 
 
-def save_rrd(path: Path, episode: Episode, inferred: Sequence[InferredGraph] = (), menus: bool = True) -> None:
-    """Write an episode and its layout as an `.rrd` file for Rerun; without `menus` for a picture."""
+def log_thoughts(recording: rr.RecordingStream, episode: Episode, thoughts: Iterable[Thought]) -> None:
+    """Log what a model makes of every action, where the action is shown."""
+    for thought in thoughts:
+        recording.set_time("step", sequence=thought.step + 1)
+        recording.set_time("time", duration=float(thought.step + 1))
+        log_thought(recording, episode, thought)
+
+
+def save_rrd(
+    path: Path,
+    episode: Episode,
+    inferred: Sequence[InferredGraph] = (),
+    menus: bool = True,
+    thoughts: Iterable[Thought] | None = None,
+) -> None:
+    """Write an episode and its layout as an `.rrd` file for Rerun; without `menus` for a picture.
+
+    Args:
+        thoughts: of `interact.trace.retrace`; they are drawn one after the other.
+    """
     for graph in inferred:
         check_inferred(episode, graph)
     name = f"{episode.board.split} board {episode.board.index}, {episode.policy}"
@@ -77,9 +97,10 @@ def save_rrd(path: Path, episode: Episode, inferred: Sequence[InferredGraph] = (
             )
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
-            recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus))
+            recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus, thoughts is not None))
             recording.send_recording_name(name)
             log_episode(recording, episode, inferred)
+            log_thoughts(recording, episode, thoughts or ())
             recording.flush()
             recording.disconnect()
         os.replace(temporary, path)

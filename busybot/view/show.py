@@ -2,7 +2,7 @@
 
 import signal
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,6 +10,8 @@ from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
+from busybot.interact.chooser import load_once, policy_config
+from busybot.interact.trace import Thought, retrace
 from busybot.reason.infer import infer
 from busybot.reason.result import InferredGraph
 from busybot.view.rerun_log import save_rrd
@@ -23,6 +25,7 @@ class Wanted:
     """What to do with an episode; with nothing of `save`, `screenshot` and `web`, a window opens.
 
     Attributes:
+        model: an interaction model whose affordances are shown.
         step: of the screenshot and the window, the last one by default; 0 is the start.
     """
 
@@ -30,6 +33,7 @@ class Wanted:
     screenshot: Path | None = None
     step: int | None = None
     web: bool = False
+    model: str | None = None
 
 
 @dataclass(frozen=True)
@@ -64,11 +68,11 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     steps = len(episode.steps)
     if wanted.step is not None and not 0 <= wanted.step <= steps:
         raise BusybotError(f"{path}: there is no step {wanted.step}", f"choose one from 0 (the start) to {steps}")
-    inferred = inferences(episode)
+    inferred, model = inferences(episode), wanted.model
     if wanted.save:
-        save_rrd(wanted.save, episode, inferred)
+        save_rrd(wanted.save, episode, inferred, thoughts=thoughts_of(episode, model))
     if wanted.screenshot:
-        picture_episode(episode, inferred, wanted.screenshot, wanted.step)
+        picture_episode(episode, inferred, wanted.screenshot, wanted.step, model)
     shown = Shown(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot)
     if wanted.web or window:
         _show_live(episode, inferred, wanted, shown, announce)
@@ -81,7 +85,7 @@ def _show_live(
 ) -> None:
     with tempfile.TemporaryDirectory(prefix="busybot-view-") as folder:
         rrd = Path(folder) / f"{shown.episode.stem}.rrd"
-        save_rrd(rrd, episode, inferred)
+        save_rrd(rrd, episode, inferred, thoughts=thoughts_of(episode, wanted.model))
         if wanted.web:
             serve_web(rrd, lambda url: announce(replace(shown, url=url)))
         else:
@@ -120,9 +124,19 @@ def inferences(episode: Episode) -> list[InferredGraph]:
     return [infer(episode, "count")]
 
 
-def picture_episode(episode: Episode, inferred: list[InferredGraph], picture: Path, step: int | None = None) -> None:
+def thoughts_of(episode: Episode, model: str | None) -> Iterator[Thought] | None:
+    """What an interaction model, by its name or folder, makes of the episode; None without a model."""
+    if model is None:
+        return None
+    loaded = load_once(model)
+    return retrace(episode, loaded, policy_config(loaded.info, {}))
+
+
+def picture_episode(
+    episode: Episode, inferred: list[InferredGraph], picture: Path, step: int | None = None, model: str | None = None
+) -> None:
     """Write a PNG of the viewer at a step (the last by default), without menus."""
     with tempfile.TemporaryDirectory(prefix="busybot-view-") as folder:
         rrd = Path(folder) / "episode.rrd"
-        save_rrd(rrd, episode, inferred, menus=False)
+        save_rrd(rrd, episode, inferred, menus=False, thoughts=thoughts_of(episode, model))
         save_screenshot(rrd, picture, len(episode.steps) if step is None else step)

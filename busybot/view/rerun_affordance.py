@@ -1,0 +1,100 @@
+"""Rerun, what an interaction model makes of an episode: affordance, known links, candidates, the action chosen.
+
+At step k stands what was believed before action k, on the picture before it: the camera beside shows what came of it.
+"""
+
+import cv2
+import numpy as np
+import rerun as rr
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.episodes.codec import encode_plain, encode_rgb
+from busybot.episodes.episode import Episode
+from busybot.episodes.geometry import project
+from busybot.interact.trace import Thought
+from busybot.view.palette import ACTION, INK, TRIGGER, mix
+from busybot.view.rerun_camera import ARROW_LENGTH
+from busybot.view.scene import drawing_scale
+
+SPACE = "affordance"
+PALE = 0.5
+"""How much of the picture under the affordance is white."""
+OPAQUE = 230
+"""Opacity of certain affordance, of 255."""
+LEAST_SCORE = 0.05
+"""Candidates of less promise are not drawn."""
+CANDIDATE_ARROW = 0.4
+"""Length of a candidate's arrow, of the action's."""
+
+
+def log_thought(recording: rr.RecordingStream, episode: Episode, thought: Thought) -> None:
+    """Everything of one action; the step of the recording's clock is the caller's."""
+    pale = paler(episode.image(thought.step).rgb)
+    picture = rr.EncodedImage(contents=encode_rgb(pale, "jpeg"), media_type="image/jpeg", draw_order=-10)
+    recording.log(f"{SPACE}/picture", picture)
+    layer = encode_plain(affordance_layer(thought.affordance))
+    recording.log(f"{SPACE}/map", rr.EncodedImage(contents=layer, media_type="image/png", draw_order=0))
+    size = 1 / drawing_scale(episode)
+    outlines = rr.LineStrips2D(link_outlines(thought.links), colors=INK, radii=1.2 * size, draw_order=10)
+    recording.log(f"{SPACE}/links", outlines)
+    _log_candidates(recording, episode, thought, size)
+    _log_action(recording, episode, thought.step, size)
+
+
+def paler(rgb: np.ndarray) -> np.ndarray:
+    """A paler picture, uint8 (H, W, 3)."""
+    return np.asarray(rgb + (255 - rgb.astype(np.float32)) * PALE, np.uint8)
+
+
+def affordance_layer(affordance: np.ndarray) -> np.ndarray:
+    """Probabilities (H, W) as colours, uint8 (H, W, 4) in the order of OpenCV: the likelier, the more opaque."""
+    blue, green, red = reversed(mix(TRIGGER, (0, 0, 0), 0.15))
+    layer = np.empty((*affordance.shape, 4), np.uint8)
+    layer[..., :3] = blue, green, red
+    layer[..., 3] = np.round(affordance * OPAQUE)
+    return layer
+
+
+def link_outlines(links: np.ndarray) -> list[np.ndarray]:
+    """Closed outlines (n, 2) of the known links, pixels; `links` is int (H, W), 0 for none."""
+    outlines = []
+    for number in np.unique(links[links > 0]):
+        mask = (links == number).astype(np.uint8)
+        for contour in cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]:
+            points = contour[:, 0].astype(np.float32) + 0.5
+            outlines.append(np.concatenate([points, points[:1]]))
+    return outlines
+
+
+def _log_candidates(recording: rr.RecordingStream, episode: Episode, thought: Thought, size: float) -> None:
+    """Dots, the larger the more success is expected, with the best direction of each; a label tells more."""
+    found = thought.candidates.take(thought.candidates.scores > LEAST_SCORE)
+    places, chosen = found.pixels + 0.5, found.best_directions
+    labels = [
+        f"success {score:.2f}, {f'known link {region}' if region > 0 else 'new'}"
+        for score, region in zip(found.scores, found.regions, strict=True)
+    ]
+    radii = (1.2 + 2.4 * found.scores) * size
+    dots = rr.Points2D(places, radii=radii, colors=INK, labels=labels, show_labels=False, draw_order=20)
+    recording.log(f"{SPACE}/candidates/positions", dots)
+    ends = _arrows(episode, found.positions, chosen, CANDIDATE_ARROW * ARROW_LENGTH)
+    arrows = rr.Arrows2D(origins=places, vectors=ends, colors=INK, radii=0.7 * size, draw_order=20)
+    recording.log(f"{SPACE}/candidates/directions", arrows)
+
+
+def _log_action(recording: rr.RecordingStream, episode: Episode, index: int, size: float) -> None:
+    step = episode.steps[index]
+    place = np.array([step.pixel], float) + 0.5
+    ends = _arrows(episode, np.array([step.position]), np.array([step.direction]), ARROW_LENGTH)
+    recording.log(f"{SPACE}/action/pixel", rr.Points2D(place, colors=ACTION, radii=4.5 * size, draw_order=40))
+    arrow = rr.Arrows2D(origins=place, vectors=ends, colors=ACTION, radii=1.6 * size, draw_order=30)
+    recording.log(f"{SPACE}/action/direction", arrow)
+
+
+def _arrows(episode: Episode, positions: np.ndarray, directions: np.ndarray, length: float) -> np.ndarray:
+    """Directions at positions (K, 3) as the camera sees them, pixels (K, 2)."""
+    if not len(positions):
+        return np.zeros((0, 2))
+    starts, _ = project(positions, episode.camera)
+    tips, _ = project(positions + length * DIRECTIONS[directions], episode.camera)
+    return np.asarray(tips - starts)

@@ -1,7 +1,7 @@
 """`busybot demo`: the whole way from objects to an inferred scene graph, small enough to watch.
 
-Procedural objects become boards, boards become recorded interactions, recordings become relations, and a report shows
-each of them. The actions come from the scripted policy, an oracle: the demo says so.
+Procedural objects become boards, a policy that learned where and how to act records interactions with them, recordings
+become relations, and a report shows each of them.
 """
 
 from collections.abc import Callable
@@ -17,12 +17,15 @@ from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
 from busybot.files import write_atomically, write_json
+from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser, load_once, policy_config
+from busybot.interact.trace import Thought, retrace
 from busybot.objects.library import find
 from busybot.reason.evaluate import evaluate_dataset
 from busybot.reason.infer import infer
 from busybot.reason.result import InferredGraph
 from busybot.sim.collect import CollectConfig, collect
 from busybot.view import figures
+from busybot.view.affordance_figure import affordance_figure
 from busybot.view.demo_report import Story, demo_report
 from busybot.view.rerun_log import save_rrd
 from busybot.view.screenshot import save_screenshot
@@ -54,15 +57,21 @@ class Demo:
     result: dict[str, Any]
 
 
-def run_demo(out: Path, seed: int, workers: int, say: Say, assets: str = "procedural") -> Demo:
+def run_demo(
+    out: Path, seed: int, workers: int, say: Say, assets: str = "procedural", model: str = DEFAULT_MODEL
+) -> Demo:
     """Run everything into an empty folder.
 
+    Args:
+        model: of the policy that acts: a shipped model's name, or a folder.
+
     Raises:
-        BusybotError: the folder is not empty, or the environment is at fault (`busybot doctor`).
+        BusybotError: the folder is not empty, there is no such model, or the environment is at fault.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BusybotError(f"{out}: it exists and is not an empty folder", "name another with --out, or remove it")
-    dataset = _collect(out / "boards", seed, workers, say, assets)
+    policy = policy_config(load_once(model).info, {})
+    dataset = _collect(out / "boards", seed, workers, say, assets, model)
     say("inferring which switch controls what, from pictures and actions alone")
     result = evaluate_dataset(dataset, seed=seed, workers=1)
     write_json(out / "relations.json", result)
@@ -70,9 +79,10 @@ def run_demo(out: Path, seed: int, workers: int, say: Say, assets: str = "proced
     chosen = most_telling([episode.board for episode in episodes])
     inferred = infer(episodes[chosen])
     say("drawing figures")
-    pictures = _figures(out / "figures", episodes, chosen, inferred)
+    thoughts = list(retrace(episodes[chosen], load_once(model), policy))
+    pictures = _figures(out / "figures", episodes, chosen, inferred, thoughts)
     recording = out / f"board-{chosen}.rrd"
-    save_rrd(recording, episodes[chosen], [inferred])
+    save_rrd(recording, episodes[chosen], [inferred], thoughts=thoughts)
     say("taking pictures of the viewer")
     for step in (EARLY_STEP, STEPS):
         picture = out / "figures" / f"viewer-step-{step:02d}.png"
@@ -84,14 +94,15 @@ def run_demo(out: Path, seed: int, workers: int, say: Say, assets: str = "proced
     return Demo(out, report, recording, tuple(pictures.values()), result)
 
 
-def _collect(path: Path, seed: int, workers: int, say: Say, assets: str) -> Dataset:
+def _collect(path: Path, seed: int, workers: int, say: Say, assets: str, model: str) -> Dataset:
     library = find(assets)
     say(f"drawing {BOARDS} boards with {len(library.objects)} {library.name} objects to choose from")
     # levers with three positions and panels on every board: more to discover
     config = BoardConfig(boards=BOARDS, group_size=1, seed=seed, relations="one-to-many")
     dataset = create_dataset(path, config, library)
     say(f"acting {STEPS} times on each and recording what happens")
-    collect(dataset, library, CollectConfig(policy="scripted", steps=STEPS), min(workers, BOARDS))
+    chooser, acting = LearnedChooser(model, "collect"), CollectConfig(policy="learned", steps=STEPS)
+    collect(dataset, library, acting, min(workers, BOARDS), None, chooser, chooser.provenance())
     return dataset
 
 
@@ -100,11 +111,14 @@ def most_telling(boards: list[BoardSpec]) -> int:
     return max(range(len(boards)), key=lambda i: (len({r.kind for r in boards[i].relations}), len(boards[i].relations)))
 
 
-def _figures(folder: Path, episodes: list[Episode], chosen: int, inferred: InferredGraph) -> dict[str, Path]:
+def _figures(
+    folder: Path, episodes: list[Episode], chosen: int, inferred: InferredGraph, thoughts: list[Thought]
+) -> dict[str, Path]:
     folder.mkdir(parents=True, exist_ok=True)
     episode = episodes[chosen]
     return {
         "boards": figures.boards_figure(folder / "boards.png", episodes),
+        "affordance": affordance_figure(folder / "affordance.png", episode, thoughts),
         "episode": figures.episode_figure(folder / "episode.png", episode),
         "graph": figures.graph_figure(folder / "graph.png", episode, inferred),
         "refinement": figures.refinement_figure(folder / "refinement.png", episode, inferred),

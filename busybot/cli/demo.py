@@ -11,6 +11,9 @@ from busybot.cli.common import JsonOption, SeedOption, WorkersOption, own_name, 
 def demo(
     out: Annotated[Path | None, typer.Option(help="Folder to make; `demo`, or the next free `demo-2`.")] = None,
     assets: Annotated[str, typer.Option(help="`procedural`, or a folder of annotated objects.")] = "procedural",
+    model: Annotated[
+        str, typer.Option(help="Who acts: a shipped model's name or a folder. `procedural` knows procedural objects.")
+    ] = "procedural",
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     json: JsonOption = False,
@@ -19,7 +22,7 @@ def demo(
     from busybot.demo import run_demo
     from busybot.workers import default_workers
 
-    done = run_demo(out or _free("demo"), seed, workers or default_workers(), say, assets)
+    done = run_demo(out or _free("demo"), seed, workers or default_workers(), say, assets, model)
     if json:
         told = {name: done.result[name] for name in ("boards", "edge_p", "edge_r")}
         print_json(

@@ -61,12 +61,17 @@ def _boards(story: Story, folder: Path) -> str:
 def _actions(story: Story, folder: Path) -> str:
     episode = story.episodes[story.chosen]
     moved = sum(step.success for step in episode.steps)
-    who = "an oracle that knows the joints, so that nearly every action works" if episode.oracle else "a policy"
     return (
-        f"## Acting\n\nThe `{episode.policy}` policy is {who}. On board {story.chosen} it acted {len(episode.steps)} "
-        f"times and moved a trigger {moved} times. Every action is a point to take hold of and one of 18 directions; "
-        "the reward is 1 when more than "
+        "## Acting\n\nWhere can something be moved, and in which direction? The policy learned it from depth images "
+        "and from pixels that change, without labels, and has not seen these boards before. It chooses at random among "
+        "what looks movable: a point to take hold of and one of 18 directions. On board "
+        f"{story.chosen} it acted {len(episode.steps)} times and moved a trigger {moved} times. The reward is 1 when "
+        "more than "
         f"{episode.settings.get('interaction', {}).get('delta', 500)} pixels change.\n\n"
+        + _picture(
+            story, folder, "affordance", "What the policy believed before its first actions: affordance in orange."
+        )
+        + "\n\n"
         + _picture(story, folder, "episode", "Some actions and what they changed.")
         + "\n\n"
         + _picture(story, folder, "changes", "Changed pixels of every action, and the threshold of the reward.")

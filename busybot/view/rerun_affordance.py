@@ -74,11 +74,11 @@ def _log_candidates(recording: rr.RecordingStream, episode: Episode, thought: Th
         f"success {score:.2f}, {f'known link {region}' if region > 0 else 'new'}"
         for score, region in zip(found.scores, found.regions, strict=True)
     ]
-    radii = (1.2 + 2.4 * found.scores) * size
+    radii = (0.8 + 1.2 * found.scores) * size
     dots = rr.Points2D(places, radii=radii, colors=INK, labels=labels, show_labels=False, draw_order=20)
     recording.log(f"{SPACE}/candidates/positions", dots)
     ends = _arrows(episode, found.positions, chosen, CANDIDATE_ARROW * ARROW_LENGTH)
-    arrows = rr.Arrows2D(origins=places, vectors=ends, colors=INK, radii=0.7 * size, draw_order=20)
+    arrows = rr.Arrows2D(origins=places, vectors=ends, colors=INK, radii=0.5 * size, draw_order=20)
     recording.log(f"{SPACE}/candidates/directions", arrows)
 
 

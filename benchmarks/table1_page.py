@@ -1,0 +1,99 @@
+"""Table 1 as Markdown, from the result file of `benchmarks/table1.py` into a page that has a place for it.
+
+    python benchmarks/table1_page.py benchmarks/results/table1.json docs/interact.md
+
+The place is between `<!-- table1 -->` and `<!-- end of table1 -->`. A row that was not run is shown as missing.
+"""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+BEGIN, END = "<!-- table1 -->", "<!-- end of table1 -->"
+SPLITS = ("novel-config", "novel-object")
+KEYS = ("precision", "recall", "precision_exploring")
+PAPER = {
+    "oracle": (91.8, 82.4, 79.5, 90.2),
+    "rgb": (62.3, 63.1, 9.5, 17.0),
+    "without responders": (0.71, 0.65, 0.24, 0.49),
+    "greedy": (94.2, 33.7, 81.9, 38.6),
+    "ours": (90.1, 80.1, 82.6, 84.8),
+}
+"""Precision and recall on new configurations, then on new objects (the paper's Table 1)."""
+ROWS = (
+    ("free-0", "**ours**, free, seed 0"),
+    ("free-1", "**ours**, free, seed 1"),
+    ("free-2", "**ours**, free, seed 2"),
+    ("strict-0", "**ours**, strict, seed 0"),
+    ("strict-1", "**ours**, strict, seed 1"),
+    ("strict-2", "**ours**, strict, seed 2"),
+    ("oracle", "oracle: reward from joint states"),
+    ("rgb", "RGB instead of depth"),
+    ("without-responders-100", "without responders, threshold 100"),
+    ("without-responders-500", "without responders, threshold 500"),
+    ("without-responders-1000", "without responders, threshold 1000"),
+    ("greedy", "without exploration: always the highest affordance"),
+    ("ucb", "the paper's UCB bonus on our networks"),
+    ("random", "random elevated pixels and directions"),
+)
+
+
+def table(result: dict[str, Any]) -> str:
+    """Percent with half the width of the 95 % interval over boards; the paper's rows below."""
+    heads = ("precision", "recall", "new links", "precision", "recall", "new links")
+    lines = ["| | " + " | ".join(f"{split}: {head}" for split, head in _columns(heads)) + " |"]
+    lines.append("|---" * (1 + len(heads)) + "|")
+    for name, words in ROWS:
+        row = result["rows"].get(name)
+        cells = ["missing"] * len(heads) if row is None else [_cell(row[s], key) for s in SPLITS for key in KEYS]
+        lines.append(f"| {words} | " + " | ".join(cells) + " |")
+    for name, values in PAPER.items():
+        config_p, config_r, object_p, object_r = (f"{value:g}" for value in values)
+        lines.append(f"| *the paper: {name}* | {config_p} | {config_r} | | {object_p} | {object_r} | |")
+    return "\n".join(lines)
+
+
+def _columns(heads: tuple[str, ...]) -> list[tuple[str, str]]:
+    return [(SPLITS[number // len(KEYS)], head) for number, head in enumerate(heads)]
+
+
+def _cell(judged: dict[str, Any], key: str) -> str:
+    if judged[key] is None:
+        return "-"
+    low, high = judged["intervals"][key] or (judged[key], judged[key])
+    return f"{100 * judged[key]:.1f} ± {50 * (high - low):.1f}"
+
+
+def costs(result: dict[str, Any]) -> str:
+    """A sentence on time and memory of the trainings that nothing interrupted."""
+    trained = [row["training"]["cost"] for row in result["rows"].values() if row["training"]]
+    known = [cost for cost in trained if cost]
+    if not known:
+        return ""
+    minutes = [cost["seconds"] / 60 for cost in known]
+    return (
+        f"From nothing to a trained model: {min(minutes):.0f} to {max(minutes):.0f} minutes and at most "
+        f"{max(cost['megabytes'] for cost in known) / 1000:.1f} GB of memory on {result['machine']['cores']} cores "
+        f"({len(known)} of {len(trained)} trainings that nothing interrupted)."
+    )
+
+
+def page(text: str, result: dict[str, Any]) -> str:
+    """The page with the table in its place."""
+    before, rest = text.split(BEGIN)
+    after = rest.split(END)[1]
+    return f"{before}{BEGIN}\n{table(result)}\n\n{costs(result)}\n{END}{after}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("result", type=Path)
+    parser.add_argument("page", type=Path)
+    arguments = parser.parse_args()
+    result = json.loads(arguments.result.read_text())
+    arguments.page.write_text(page(arguments.page.read_text(), result))
+
+
+if __name__ == "__main__":
+    main()

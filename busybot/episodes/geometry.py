@@ -39,10 +39,11 @@ class Rays:
 
 
 def project(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Board-frame points (..., 3) to pixel coordinates (..., 2), continuous, and depth (...,)."""
+    """Board-frame points (..., 3) to pixel coordinates (..., 2), continuous, not finite at depth 0, and depth (...,)."""
     local = (np.asarray(points, float) - camera.pose[:3, 3]) @ camera.pose[:3, :3]
     depth = local[..., 2]
-    pixels = local[..., :2] / depth[..., None] * camera.matrix[[0, 1], [0, 1]] + camera.matrix[:2, 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels = local[..., :2] / depth[..., None] * camera.matrix[[0, 1], [0, 1]] + camera.matrix[:2, 2]
     return pixels, depth
 
 

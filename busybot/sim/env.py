@@ -131,6 +131,8 @@ class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
         """What the gripper would hold at a position in the board frame."""
         scene = self._playing()
         pixels, depth = project(position, scene.camera)
+        if not np.isfinite(pixels).all():  # at the camera itself
+            return Grasp(None, position, (0, 0))
         column, row = (int(value) for value in np.floor(pixels))
         inside = depth > 0 and 0 <= column < self._view.width and 0 <= row < self._view.height
         assert self._image.depth is not None and self._image.segmentation is not None
@@ -138,6 +140,12 @@ class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
             edge = (min(max(column, 0), self._view.width - 1), min(max(row, 0), self._view.height - 1))
             return Grasp(None, position, edge)
         return Grasp(scene.trigger_at(int(self._image.segmentation[row, column])), position, (column, row))
+
+    def position_at(self, row: int, column: int) -> np.ndarray:
+        """What the camera sees at a pixel, board frame, float32 (3,); the camera's own place where it sees nothing."""
+        self._playing()
+        assert self._image.depth is not None
+        return np.asarray(self._rays.point(self._image.depth, (column, row)), np.float32)
 
     def save_state(self) -> tuple[BoardSpec, BoardState, int]:
         """The exact state: the board, its trigger states and the number of steps taken."""

@@ -100,3 +100,12 @@ def test_board_options_are_honoured() -> None:
 def test_acting_before_reset_is_refused() -> None:
     with pytest.raises(BusybotError, match="reset"):
         BusyBoardEnv(render=SMALL).step({"position": np.zeros(3), "direction": 0})
+
+
+def test_a_position_at_the_camera_or_behind_it_holds_nothing(env: BusyBoardEnv) -> None:
+    env.reset(seed=0)
+    assert env._scene is not None
+    camera = env._scene.camera.pose[:3, 3]
+    for position in (camera, camera + np.float32([0, 0, 1])):
+        assert env.grasp(position).trigger is None
+    assert env.step({"position": camera, "direction": 0})[1] == 0

@@ -39,7 +39,7 @@ class Rays:
 
 
 def project(points: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Board-frame points (..., 3) to pixel coordinates (..., 2), continuous, not finite at depth 0, and depth (...,)."""
+    """Board-frame points (..., 3) to pixel coordinates (..., 2), not finite at depth 0, and depth (...,)."""
     local = (np.asarray(points, float) - camera.pose[:3, 3]) @ camera.pose[:3, :3]
     depth = local[..., 2]
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -16,6 +16,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,26 +65,41 @@ JOINTS = ("--set", "interaction.reward=joints")
 
 ROWS = {
     "free-0": Row(seed=0),
+    "free-1": Row(seed=1),
+    "free-2": Row(seed=2),
+    "strict-0": Row(("--strict",), 0, ("--strict",)),
+    "strict-1": Row(("--strict",), 1, ("--strict",)),
+    "strict-2": Row(("--strict",), 2, ("--strict",)),
+    "oracle": Row(JOINTS, judge=JOINTS),
+    "rgb": Row(("--set", "inputs=rgb")),
     "greedy": Row(None, judge=("--mode", "greedy"), model="free-0"),
     "ucb": Row(None, judge=("--mode", "ucb"), model="free-0"),
     "random": Row(None, model="random"),
-    "strict-0": Row(("--strict",), 0, ("--strict",)),
-    "oracle": Row(JOINTS, judge=JOINTS),
-    "rgb": Row(("--set", "inputs=rgb")),
-    "free-1": Row(seed=1),
-    "free-2": Row(seed=2),
-    "strict-1": Row(("--strict",), 1, ("--strict",)),
-    "strict-2": Row(("--strict",), 2, ("--strict",)),
     "without-responders-100": _delta(100),
     "without-responders-500": _delta(500),
     "without-responders-1000": _delta(1000),
 }
+NOTHING_LEARNED = "no recorded action succeeded"
+"""What training says where not a single action was rewarded: there is no model to judge."""
 
 
 def busybot(*arguments: str) -> dict[str, Any]:
-    """Run a command with --json and return what it printed."""
+    """Run a command with --json and return what it printed; its progress goes on being shown.
+
+    Raises:
+        RuntimeError: the command failed; with the last lines of what it said.
+    """
     command = [sys.executable, "-m", "busybot", *arguments, "--json"]
-    return dict(json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout))
+    said: deque[str] = deque(maxlen=5)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stderr is not None
+        for line in process.stderr:
+            print(line, end="", file=sys.stderr, flush=True)
+            said.append(line.strip())
+        printed = process.stdout.read()
+    if process.returncode:
+        raise RuntimeError(" ".join(said))
+    return dict(json.loads(printed))
 
 
 def boards(work: Path, split: str, arguments: argparse.Namespace) -> Path:
@@ -151,7 +167,12 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     commands, training = [], None
     model = row.model if row.model == "random" else str(work / (row.model or name))
     if row.train is not None:
-        command, training = train(row, Path(model), arguments)
+        try:
+            command, training = train(row, Path(model), arguments)
+        except RuntimeError as error:
+            if NOTHING_LEARNED not in str(error):
+                raise
+            return {"commands": [], "training": None, "untrained": NOTHING_LEARNED}
         commands.append(command)
     judged = {}
     for split in SPLITS:
@@ -184,7 +205,7 @@ def main() -> None:
         result["rows"][name] = run(name, arguments)
         arguments.out.write_text(json.dumps(result, indent=1) + "\n")
         for split in SPLITS:
-            row = result["rows"][name][split]
+            row = result["rows"][name].get(split, {"precision": 0.0, "recall": 0.0})
             print(f"{name:24} {split:13} P {100 * row['precision']:5.1f} R {100 * row['recall']:5.1f}", flush=True)
 
 

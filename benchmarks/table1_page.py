@@ -46,7 +46,7 @@ def table(result: dict[str, Any]) -> str:
     lines.append("|---" * (1 + len(heads)) + "|")
     for name, words in ROWS:
         row = result["rows"].get(name)
-        cells = ["missing"] * len(heads) if row is None else [_cell(row[s], key) for s in SPLITS for key in KEYS]
+        cells = [_cell(row, split, key) for split in SPLITS for key in KEYS]
         lines.append(f"| {words} | " + " | ".join(cells) + " |")
     for name, values in PAPER.items():
         config_p, config_r, object_p, object_r = (f"{value:g}" for value in values)
@@ -58,7 +58,10 @@ def _columns(heads: tuple[str, ...]) -> list[tuple[str, str]]:
     return [(SPLITS[number // len(KEYS)], head) for number, head in enumerate(heads)]
 
 
-def _cell(judged: dict[str, Any], key: str) -> str:
+def _cell(row: dict[str, Any] | None, split: str, key: str) -> str:
+    if row is None or split not in row:
+        return "missing" if row is None else "no reward"
+    judged = row[split]
     if judged[key] is None:
         return "-"
     low, high = judged["intervals"][key] or (judged[key], judged[key])

@@ -1,8 +1,8 @@
 """Training batches: crops of recorded pictures, moved, scaled, turned and mirrored together with their labels.
 
 What makes a switch work does not depend on where on the board it stands, nor much on its size or on how it is turned
-about the camera's axis. So each crop is shown at a random offset and scale and in one of the eight orientations of a
-square, and heights, normals and directions change as the object itself would.
+about the camera's axis. So each crop is shown at a random offset, scale, aspect and height and in one of the eight
+orientations of a square, and heights, normals and directions change as the object itself would.
 
 In the picture +x is right and +y is up. `MIRROR_X` maps (x, y) to (-x, y), `MIRROR_Y` to (x, -y), and `TRANSPOSE`,
 which swaps rows and columns, to (-y, -x). Quarter turns are transpositions with one mirror.
@@ -52,25 +52,29 @@ class Batch:
 
 def draw_batch(samples: Samples, chosen: np.ndarray, config: FitConfig, rng: np.random.Generator) -> Batch:
     """Crops of the chosen samples, augmented."""
-    side, augmentation = config.side, config.augmentation
-    cut = _draw_side(config, rng)
-    reach = min(config.jitter, cut // 2 - 1, (SIDE - 2 - cut) // 2)
+    augmentation, depth = config.augmentation, samples.inputs == "depth"
+    rows, columns = _draw_sides(config, rng)
+    cut = max(rows, columns)
+    reach = min(config.jitter, min(rows, columns) // 2 - 1, (SIDE - 2 - cut) // 2)
     batch = cut_batch(samples, chosen, cut, rng.integers(-reach, reach + 1, (len(chosen), 2)))
-    if cut != side:
-        _resize(batch, side, samples.inputs == "depth")
+    _narrow(batch, rows, columns)
+    heights = np.exp(rng.uniform(-1, 1, len(chosen)) * augmentation.log_height).astype(np.float32)
+    _resize(batch, config.side, torch.from_numpy(heights) if depth else None)
     for matrix, share in ((MIRROR_X, 0.5), (MIRROR_Y, 0.5), (TRANSPOSE, augmentation.transposed)):
-        apply_symmetry(batch, matrix, torch.from_numpy(rng.random(len(chosen)) < share), samples.inputs == "depth")
+        apply_symmetry(batch, matrix, torch.from_numpy(rng.random(len(chosen)) < share), depth)
     if samples.inputs == "rgb" and augmentation.colour:
         gain, offset = rng.normal(0, augmentation.colour, (2, len(chosen), 3, 1, 1)).astype(np.float32)
         batch.features = batch.features * torch.from_numpy(1 + gain) + torch.from_numpy(offset / 2)
     return batch
 
 
-def _draw_side(config: FitConfig, rng: np.random.Generator) -> int:
-    """How many pixels become the `side` pixels of this batch; an even number."""
-    side, augmentation = config.side, config.augmentation
-    scaled, factor = rng.random() < augmentation.scaled, np.exp(rng.uniform(-1, 1) * augmentation.log_scale)
-    return min(int(side * factor) // 2 * 2, SIDE - 2) if scaled else side
+def _draw_sides(config: FitConfig, rng: np.random.Generator) -> tuple[int, int]:
+    """How many rows and columns become the `side` pixels of this batch; even numbers."""
+    augmentation = config.augmentation
+    scaled = rng.random() < augmentation.scaled
+    scale, stretch = rng.uniform(-1, 1, 2) * (augmentation.log_scale, augmentation.log_stretch) * scaled
+    sides = [int(config.side * np.exp(scale + part)) // 2 * 2 for part in (stretch / 2, -stretch / 2)]
+    return min(sides[0], SIDE - 2), min(sides[1], SIDE - 2)
 
 
 def cut_batch(samples: Samples, chosen: np.ndarray, side: int, offsets: np.ndarray | None = None) -> Batch:
@@ -119,15 +123,32 @@ def _cut_colours(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndar
     return colour_features(crops)
 
 
-def _resize(batch: Batch, side: int, depth: bool) -> None:
-    """Show the crops `side` pixels wide, as if everything in them were larger or smaller, heights included."""
-    factor = side / batch.features.shape[-1]
-    features = functional.interpolate(batch.features, size=(side, side), mode="bilinear", align_corners=False)
-    if depth:
-        features = torch.cat([features[:, :1] * factor, unit(features[:, 1:])], dim=1)
+def _narrow(batch: Batch, rows: int, columns: int) -> None:
+    """Keep so many rows and columns around the middle of square crops."""
+    top, left = ((batch.features.shape[-1] - kept) // 2 for kept in (rows, columns))
+    batch.features = batch.features[:, :, top : top + rows, left : left + columns]
+    batch.rows, batch.columns = batch.rows - top, batch.columns - left
+
+
+def _resize(batch: Batch, side: int, heights: Tensor | None) -> None:
+    """Show the crops `side` pixels wide and high, as if everything in them were larger, smaller, slimmer or flatter.
+
+    Args:
+        heights: of depth features, factors (B,) by which things become higher than the crop's own scale makes them.
+    """
+    along, across = (side / size for size in batch.features.shape[-2:])
+    features = batch.features
+    if along != 1 or across != 1:
+        features = functional.interpolate(features, size=(side, side), mode="bilinear", align_corners=False)
+    if heights is not None and (along != 1 or across != 1 or bool((heights != 1).any())):
+        upward = heights * float(np.sqrt(along * across))
+        # a surface that is stretched by s has a normal that is divided by s, along each axis
+        stretch = torch.stack([torch.full_like(upward, across), torch.full_like(upward, along), upward], dim=1)
+        normal = unit(features[:, 1:] / stretch[:, :, None, None])
+        features = torch.cat([features[:, :1] * upward[:, None, None, None], normal], dim=1)
     batch.features = features
-    batch.rows = ((batch.rows + 0.5) * factor).long().clamp(0, side - 1)
-    batch.columns = ((batch.columns + 0.5) * factor).long().clamp(0, side - 1)
+    batch.rows = ((batch.rows + 0.5) * along).long().clamp(0, side - 1)
+    batch.columns = ((batch.columns + 0.5) * across).long().clamp(0, side - 1)
 
 
 def apply_symmetry(batch: Batch, matrix: np.ndarray, chosen: Tensor, depth: bool) -> None:

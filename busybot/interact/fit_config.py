@@ -16,7 +16,9 @@ class Augmentation(_Plain):
     """How crops are varied.
 
     Attributes:
-        scaled: share of batches that are scaled by exp(uniform(-log_scale, log_scale)).
+        scaled: share of batches that are scaled by exp(uniform(-log_scale, log_scale)) and stretched along one axis at
+            the other's cost by exp(uniform(-log_stretch, log_stretch)).
+        log_height: heights of each crop are multiplied by exp(uniform(-log_height, log_height)).
         transposed: share of crops with rows and columns swapped; with the mirrors, of which each happens to half of the
             crops, this gives all quarter turns.
         colour: standard deviation of the gain per colour channel, and of twice its offset (RGB variant).
@@ -24,6 +26,8 @@ class Augmentation(_Plain):
 
     scaled: Share = 0.7
     log_scale: Annotated[float, Field(ge=0, le=0.5)] = 0.25
+    log_stretch: Annotated[float, Field(ge=0, le=0.5)] = 0.3
+    log_height: Annotated[float, Field(ge=0, le=1)] = 0.3
     transposed: Share = 0.35
     colour: Annotated[float, Field(ge=0, le=1)] = 0.2
 

@@ -11,6 +11,8 @@ from busybot.interact.batches import (
     MIRROR_X,
     MIRROR_Y,
     TRANSPOSE,
+    Batch,
+    _resize,
     apply_symmetry,
     cut_batch,
     draw_batch,
@@ -93,9 +95,34 @@ def test_a_batch_depends_on_its_generator_alone(samples: Samples) -> None:
 
 
 def test_scaled_crops_scale_their_heights(samples: Samples) -> None:
-    config = FitConfig(side=64, jitter=0, augmentation=Augmentation(scaled=1, log_scale=0.3, transposed=0))
+    plain = Augmentation(scaled=1, log_scale=0.3, log_stretch=0, log_height=0, transposed=0)
+    config = FitConfig(side=64, jitter=0, augmentation=plain)
     heights = cut_batch(samples, np.array([0]), 64).features[0, 0, 32, 32]
     for index in range(4):
         batch = draw_batch(samples, np.array([0]), config, generator(0, "train", index, "scale"))
         ratio = batch.features[0, 0, batch.rows[0], batch.columns[0]] / heights
         assert 0.7 < ratio < 1.4
+
+
+def test_a_stretched_slope_has_the_normal_of_the_stretched_slope() -> None:
+    """A plane with slopes a and b, shown twice as wide and half as high again: the normal follows."""
+    a, b, factor = 0.5, -0.25, 1.5
+    columns, rows = np.meshgrid(np.arange(32.0), np.arange(64.0))
+    normal = np.array([-a, -b, 1]) / np.linalg.norm([-a, -b, 1])
+    planes = [a * columns - b * rows, *(np.full((64, 32), part) for part in normal)]  # rows run against y
+    batch = Batch(
+        features=torch.tensor(np.array(planes)[None], dtype=torch.float32),
+        rows=torch.tensor([32]),
+        columns=torch.tensor([16]),
+        reward=torch.ones(1),
+        labels=torch.ones(1, 18),
+        known=torch.ones(1, 18),
+    )
+    _resize(batch, 64, torch.tensor([factor]))
+    height = batch.features[0, 0]
+    along_x = float(height[32, 40] - height[32, 30]) / 10  # per pixel; all lengths are in pixels here
+    along_y = -float(height[40, 32] - height[30, 32]) / 10
+    expected = torch.tensor([-along_x, -along_y, 1.0])
+    assert torch.allclose(batch.features[0, 1:, 32, 32], expected / expected.norm(), atol=1e-3)
+    assert along_x == pytest.approx(a * factor * 2**0.5 / 2, rel=1e-3)
+    assert (int(batch.rows[0]), int(batch.columns[0])) == (32, 33)

@@ -2,14 +2,16 @@
 PYTHON ?= python3
 BIN := .venv/bin
 PYTEST_ARGS ?=
+PROFILE ?= smoke
 
-.PHONY: help setup demo test test-all lint lock check-resolve clean
+.PHONY: help setup demo test test-all lint reproduce dvc lock check-resolve clean
 
 help:
 	@echo "make demo           set up and run the demo: boards, recordings, relations, a report and pictures"
 	@echo "make test           set up and run the fast tests"
 	@echo "make test-all       the same with the long tests, the linter and the type checker"
 	@echo "make lint           the linter and the type checker"
+	@echo "make reproduce      run the whole pipeline, PROFILE=smoke by default; what is up to date is not run again"
 	@echo "make setup          only set up: .venv, pinned packages, a Vulkan driver"
 	@echo "make lock           write requirements/lock.txt anew from pyproject.toml (needs the registry)"
 	@echo "make check-resolve  do the pins resolve for every supported Python? (needs the registry)"
@@ -23,12 +25,23 @@ demo: setup
 test: setup
 	@$(BIN)/python -m pytest -m "not long" $(PYTEST_ARGS)
 
-test-all: setup lint
+test-all: setup lint dvc
 	@$(BIN)/python -m pytest $(PYTEST_ARGS)
 
 lint: setup
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
+
+dvc: setup
+	@$(PYTHON) -m provision.dvc
+
+# The chosen profile's values become params.yaml; DVC runs what changed and goes on where it was interrupted.
+reproduce: dvc
+	@test -f pipelines/$(PROFILE)/params.yaml || { echo "there is no profile $(PROFILE): see pipelines/" >&2; exit 1; }
+	@cmp -s pipelines/$(PROFILE)/params.yaml params.yaml || cp pipelines/$(PROFILE)/params.yaml params.yaml
+	@PATH="$(CURDIR)/$(BIN):$$PATH" .tools/dvc/bin/dvc repro
+	@.tools/dvc/bin/dvc metrics show --precision 3
+	@.tools/dvc/bin/dvc status
 
 UV_COMPILE := $(BIN)/uv pip compile --quiet --no-emit-index-url --no-annotate
 TORCHLESS := --excludes requirements/without-cuda.txt --no-emit-package torch
@@ -36,6 +49,8 @@ TORCHLESS := --excludes requirements/without-cuda.txt --no-emit-package torch
 lock: setup
 	@$(UV_COMPILE) --universal --python-version 3.11 --generate-hashes --upgrade $(TORCHLESS) \
 		--custom-compile-command "make lock" --extra dev -o requirements/lock.txt pyproject.toml
+	@echo "dvc[s3]" | $(UV_COMPILE) --universal --python-version 3.11 --generate-hashes --upgrade \
+		--custom-compile-command "make lock" -o requirements/dvc.txt -
 
 # Built packages only, for the platform that the set-up knows; with and without CUDA, and the extra for clusters.
 check-resolve: setup

@@ -9,7 +9,7 @@ from busybot.cli.common import JsonOption, own_name, print_json, say
 
 
 def generate(
-    out: Annotated[Path, typer.Argument(help="Folder to make; it must not exist or be empty.")],
+    out: Annotated[Path, typer.Argument(help="Folder to make.")],
     split: Annotated[str | None, typer.Option(help="train, novel-config or novel-object.")] = None,
     boards: Annotated[int | None, typer.Option(min=1, help="Number of boards.")] = None,
     relations: Annotated[str | None, typer.Option(help="any, one-to-one or one-to-many.")] = None,
@@ -21,7 +21,7 @@ def generate(
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as name=value.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Draw boards: objects, places, colours and hidden relations."""
+    """Draw boards: objects, places, colours and hidden relations. What the same command made before is left alone."""
     from busybot.boards.config import BoardConfig
     from busybot.boards.generate import Redraws
     from busybot.config import build

@@ -57,7 +57,7 @@ class Dataset:
             BusybotError: if the folder exists and is not empty, or the boards are not numbered as the info says.
         """
         path = Path(path)
-        if path.is_symlink() or (path.exists() and (not path.is_dir() or any(path.iterdir()))):
+        if path.is_symlink() or (path.exists() and not (path.is_dir() and _unfinished(path))):
             raise BusybotError(f"{path}: it exists and is not an empty folder", "name another folder, or remove it")
         lines = []
         for index, board in enumerate(boards):
@@ -310,3 +310,12 @@ def _alive(process: int) -> bool:
     except (PermissionError, OverflowError):
         return True
     return True
+
+
+def _unfinished(folder: Path) -> bool:
+    """Whether it holds nothing, or nothing but what an interrupted `Dataset.create` leaves behind."""
+    entries = {entry.name: entry for entry in folder.iterdir()}
+    if set(entries) - {"boards", "episodes"}:
+        return False
+    files = [file for entry in entries.values() if not entry.is_symlink() for file in entry.rglob("*")]
+    return all(file.parent.name == "boards" and file.is_file() for file in files)

@@ -75,3 +75,26 @@ def test_views_that_show_nothing_are_refused(tmp_path: Path) -> None:
     ):
         result = busybot("collect", str(tmp_path / "d"), "--set", setting)
         assert result.returncode == 1 and message in result.stderr and "Traceback" not in result.stderr, result.stderr
+
+
+def test_generating_again_changes_nothing_and_refuses_anything_else(tmp_path: Path) -> None:
+    folder = tmp_path / "boards"
+    assert busybot("generate", str(folder), "--boards", "2").returncode == 0
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    again = busybot("generate", str(folder), "--boards", "2", "--json")
+    assert again.returncode == 0 and json.loads(again.stdout)["boards"] == 2
+    assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    other = busybot("generate", str(folder), "--boards", "2", "--seed", "1")
+    assert other.returncode == 1 and "seed differ" in other.stderr and "mend:" in other.stderr
+
+
+def test_an_interrupted_generate_is_made_again_but_nothing_else_is_overwritten(tmp_path: Path) -> None:
+    folder = tmp_path / "boards"
+    assert busybot("generate", str(folder), "--boards", "2").returncode == 0
+    (folder / "dataset.json").unlink()  # it is written last
+    assert busybot("generate", str(folder), "--boards", "2").returncode == 0
+    (folder / "dataset.json").unlink()
+    (folder / "episodes" / "000000.mcap").write_text("precious")
+    refused = busybot("generate", str(folder), "--boards", "2")
+    assert refused.returncode == 1 and "not an empty folder" in refused.stderr
+    assert (folder / "episodes" / "000000.mcap").read_text() == "precious"

@@ -1,0 +1,56 @@
+"""The few figures of a run that one looks at first, and its learning curves, for DVC and for people.
+
+    python -m pipelines.summary runs/smoke
+
+Reads what the other stages left behind; writes `metrics.json` and `curves.tsv` beside it.
+"""
+
+import csv
+import io
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from busybot.files import read_json, write_atomically
+from busybot.interact.fit_metrics import read_metrics
+from busybot.interact.networks import KINDS
+
+SHOWN = {
+    "interact": ("judged/{}/result.json", ("precision", "recall", "precision_exploring", "boards")),
+    "relations": ("relations/{}.json", ("edge_p", "edge_r", "edge_r_bound", "boards")),
+}
+SPLITS = ("train", "novel-config", "novel-object")
+
+
+def metrics(run: Path) -> dict[str, Any]:
+    """By skill and split; what a stage did not make is left out."""
+    found: dict[str, Any] = {}
+    for skill, (place, keys) in SHOWN.items():
+        for split in SPLITS:
+            file = run / place.format(split)
+            if file.is_file():
+                result = read_json(file)
+                found.setdefault(skill, {})[split] = {key: result[key] for key in keys}
+    return found
+
+
+def curves(run: Path) -> str:
+    """Losses by iteration as tab-separated values, one line per network and report."""
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter="\t", lineterminator="\n")
+    writer.writerow(("network", "iteration", "loss"))
+    for kind in KINDS:
+        lines = read_metrics(run / "interact" / "metrics" / f"{kind}.jsonl")
+        writer.writerows((kind, line["iteration"], line["loss"]) for line in lines if "loss" in line)
+    return text.getvalue()
+
+
+def main() -> None:
+    run = Path(sys.argv[1])
+    write_atomically(run / "metrics.json", (json.dumps(metrics(run), indent=1) + "\n").encode())
+    write_atomically(run / "curves.tsv", curves(run).encode())
+
+
+if __name__ == "__main__":
+    main()

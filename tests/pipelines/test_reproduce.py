@@ -1,0 +1,101 @@
+"""`make reproduce PROFILE=smoke`: everything runs, nothing unchanged runs again, an interrupted stage goes on."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+DVC = ROOT / ".tools" / "dvc" / "bin" / "dvc"
+PARTS = ("busybot", "pipelines", "dvc.yaml", "params.yaml", ".dvcignore", ".dvc/config")
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    if not DVC.exists():
+        pytest.skip("DVC is not installed: `make dvc` does it")
+    for part in PARTS:
+        source, target = ROOT / part, tmp_path / part
+        target.parent.mkdir(parents=True, exist_ok=True)
+        copy = shutil.copytree if source.is_dir() else shutil.copy
+        copy(source, target, **({"ignore": shutil.ignore_patterns("__pycache__")} if source.is_dir() else {}))
+    return tmp_path
+
+
+def begin(project: Path) -> subprocess.Popen[str]:
+    environment = dict(os.environ, PYTHONPATH=str(project), PATH=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+    return subprocess.Popen(
+        [DVC, "repro"],
+        cwd=project,
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
+
+
+def repro(project: Path) -> str:
+    process = begin(project)
+    said, _ = process.communicate(timeout=1500)
+    assert process.returncode == 0, said
+    return said
+
+
+def recorded(project: Path) -> dict[Path, int]:
+    return {path: path.stat().st_mtime_ns for path in (project / "runs").rglob("rounds/00/episodes/*.mcap")}
+
+
+def kill_after_episodes(project: Path, count: int) -> dict[Path, int]:
+    """Begin, and kill everything at once when so many episodes of the first round are there."""
+    process = begin(project)
+    deadline = time.monotonic() + 600
+    while len(found := recorded(project)) < count:
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.2)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    return found
+
+
+@pytest.mark.long
+def test_it_goes_on_after_a_kill_and_runs_nothing_twice(project: Path) -> None:
+    before = kill_after_episodes(project, 2)
+    said = repro(project)
+    assert "Running stage 'interact'" in said and "Running stage 'summary'" in said
+    after = recorded(project)
+    assert len(after) == 12 and {path: after[path] for path in before} == before, "recorded episodes were kept"
+    metrics = json.loads((project / "runs/smoke/metrics.json").read_text())
+    assert set(metrics["interact"]) == {"novel-config", "novel-object"}
+    assert set(metrics["relations"]) == {"train", "novel-config", "novel-object"}
+    assert metrics["relations"]["train"]["boards"] == 4
+    curves = (project / "runs/smoke/curves.tsv").read_text().splitlines()
+    assert curves[0] == "network\titeration\tloss" and len(curves) > 4
+
+    again = repro(project)
+    assert "Running stage" not in again and "up to date" in again
+
+    values = project / "params.yaml"
+    values.write_text(values.read_text().replace("images: 23", "images: 20"))
+    changed = repro(project)
+    assert changed.count("Running stage 'relations@") == 3 and "Running stage 'summary'" in changed
+    for untouched in ("interact", "judge@novel-config", "data@train"):
+        assert f"Running stage '{untouched}'" not in changed
+
+
+@pytest.mark.parametrize("profile", [path.name for path in sorted((ROOT / "pipelines").iterdir()) if path.is_dir()])
+def test_profiles_say_who_they_are_and_have_the_same_parameters(profile: str) -> None:
+    yaml = pytest.importorskip("yaml")
+    if profile == "__pycache__":
+        return
+    values, smoke = (
+        yaml.safe_load((ROOT / "pipelines" / name / "params.yaml").read_text()) for name in (profile, "smoke")
+    )
+    assert values["profile"] == profile
+    assert {key: type(value) for key, value in values.items()} == {key: type(value) for key, value in smoke.items()}

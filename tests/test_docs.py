@@ -31,3 +31,10 @@ def test_code_runs_as_it_stands(code: str, tmp_path: Path) -> None:
 def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
         assert target.startswith("https://") or (page.parent / target).exists(), target
+
+
+def test_the_format_reference_is_the_schemas() -> None:
+    from busybot.episodes.reference import page
+
+    written = (ROOT / "docs" / "dataset-format.md").read_text(encoding="utf-8")
+    assert page(written) == written, "python -m busybot.episodes.reference docs/dataset-format.md"

@@ -25,6 +25,9 @@ TASK_SECONDS = 300.0
 TRIES = 3
 PR_SET_PDEATHSIG = 1
 
+Engine = Callable[..., Iterator[tuple[int, Any]]]
+"""`run_tasks`, or something that keeps its contract."""
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 

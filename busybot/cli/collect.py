@@ -10,6 +10,7 @@ from busybot.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.sim.policies import Chooser
+    from busybot.workers import Engine
 
 
 def collect(
@@ -26,6 +27,7 @@ def collect(
     assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the policy; the dataset's by default.")] = None,
     workers: WorkersOption = None,
+    engine: Annotated[str, typer.Option(help="local, or ray for the machines of a cluster.")] = "local",
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters of CollectConfig.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as interaction.delta=1000.")] = None,
     json: JsonOption = False,
@@ -45,7 +47,8 @@ def collect(
     chooser, provenance = _chooser(parameters.policy, model, parameters.learned)
     try:
         with episode_progress("collecting") as progress:
-            result = run(target, library, parameters, workers or default_workers(), progress, chooser, provenance)
+            processes = workers or default_workers()
+            result = run(target, library, parameters, processes, progress, chooser, provenance, _engine(engine))
     except KeyboardInterrupt:
         say(f"{len(target.finished())} of {target.info.boards} episodes are there; the same command continues")
         raise
@@ -54,6 +57,17 @@ def collect(
     else:
         say(f"{result.done} of {result.boards} episodes in {dataset}, {result.new} of them new")
         say(f"next: {own_name()} dataset info {dataset}; {own_name()} view {dataset}")
+
+
+def _engine(name: str) -> "Engine":
+    """Who runs the workers."""
+    from busybot.cluster import run_on_ray
+    from busybot.workers import run_tasks
+
+    engines: dict[str, Engine] = {"local": run_tasks, "ray": run_on_ray}
+    if name not in engines:
+        raise BusybotError(f"there is no engine {name!r}", f"choose one of {', '.join(engines)}")
+    return engines[name]
 
 
 def _chooser(policy: str, model: str | None, learned: dict[str, Any]) -> "tuple[Chooser | None, dict[str, Any] | None]":

@@ -21,7 +21,7 @@ from busybot.sim.policies import BuiltIn, Chooser
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
-from busybot.workers import run_tasks
+from busybot.workers import Engine, run_tasks
 
 
 class CollectConfig(BaseModel):
@@ -75,12 +75,14 @@ def collect(
     progress: Progress | None = None,
     chooser: Chooser | None = None,
     provenance: dict[str, Any] | None = None,
+    engine: Engine = run_tasks,
 ) -> Collected:
     """Record an episode for every board that has none.
 
     Args:
         chooser: makes the policies; by default the built-in one that the configuration names.
         provenance: what else decides the chooser's choices, JSON values; recorded, and another is refused later.
+        engine: runs the workers: `workers.run_tasks` here, `cluster.run_on_ray` on many machines.
 
     Raises:
         BusybotError: the dataset's episodes were begun with other settings, or a worker is at fault.
@@ -95,7 +97,7 @@ def collect(
         seed = dataset.info.seed if config.seed is None else config.seed
         arguments = (dataset.path, library, config, seed, chooser or BuiltIn(config.policy))
         try:
-            for index, result in run_tasks(missing, _make_work, arguments, workers):
+            for index, result in engine(missing, _make_work, arguments, workers):
                 rows[index] = result
                 done += 1
                 if progress:

@@ -149,6 +149,13 @@ def shares(rows: list[dict[str, Any]]) -> dict[str, str]:
     return counted
 
 
+def brief(row: dict[str, Any]) -> dict[str, Any]:
+    """The row with the questions in which it disagrees in place of all verdicts."""
+    return {name: value for name, value in row.items() if name != "agrees"} | {
+        "disagrees": sorted(name for name, verdict in row["agrees"].items() if not verdict)
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--assets", type=Path, required=True, help="the 58 annotated objects")
@@ -171,13 +178,8 @@ def main() -> None:
         "agreement": shares(known),
         "agreement_by_split": {split: shares(rows) for split, rows in splits.items()},
         "agreement_without_category": shares(blind),
-        "disagreements": {
-            row["key"]: sorted(name for name, verdict in row["agrees"].items() if not verdict)
-            for row in known
-            if not all(row["agrees"].values())
-        },
-        "rows": known,
-        "rows_without_category": blind,
+        "rows": [brief(row) for row in known],
+        "rows_without_category": [brief(row) for row in blind if not all(row["agrees"].values())],
     }
     write_json(arguments.out, result)
     print(json.dumps({name: result[name] for name in ("agreement", "agreement_without_category")}, indent=2))

@@ -23,6 +23,8 @@ from busybot.objects.choices import Choices
 from busybot.objects.urdf import Urdf
 
 MAX_BYTES = 1 << 20
+MAX_TOKENS = 200_000
+MAX_DEPTH = 16
 _MEND = "compare with what `busybot assets import RAW --review FILE` writes"
 _HEADER = """\
 # How `busybot assets import` would annotate these objects. Edit, then import them with --overrides and this file.
@@ -89,8 +91,11 @@ def read_overrides(path: Path) -> Overrides:
     except (OSError, UnicodeDecodeError) as error:
         raise BusybotError(f"{path}: cannot be read as text: {error}", "make it readable, as UTF-8") from None
     try:
-        lines = _lines(path, text)
-        value = yaml.safe_load(text)
+        _check_tokens(path, text)
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
+        lines = _lines(path, node)
+        value: Any = loader.construct_document(node) if node is not None else None
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         mark = getattr(error, "problem_mark", None)
         line = f", line {mark.line + 1}" if mark else ""
@@ -115,13 +120,25 @@ def _choices(found: Overrides, instance: str, entry: Any) -> Choices:
         raise BusybotError(f"{found.where(*place)}: {message}", _MEND) from None
 
 
-def _lines(path: Path, text: str) -> dict[tuple[str, ...], int]:
-    """Line numbers by place; aliases and keys that stand twice are refused."""
-    for event in yaml.parse(text, Loader=yaml.SafeLoader):
-        if isinstance(event, yaml.AliasEvent):
-            raise BusybotError(f"{path}, line {event.start_mark.line + 1}: has an alias", "write the values out")
+def _check_tokens(path: Path, text: str) -> None:
+    """Refuse what would take the parser very long, before it begins: it is quadratic in the depth of brackets."""
+    depth = 0
+    for count, token in enumerate(yaml.scan(text, Loader=yaml.SafeLoader)):
+        line = f"{path}, line {token.start_mark.line + 1}"
+        if isinstance(token, yaml.AliasToken):
+            raise BusybotError(f"{line}: has an alias", "write the values out")
+        depth += isinstance(token, yaml.FlowSequenceStartToken | yaml.FlowMappingStartToken)
+        depth -= isinstance(token, yaml.FlowSequenceEndToken | yaml.FlowMappingEndToken)
+        if depth > MAX_DEPTH:
+            raise BusybotError(f"{line}: brackets are nested more than {MAX_DEPTH} deep", _MEND)
+        if count > MAX_TOKENS:
+            raise BusybotError(f"{path}: more than the {MAX_TOKENS} words and signs allowed", "divide the file")
+
+
+def _lines(path: Path, root: yaml.Node | None) -> dict[tuple[str, ...], int]:
+    """Line numbers by place; keys that stand twice are refused."""
     lines: dict[tuple[str, ...], int] = {}
-    waiting: list[tuple[tuple[str, ...], Any]] = [((), yaml.compose(text, Loader=yaml.SafeLoader))]
+    waiting: list[tuple[tuple[str, ...], Any]] = [((), root)]
     while waiting:
         place, node = waiting.pop()
         if isinstance(node, yaml.MappingNode):

@@ -89,7 +89,8 @@ def _download(instance: str, folder: Path, token: str, time_limit_s: float) -> i
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        env=os.environ | {TOKEN_VARIABLE: token, "PYTHONPATH": path},
+        # one thread: a pool's stacks would count against the limit of memory
+        env=os.environ | {TOKEN_VARIABLE: token, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"},
     )
     deadline = time.monotonic() + time_limit_s
     try:

@@ -1,13 +1,14 @@
-"""`busybot assets`: which objects there are, make procedural ones, check a folder of them."""
+"""`busybot assets`: which objects there are; make procedural ones, fetch and import real ones, check a folder."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from busybot.cli.common import JsonOption, SeedOption, print_json, say
 
 if TYPE_CHECKING:
+    from busybot.objects.importing import Outcome
     from busybot.objects.library import Library
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="List, make and check objects.")
@@ -50,22 +51,135 @@ def make(
 
 @app.command()
 def check(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A library, or one object's folder.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A library, one object's folder, or raw objects.")],
     json: JsonOption = False,
 ) -> None:
-    """Say what is wrong with each object. Exits with 1 if any is bad."""
+    """Say what is wrong with each object, and which are raw. Exits with 1 if any is bad or raw."""
     from busybot.objects.check import check_objects
 
     findings = check_objects(folder)
     bad = [finding for finding in findings if not finding.ok]
+    checked = len({finding.name for finding in findings})
     if json:
-        print_json({"ok": not bad, "checked": len(findings), "problems": bad})
+        print_json({"ok": not bad, "checked": checked, "problems": bad})
     else:
         for finding in bad:
             print(f"{finding.name}: {finding.problem} (mend: {finding.mend or 'see the documentation'})")
-        print(f"{folder}: {len(findings)} checked, {f'{len(bad)} bad' if bad else 'nothing is wrong'}")
+        names = len({finding.name for finding in bad})
+        print(f"{folder}: {checked} checked, {f'{names} bad' if bad else 'nothing is wrong'}")
     if bad:
         raise typer.Exit(1)
+
+
+@app.command("import")
+def import_raw(
+    raw: Annotated[list[Path], typer.Argument(metavar="RAW...", help="Raw objects' folders, or folders of them.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="The library; made if it is absent.")] = None,
+    review: Annotated[
+        Path | None, typer.Option("--review", metavar="FILE", help="Write how they are annotated, as YAML to edit.")
+    ] = None,
+    overrides: Annotated[
+        Path | None, typer.Option("--overrides", metavar="FILE", help="YAML that a person has reviewed.")
+    ] = None,
+    split: Annotated[
+        Literal["train", "novel"] | None,
+        typer.Option(help="By default the paper's for its objects, train for others."),
+    ] = None,
+    replace: Annotated[bool, typer.Option("--replace", help="Replace objects that the library has otherwise.")] = False,
+    json: JsonOption = False,
+) -> None:
+    """Annotate raw PartNet-Mobility objects by rules and overrides, and put them into a library.
+
+    Without --out nothing is imported: --review alone shows what the rules propose. Exits with 1 if any is refused.
+    """
+    from busybot.objects.importing import import_objects, raw_folders
+    from busybot.objects.overrides import read_overrides
+
+    if out is None and review is None:
+        raise typer.BadParameter("nothing to do: give --out DIR, --review FILE or both", param_hint="--out")
+    if review is not None:
+        _refuse_existing(review)
+    given = read_overrides(overrides) if overrides else None
+    folders = raw_folders(raw)
+    outcomes = []
+    for outcome in import_objects(folders, out, given, split, replace):
+        say(f"{outcome.name}: {outcome.done}{f' as {outcome.key}' if outcome.key else ''}{_reason(outcome)}")
+        outcomes.append(outcome)
+    if review is not None:
+        _write_review(review, outcomes)
+    unused = sorted(set(given.choices) - {folder.name for folder in folders}) if given else []
+    if unused:
+        say(f"{overrides}: names objects that were not given: {', '.join(unused[:5])}")
+    refused = [outcome for outcome in outcomes if outcome.problem]
+    if json:
+        print_json({"ok": not refused, "folder": out, "review": review, "objects": outcomes, "unused": unused})
+    elif out is not None:
+        say(f"next: busybot assets check {out}; busybot generate OUT --assets {out}")
+    if refused:
+        raise typer.Exit(1)
+
+
+@app.command()
+def fetch(
+    ids: Annotated[list[str], typer.Argument(metavar="ID...", help="PartNet-Mobility's numbers, for example 100366.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the raw objects.")],
+    json: JsonOption = False,
+) -> None:
+    """Download raw PartNet-Mobility objects with your own access token, through SAPIEN's downloader.
+
+    The token is read from the environment variable SAPIEN_ACCESS_TOKEN, or asked for. PartNet-Mobility's terms of use
+    apply to what is downloaded.
+    """
+    from busybot.sim.fetch import fetch as fetch_object
+
+    token = _token()
+    fetched = []
+    for instance in ids:
+        new = fetch_object(instance, out, token)
+        say(f"{instance}: {'downloaded' if new else 'is there already'}")
+        fetched.append({"id": instance, "folder": out / instance, "new": new})
+    if json:
+        print_json({"folder": out, "objects": fetched})
+    else:
+        say(f"next: busybot assets import {out} --out LIBRARY")
+
+
+def _token() -> str:
+    """The user's token, from the environment or a hidden prompt."""
+    import os
+    import sys
+
+    from busybot.errors import BusybotError
+
+    token = os.environ.get("SAPIEN_ACCESS_TOKEN", "").strip()
+    if not token and sys.stdin.isatty():
+        token = typer.prompt("Access token of PartNet-Mobility", hide_input=True, err=True).strip()
+    if not token.isprintable() or not token:
+        raise BusybotError(
+            "no access token for PartNet-Mobility",
+            "get one at https://sapien.ucsd.edu and put it into the environment variable SAPIEN_ACCESS_TOKEN",
+        )
+    return token
+
+
+def _refuse_existing(review: Path) -> None:
+    from busybot.errors import BusybotError
+
+    if review.exists():
+        raise BusybotError(f"{review}: exists, perhaps with somebody's changes", "name another file for the proposal")
+
+
+def _write_review(review: Path, outcomes: "list[Outcome]") -> None:
+    from busybot.objects.overrides import write_review
+
+    proposals = {outcome.name: (outcome.choices, outcome.notes) for outcome in outcomes if outcome.choices}
+    write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
+
+
+def _reason(outcome: "Outcome") -> str:
+    if outcome.problem:
+        return f": {outcome.problem}{f' (mend: {outcome.mend})' if outcome.mend else ''}"
+    return "".join(f"\n  {note}" for note in outcome.notes)
 
 
 def _rows(library: "Library") -> list[dict[str, Any]]:

@@ -19,6 +19,7 @@ from busybot.objects.snapshot import Snapshot
 
 FILE_NAME = "object_meta_info.json"
 MAX_BYTES = 1 << 20
+MAX_FAULTS = 20
 _MEND = "compare with an annotated object of PartNet-Mobility, or annotate the object again"
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e4, le=1e4, strict=True)]
@@ -123,17 +124,39 @@ class ObjectAnnotation(_Part):
 
 def parse_annotation(snapshot: Snapshot) -> ObjectAnnotation:
     """Read and check the annotation; errors name the file, the field and the mend."""
+    value = _read(snapshot)
+    try:
+        return ObjectAnnotation.model_validate(value)
+    except ValidationError as error:
+        raise _described(snapshot, error)[0] from None
+
+
+def annotation_faults(snapshot: Snapshot) -> list[BusybotError]:
+    """Everything that is wrong with the annotation, field by field; empty when nothing is."""
+    try:
+        ObjectAnnotation.model_validate(_read(snapshot))
+    except ValidationError as error:
+        return _described(snapshot, error)
+    except BusybotError as error:
+        return [error]
+    return []
+
+
+def _read(snapshot: Snapshot) -> Any:
     path = snapshot.folder / FILE_NAME
     data = snapshot.require(FILE_NAME)
     if len(data) > MAX_BYTES:
         raise BusybotError(f"{path}: {len(data)} bytes are more than the {MAX_BYTES} allowed", _MEND)
     try:
-        value = json.loads(data)
+        return json.loads(data)
     except (ValueError, RecursionError) as error:
         raise BusybotError(f"{path}: not valid JSON: {str(error)[:200]}", _MEND) from None
-    try:
-        return ObjectAnnotation.model_validate(value)
-    except ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        place = ".".join(str(part)[:40] for part in first["loc"]) or "the object"
-        raise BusybotError(f"{path}: {place}: {first['msg'][:300]}", _MEND) from None
+
+
+def _described(snapshot: Snapshot, error: ValidationError) -> list[BusybotError]:
+    """An error for each fault, at least one, at most `MAX_FAULTS`."""
+    faults = []
+    for fault in error.errors(include_url=False, include_input=False)[:MAX_FAULTS]:
+        place = ".".join(str(part)[:40] for part in fault["loc"]) or "the object"
+        faults.append(BusybotError(f"{snapshot.folder / FILE_NAME}: {place}: {fault['msg'][:300]}", _MEND))
+    return faults

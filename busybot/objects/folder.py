@@ -9,7 +9,7 @@ import numpy as np
 from busybot.errors import BusybotError
 from busybot.objects import annotation as annotations
 from busybot.objects.annotation import EffectEntry, parse_annotation
-from busybot.objects.geometry import bounds, link_vertices
+from busybot.objects.geometry import bounds, flatter_first, link_vertices
 from busybot.objects.meshes import check_meshes
 from busybot.objects.model import Effect, ObjectModel, TriggerLink, Vector
 from busybot.objects.snapshot import Snapshot, read_snapshot
@@ -34,6 +34,11 @@ def load_object(folder: Path) -> ObjectModel:
     return _parse(_Hashed(read_snapshot(folder.absolute())))
 
 
+def parse_object(snapshot: Snapshot) -> ObjectModel:
+    """The object that these files would be; `load_object` without a disk."""
+    return _Builder(snapshot).build()
+
+
 class _Hashed:
     """A snapshot that is equal to another when place and content are: the key of the cache."""
 
@@ -52,7 +57,7 @@ class _Hashed:
 def _parse(hashed: _Hashed) -> ObjectModel:
     snapshot, hashed.snapshot = hashed.snapshot, None  # the cache keeps the key, not the bytes
     assert snapshot is not None
-    return _Builder(snapshot).build()
+    return parse_object(snapshot)
 
 
 class _Builder:
@@ -132,8 +137,9 @@ class _Builder:
         ends = limits(joint)
         if ends[1] - ends[0] < 1e-6:
             self.refuse(f"Effect.0: the joint {joint.name!r} has no range: {ends[0]} to {ends[1]}")
-        closed, opened = sorted(ends, key=lambda position: np.subtract(*self.box({joint.name: position})[::-1])[2])
-        return (closed,), (opened,)
+        closed, opened = flatter_first(self.urdf, self.meshes, self.orientation, joint, ends)
+        unit = self.annotation.Scale if joint.type == "prismatic" else 1.0  # board units
+        return (closed * unit,), (opened * unit,)
 
     def box(self, positions: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
         return bounds(link_vertices(self.urdf, self.meshes, self.orientation, positions))

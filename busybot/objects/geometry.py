@@ -69,3 +69,16 @@ def bounds(vertices: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     lows = [points.min(axis=0) for points in vertices.values()]
     highs = [points.max(axis=0) for points in vertices.values()]
     return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def flatter_first(
+    urdf: Urdf, meshes: Mapping[str, np.ndarray], upright: Sequence[float], joint: Joint, ends: tuple[float, float]
+) -> tuple[float, float]:
+    """The joint's two ends, first the one at which the object is flatter (upright frame): a door is closed there."""
+
+    def height(position: float) -> float:
+        low, high = bounds(link_vertices(urdf, meshes, upright, {joint.name: position}))
+        return float(high[2] - low[2])
+
+    first, second = sorted(ends, key=height)
+    return first, second

@@ -98,6 +98,18 @@ def check_meshes(snapshot: Snapshot, meshes: tuple[str, ...], textures: tuple[st
     return vertices
 
 
+def material_files(snapshot: Snapshot, meshes: tuple[str, ...]) -> set[str]:
+    """The material libraries and textures that these meshes, already checked, refer to."""
+    found: set[str] = set()
+    for name in meshes:
+        found |= {
+            snapshot.reference(name, target, MAX_MATERIAL_BYTES) for target in _File(snapshot, name).values(b"mtllib")
+        }
+    for name in tuple(found):
+        found.update(_check_mtl(_File(snapshot, name)))
+    return found
+
+
 def _check_obj(file: _File) -> tuple[np.ndarray, list[str]]:
     """The vertices and the material libraries."""
     if len(file.raw) > MAX_MESH_BYTES:

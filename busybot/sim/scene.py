@@ -110,10 +110,19 @@ class Simulator:
                 raise BusybotError(f"{model.urdf}: SAPIEN cannot load it: {error}", "busybot assets check") from error
             for link in builder.link_builders:
                 link.collision_records = []
+                _give_stops(link.joint_record, model, scale)
                 if self.render is None:
                     link.visual_records = []
             self._builders[key] = builder
         return self._builders[key]
+
+
+def _give_stops(record: Any, model: ObjectModel, scale: float) -> None:
+    """A trigger's joint without limits gets those of the model; SAPIEN cannot set them once the object is built."""
+    for link in model.trigger_links:
+        if record.name == link.joint and not np.isfinite(record.limits).all():
+            unit = scale if link.joint_type == "prismatic" else 1.0
+            record.joint_type, record.limits = link.joint_type, [[link.lower * unit, link.upper * unit]]
 
 
 @dataclass(frozen=True)

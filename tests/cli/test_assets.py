@@ -1,13 +1,21 @@
 """`busybot assets`: what people and scripts see."""
 
 import json
+import os
 import shutil
+import subprocess
+import sys
+import termios
+import time
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from busybot.cli.main import app
+from busybot.episodes.dataset import Dataset
+from tests.conftest import ROOT
+from tests.objects.raw_objects import DRAWER, LEAF, ROCKER, make_raw
 
 
 def run(*arguments: str) -> tuple[int, str, str]:
@@ -65,13 +73,131 @@ def test_check_names_every_bad_object(made: Path, tmp_path: Path) -> None:
         line for line in out.splitlines() if line.startswith(("Lamp/star-01:", "Door/hatch-01:", "Switch/bolt-01:"))
     ]
     assert code == 1
-    assert sorted(line.split(":")[0] for line in lines) == ["Door/hatch-01", "Lamp/star-01"]
+    assert {line.split(":")[0] for line in lines} == {"Door/hatch-01", "Lamp/star-01"}
+    for field in ("Category", "Scale", "Orientation"):
+        assert any(line.startswith("Door/hatch-01") and f": {field}:" in line for line in lines), "every fault is told"
     assert all("mend" in line for line in lines)
     code, out, _ = run("check", str(folder), "--json")
     report = json.loads(out)
     assert code == 1 and not report["ok"]
     missing = [row for row in report["problems"] if "no such folder" in row["problem"]]
     assert len(missing) > 50, "ids that the split file lists without a folder are named"
+
+
+def test_check_tells_all_that_is_wrong_with_an_object(made: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "bolt-01"
+    shutil.copytree(made / "Switch" / "bolt-01", folder)
+    meshes = sorted((folder / "textured_objs").glob("*.obj"))
+    meshes[0].write_text("v nan 0 0\n")
+    meshes[1].write_text("no mesh\n")
+    annotation = json.loads((folder / "object_meta_info.json").read_text())
+    (folder / "object_meta_info.json").write_text(json.dumps(annotation | {"Scale": -1, "InstanceId": "../x"}))
+    code, out, _ = run("check", str(folder), "--json")
+    report = json.loads(out)
+    problems = [row["problem"] for row in report["problems"]]
+    assert code == 1 and report["checked"] == 1 and len(set(problems)) == len(problems) == 4
+    for part in ("Scale", "InstanceId", meshes[0].name, meshes[1].name):
+        assert any(part in problem for problem in problems), part
+
+
+def test_check_says_what_is_raw_and_how_to_import_it(tmp_path: Path) -> None:
+    raw = make_raw(tmp_path / "raw" / "77", "Switch", ROCKER)
+    make_raw(tmp_path / "raw" / "78", "Switch", ROCKER)
+    (tmp_path / "raw" / "78" / "mobility.urdf").write_text("<robot")
+    for folder in (raw, tmp_path / "raw"):
+        code, out, _ = run("check", str(folder), "--json")
+        problems = {row["problem"]: row["mend"] for row in json.loads(out)["problems"]}
+        assert code == 1
+        command = f"busybot assets import {raw} --out LIBRARY"
+        assert any("is raw" in what and mend == command for what, mend in problems.items())
+    assert any("78/mobility.urdf" in what for what in problems)
+    shutil.copytree(raw, tmp_path / "library" / "Switch" / "77")
+    code, out, _ = run("check", str(tmp_path / "library"))
+    assert code == 1 and "Switch/77:" in out and "busybot assets import" in out
+
+
+def test_import_review_edit_import(tmp_path: Path) -> None:
+    raw, out, review = tmp_path / "raw", tmp_path / "library", tmp_path / "review.yaml"
+    make_raw(raw / "77", "Box", ROCKER)
+    make_raw(raw / "78", "Bottle")
+    code, text, _ = run("import", str(raw), "--review", str(review), "--json")
+    objects = {row["name"]: row for row in json.loads(text)["objects"]}
+    assert code == 1, "one is refused"
+    assert objects["77"]["done"] == "proposed" and objects["77"]["choices"]["scale"] == 0.265
+    assert "no joint moves anything" in objects["78"]["problem"] and "78 is refused" in review.read_text()
+    assert not out.exists()
+    edited = review.read_text().replace("scale: 0.265", "scale: 0.25")
+    review.write_text(edited + "  '79': {use: false}\n")
+    code, text, err = run("import", str(raw / "77"), "--overrides", str(review), "--out", str(out), "--json")
+    assert code == 0 and json.loads(text)["unused"] == ["79"]
+    assert json.loads((out / "Switch" / "77" / "object_meta_info.json").read_text())["Scale"] == 0.25
+    assert run("check", str(out))[0] == 0
+    code, _, err = run("import", str(raw), "--review", str(review))
+    assert code == 1 and "mend:" in err and review.read_text().startswith(edited), "a reviewed file is not overwritten"
+    assert run("import", str(raw))[0] == run("import", str(raw), "--out", "x", "--split", "test")[0] == 2
+
+
+def test_an_imported_library_gives_boards(made: Path, tmp_path: Path) -> None:
+    """Beside procedural objects of the other categories, without further ado."""
+    out = tmp_path / "library"
+    for key in ("Lamp/globe-01", "Toy/loco-01"):
+        shutil.copytree(made / key, out / key)
+    lists = {"Lamp": {"train": ["globe-01"]}, "Toy": {"train": ["loco-01"]}}
+    (out / "data.json").write_text(json.dumps({"Reason": lists}))
+    make_raw(tmp_path / "raw" / "77", "Switch", ROCKER)
+    make_raw(tmp_path / "raw" / "78", "StorageFurniture", LEAF, DRAWER)
+    assert run("import", str(tmp_path / "raw"), "--out", str(out))[0] == 0
+    boards = tmp_path / "boards"
+    arguments = ["generate", str(boards), "--assets", str(out), "--boards", "20", "--group-size", "1", "--json"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.stderr
+    keys = {placed.key for board in Dataset.open(boards).boards() for placed in board.objects}
+    assert {"Switch/77", "Door/78"} <= keys
+
+
+def test_fetch_without_a_token_says_where_it_belongs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SAPIEN_ACCESS_TOKEN", raising=False)
+    code, out, err = run("fetch", "100366", "--out", str(tmp_path / "raw"), "--json")
+    assert code == 1 and "SAPIEN_ACCESS_TOKEN" in err and "error" in json.loads(out)
+    assert not (tmp_path / "raw").exists()
+    help_text = run("fetch", "--help")[1]
+    assert "--token" not in help_text
+
+
+def test_fetch_asks_for_the_token_without_showing_it(tmp_path: Path) -> None:
+    token = "typed-secret-token"
+    (tmp_path / "sapien").mkdir()
+    (tmp_path / "sapien" / "__init__.py").write_text("")
+    (tmp_path / "sapien" / "asset.py").write_text(
+        "def download_partnet_mobility(model_id, token=None, directory=None):\n"
+        f"    if token == {token!r}:\n        raise Exception('Download PartNet-Mobility failed. ' + token)\n"
+        "    raise KeyError(token)\n"
+    )
+    terminal, inside = os.openpty()
+    path = os.pathsep.join(filter(None, [str(tmp_path), str(ROOT), os.environ.get("PYTHONPATH")]))
+    environment = {name: value for name, value in os.environ.items() if name != "SAPIEN_ACCESS_TOKEN"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "busybot", "assets", "fetch", "77", "--out", str(tmp_path / "raw")],
+        stdin=inside,
+        stdout=inside,
+        stderr=inside,
+        env=environment | {"PYTHONPATH": path},
+        start_new_session=True,
+    )
+    try:
+        deadline = time.monotonic() + 30
+        while termios.tcgetattr(terminal)[3] & termios.ECHO and time.monotonic() < deadline:
+            time.sleep(0.02)  # what is typed before the echo is off would be shown, and thrown away
+        os.write(terminal, f"{token}\n".encode())
+        code = process.wait(30)
+    finally:
+        process.kill()
+        os.close(inside)
+    shown = os.read(terminal, 10_000)
+    os.close(terminal)
+    assert code == 1
+    assert b"the server refused" in shown and b"mend" in shown, shown
+    assert token.encode() not in shown
 
 
 def test_check_reads_a_single_object(made: Path) -> None:

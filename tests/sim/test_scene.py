@@ -1,17 +1,24 @@
 """A board in the simulator is what its spec says."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from busybot.boards.config import BoardConfig
+from busybot.boards.directions import DIRECTIONS
 from busybot.boards.generate import generate_boards
 from busybot.boards.relations import responder_state
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.geometry import Rays, normals, project
 from busybot.errors import BusybotError
-from busybot.sim.interaction import Grasp, InteractionConfig, interact
+from busybot.objects.importing import import_objects
+from busybot.objects.library import Library
+from busybot.sim.interaction import Grasp, InteractionConfig, interact, pull
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
+from tests.objects.raw_objects import KNOB, make_raw
+from tests.sim.conftest import lone
 
 
 @pytest.fixture(scope="module")
@@ -161,3 +168,18 @@ def test_unknown_relation_kinds_are_refused_by_name(procedural_simulator: Simula
     gate = board.relations[0].model_copy(update={"kind": "and-gate"})
     with pytest.raises(BusybotError, match="and-gate"):
         procedural_simulator.board(board.model_copy(update={"relations": (gate,)}))
+
+
+def test_a_trigger_without_stops_gets_those_of_the_model(tmp_path: Path) -> None:
+    """A knob of a continuous joint, a quarter turn between its two states."""
+    raw = make_raw(tmp_path / "raw" / "77", "Switch", KNOB)
+    list(import_objects([raw], tmp_path / "library"))
+    library = Library.load(tmp_path / "library")
+    model = library.get("Switch/77")
+    scene = Simulator(library, None).board(lone(model))
+    top = np.array([0.03, 0.03, model.bounds_max[2] * model.scale + model.offset_z])
+    assert scene.joint_positions() == (0,)
+    ends = [pull(scene, 0, top, direction, InteractionConfig(), None)[1] for direction in DIRECTIONS]
+    assert 0 < sum(ends) < 18
+    scene.set_trigger(0, 1)
+    assert scene.joint_positions() == pytest.approx((np.pi / 2,))

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import Any, TypeVar
 
-import yaml
 from pydantic import BaseModel, ValidationError
 
 from busybot.errors import BusybotError
+from busybot.yaml_text import parse_yaml
 
 Config = TypeVar("Config", bound=BaseModel)
 MAX_BYTES = 1 << 20
@@ -30,7 +30,7 @@ def build(model: type[Config], file: Path | None, settings: list[str], options: 
             raise BusybotError(
                 f"--set {setting}: not of the form name=value", "for example --set interaction.delta=1000"
             )
-        _assign(values, path.split("."), _parse(text, f"--set {setting}"), setting)
+        _assign(values, path.split("."), parse_yaml(text, f"--set {setting}"), setting)
     for name, value in options.items():
         if value is not None:
             _assign(values, name.split("."), value, name)
@@ -55,17 +55,10 @@ def _read(file: Path) -> dict[str, Any]:
         text = file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise BusybotError(f"{file}: cannot be read: {error}") from None
-    values = _parse(text, str(file))
+    values = parse_yaml(text, str(file))
     if not isinstance(values, dict):
         raise BusybotError(f"{file}: not a mapping of parameters", "write lines like `boards: 100`")
     return values
-
-
-def _parse(text: str, where: str) -> Any:
-    try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError) as error:
-        raise BusybotError(f"{where}: not valid YAML: {error}") from None
 
 
 def _assign(values: dict[str, Any], path: list[str], value: Any, where: str) -> None:

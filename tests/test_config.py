@@ -38,3 +38,15 @@ def test_faults_are_named(tmp_path: Path, text: str, settings: list[str], messag
 def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match=r"nowhere\.yaml"):
         build(BoardConfig, tmp_path / "nowhere.yaml", [], {})
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 20_000, "a: " + "{b: " * 5_000, "- " * 5_000 + "x", "x: &a [1]\ny: *a\n", "1" * 9_000]
+)
+def test_yaml_that_would_take_long_is_refused_at_once(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "config.yaml"
+    file.write_text(text)
+    with pytest.raises(BusybotError, match="config.yaml"):
+        build(BoardConfig, file, [], {})
+    with pytest.raises(BusybotError):
+        build(BoardConfig, None, [f"boards={text}"], {})

@@ -21,10 +21,9 @@ from busybot.errors import BusybotError
 from busybot.files import write_atomically
 from busybot.objects.choices import Choices
 from busybot.objects.urdf import Urdf
+from busybot.yaml_text import check_tokens, describe
 
 MAX_BYTES = 1 << 20
-MAX_TOKENS = 200_000
-MAX_DEPTH = 16
 _MEND = "compare with what `busybot assets import RAW --review FILE` writes"
 _HEADER = """\
 # How `busybot assets import` would annotate these objects. Edit, then import them with --overrides and this file.
@@ -91,16 +90,13 @@ def read_overrides(path: Path) -> Overrides:
     except (OSError, UnicodeDecodeError) as error:
         raise BusybotError(f"{path}: cannot be read as text: {error}", "make it readable, as UTF-8") from None
     try:
-        _check_tokens(path, text)
+        check_tokens(str(path), text)
         loader = yaml.SafeLoader(text)
         node = loader.get_single_node()
         lines = _lines(path, node)
         value: Any = loader.construct_document(node) if node is not None else None
     except (yaml.YAMLError, RecursionError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or str(error) or type(error).__name__
-        raise BusybotError(f"{path}{line}: not valid YAML: {problem[:200]}", _MEND) from None
+        raise BusybotError(f"{path}{describe(error)}", _MEND) from None
     found = Overrides(path, {}, lines)
     objects = value.get("objects") if isinstance(value, dict) else None
     if not isinstance(objects, dict) or set(value) != {"objects"}:
@@ -118,21 +114,6 @@ def _choices(found: Overrides, instance: str, entry: Any) -> Choices:
         place = ("objects", instance, *(str(part)[:64] for part in first["loc"]))
         message = first["msg"].removeprefix("Value error, ")[:300]
         raise BusybotError(f"{found.where(*place)}: {message}", _MEND) from None
-
-
-def _check_tokens(path: Path, text: str) -> None:
-    """Refuse what would take the parser very long, before it begins: it is quadratic in the depth of brackets."""
-    depth = 0
-    for count, token in enumerate(yaml.scan(text, Loader=yaml.SafeLoader)):
-        line = f"{path}, line {token.start_mark.line + 1}"
-        if isinstance(token, yaml.AliasToken):
-            raise BusybotError(f"{line}: has an alias", "write the values out")
-        depth += isinstance(token, yaml.FlowSequenceStartToken | yaml.FlowMappingStartToken)
-        depth -= isinstance(token, yaml.FlowSequenceEndToken | yaml.FlowMappingEndToken)
-        if depth > MAX_DEPTH:
-            raise BusybotError(f"{line}: brackets are nested more than {MAX_DEPTH} deep", _MEND)
-        if count > MAX_TOKENS:
-            raise BusybotError(f"{path}: more than the {MAX_TOKENS} words and signs allowed", "divide the file")
 
 
 def _lines(path: Path, root: yaml.Node | None) -> dict[tuple[str, ...], int]:

@@ -10,7 +10,7 @@ and segmentation alone, lit by ambient light and one sun with shadows (a map of 
 First frames of a board are dropped; figures are medians. Policy time is left out: it is no part of an interaction. CPU
 time is the process's, over all threads.
 
-The second mode builds and plays so many boards in one process and reports its resident memory along the way.
+The second mode builds and plays so many boards in one process and reports its memory and open files along the way.
 """
 
 import argparse
@@ -145,7 +145,8 @@ def memory(library: Library, boards: int) -> dict[str, Any]:
     for number, spec in enumerate(generate_boards(config, library), start=1):
         record_episode(simulator, spec, BuiltIn("scripted"), 3, InteractionConfig(), 0)
         if number % max(1, boards // 10) == 0:
-            trace.append({"boards": number, "rss_mb": round(process.memory_info().rss / 1e6)})
+            resident = round(process.memory_info().rss / 1e6)
+            trace.append({"boards": number, "rss_mb": resident, "open_files": process.num_fds()})
             print(trace[-1], file=sys.stderr, flush=True)
     return {
         "assets": library.name,
@@ -153,7 +154,7 @@ def memory(library: Library, boards: int) -> dict[str, Any]:
         # until then objects are still met for the first time, and kept
         "growth_mb_over_second_half": trace[-1]["rss_mb"] - trace[len(trace) // 2 - 1]["rss_mb"],
         "peak_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3),
-        "open_files": process.num_fds(),
+        "more_open_files_over_second_half": trace[-1]["open_files"] - trace[len(trace) // 2 - 1]["open_files"],
     }
 
 

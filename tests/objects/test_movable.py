@@ -12,8 +12,8 @@ from busybot.objects.model import ObjectModel, TriggerLink
 from busybot.objects.snapshot import read_snapshot
 from busybot.objects.urdf import parse_urdf
 from busybot.sim.interaction import InteractionConfig, permitted, pull
+from busybot.sim.portraits import lone_board
 from busybot.sim.scene import Simulator
-from tests.sim.conftest import lone
 
 
 def highest_point(model: ObjectModel, link: TriggerLink, state: int) -> np.ndarray:
@@ -33,7 +33,7 @@ def test_links_move_by_some_directions_and_not_by_others(procedural: Path) -> No
         for number, link in enumerate(model.trigger_links):
             for state in range(link.states):
                 states = tuple(state if k == number else 0 for k in range(len(model.trigger_links)))
-                scene = simulator.board(lone(model, states))
+                scene = simulator.board(lone_board(model, states))
                 point = highest_point(model, link, state)
                 moved = [pull(scene, number, point, direction, config, None)[1] != state for direction in DIRECTIONS]
                 place = f"{model.key} {link.name} in state {state}"

@@ -4,7 +4,7 @@ import numpy as np
 
 from busybot.objects.procedural import palette
 from busybot.objects.procedural.design import Design, Part
-from busybot.objects.procedural.lamps import foot, lamp, shell
+from busybot.objects.procedural.lamps import foot, lamp
 from busybot.objects.procedural.palette import pick
 from busybot.objects.procedural.shapes import rod
 from busybot.objects.procedural.solids import (
@@ -34,10 +34,8 @@ def drum(variant: int, rng: np.random.Generator) -> Design:
         Part(ball(0.075, 24, 12).moved(z=0.11), pick(rng, (*palette.WOODS, palette.CORAL, palette.NAVY))),
     ]
     body.append(Part(rod((0, 0, 0.17), (0, 0, 0.40), 0.012), metal))
-    body += [
-        Part(rod((0, 0, 0.39), (0.23 * np.cos(a), 0.23 * np.sin(a), 0.39), 0.006, 6), metal) for a in (0.0, 2.1, 4.2)
-    ]
-    shade = shell([(circle(0.235, 40), 0.20), (circle(0.235, 40), 0.40)], 0.006)
+    body.append(Part(lathe([(0.03, 0.38), (0.026, 0.40), (0.0, 0.412)], 18), metal))
+    shade = lathe([(0.235, 0.20), (0.235, 0.395), (0.228, 0.402), (0.216, 0.40), (0.206, 0.384), (0.0, 0.384)], 40)
     return lamp(body, shade, 3, rng)
 
 
@@ -107,13 +105,13 @@ def cactus(variant: int, rng: np.random.Generator) -> Design:
     del variant
     pot = [(0.10, 0), (0.125, 0.10), (0.145, 0.10), (0.15, 0.135), (0.125, 0.135), (0.12, 0.12), (0, 0.12)]
     body = [Part(lathe(pot, 32), pick(rng, (palette.COPPER, palette.TEAL, palette.BLUSH)))]
-    rows = ((0.07, 0.11), (0.09, 0.18), (0.092, 0.33), (0.075, 0.43), (0.035, 0.475))
+    rows = ((0.08, 0.11), (0.105, 0.18), (0.108, 0.33), (0.09, 0.43), (0.04, 0.475))
     trunk = loft([ring(star(r, 0.10 * r, 9, 4), z) for r, z in rows])
     arms = [
-        tube(bent([(s * 0.05, 0, z), (s * 0.20, 0, z), (s * 0.20, 0, z + 0.13)], 0.08, 5), 0.046, 14)
+        tube(bent([(s * 0.05, 0, z), (s * 0.20, 0, z), (s * 0.20, 0, z + 0.13)], 0.08, 5), 0.058, 14)
         for s, z in ((1, 0.22), (-1, 0.29))
     ]
-    tops = [ball(0.046, 14, 8).moved(s * 0.20, 0, z + 0.13) for s, z in ((1, 0.22), (-1, 0.29))]
+    tops = [ball(0.058, 14, 8).moved(s * 0.20, 0, z + 0.13) for s, z in ((1, 0.22), (-1, 0.29))]
     body.append(
         Part(lathe([(0.014, 0.47), (0.034, 0.492), (0.0, 0.497)], 12), pick(rng, (palette.CORAL, palette.MUSTARD)))
     )

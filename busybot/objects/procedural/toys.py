@@ -125,10 +125,15 @@ def ladybird(variant: int, rng: np.random.Generator) -> Design:
     return _toy(piece, lambda x: 0.075 - 1.6 * x**2, board, palette.FOREST, rails=False)
 
 
+def grown(parts: list[Part], factor: float) -> list[Part]:
+    """The parts larger by a factor in all directions."""
+    return [Part(part.solid.stretched(factor, factor, factor), part.material) for part in parts]
+
+
 def car(variant: int, rng: np.random.Generator) -> Design:
     """A little car on a winding road."""
     del variant
-    paint = pick(rng, (palette.MUSTARD, palette.CORAL, palette.SKY))
+    paint = pick(rng, (palette.MUSTARD, palette.CORAL, palette.RED))
     piece = [Part(box(0.21, 0.11, 0.045, 0.016).moved(z=0.02), paint)]
     cabin = loft(
         [ring(rectangle(a, b, 0.02), z) for a, b, z in ((0.13, 0.10, 0.06), (0.09, 0.085, 0.105), (0.07, 0.07, 0.11))]
@@ -139,7 +144,8 @@ def car(variant: int, rng: np.random.Generator) -> Design:
         wheel = lathe([(0.026, -0.062), (0.030, -0.056), (0.030, 0.056), (0.026, 0.062)], 18).turned("x", np.pi / 2)
         piece.append(Part(wheel.moved(x, 0, 0.03), palette.BLACK))
     piece += [Part(ball(0.012, 10, 6).moved(0.104, y, 0.045), palette.IVORY) for y in (-0.035, 0.035)]
-    board = _board(palette.SAGE, palette.BIRCH)
+    piece = grown(piece, 1.3)
+    board = _board(palette.MINT, palette.BIRCH)
     for x, y in ((-0.33, -0.12), (0.05, 0.13), (0.34, 0.11)):
         trunk = lathe([(0.008, 0), (0.008, 0.03), (0, 0.03)], 8).moved(x, y, THICKNESS)
         crown = lathe([(0.034, 0.02), (0.0, 0.085)], 14).moved(x, y, THICKNESS)
@@ -149,8 +155,8 @@ def car(variant: int, rng: np.random.Generator) -> Design:
 
 def duck(variant: int, rng: np.random.Generator) -> Design:
     """A duck on a pond."""
-    del variant
-    yellow = pick(rng, (palette.MUSTARD, palette.WHITE))
+    del variant, rng
+    yellow = palette.MUSTARD
     piece = [Part(ball(0.092, 26, 12).stretched(y=0.74, z=0.55).moved(z=0.035), yellow)]
     piece.append(Part(ball(0.046, 20, 10).moved(0.06, 0, 0.098), yellow))
     bill = lathe([(0.022, 0.0), (0.016, 0.022), (0.0, 0.032)], 14).stretched(x=0.5).turned("y", np.pi / 2)
@@ -158,6 +164,7 @@ def duck(variant: int, rng: np.random.Generator) -> Design:
     piece += [Part(ball(0.008, 10, 6).moved(0.092, y, 0.115), palette.BLACK) for y in (-0.024, 0.024)]
     tail = lathe([(0.030, 0.0), (0.0, 0.05)], 12).turned("y", -1.0).moved(-0.07, 0, 0.05)
     piece.append(Part(tail, yellow))
+    piece = grown(piece, 1.35)
     board = _board(palette.SKY, palette.OAK)
     for x, y, r in ((-0.33, 0.12, 0.030), (0.30, -0.13, 0.034), (0.36, 0.10, 0.022)):
         board.append(

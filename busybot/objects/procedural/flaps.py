@@ -123,7 +123,8 @@ def pedals(variant: int, rng: np.random.Generator) -> Design:
     links = []
     for k in range(count):
         at = (-length / 2 + 0.01, pitch * (k - (count - 1) / 2), base.top + 0.026)
-        color = palette.ACCENTS[(2 * k + variant) % len(palette.ACCENTS)] if variant % 2 else palette.CHROME
+        accent = palette.ACCENTS[(2 * k + variant) % len(palette.ACCENTS)]
+        color = accent if variant % 2 else pick(rng, (palette.CHROME, palette.ORANGE), unlike=base.cover)
         links.append(_pedal_link(length, width, at, tread + 0.01, tread, color, (2, 3, 1)[variant % 3]))
     return facing(Design("Switch", SWITCH_SCALE, body, links, directions=DIRECTIONS), (1, 0, 3)[variant % 3])
 

@@ -37,7 +37,7 @@ TOP = LEAF_TOP - 0.001
 
 def carved(variant: int, rng: np.random.Generator) -> Design:
     """Diamonds, discs or flowers in relief."""
-    wood = pick(rng, (palette.TEAL, palette.CHERRY, palette.PLUM, palette.OAK))
+    wood = in_turn((palette.TEAL, palette.CHERRY, palette.PLUM), variant)
     relief = pick(rng, (palette.BIRCH, palette.MUSTARD, palette.BLUSH, palette.MINT), unlike=wood)
     motif = (circle(0.062, 4), circle(0.055, 32), star(0.055, 0.014, 6, 6))[variant % 3]
     leaf = [slab(wood)]
@@ -119,7 +119,7 @@ def fridge(variant: int, rng: np.random.Generator) -> Design:
 
 def grooved(variant: int, rng: np.random.Generator) -> Design:
     """Steps towards the middle, like a frame in a frame."""
-    paint = pick(rng, (palette.NAVY, palette.SAGE, palette.WINE, palette.STONE))
+    paint = in_turn((palette.SAGE, palette.WINE), variant)
     leaf = [slab(paint)]
     for k in range(3):
         outer = rectangle(LEAF_LENGTH - 0.07 - 0.16 * k, LEAF_WIDTH - 0.06 - 0.075 * k, 0.012)

@@ -194,7 +194,7 @@ def paddle(variant: int, rng: np.random.Generator) -> Design:
     """Novel: one big curved paddle that fills an oval plate; the second variant tilts by 0.12 radians only."""
     cover = in_turn((palette.WALNUT, palette.BIRCH), variant)
     face = in_turn((palette.IVORY, palette.TEAL), variant)
-    outline = np.array(star(1.0, 0.0, 1, 40)) * np.array([0.19, 0.155])
+    outline = np.array(star(1.0, 0.0, 1, 40)) * np.array([(0.19, 0.155), (0.165, 0.175)][variant % 2])
     body = [Part(prism(outline, 0, TOP, bevel=0.014, steps=3), cover)]
     inner = outline * np.array([0.80, 0.80])
     body += [Part(frame(0.86 * outline, inner, TOP - 0.002, TOP + 0.008, bevel=0.003), palette.BRASS)]

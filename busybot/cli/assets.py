@@ -182,6 +182,27 @@ def _reason(outcome: "Outcome") -> str:
     return "".join(f"\n  {note}" for note in outcome.notes)
 
 
+@app.command()
+def sheet(
+    folder: Annotated[str, typer.Argument(metavar="[DIR]", help="`procedural`, or a library's folder.")] = "procedural",
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Picture to write: PNG, JPEG or WebP.")] = Path(
+        "sheet.png"
+    ),
+    cell: Annotated[int, typer.Option(min=48, max=600, help="Side of a portrait, pixels.")] = 150,
+    columns: Annotated[int, typer.Option(min=2, max=40, help="Portraits in a row.")] = 12,
+    json: JsonOption = False,
+) -> None:
+    """Draw a contact sheet: a portrait of every object, by category and split."""
+    from busybot.objects.library import find
+    from busybot.view.sheet import sheet as draw
+
+    count = draw(out, find(folder), cell, columns)
+    if json:
+        print_json({"sheet": out, "objects": count})
+    else:
+        say(f"{count} objects in {out}")
+
+
 def _rows(library: "Library") -> list[dict[str, Any]]:
     from busybot.objects.catalogue import kinds
 

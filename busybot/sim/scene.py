@@ -214,6 +214,8 @@ class BoardScene:
         """Let a trigger rest in a state; its responder follows at once."""
         self.triggers[number].settle(state)
         self._respond(number)
+        # SAPIEN places links a millionth of a unit off until the next step, which shows at edges
+        self.scene.step()
 
     @contextmanager
     def showing(self, number: int, state: int) -> Iterator[None]:

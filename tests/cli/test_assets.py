@@ -56,6 +56,19 @@ def test_the_table_has_a_line_for_each_object(made: Path) -> None:
     assert "Switch/rockers-03" in out and "4 x two-state" in out and "Toy/loco-01" in out
 
 
+def test_the_sheet_shows_every_object(made: Path, tmp_path: Path) -> None:
+    for key in ("Switch/bolt-01", "Lamp/star-01"):
+        shutil.copytree(made / key, tmp_path / "library" / key)
+    splits = {"Reason": {"Switch": {"train": ["bolt-01"], "test": []}, "Lamp": {"train": [], "test": ["star-01"]}}}
+    (tmp_path / "library" / "data.json").write_text(json.dumps(splits))
+    picture = tmp_path / "sheet.png"
+    code, out, _ = run("sheet", str(tmp_path / "library"), "--out", str(picture), "--cell", "48", "--json")
+    assert code == 0 and json.loads(out) == {"sheet": str(picture), "objects": 2}
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    code, _, err = run("sheet", str(tmp_path / "library"), "--out", str(tmp_path / "sheet.bmp"))
+    assert code == 1 and "mend:" in err
+
+
 def test_real_objects_are_fine(partnet: Path) -> None:
     code, out, _ = run("check", str(partnet))
     assert code == 0 and "58 checked, nothing is wrong" in out

@@ -11,13 +11,18 @@ import pytest
 import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import Rotation
 
 from busybot.errors import BusybotError
 from busybot.objects import cache
 from busybot.objects.library import Library, find
+from busybot.objects.model import CATEGORIES
+from busybot.objects.procedural import slides
 from busybot.objects.procedural.build import make_library, procedural_library
+from busybot.objects.procedural.design import MovingLink, facing
 from busybot.objects.procedural.families import FAMILIES
 from busybot.objects.procedural.solids import ball, box, lathe, rectangle, torus, tube
+from busybot.rng import generator
 
 TRIANGLES = 5_000
 
@@ -59,9 +64,83 @@ def test_every_role_in_every_split(library: Library, split: str) -> None:
     assert toys and all(effect is not None and effect.multi for effect in toys)
 
 
-def test_families_are_in_one_split() -> None:
+def test_switches_to_learn_from_are_many_and_their_families_too(library: Library) -> None:
+    families = {split: Counter(f.category for f in FAMILIES if f.split == split) for split in ("train", "novel")}
+    assert families["train"]["Switch"] >= 40 and families["novel"]["Switch"] >= 12
+    assert len(library.weights("train", "Switch")) >= 60 and len(library.weights("novel", "Switch")) >= 14
+
+
+def test_families_are_in_one_split(library: Library) -> None:
     names = [(family.category, family.name) for family in FAMILIES]
     assert len(set(names)) == len(names)
+    makers = {split: {family.make for family in FAMILIES if family.split == split} for split in ("train", "novel")}
+    assert not makers["train"] & makers["novel"], "no family is in both splits under two names"
+    told = {
+        split: {key.rsplit("-", 1)[0] for category in CATEGORIES for key, _ in library.weights(split, category)}
+        for split in ("train", "novel")
+    }
+    assert not told["train"] & told["novel"]
+    assert told["train"] | told["novel"] == {f"{category}/{name}" for category, name in names}
+
+
+def test_no_two_objects_have_one_shape(procedural: Path) -> None:
+    shapes: dict[bytes, str] = {}
+    for folder in sorted(path.parent for path in procedural.glob("*/*/mobility.urdf")):
+        corners = [read_obj(path)[0] for path in sorted(folder.glob("textured_objs/*.obj"))]
+        shape = np.sort(np.concatenate(corners), axis=0).tobytes()
+        assert shape not in shapes, f"{folder.name} has the shape of {shapes.get(shape)}"
+        shapes[shape] = folder.name
+
+
+@pytest.mark.parametrize("split", ["train", "novel"])
+def test_some_links_hardly_move(library: Library, split: str) -> None:
+    """The paper's small-displacement triggers: tilts of less than 9 degrees, or travels of less than 0.03 units."""
+    models = [library.get(key) for key, _ in library.weights(split, "Switch")]
+    travels = [
+        (link.joint_type, (link.upper - link.lower) * (model.scale if link.joint_type == "prismatic" else 1.0))
+        for model in models
+        for link in model.trigger_links
+    ]
+    assert any(joint == "revolute" and travel < 0.16 for joint, travel in travels)
+    assert any(joint == "prismatic" and travel < 0.03 for joint, travel in travels)
+
+
+def test_quarter_turns_turn_everything() -> None:
+    design = slides.drawer(0, generator(0, "test", 0, "drawer"))
+    once, again = facing(design, 1), facing(design, 5)
+    link, turned_link = design.links[0], once.links[0]
+    assert turned_link.axis == pytest.approx((-link.axis[1], link.axis[0], link.axis[2]))
+    assert turned_link.origin == pytest.approx((-link.origin[1], link.origin[0], link.origin[2]))
+    for part, turned_part, same in zip(link.parts, turned_link.parts, again.links[0].parts, strict=True):
+        x, y, z = part.solid.vertices.T
+        assert turned_part.solid.vertices == pytest.approx(np.stack([-y, x, z], axis=1), abs=1e-12)
+        assert same.solid.vertices == pytest.approx(turned_part.solid.vertices)
+    assert {d for d in facing(design, 2).directions} == set(design.directions), "both signs are annotated"
+
+
+@pytest.mark.long
+def test_moving_links_stay_over_their_object(procedural: Path) -> None:
+    """So nothing on a board runs into its neighbour: boards keep at least a quarter of a switch's size free."""
+    for family in FAMILIES:
+        for variant in range(family.count if family.category == "Switch" else 0):
+            design = family.make(variant, generator(0, "procedural", variant, f"{family.category}/{family.name}"))
+            parts = [*design.body, *(part for link in design.links for part in link.parts)]
+            rest = np.concatenate([part.solid.vertices for part in parts])
+            for link in design.links:
+                for position in np.linspace(link.lower, link.upper, 5):
+                    moved = at_position(link, float(position))
+                    beyond = np.maximum(moved - rest.max(0), rest.min(0) - moved)[:, :2].max()
+                    assert beyond < 0.10, (family.name, variant, beyond)
+                    assert moved[:, 2].min() > -0.08, (family.name, variant, "sinks into the board")
+
+
+def at_position(link: MovingLink, position: float) -> np.ndarray:
+    """Vertices of a link without parent at a joint position, board units."""
+    vertices = np.concatenate([part.solid.vertices for part in link.parts])
+    axis = np.array(link.axis)
+    if link.joint_type == "prismatic":
+        return vertices + position * axis
+    return Rotation.from_rotvec(position * axis).apply(vertices - link.origin) + link.origin
 
 
 def test_sizes_are_those_of_a_board(library: Library) -> None:

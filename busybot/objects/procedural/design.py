@@ -4,7 +4,7 @@ Designs are in board units, upright: x right, y up in the picture, z to the came
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -105,6 +105,28 @@ def hinge_directions(along: Literal["x", "y"]) -> tuple[Vector, ...]:
 def slide_directions(along: Literal["x", "y"]) -> tuple[Vector, ...]:
     """Annotated directions of things that slide, or are thrown, along x or y."""
     return ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)) if along == "x" else ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
+
+
+def facing(design: Design, quarters: int) -> Design:
+    """A trigger turned by quarter turns about z: on the board, switches are never turned."""
+    cosine, sine = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters % 4]
+
+    def turned(vector: Vector) -> Vector:
+        x, y, z = vector
+        return (cosine * x - sine * y + 0.0, sine * x + cosine * y + 0.0, z)
+
+    angle = (quarters % 4) * np.pi / 2
+    links = [
+        replace(
+            link,
+            parts=[part.turned("z", angle) for part in link.parts],
+            origin=turned(link.origin),
+            axis=turned(link.axis),
+        )
+        for link in design.links
+    ]
+    body = [part.turned("z", angle) for part in design.body]
+    return replace(design, body=body, links=links, directions=tuple(turned(d) for d in design.directions))
 
 
 def by_material(parts: Sequence[Part]) -> list[tuple[Material, Solid]]:

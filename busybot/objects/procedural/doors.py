@@ -32,7 +32,7 @@ FLOORS = (palette.SHADOW, palette.NAVY, palette.WINE, palette.FOREST, palette.BL
 Leaf = Callable[[np.random.Generator], list[Part]]
 
 
-def _door(
+def door(
     leaf: list[Part], rim: Material, rng: np.random.Generator, outlines: tuple[np.ndarray, np.ndarray] | None = None
 ) -> Design:
     """Put a leaf into a frame, with hinges and floor. Outlines are those of the frame, outer and inner."""
@@ -54,12 +54,12 @@ def _door(
     return Design("Door", DOOR_SCALE, body, [link], states=((0.0,), (OPEN,)))
 
 
-def _stud(radius: float, height: float) -> Solid:
+def stud(radius: float, height: float) -> Solid:
     """The head of a rivet."""
     return lathe([(radius, 0.0), (0.8 * radius, 0.6 * height), (0.0, height)], 10)
 
 
-def _slab(material: Material, top: float = LEAF_TOP) -> Part:
+def slab(material: Material, top: float = LEAF_TOP) -> Part:
     return Part(prism(rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.006), LEAF_BOTTOM, top, bevel=0.003), material)
 
 
@@ -70,14 +70,14 @@ def _panel(x: float, y: float, length: float, width: float, material: Material) 
     return [Part(solid.moved(x, y, LEAF_TOP - 0.001), material) for solid in (moulding, field)]
 
 
-def _knob(metal: Material, x: float = -0.02) -> list[Part]:
+def knob(metal: Material, x: float = -0.02) -> list[Part]:
     """Rosette and round knob at the free side."""
     rose = lathe([(0.026, 0), (0.024, 0.005), (0.010, 0.008), (0.009, 0.022)], 20)
     grip = lathe([(0.009, 0.02), (0.024, 0.028), (0.027, 0.038), (0.020, 0.048), (0.0, 0.051)], 20)
     return [Part(solid.moved(x, 0.118, LEAF_TOP - 0.001), metal) for solid in (rose, grip)]
 
 
-def _lever_handle(metal: Material) -> list[Part]:
+def lever_handle(metal: Material) -> list[Part]:
     """A long shield and a lever."""
     shield = prism(rectangle(0.10, 0.026, 0.012), 0, 0.005, bevel=0.002).moved(-0.02, 0.122, LEAF_TOP - 0.001)
     z = LEAF_TOP + 0.028
@@ -89,23 +89,23 @@ def panelled(variant: int, rng: np.random.Generator) -> Design:
     """Six fields in natural wood, or four in paint."""
     if variant % 2 == 0:
         wood = pick(rng, (palette.OAK, palette.WALNUT, palette.CHERRY))
-        leaf = [_slab(wood)]
+        leaf = [slab(wood)]
         for x, length in ((-0.20, 0.20), (0.05, 0.22), (0.245, 0.12)):
             leaf += _panel(x, -0.068, length, 0.115, wood) + _panel(x, 0.068, length, 0.115, wood)
-        return _door([*leaf, *_knob(palette.BRASS, -0.085)], wood, rng)
+        return door([*leaf, *knob(palette.BRASS, -0.085)], wood, rng)
     paint = pick(rng, (palette.TEAL, palette.CORAL, palette.NAVY, palette.MUSTARD, palette.FOREST))
-    leaf = [_slab(paint)]
+    leaf = [slab(paint)]
     for x, length in ((-0.175, 0.26), (0.145, 0.32)):
         leaf += _panel(x, -0.068, length, 0.115, paint) + _panel(x, 0.068, length, 0.115, paint)
     slot = prism(rectangle(0.018, 0.10, 0.006), 0, 0.004, bevel=0.001).moved(-0.022, -0.02, LEAF_TOP)
-    return _door([*leaf, *_knob(palette.BRASS, -0.02), Part(slot, palette.BRASS)], palette.WHITE, rng)
+    return door([*leaf, *knob(palette.BRASS, -0.02), Part(slot, palette.BRASS)], palette.WHITE, rng)
 
 
 def glazed(variant: int, rng: np.random.Generator) -> Design:
     """Two by three panes over a wooden panel."""
     del variant
     paint = pick(rng, (palette.WHITE, palette.SAGE, palette.SKY, palette.BIRCH))
-    leaf = [_slab(paint), *_panel(-0.215, 0.0, 0.16, 0.24, paint)]
+    leaf = [slab(paint), *_panel(-0.215, 0.0, 0.16, 0.24, paint)]
     for x in (-0.045, 0.105, 0.255):
         for y in (-0.062, 0.062):
             pane = prism(rectangle(0.118, 0.092, 0.006), 0, 0.003)
@@ -114,9 +114,7 @@ def glazed(variant: int, rng: np.random.Generator) -> Design:
                 Part(pane.moved(x, y, LEAF_TOP - 0.0005), palette.GLASS),
                 Part(bead.moved(x, y, LEAF_TOP - 0.001), paint),
             ]
-    return _door(
-        [*leaf, *_lever_handle(palette.BRASS)], pick(rng, (palette.WHITE, palette.BIRCH, palette.GRAPHITE)), rng
-    )
+    return door([*leaf, *lever_handle(palette.BRASS)], pick(rng, (palette.WHITE, palette.BIRCH, palette.GRAPHITE)), rng)
 
 
 def planked(variant: int, rng: np.random.Generator) -> Design:
@@ -138,7 +136,7 @@ def planked(variant: int, rng: np.random.Generator) -> Design:
     brace = box(0.52, 0.05, 0.015, 0.004).turned("z", 0.46).moved(0, 0, LEAF_TOP - 0.002)
     pull = torus(0.030, 0.006, 20, 6).moved(0.0, 0.117, LEAF_TOP + 0.012)
     leaf += [Part(brace, ledge), Part(pull, palette.IRON)]
-    return _door(leaf, palette.WALNUT if ledge is not palette.WALNUT else palette.CHERRY, rng)
+    return door(leaf, palette.WALNUT if ledge is not palette.WALNUT else palette.CHERRY, rng)
 
 
 def louvred(variant: int, rng: np.random.Generator) -> Design:
@@ -152,14 +150,14 @@ def louvred(variant: int, rng: np.random.Generator) -> Design:
     for x in [*np.linspace(-0.262, -0.058, 8), *np.linspace(0.018, 0.262, 9)]:
         slat = box(0.030, 0.212, 0.006, 0.002).moved(z=-0.003).turned("y", 0.5).moved(float(x), 0, LEAF_TOP - 0.011)
         leaf.append(Part(slat, paint))
-    return _door([*leaf, *_knob(palette.CHROME)], palette.WHITE, rng)
+    return door([*leaf, *knob(palette.CHROME)], palette.WHITE, rng)
 
 
 def flush(variant: int, rng: np.random.Generator) -> Design:
     """A plain modern leaf with a narrow window and a long bar."""
     del variant
     face = pick(rng, (palette.GRAPHITE, palette.ORANGE, palette.SAGE, palette.WINE))
-    leaf = [_slab(face)]
+    leaf = [slab(face)]
     window = prism(rectangle(0.44, 0.05, 0.02), 0, 0.003).moved(0.03, -0.06, LEAF_TOP - 0.0005)
     bead = frame(rectangle(0.46, 0.07, 0.03), rectangle(0.435, 0.045, 0.018), 0, 0.006, 0.002)
     leaf += [Part(window, palette.GLASS), Part(bead.moved(0.03, -0.06, LEAF_TOP - 0.001), palette.STEEL)]
@@ -171,7 +169,7 @@ def flush(variant: int, rng: np.random.Generator) -> Design:
     )
     leaf += [Part(tube([(x, 0.115, LEAF_TOP - 0.004), (x, 0.115, z)], 0.006, 8), palette.CHROME) for x in (-0.16, 0.16)]
     leaf += [Part(box(0.003, 0.28, 0.0015).moved(x, 0, LEAF_TOP - 0.0005), palette.SHADOW) for x in (-0.27, 0.29)]
-    return _door(leaf, pick(rng, (palette.STEEL, palette.BIRCH)), rng)
+    return door(leaf, pick(rng, (palette.STEEL, palette.BIRCH)), rng)
 
 
 def arched(variant: int, rng: np.random.Generator) -> Design:
@@ -185,10 +183,10 @@ def arched(variant: int, rng: np.random.Generator) -> Design:
     for x in (-0.22, 0.10):
         leaf.append(Part(box(0.04, 0.27, 0.008, 0.002).moved(x, -0.012, LEAF_TOP - 0.001), palette.IRON))
         leaf += [
-            Part(_stud(0.012, 0.008).moved(x, y, LEAF_TOP + 0.007), palette.STEEL) for y in np.linspace(-0.12, 0.10, 5)
+            Part(stud(0.012, 0.008).moved(x, y, LEAF_TOP + 0.007), palette.STEEL) for y in np.linspace(-0.12, 0.10, 5)
         ]
     leaf.append(Part(torus(0.032, 0.007, 22, 8).moved(-0.06, 0.10, LEAF_TOP + 0.01), palette.IRON))
-    return _door(leaf, palette.STONE, rng, (_arch(0.38, 0.20, 0.18), _arch(0.334, 0.154, 0.18)))
+    return door(leaf, palette.STONE, rng, (_arch(0.38, 0.20, 0.18), _arch(0.334, 0.154, 0.18)))
 
 
 def _arch(foot: float, radius: float, spring: float) -> np.ndarray:
@@ -209,7 +207,7 @@ def porthole(variant: int, rng: np.random.Generator) -> Design:
     leaf += [Part(ring_plate, palette.BRASS), Part(glass, palette.GLASS)]
     for angle in np.arange(8) * np.pi / 4:
         x, y = 0.17 + 0.082 * float(np.cos(angle)), 0.082 * float(np.sin(angle))
-        leaf.append(Part(_stud(0.008, 0.005).moved(x, y, LEAF_TOP + 0.011), palette.COPPER))
+        leaf.append(Part(stud(0.008, 0.005).moved(x, y, LEAF_TOP + 0.011), palette.COPPER))
     z = LEAF_TOP + 0.035
     leaf.append(
         Part(torus(0.068, 0.009, 30, 8).moved(-0.12, 0, z), palette.RED if paint is not palette.RED else palette.BRASS)
@@ -221,7 +219,7 @@ def porthole(variant: int, rng: np.random.Generator) -> Design:
         Part(lathe([(0.018, LEAF_TOP - 0.002), (0.018, z + 0.008), (0, z + 0.010)], 18).moved(-0.12), palette.STEEL)
     )
     outer, inner = rectangle(LENGTH, WIDTH, 0.15, 6), rectangle(LEAF_LENGTH + 0.003, LEAF_WIDTH + 0.003, 0.114, 6)
-    return _door(leaf, rim, rng, (outer, inner))
+    return door(leaf, rim, rng, (outer, inner))
 
 
 def lattice(variant: int, rng: np.random.Generator) -> Design:
@@ -238,14 +236,14 @@ def lattice(variant: int, rng: np.random.Generator) -> Design:
             path = [(float(e), sign * (float(e) - float(x)), z) for e in ends]
             lath = sweep(np.array(path), np.array([(-0.009, 0.0), (0.009, 0.0), (0.009, 0.007), (-0.009, 0.007)]))
             leaf.append(Part(lath, wood))
-    return _door([*leaf, *_knob(palette.IRON)], wood, rng)
+    return door([*leaf, *knob(palette.IRON)], wood, rng)
 
 
 def hatch(variant: int, rng: np.random.Generator) -> Design:
     """Novel: a cellar hatch of checkered steel with a sunk ring and a warning stripe."""
     del variant
     metal, stripe = pick(rng, (palette.STEEL, palette.STONE)), pick(rng, (palette.MUSTARD, palette.ORANGE))
-    leaf = [_slab(metal)]
+    leaf = [slab(metal)]
     for i, x in enumerate(np.linspace(-0.24, 0.24, 9)):
         for j, y in enumerate(np.linspace(-0.105, 0.105, 5)):
             if abs(x) < 0.09 and y > 0.02:
@@ -263,4 +261,4 @@ def hatch(variant: int, rng: np.random.Generator) -> Design:
         )
     )
     leaf.append(Part(torus(0.026, 0.006, 20, 6).moved(0, 0.09, LEAF_TOP + 0.004), stripe))
-    return _door(leaf, palette.GRAPHITE, rng)
+    return door(leaf, palette.GRAPHITE, rng)

@@ -27,17 +27,17 @@ from busybot.objects.procedural.solids import (
 )
 
 
-def _lamp(body: list[Part], shade: Solid, hue: int, rng: np.random.Generator) -> Design:
+def lamp(body: list[Part], shade: Solid, hue: int, rng: np.random.Generator) -> Design:
     return Design("Lamp", LAMP_SCALE, body, shade=Shade([Part(shade, palette.UNLIT)], light_colors(hue, rng)))
 
 
-def _foot(radius: float, rng: np.random.Generator) -> list[Part]:
+def foot(radius: float, rng: np.random.Generator) -> list[Part]:
     """A turned base disc."""
     profile = [(radius, 0.0), (radius, 0.012), (0.93 * radius, 0.022), (0.5 * radius, 0.03), (0.15 * radius, 0.045)]
     return [Part(lathe([*profile, (0.0, 0.046)], 32), pick(rng, (*palette.METALS, *palette.WOODS, palette.NAVY)))]
 
 
-def _shell(outlines: list[tuple[np.ndarray, float]], thickness: float) -> Solid:
+def shell(outlines: list[tuple[np.ndarray, float]], thickness: float) -> Solid:
     """An open shade: outlines with heights from below to above, and back on the inside."""
     outside = [ring(outline, z) for outline, z in outlines]
     inside = [ring(inset(outline, thickness), z) for outline, z in outlines[::-1]]
@@ -51,15 +51,15 @@ def cone(variant: int, rng: np.random.Generator) -> Design:
     stem = smooth(
         [(0.030, 0.04), (0.055, 0.09), (0.022, 0.16), (0.036, 0.22), (0.014, 0.28), (0.012, height - 0.03)], 3
     )
-    body = [*_foot(0.13, rng), Part(lathe(stem, 20), pick(rng, (*palette.WOODS, palette.TEAL, palette.CORAL)))]
+    body = [*foot(0.13, rng), Part(lathe(stem, 20), pick(rng, (*palette.WOODS, palette.TEAL, palette.CORAL)))]
     low = height - 0.24
     for angle in np.arange(3) * 2 * np.pi / 3:
         tip = (0.98 * narrow * float(np.cos(angle)), 0.98 * narrow * float(np.sin(angle)), height - 0.03)
         body.append(Part(tube([(0, 0, height - 0.03), tip], 0.005, 6), metal))
     body.append(Part(ball(0.022, 16, 8).moved(z=height - 0.015), metal))
     body += [Part(torus(narrow, 0.006, 32, 6).moved(z=height - 0.002), metal)]
-    shade = _shell([(circle(wide, 40), low), (circle(narrow, 40), height)], 0.006)
-    return _lamp(body, shade, 2 * variant, rng)
+    shade = shell([(circle(wide, 40), low), (circle(narrow, 40), height)], 0.006)
+    return lamp(body, shade, 2 * variant, rng)
 
 
 def globe(variant: int, rng: np.random.Generator) -> Design:
@@ -72,7 +72,7 @@ def globe(variant: int, rng: np.random.Generator) -> Design:
         body.append(Part(tube([(0.185 * c, 0.185 * s, 0.0), (0.12 * c, 0.12 * s, 0.20)], 0.013, 10), wood))
         body.append(Part(ball(0.020, 12, 8).moved(0.185 * c, 0.185 * s, 0.02), metal))
     body.append(Part(lathe([(0.028, 0.435), (0.026, 0.453), (0.010, 0.461), (0, 0.463)], 18), metal))
-    return _lamp(body, ball(0.178, 32, 14).moved(z=0.27), 1, rng)
+    return lamp(body, ball(0.178, 32, 14).moved(z=0.27), 1, rng)
 
 
 def pyramid(variant: int, rng: np.random.Generator) -> Design:
@@ -83,8 +83,8 @@ def pyramid(variant: int, rng: np.random.Generator) -> Design:
     body.append(Part(prism(rectangle(0.05, 0.05, 0.008), 0.03, 0.40, bevel=0.004), wood))
     body.append(Part(prism(rectangle(0.19, 0.19, 0.012), 0.445, 0.452, bevel=0.003), metal))
     body.append(Part(lathe([(0.018, 0.45), (0.022, 0.465), (0.010, 0.478), (0, 0.48)], 16), metal))
-    shade = _shell([(rectangle(0.38, 0.38, 0.03), 0.24), (rectangle(0.21, 0.21, 0.018), 0.45)], 0.006)
-    return _lamp(body, shade, 4, rng)
+    shade = shell([(rectangle(0.38, 0.38, 0.03), 0.24), (rectangle(0.21, 0.21, 0.018), 0.45)], 0.006)
+    return lamp(body, shade, 4, rng)
 
 
 def desk(variant: int, rng: np.random.Generator) -> Design:
@@ -103,7 +103,7 @@ def desk(variant: int, rng: np.random.Generator) -> Design:
     )
     outer = [(0.190, -0.13), (0.178, -0.10), (0.138, -0.04), (0.07, 0.0), (0.03, 0.012), (0.0, 0.014)]
     bell = lathe([(0.180, -0.125), *outer], 36).turned("y", -0.25).moved(0.08, 0, 0.40)
-    return _lamp(body, bell, 5, rng)
+    return lamp(body, bell, 5, rng)
 
 
 def tube_light(variant: int, rng: np.random.Generator) -> Design:
@@ -116,7 +116,7 @@ def tube_light(variant: int, rng: np.random.Generator) -> Design:
         body.append(Part(cap.moved(x, 0, 0.24), metal))
         body.append(Part(tube(bent([(0.72 * x, 0, 0.02), (x, 0, 0.10), (x, 0, 0.17)], 0.05), 0.016, 10), metal))
     bar = lathe([(0.092, -0.235), (0.096, -0.22), (0.096, 0.22), (0.092, 0.235)], 28).turned("y", np.pi / 2)
-    return _lamp(body, bar.moved(z=0.24), 3, rng)
+    return lamp(body, bar.moved(z=0.24), 3, rng)
 
 
 def lantern(variant: int, rng: np.random.Generator) -> Design:
@@ -131,13 +131,13 @@ def lantern(variant: int, rng: np.random.Generator) -> Design:
     body.append(Part(torus(0.045, 0.008, 22, 8).turned("x", np.pi / 2).moved(z=0.435), metal))
     panes = [(0.160, 0.03), (0.225, 0.28), (0.085, 0.378)]
     glass = loft([ring(circle(radius, 8, np.pi / 8), z) for radius, z in panes])
-    return _lamp(body, glass, 4 + variant, rng)
+    return lamp(body, glass, 4 + variant, rng)
 
 
 def tulip(variant: int, rng: np.random.Generator) -> Design:
     """Novel: a flower of six petals on a green stalk with leaves."""
     del variant
-    body = _foot(0.11, rng)
+    body = foot(0.11, rng)
     body.append(Part(lathe([(0.016, 0.03), (0.013, 0.20), (0.020, 0.30), (0.05, 0.33)], 14), palette.FOREST))
     for turn in (0.4, 2.5, 4.5):
         leaf = [(0.0, 0.0, 0.08), (0.09, 0.0, 0.17), (0.18, 0.0, 0.16), (0.225, 0.0, 0.12)]
@@ -147,7 +147,7 @@ def tulip(variant: int, rng: np.random.Generator) -> Design:
     rows += [(0.110, 0.45, 0.20), (0.055, 0.40, 0.12)]
     petals = loft([ring(star(radius, depth * radius, 6, 8), z) for radius, z, depth in rows])
     body.append(Part(ball(0.030, 14, 8).stretched(z=1.4).moved(z=0.425), palette.MUSTARD))
-    return _lamp(body, petals, 2, rng)
+    return lamp(body, petals, 2, rng)
 
 
 def _leaf(path: list[tuple[float, float, float]], section: np.ndarray) -> Solid:
@@ -162,10 +162,10 @@ def star_light(variant: int, rng: np.random.Generator) -> Design:
     """Novel: a five-pointed star that hovers over a round foot."""
     del variant
     metal = pick(rng, palette.METALS)
-    body = [*_foot(0.13, rng), Part(lathe([(0.018, 0.03), (0.014, 0.20), (0.03, 0.26)], 14), metal)]
+    body = [*foot(0.13, rng), Part(lathe([(0.018, 0.03), (0.014, 0.20), (0.03, 0.26)], 14), metal)]
     angles = np.arange(10) * np.pi / 5 + np.pi / 2
     radii = np.where(np.arange(10) % 2 == 0, 0.270, 0.135)
     outline = radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     tips = (np.array([0.0, 0.0, 0.24]), np.array([0.0, 0.0, 0.38]))
     body.append(Part(lathe([(0.030, 0.368), (0.024, 0.382), (0.0, 0.388)], 16), metal))
-    return _lamp(body, loft([ring(outline, 0.30), ring(outline, 0.315)], tips), 0, rng)
+    return lamp(body, loft([ring(outline, 0.30), ring(outline, 0.315)], tips), 0, rng)

@@ -180,8 +180,9 @@ def membrane(variant: int, rng: np.random.Generator) -> Design:
     body = [Part(prism(rectangle(0.42, 0.26, 0.05), 0, 0.034, bevel=0.014, steps=3), cover)]
     links = []
     for k, x in enumerate((-0.095, 0.095)):
-        body += shifted(hardware.bezel(0.165, 0.165, 0.010, 0.006, palette.STEEL, 0.04), (x, 0, 0.033))
-        pad = prism(rectangle(0.138, 0.138, 0.03), -0.02, 0, bevel=0.006)
+        rim = hardware.bezel(0.165, 0.165, 0.010, 0.006, palette.STEEL, (0.04, 0.075)[variant % 2])
+        body += shifted(rim, (x, 0, 0.033))
+        pad = prism(rectangle(0.138, 0.138, (0.03, 0.062)[variant % 2], 5), -0.02, 0, bevel=0.006)
         color = pick(rng, palette.ACCENTS, unlike=cover)
         sign = hardware.mark_bar(0.06) if k else hardware.mark_ring(0.03)
         parts = [Part(pad, color), sign.moved(z=-0.0004)]
@@ -193,7 +194,7 @@ def paddle(variant: int, rng: np.random.Generator) -> Design:
     """Novel: one big curved paddle that fills an oval plate; the second variant tilts by 0.12 radians only."""
     cover = in_turn((palette.WALNUT, palette.BIRCH), variant)
     face = in_turn((palette.IVORY, palette.TEAL), variant)
-    outline = np.array(star(1.0, 0.0, 1, 40)) * np.array([0.19, 0.155])
+    outline = np.array(star(1.0, 0.0, 1, 40)) * np.array([(0.19, 0.155), (0.165, 0.175)][variant % 2])
     body = [Part(prism(outline, 0, TOP, bevel=0.014, steps=3), cover)]
     inner = outline * np.array([0.80, 0.80])
     body += [Part(frame(0.86 * outline, inner, TOP - 0.002, TOP + 0.008, bevel=0.003), palette.BRASS)]

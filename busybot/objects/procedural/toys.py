@@ -15,8 +15,10 @@ from busybot.objects.procedural.solids import (
     box,
     circle,
     lathe,
+    loft,
     prism,
     rectangle,
+    ring,
     smooth,
     star,
     sweep,
@@ -121,3 +123,72 @@ def ladybird(variant: int, rng: np.random.Generator) -> Design:
         heart = lathe([(0.012, 0), (0.010, 0.012), (0, 0.013)], 14).moved(x, y, THICKNESS - 0.001)
         board += [Part(petals, color), Part(heart, palette.WHITE)]
     return _toy(piece, lambda x: 0.075 - 1.6 * x**2, board, palette.FOREST, rails=False)
+
+
+def grown(parts: list[Part], factor: float) -> list[Part]:
+    """The parts larger by a factor in all directions."""
+    return [Part(part.solid.stretched(factor, factor, factor), part.material) for part in parts]
+
+
+def car(variant: int, rng: np.random.Generator) -> Design:
+    """A little car on a winding road."""
+    del variant
+    paint = pick(rng, (palette.MUSTARD, palette.CORAL, palette.RED))
+    piece = [Part(box(0.21, 0.11, 0.045, 0.016).moved(z=0.02), paint)]
+    cabin = loft(
+        [ring(rectangle(a, b, 0.02), z) for a, b, z in ((0.13, 0.10, 0.06), (0.09, 0.085, 0.105), (0.07, 0.07, 0.11))]
+    )
+    piece.append(Part(cabin.moved(-0.015), palette.GLASS))
+    piece.append(Part(prism(rectangle(0.08, 0.075, 0.02), 0.104, 0.114, bevel=0.004).moved(-0.015), paint))
+    for x in (-0.065, 0.065):
+        wheel = lathe([(0.026, -0.062), (0.030, -0.056), (0.030, 0.056), (0.026, 0.062)], 18).turned("x", np.pi / 2)
+        piece.append(Part(wheel.moved(x, 0, 0.03), palette.BLACK))
+    piece += [Part(ball(0.012, 10, 6).moved(0.104, y, 0.045), palette.IVORY) for y in (-0.035, 0.035)]
+    piece = grown(piece, 1.3)
+    board = _board(palette.MINT, palette.BIRCH)
+    for x, y in ((-0.33, -0.12), (0.05, 0.13), (0.34, 0.11)):
+        trunk = lathe([(0.008, 0), (0.008, 0.03), (0, 0.03)], 8).moved(x, y, THICKNESS)
+        crown = lathe([(0.034, 0.02), (0.0, 0.085)], 14).moved(x, y, THICKNESS)
+        board += [Part(trunk, palette.WALNUT), Part(crown, palette.FOREST)]
+    return _toy(piece, lambda x: 0.055 * np.sin(2 * np.pi * x / 0.5), board, palette.GRAPHITE, rails=False)
+
+
+def duck(variant: int, rng: np.random.Generator) -> Design:
+    """A duck on a pond."""
+    del variant, rng
+    yellow = palette.MUSTARD
+    piece = [Part(ball(0.092, 26, 12).stretched(y=0.74, z=0.55).moved(z=0.035), yellow)]
+    piece.append(Part(ball(0.046, 20, 10).moved(0.06, 0, 0.098), yellow))
+    bill = lathe([(0.022, 0.0), (0.016, 0.022), (0.0, 0.032)], 14).stretched(x=0.5).turned("y", np.pi / 2)
+    piece.append(Part(bill.moved(0.098, 0, 0.092), palette.ORANGE))
+    piece += [Part(ball(0.008, 10, 6).moved(0.092, y, 0.115), palette.BLACK) for y in (-0.024, 0.024)]
+    tail = lathe([(0.030, 0.0), (0.0, 0.05)], 12).turned("y", -1.0).moved(-0.07, 0, 0.05)
+    piece.append(Part(tail, yellow))
+    piece = grown(piece, 1.35)
+    board = _board(palette.SKY, palette.OAK)
+    for x, y, r in ((-0.33, 0.12, 0.030), (0.30, -0.13, 0.034), (0.36, 0.10, 0.022)):
+        board.append(
+            Part(prism(star(r, 0.1 * r, 1, 24), 0, 0.005, bevel=0.002).moved(x, y, THICKNESS - 0.001), palette.FOREST)
+        )
+        board.append(Part(ball(0.010, 10, 6).moved(x, y, THICKNESS + 0.008), palette.BLUSH))
+    return _toy(piece, lambda x: -0.05 + 0.9 * x**2, board, palette.WHITE, rails=False)
+
+
+def rocket(variant: int, rng: np.random.Generator) -> Design:
+    """Novel: a rocket between stars."""
+    del variant
+    paint = pick(rng, (palette.RED, palette.ORANGE))
+    rows = [(0.030, -0.11), (0.050, -0.08), (0.056, 0.0), (0.045, 0.07), (0.022, 0.12), (0.0, 0.14)]
+    piece = [Part(lathe(smooth(rows, 3), 24).turned("y", np.pi / 2).moved(z=0.062), palette.PEARL)]
+    nose = lathe(smooth([(0.0462, 0.068), (0.024, 0.12), (0.0, 0.143)], 3), 24).turned("y", np.pi / 2)
+    piece.append(Part(nose.moved(z=0.062), paint))
+    fin = np.array([(-0.125, 0.0), (-0.03, 0.0), (-0.06, 0.045), (-0.12, 0.062)])
+    for turn in (0.0, np.pi):
+        piece.append(Part(prism(fin + [0, 0.045], -0.006, 0.006).turned("x", turn).moved(z=0.062), paint))
+    window = lathe([(0.024, 0), (0.022, 0.008), (0, 0.009)], 18).moved(0.02, 0, 0.112)
+    piece += [Part(window, palette.GLASS), Part(torus(0.025, 0.006, 18, 6).moved(0.02, 0, 0.114), palette.NAVY)]
+    board = _board(palette.NAVY, palette.STEEL)
+    for x, y in ((-0.33, -0.12), (-0.12, 0.13), (0.16, -0.13), (0.35, 0.12)):
+        spark = prism(star(0.018, 0.007, 5, 4), 0, 0.006, bevel=0.002)
+        board.append(Part(spark.moved(x, y, THICKNESS - 0.001), palette.MUSTARD))
+    return _toy(piece, lambda x: 0.30 * x, board, palette.SKY, rails=False)

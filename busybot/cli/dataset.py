@@ -7,6 +7,7 @@ import typer
 
 from busybot.cli import dataset_tell as tell
 from busybot.cli.common import JsonOption, WorkersOption, episode_progress, print_json, say
+from busybot.errors import BusybotError
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="Look at a dataset, check, mend, freeze, compare it."
@@ -69,10 +70,16 @@ def freeze(
     from busybot.episodes.carried import library_of
     from busybot.episodes.dataset import Dataset
     from busybot.episodes.freeze import freeze as freeze_dataset
+    from busybot.episodes.freeze import refuse_unfinished
     from busybot.episodes.manifest import is_frozen
 
-    target = Dataset.open(dataset)
-    library = library_of(target, assets) if (objects or assets) and not is_frozen(dataset) else None
+    target, library = Dataset.open(dataset), None
+    if (objects or assets) and not is_frozen(dataset):
+        refuse_unfinished(target)
+        try:
+            library = library_of(target, assets)
+        except BusybotError as error:
+            raise BusybotError(error.what, f"{error.mend}; or --no-objects freezes without them") from None
     with episode_progress("verifying") as progress:
         done = freeze_dataset(dataset, library, objects, licence, _workers(workers), progress)
     carried = sum(entry.carried for entry in done.manifest.assets.values())

@@ -79,7 +79,7 @@ def freeze(
         _make_read_only(path)
         return Frozen(manifest, new=False)
     with dataset.locked():
-        _refuse_unfinished(dataset)
+        refuse_unfinished(dataset)
         dataset.remove_leftovers()
         assets = plan_assets(dataset, library, carry, licence)
         _refuse_strangers(dataset, assets)
@@ -96,7 +96,8 @@ def freeze(
     return Frozen(manifest, assets.left_out)
 
 
-def _refuse_unfinished(dataset: Dataset) -> None:
+def refuse_unfinished(dataset: Dataset) -> None:
+    """A dataset can be frozen when every board has an episode."""
     done, boards = len(dataset.finished()), dataset.info.boards
     if done < boards or dataset.info.collect is None or not boards:
         what = f"{dataset.path}: the dataset is not finished: {done} of {boards} boards have an episode"

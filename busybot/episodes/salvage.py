@@ -101,7 +101,7 @@ def _read(data: bytes) -> _Remains:
         if opcode == Opcode.CHUNK:
             content = _content(Chunk.read(_stream(body)), whole, budget)
             budget -= len(content)
-            found.damaged = found.damaged or not content
+            found.damaged = whole and not content
             _read_messages(content, found)
         elif whole and opcode == Opcode.ATTACHMENT:
             if zlib.crc32(body[:-4]) == struct.unpack("<I", body[-4:])[0]:

@@ -4,7 +4,7 @@ Boards and discrete states must be equal, joints within 1e-5, images equal where
 recorded one, else close (`episodes.compare`). The result is a dataset of its own; a stopped call continues.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -81,7 +81,7 @@ def regenerate(
         target.remove_leftovers()
         arguments = (path, out, library, collect)
         try:
-            for index, (derived, difference, rule) in run_tasks(indices, _make_work, arguments, workers):
+            for index, (derived, difference, rule) in _run(indices, arguments, workers):
                 rows[index] = derived
                 found.episodes[rule] += 1
                 if not difference.holds(rule):
@@ -93,6 +93,15 @@ def regenerate(
             target.write_tables(rows)
     failed = dict(sorted(found.failed.items()))
     return Regenerated(out, len(boards), origin, unlike, found.episodes, failed, joints, worst)
+
+
+def _run(indices: list[int], arguments: tuple, workers: int) -> Iterator[tuple[int, Any]]:
+    """Index and outcome of each episode; with one worker all is done here."""
+    if workers > 1:
+        yield from run_tasks(indices, _make_work, arguments, workers)
+    else:
+        work = _make_work(*arguments)
+        yield from ((index, work(index)) for index in indices)
 
 
 def _make_work(path: Path, out: Path, library: Library, collect: CollectInfo) -> Callable[[int], Any]:

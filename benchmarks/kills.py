@@ -29,8 +29,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.manifest import is_frozen, read_manifest
 from busybot.episodes.verify import verify
@@ -122,8 +120,8 @@ def subjects(base: Path) -> dict[str, Subject]:
 
     return {
         "collect": Subject(COLLECT, prepare_boards, data, episodes_whole),
-        "freeze": Subject(["dataset", "freeze", "{}", "--workers", "2"], prepare_collected, data, frozen_or_not),
-        "repair": Subject(["dataset", "repair", "{}", "--workers", "2"], prepare_damaged, data, originals_there),
+        "freeze": Subject(["dataset", "freeze", "{}", "--workers", "1"], prepare_collected, data, frozen_or_not),
+        "repair": Subject(["dataset", "repair", "{}", "--workers", "1"], prepare_damaged, data, originals_there),
         "train": Subject(TRAIN, lambda folder: copy(base / "none", folder), is_model, lambda before, after: None),
     }
 
@@ -229,7 +227,7 @@ def times(folder: Path) -> dict[str, int]:
 
 def campaign(name: str, subject: Subject, kills: int, seed: int, base: Path) -> dict[str, Any]:
     """All trials of one command."""
-    start, folder = base / f"{name}-start", base / name  # equal lengths of paths: they are not recorded anyway
+    start, folder = base / f"{name}-start", base / name
     subject.prepare(start)
     expected, first, seconds = undisturbed(subject, folder)
     rng = generator(seed, "kills", 0, name)
@@ -279,7 +277,6 @@ def main() -> None:
         "command": f"python benchmarks/kills.py --commands {arguments.commands} --kills {arguments.kills}",
         "seed": arguments.seed,
         "machine": {"system": platform.system(), "python": platform.python_version(), "cores": os.cpu_count()},
-        "numpy": np.__version__,
         "results": found,
     }
     text = json.dumps(result, indent=None if arguments.json else 2)

@@ -27,9 +27,7 @@ SHARES = (0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.9999)
 def noisy(episode: Episode) -> Episode:
     """Pictures that hardly compress, so that a cut somewhere leaves some of the steps."""
     rng = np.random.default_rng(0)
-    episode.images = [
-        replace(image, rgb=rng.integers(0, 256, image.rgb.shape, np.uint8)) for image in episode.images
-    ]
+    episode.images = [replace(image, rgb=rng.integers(0, 256, image.rgb.shape, np.uint8)) for image in episode.images]
     return episode
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def replay(
     episode: Annotated[Path, typer.Argument(metavar="EPISODE", help="An episode's .mcap file.", show_default=False)],
     step: Annotated[int | None, typer.Option(min=0, help="Step to put back, 0 is the start; all by default.")] = None,
-    screenshot: Annotated[Path | None, typer.Option(help="Write the simulator's picture, F.png.")] = None,
+    screenshot: Annotated[Path | None, typer.Option(help="Write the simulator's picture of that step, F.png.")] = None,
     assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
     json: JsonOption = False,
 ) -> None:
@@ -24,18 +24,11 @@ def replay(
     Pictures must be equal where the renderer is the one that recorded, else close: at most 0.1 % of the pixels differ
     by more than 2/255. Exits with 1 if a step does not hold.
     """
-    from busybot.episodes.codec import encode_rgb
     from busybot.episodes.mcap_file import read_episode
-    from busybot.files import write_atomically
-    from busybot.sim.replay import Replay, simulator_of
+    from busybot.sim.replay import replay_file
 
-    recorded = read_episode(episode, images="lazy")
-    again = Replay(simulator_of(recorded, _library(episode, assets)), recorded)
-    steps = range(len(recorded.steps) + 1) if step is None else [step]
-    compared = [again.compare(number) for number in steps]
-    if screenshot:
-        rgb = again.put_back(steps[-1]).observe().rgb
-        write_atomically(screenshot, encode_rgb(rgb, "png"))
+    read_episode(episode, images="lazy")  # a fault of the file is told before objects are looked for
+    compared = replay_file(episode, _library(episode, assets), step, screenshot)
     holds = all(one.holds for one in compared)
     if json:
         print_json({"episode": episode, "ok": holds, "steps": compared, "screenshot": screenshot})

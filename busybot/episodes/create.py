@@ -52,6 +52,8 @@ def continue_or_create(path: Path, info: DatasetInfo, boards: Sequence[BoardSpec
             raise BusybotError(f"{path}: it is there and another dataset", "name another folder, or remove it")
         refuse_frozen(path)
         return dataset
+    if path.is_symlink() or path.exists() and not path.is_dir():
+        raise BusybotError(f"{path}: it is there and not a folder", "name another folder")
     place = path.absolute()
     unfinished = place.with_name(f".{place.name}.unfinished")
     if unfinished.is_dir() and not unfinished.is_symlink():

@@ -76,7 +76,7 @@ def freeze(
     dataset = Dataset.open(path)
     if is_frozen(path):
         manifest = read_manifest(path)
-        _make_read_only(path)
+        _finish(path)
         return Frozen(manifest, new=False)
     with dataset.locked():
         refuse_unfinished(dataset)
@@ -91,8 +91,7 @@ def freeze(
             what = f"{path}: {len(report.problems)} problems, first {first.file}: {first.what}"
             raise BusybotError(what, f"`busybot dataset repair {path}`, then `busybot dataset verify {path}`")
         manifest = _write_manifest(dataset, assets, workers)
-        inside(path, LOCK_FILE).unlink()
-    _make_read_only(path)
+        _finish(path)
     return Frozen(manifest, assets.left_out)
 
 
@@ -170,8 +169,11 @@ def _write_card(path: Path, text: str) -> None:
     write_atomically(file, data)
 
 
-def _make_read_only(path: Path) -> None:
-    """Take away all write permissions, the folder's own last."""
+def _finish(path: Path) -> None:
+    """Remove the lock, which a frozen dataset needs no more, and take away all write permissions, the folder's last."""
+    lock = inside(path, LOCK_FILE)
+    if lock.exists():
+        lock.unlink()
     files = [path / name for name in _scan(path).files]
     folders = sorted({parent for file in files for parent in file.parents if parent.is_relative_to(path)})
     for place in [*files, *reversed(folders)]:

@@ -13,9 +13,10 @@ from busybot.episodes.compare import Difference, ImageDifference, Rule, compare_
 from busybot.episodes.create import boards_again, continue_or_create
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
+from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.episodes.tables import Rows, episode_rows
-from busybot.errors import BusybotError
+from busybot.errors import BusybotError, naming
 from busybot.objects.library import Library
 from busybot.sim.replay import act_again, render_config
 from busybot.sim.scene import Simulator
@@ -58,6 +59,7 @@ def regenerate(
 
     Args:
         library: with all objects from which the boards were drawn, not only those that stand on them.
+        workers: processes that share the work; 0 does it in this one.
 
     Raises:
         BusybotError: the dataset has no episodes or no configuration, an object is missing, or `out` holds something
@@ -96,8 +98,8 @@ def regenerate(
 
 
 def _run(indices: list[int], arguments: tuple, workers: int) -> Iterator[tuple[int, Any]]:
-    """Index and outcome of each episode; with one worker all is done here."""
-    if workers > 1:
+    """Index and outcome of each episode; without workers all is done here."""
+    if workers:
         yield from run_tasks(indices, _make_work, arguments, workers)
     else:
         work = _make_work(*arguments)
@@ -109,15 +111,18 @@ def _make_work(path: Path, out: Path, library: Library, collect: CollectInfo) ->
     source, target = Dataset.open(path), Dataset.open(out)
     simulators: dict[str, Simulator] = {}
 
+    def play(index: int, recorded: Episode) -> Episode:
+        config = render_config(recorded)
+        if config.model_dump_json() not in simulators:
+            responders = bool(collect.settings.get("responders", True))
+            simulators[config.model_dump_json()] = Simulator(library, config, responders)
+        return act_again(simulators[config.model_dump_json()], target.board(index), recorded)
+
     def work(index: int) -> tuple[Rows, Difference, Rule]:
         file, recorded = target.episode_path(index), read_episode(source.episode_path(index), images="lazy")
         if not file.exists():
-            config = render_config(recorded)
-            if config.model_dump_json() not in simulators:
-                responders = bool(collect.settings.get("responders", True))
-                simulators[config.model_dump_json()] = Simulator(library, config, responders)
-            simulator = simulators[config.model_dump_json()]
-            write_episode(file, act_again(simulator, target.board(index), recorded), collect.images)
+            with naming(source.episode_path(index)):
+                write_episode(file, play(index, recorded), collect.images)
         again = read_episode(file, images="lazy")
         return episode_rows(file, index), compare_episodes(recorded, again), rule_for(recorded, again)
 

@@ -9,7 +9,9 @@ and lets the acted link settle once more. With the same renderer the image is th
 (`tests/sim/test_replay.py` tries all steps).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,17 +19,22 @@ from pydantic import BaseModel, ValidationError
 
 from busybot.boards.relations import responder_state
 from busybot.boards.spec import BoardSpec
+from busybot.episodes.codec import encode_rgb
 from busybot.episodes.compare import JOINT_TOLERANCE, ImageDifference, Rule, compare_images, rule_for
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.geometry import Rays
 from busybot.episodes.images import LazyImages
-from busybot.errors import BusybotError
+from busybot.episodes.mcap_file import read_episode
+from busybot.errors import BusybotError, naming
+from busybot.files import write_atomically
 from busybot.objects.library import Library
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.recorder import package_versions, renderer_fingerprint, visible_centres
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, BoardState, Simulator
+from busybot.workers import run_tasks
 
+REPLAY_SECONDS = 24 * 3600.0
 Config = TypeVar("Config", bound=BaseModel)
 
 
@@ -116,6 +123,36 @@ class Replay:
 
     def _now(self) -> Episode:
         return replace(self.episode, renderer=self._renderer, versions=package_versions())
+
+
+def replay_file(
+    path: Path, library: Library, step: int | None = None, screenshot: Path | None = None
+) -> list[Compared]:
+    """Compare a step of an episode's file, or all of them, in a process of its own.
+
+    A process that has rendered can fail in the graphics driver when it ends; a worker ends without that.
+
+    Args:
+        screenshot: write the picture of the step, or of the last one, as PNG.
+    """
+    arguments = (path, library, step, screenshot)
+    with naming(path):
+        [(_, compared)] = run_tasks([0], _make_replay, arguments, workers=1, task_seconds=REPLAY_SECONDS)
+    return compared
+
+
+def _make_replay(path: Path, library: Library, step: int | None, screenshot: Path | None) -> Callable[[int], Any]:
+    def work(_: int) -> list[Compared]:
+        episode = read_episode(path, images="lazy")
+        replay = Replay(simulator_of(episode, library), episode)
+        steps = range(len(episode.steps) + 1) if step is None else range(step, step + 1)
+        compared = [replay.compare(number) for number in steps]
+        if screenshot:
+            picture = replay.put_back(steps[-1]).observe().rgb
+            write_atomically(screenshot, encode_rgb(picture, "png"))
+        return compared
+
+    return work
 
 
 def simulator_of(episode: Episode, library: Library, responders: bool | None = None) -> Simulator:

@@ -51,7 +51,7 @@ def test_recorded_frozen_and_made_again(tmp_path: Path) -> None:
     assert cv2.imread(str(picture)).shape == (120, 160, 3)
     assert busybot("replay", episode).stdout.count("holds") == 4
     beyond = busybot("replay", episode, "--step", "9")
-    assert beyond.returncode == 1 and "0 (the start) to 3" in beyond.stderr
+    assert beyond.returncode == 1 and "0 (the start) to 3" in beyond.stderr and episode in beyond.stderr
     done = busybot("dataset", "regenerate", out, "--out", again, "--workers", "1", "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["episodes"] == {"equal": 2, "close": 0}

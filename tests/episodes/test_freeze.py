@@ -15,6 +15,7 @@ from busybot.episodes.create import boards_again, create_dataset
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.freeze import freeze
 from busybot.episodes.manifest import is_frozen, read_manifest
+from busybot.episodes.summary import summarise
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from busybot.files import scan, sha256_of
@@ -66,6 +67,7 @@ def test_nothing_can_be_written_any_more(dataset: Dataset) -> None:
         with pytest.raises(BusybotError, match="frozen"):
             act()
     assert not (dataset.path / ".lock").exists()
+    assert summarise(dataset.path)["frozen"]
 
 
 def test_what_is_missing_changed_or_added_is_named(dataset: Dataset) -> None:
@@ -173,7 +175,7 @@ def test_the_card_has_front_matter_and_the_hashes(dataset: Dataset) -> None:
     assert "{" not in body
 
 
-@pytest.mark.parametrize("moment", ["_write_card", "file_entries", "write_json", "_make_read_only"])
+@pytest.mark.parametrize("moment", ["_write_card", "file_entries", "write_json", "_finish"])
 def test_stopped_at_any_moment_it_is_continued(
     dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: str
 ) -> None:
@@ -187,9 +189,9 @@ def test_stopped_at_any_moment_it_is_continued(
         patched.setattr(module, moment, stop)
         with pytest.raises(KeyboardInterrupt):
             freeze(dataset.path, None)
-    assert is_frozen(dataset.path) == (moment == "_make_read_only")
+    assert is_frozen(dataset.path) == (moment == "_finish")
     done = freeze(dataset.path, None)
-    assert done.manifest == whole and done.new == (moment != "_make_read_only")
+    assert done.manifest == whole and done.new == (moment != "_finish")
     assert not dataset.path.stat().st_mode & 0o222
     assert faults(dataset.path) == []
 

@@ -26,7 +26,7 @@ def test_a_dataset_of_each_version_is_read_and_sound(version: str) -> None:
     folder = FIXTURES / version
     assert sum(scan(folder).files.values()) < 300_000
     expected = read_json(folder / "expected.json")
-    assert summarise(folder / "dataset") == expected["dataset"]
+    assert expected["dataset"].items() <= summarise(folder / "dataset").items()
     report = verify(folder / "dataset")
     assert report.problems == () and report.frozen and report.episodes == 2
     dataset = Dataset.open(folder / "dataset")

@@ -44,6 +44,14 @@ def build(model: type[Config], file: Path | None, settings: list[str], options: 
         raise BusybotError(f"{where}parameter {place or model.__name__}: {message}", _known(model)) from None
 
 
+def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings with dotted names, as `--set` takes them."""
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        found |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+    return found
+
+
 def _known(model: type[BaseModel]) -> str:
     return f"the parameters are {', '.join(model.model_fields)}"
 

@@ -1,8 +1,11 @@
 """Files that are whole or absent, and paths that stay inside their folder."""
 
 import contextlib
+import hashlib
 import json
 import os
+import stat
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -52,3 +55,40 @@ def inside(folder: Path, relative: str) -> Path:
     if Path(relative).is_absolute() or not candidate.resolve().is_relative_to(folder.resolve()):
         raise BusybotError(f"{folder}: the path {relative!r} leaves the folder", "remove it or copy the file inside")
     return candidate
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 over a file's bytes, hexadecimal."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@dataclass
+class Scan:
+    """What lies under a folder, by path relative to it with "/" between parts, in sorted order.
+
+    Attributes:
+        files: size in bytes of every regular file.
+        others: links, devices, sockets: what is neither a regular file nor a folder.
+    """
+
+    files: dict[str, int] = field(default_factory=dict)
+    others: list[str] = field(default_factory=list)
+
+
+def scan(folder: Path) -> Scan:
+    """Look through the folder and all folders in it; no link is followed."""
+    found = Scan()
+    waiting = [""]
+    while waiting:
+        place = waiting.pop()
+        with os.scandir(folder / place) as entries:
+            for entry in entries:
+                name = f"{place}{entry.name}"
+                if entry.is_dir(follow_symlinks=False):
+                    waiting.append(f"{name}/")
+                elif stat.S_ISREG((facts := entry.stat(follow_symlinks=False)).st_mode):
+                    found.files[name] = facts.st_size
+                else:
+                    found.others.append(name)
+    return Scan(dict(sorted(found.files.items())), sorted(found.others))

@@ -33,6 +33,15 @@ def partnet_raw() -> Path:
     return path
 
 
+@pytest.fixture(scope="session")
+def tiny() -> Path:
+    """The small frozen dataset of procedural objects in `datasets/tiny`: 12 boards, 13 steps on each."""
+    path = ROOT / "datasets" / "tiny"
+    if not path.is_dir():
+        pytest.skip("datasets/tiny is absent; python datasets/make.py makes it")
+    return path
+
+
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tests leave the user's cache alone: one cache of the test run, shared by all of its tests."""

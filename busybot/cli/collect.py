@@ -34,8 +34,8 @@ def collect(
 ) -> None:
     """Act on every board and record what happens. Ctrl-C loses nothing: the same command continues."""
     from busybot.config import build
+    from busybot.episodes.carried import library_of
     from busybot.episodes.dataset import Dataset
-    from busybot.objects.library import find
     from busybot.sim.collect import CollectConfig
     from busybot.sim.collect import collect as run
     from busybot.workers import default_workers
@@ -43,7 +43,7 @@ def collect(
     options = {"steps": steps, "policy": policy, "images": images, "seed": seed}
     parameters = build(CollectConfig, config, set_ or [], options | {"interaction.strict": strict or None})
     target = Dataset.open(dataset)
-    library = find(assets, target.info.assets.sha256)
+    library = library_of(target, assets)
     chooser, provenance = _chooser(parameters.policy, model, parameters.learned)
     try:
         with episode_progress("collecting") as progress:

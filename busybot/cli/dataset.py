@@ -1,15 +1,20 @@
-"""`busybot dataset`: look at a dataset, check it."""
+"""`busybot dataset`: look at a dataset, check it, mend it, freeze it, compare it, make it again."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
+from busybot.cli import dataset_tell as tell
 from busybot.cli.common import JsonOption, WorkersOption, episode_progress, print_json, say
+from busybot.errors import BusybotError
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, help="Look at a dataset, check it.")
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, help="Look at a dataset, check, mend, freeze, compare it."
+)
 
 DatasetArgument = Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.", show_default=False)]
+AssetsOption = Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")]
 
 
 @app.command()
@@ -21,45 +26,147 @@ def info(dataset: DatasetArgument, json: JsonOption = False) -> None:
     if json:
         print_json(summary)
     else:
-        _print_table(dataset, summary)
+        tell.summary(dataset, summary)
 
 
 @app.command()
-def verify(dataset: DatasetArgument, workers: WorkersOption = None, json: JsonOption = False) -> None:
-    """Check structure, checksums and boards, and tables against episodes. Exits with 1 if something is wrong."""
+def verify(
+    dataset: DatasetArgument,
+    assets: Annotated[str | None, typer.Option(help="Compare these objects with the recorded hashes.")] = None,
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Check structure, checksums and boards, tables against episodes, and of a frozen dataset all files.
+
+    Objects are compared with the recorded hashes where they are found. Exits with 1 if something is wrong.
+    """
     from busybot.episodes.verify import verify as verify_dataset
-    from busybot.workers import default_workers
 
     with episode_progress("verifying") as progress:
-        report = verify_dataset(dataset, workers or default_workers(), progress)
+        report = verify_dataset(dataset, _workers(workers), progress, assets)
     for problem in report.problems:
         say(f"{problem.file}: {problem.what}\n  mend: {problem.mend}")
     if json:
-        print_json({"ok": report.ok, "episodes": report.episodes, "problems": report.problems})
+        print_json({"ok": report.ok, **vars(report)})
     else:
         verdict = "nothing is wrong" if report.ok else f"{len(report.problems)} problems"
-        print(f"{dataset}: {report.episodes} episodes checked, {verdict}")
+        manifest = "all files against the manifest, " if report.frozen else ""
+        objects = "objects not found" if report.objects is None else f"{report.objects} objects"
+        print(f"{dataset}: {report.episodes} episodes checked, {manifest}{objects}: {verdict}")
     if not report.ok:
         raise typer.Exit(1)
 
 
-def _print_table(dataset: Path, summary: dict[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
+@app.command()
+def freeze(
+    dataset: DatasetArgument,
+    objects: Annotated[bool, typer.Option(help="Put copies of the objects in, if their licences allow it.")] = True,
+    licence: Annotated[str | None, typer.Option(help="Of objects that you made: an SPDX identifier.")] = None,
+    assets: AssetsOption = None,
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Give a finished dataset a manifest and a card, and make it read-only. Nothing is collected into it any more."""
+    from busybot.episodes.carried import library_of
+    from busybot.episodes.dataset import Dataset
+    from busybot.episodes.freeze import freeze as freeze_dataset
+    from busybot.episodes.freeze import refuse_unfinished
+    from busybot.episodes.manifest import is_frozen
 
-    table = Table(title=str(dataset), show_header=False, title_justify="left")
-    table.add_column(no_wrap=True)
-    table.add_column(overflow="fold")
-    for key, value in summary.items():
-        table.add_row(key.replace("_", " "), _readable(key, value))
-    Console().print(table)
+    target, library = Dataset.open(dataset), None
+    if (objects or assets) and not is_frozen(dataset):
+        refuse_unfinished(target)
+        try:
+            library = library_of(target, assets)
+        except BusybotError as error:
+            raise BusybotError(error.what, f"{error.mend}; or --no-objects freezes without them") from None
+    with episode_progress("verifying") as progress:
+        done = freeze_dataset(dataset, library, objects, licence, _workers(workers), progress)
+    carried = sum(entry.carried for entry in done.manifest.assets.values())
+    if json:
+        facts = {"dataset": dataset, "new": done.new, "files": len(done.manifest.files), "objects_carried": carried}
+        facts["bytes"] = sum(entry.bytes for entry in done.manifest.files.values())
+        print_json({**facts, "left_out": done.left_out, "hashes": done.manifest.hashes})
+        return
+    for reason in done.left_out:
+        say(f"the objects are not put in; licence: {reason}")
+    state = "is frozen" if done.new else "was frozen already"
+    print(f"{dataset} {state}: {len(done.manifest.files)} files, {carried} objects among them")
 
 
-def _readable(key: str, value: Any) -> str:
-    if value is None:
-        return "-"
-    if key == "bytes":
-        return f"{value:,} ({value / 1e6:.1f} MB)"
-    if key.endswith("_share"):
-        return f"{value:.1%}"
-    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) and key != "seed" else str(value)
+@app.command()
+def diff(
+    first: Annotated[Path, typer.Argument(metavar="A", help="A dataset.", show_default=False)],
+    second: Annotated[Path, typer.Argument(metavar="B", help="Another.", show_default=False)],
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Say what differs: settings, boards, actions, states, images, versions. Exits with 1 if anything does."""
+    from busybot.episodes.diff import diff as compare
+
+    with episode_progress("comparing") as progress:
+        found = compare(first, second, _workers(workers), progress)
+    if json:
+        print_json({"equal": found.equal, **vars(found)})
+    else:
+        tell.difference(first, second, found)
+    if not found.equal:
+        raise typer.Exit(1)
+
+
+@app.command()
+def repair(
+    dataset: DatasetArgument,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the repaired dataset here; leave the damaged one alone.")
+    ] = None,
+    partial: Annotated[bool, typer.Option(help="Keep episodes that can be saved in part only.")] = True,
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Save what can be saved of damaged episodes and make the tables again; originals are kept in `damaged`.
+
+    With `--no-partial` an episode that cannot be saved entirely is dropped, and `busybot collect` records it again.
+    """
+    from busybot.episodes.repair import repair as repair_dataset
+
+    with episode_progress("looking") as progress:
+        done = repair_dataset(dataset, out, partial, _workers(workers), progress)
+    if json:
+        print_json(done)
+    else:
+        tell.repaired(done)
+
+
+@app.command()
+def regenerate(
+    dataset: DatasetArgument,
+    out: Annotated[Path, typer.Option(help="Folder for the dataset that is made again.", show_default=False)],
+    assets: AssetsOption = None,
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Make the boards again, execute the recorded actions again, and compare. Exits with 1 if it does not hold.
+
+    Boards and discrete states must be equal, joints within 1e-5, images equal under the same renderer, else at most
+    0.1 % of their pixels beyond 2/255.
+    """
+    from busybot.episodes.carried import library_of
+    from busybot.episodes.dataset import Dataset
+    from busybot.sim.regenerate import regenerate as make_again
+
+    library = library_of(Dataset.open(dataset), assets)
+    with episode_progress("replaying") as progress:
+        found = make_again(dataset, out, library, _workers(workers), progress)
+    if json:
+        print_json({"ok": found.ok, **vars(found)})
+    else:
+        tell.regenerated(found)
+    if not found.ok:
+        raise typer.Exit(1)
+
+
+def _workers(wanted: int | None) -> int:
+    from busybot.workers import default_workers
+
+    return wanted or default_workers()

@@ -26,14 +26,14 @@ def evaluate_model(
     record: Path | None,
 ) -> dict[str, Any]:
     """Find objects and policy by their names and evaluate."""
+    from busybot.episodes.carried import library_of
     from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser
     from busybot.interact.evaluate import evaluate
     from busybot.interact.policy import mode_named
-    from busybot.objects.library import find
     from busybot.sim.policies import BuiltIn, Chooser
     from busybot.workers import default_workers
 
-    library = find(assets, dataset.info.assets.sha256)
+    library = library_of(dataset, assets)
     chooser: Chooser
     if model in BUILT_IN:
         chooser, provenance = BuiltIn(model), {"model": {"name": model}}

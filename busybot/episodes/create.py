@@ -1,11 +1,18 @@
 """From a configuration and a library to a dataset folder with boards and no episodes yet."""
 
+import os
+import shutil
+from collections.abc import Sequence
 from pathlib import Path
+
+from pydantic import ValidationError
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import GENERATOR_VERSION, Redraws, generate_boards
+from busybot.boards.spec import BoardSpec
 from busybot.episodes.dataset import INFO_FILE, Dataset
 from busybot.episodes.dataset_info import AssetsInfo, DatasetInfo, GeneratorInfo
+from busybot.episodes.manifest import refuse_frozen
 from busybot.errors import BusybotError
 from busybot.objects.library import Library
 
@@ -51,3 +58,44 @@ def _same(dataset: Dataset, config: BoardConfig, library: Library) -> Dataset:
         what = f"{dataset.path}: another dataset is there: {', '.join(differing)} differ"
         raise BusybotError(what, "name another folder, or remove it")
     return dataset
+
+
+def continue_or_create(path: Path, info: DatasetInfo, boards: Sequence[BoardSpec]) -> Dataset:
+    """Open the dataset that an earlier, interrupted call made, or make it: it is there whole or not at all.
+
+    Raises:
+        BusybotError: the folder holds something else, or a frozen dataset.
+    """
+    if path.is_dir() and any(path.iterdir()):
+        dataset = Dataset.open(path)
+        if dataset.info != info or [board.digest() for board in dataset.boards()] != [b.digest() for b in boards]:
+            raise BusybotError(f"{path}: it is there and another dataset", "name another folder, or remove it")
+        refuse_frozen(path)
+        return dataset
+    if path.is_symlink() or path.exists() and not path.is_dir():
+        raise BusybotError(f"{path}: it is there and not a folder", "name another folder")
+    place = path.absolute()
+    unfinished = place.with_name(f".{place.name}.unfinished")
+    if unfinished.is_dir() and not unfinished.is_symlink():
+        shutil.rmtree(unfinished)
+    Dataset.create(unfinished, info, boards)
+    os.replace(unfinished, path)
+    return Dataset(path, info)
+
+
+def boards_again(generator: GeneratorInfo, library: Library, recorded: list[BoardSpec]) -> tuple[list[BoardSpec], str]:
+    """Boards from the recorded configuration; the recorded ones where another version of the generator drew them."""
+    if generator.version != GENERATOR_VERSION:
+        return recorded, "dataset"
+    try:
+        config = BoardConfig.model_validate(generator.config)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        what = f"the recorded configuration of the generator: {place}: {first['msg']}"
+        raise BusybotError(what, "only datasets of `busybot generate` can be made again") from None
+    boards = list(generate_boards(config, library))
+    if len(boards) != len(recorded):
+        what = f"the recorded configuration gives {len(boards)} boards, the dataset has {len(recorded)}"
+        raise BusybotError(what, "only datasets of `busybot generate` can be made again")
+    return boards, "configuration"

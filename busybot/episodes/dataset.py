@@ -4,23 +4,27 @@ dataset.json                      what it is (`dataset_info.DatasetInfo`)
 boards/boards-00000.jsonl         one board per line, 1,000 a file
 episodes/000000.mcap              one file per board, there whole or not at all
 tables/{episodes,steps,objects}/part-00000.parquet      500 episodes a file, derived from the episodes
+manifest.json, README.md          of a frozen dataset (`freeze`): every file with its hash, and a card
+objects/                          of a frozen dataset, where their licence allows: the objects on its boards
+damaged/                          originals of the files that `repair` replaced
 """
 
-import fcntl
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 from pydantic import ValidationError
 
 from busybot.boards.spec import BoardSpec
+from busybot.config import flat
 from busybot.episodes.dataset_info import CollectInfo, DatasetInfo
 from busybot.episodes.digests import Digests, combine
+from busybot.episodes.lock import remove_leftovers, writing
+from busybot.episodes.manifest import refuse_frozen
 from busybot.episodes.schema import SCHEMA_VERSION, TABLES, arrow_schema
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode, write_shard
 from busybot.errors import BusybotError
@@ -31,7 +35,6 @@ INFO_FILE = "dataset.json"
 
 _EPISODE_NAME = re.compile(r"^(\d{6,9})\.mcap$")
 _SHARD_NAME = re.compile(r"^part-(\d{5})\.parquet$")
-_TEMPORARY_NAME = re.compile(r"^\..*\.(\d+)\.tmp$")
 
 Derive = Callable[[list[tuple[Path, int]]], Iterable[dict[str, pa.Table]]]
 """Maps (file, index) pairs to their rows in the same order; workers may share the work."""
@@ -154,14 +157,15 @@ class Dataset:
         While there are no episodes, a new attempt replaces what an earlier one recorded.
 
         Raises:
-            BusybotError: naming each setting that differs from the recorded one.
+            BusybotError: naming each setting that differs from the recorded one; or the dataset is frozen.
         """
+        refuse_frozen(self.path)
         self.info = Dataset.open(self.path).info  # another process may have begun since this one opened the dataset
         if self.info.collect is None or not self.finished():
             self.info = self.info.model_copy(update={"collect": collect})
             write_json(inside(self.path, INFO_FILE), self.info.model_dump(mode="json"))
             return
-        recorded, wanted = (_flat(value.model_dump(mode="json")) for value in (self.info.collect, collect))
+        recorded, wanted = (flat(value.model_dump(mode="json")) for value in (self.info.collect, collect))
         keys = sorted(recorded.keys() | wanted.keys())
         differing = [
             f"{k} {recorded.get(k)!r}, now {wanted.get(k)!r}" for k in keys if recorded.get(k) != wanted.get(k)
@@ -172,27 +176,19 @@ class Dataset:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """One writer at a time; the lock ends with the process, however it ends."""
-        with open(inside(self.path, ".lock"), "w") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                what = f"{self.path}: another process is collecting into this dataset"
-                raise BusybotError(what, "wait until it is done, or end it") from None
+        """One writer at a time; the lock ends with the process, however it ends.
+
+        Raises:
+            BusybotError: another process holds the lock, or the dataset is frozen.
+        """
+        refuse_frozen(self.path)  # before the lock, too: in a read-only folder it could not be made
+        with writing(self.path):
+            refuse_frozen(self.path)
             yield
 
     def remove_leftovers(self) -> int:
         """Delete temporary files of writers that are no more; returns their number. Call it under `locked`."""
-        leftovers = [
-            file
-            for folder in ("boards", "episodes", *(f"tables/{name}" for name in TABLES))
-            if inside(self.path, folder).is_dir()
-            for file in inside(self.path, folder).iterdir()
-            if (match := _TEMPORARY_NAME.match(file.name)) and not _alive(int(match[1]))
-        ]
-        for file in leftovers:
-            file.unlink(missing_ok=True)
-        return len(leftovers)
+        return remove_leftovers(self.path)
 
     def table_path(self, table: str, shard: int) -> Path:
         """Where shard `shard` of a table is or will be."""
@@ -283,15 +279,6 @@ class Dataset:
         return rows["episodes"]["bytes"][0].as_py() == self.episode_path(index).stat().st_size
 
 
-def _flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested settings with dotted names, as `--set` takes them."""
-    flat: dict[str, Any] = {}
-    for key, value in values.items():
-        nested = _flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
-        flat |= nested
-    return flat
-
-
 def _is_whole(rows: Rows) -> bool:
     """Whether an episode's rows are there in all tables: a writer may have been stopped between two of them."""
     steps = rows["episodes"]["steps"][0].as_py()
@@ -300,16 +287,6 @@ def _is_whole(rows: Rows) -> bool:
 
 def _boards_name(shard: int) -> str:
     return f"boards/boards-{shard:05d}.jsonl"
-
-
-def _alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        return True
-    return True
 
 
 def _unfinished(folder: Path) -> bool:

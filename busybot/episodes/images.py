@@ -6,7 +6,7 @@ from typing import overload
 
 import numpy as np
 
-from busybot.episodes.codec import DepthScale, decode_plain, decode_rgb
+from busybot.episodes.codec import DepthScale, decode_plain, decode_rgb, encode_rgb
 from busybot.episodes.episode import Image
 from busybot.errors import BusybotError
 
@@ -69,6 +69,15 @@ class LazyImages(Sequence[Image]):
 
     def __iter__(self) -> Iterator[Image]:
         return (self[i] for i in range(len(self)))
+
+    def as_stored(self, image: Image) -> Image:
+        """Another image as it would come back from this file: through its codecs."""
+        png = self.encoded[0].rgb.startswith(b"\x89PNG") if self.encoded else True
+        rgb = decode_rgb(encode_rgb(image.rgb, "png" if png else "jpeg"), self.width, self.height)
+        if self._depths is None:
+            self._depths = self.depth_scale.table()
+        depth = None if image.depth is None else np.take(self._depths, self.depth_scale.quantise(image.depth))
+        return Image(rgb=rgb, depth=depth, segmentation=image.segmentation, boxes=image.boxes)
 
     def _decode(self, position: int) -> Image:
         encoded = self.encoded[position]

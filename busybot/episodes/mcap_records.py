@@ -49,14 +49,18 @@ def read_records(path: Path) -> Records:
     Raises:
         BusybotError: naming the file, if it is absent, too large, not a whole MCAP file, or damaged.
     """
-    data = _read_bytes(path)
+    return parse_records(_read_bytes(path), str(path))
+
+
+def parse_records(data: bytes, where: str) -> Records:
+    """All records in a file's bytes; `where` names it in messages, see `read_records`."""
     try:
         return _parse(data)
     except BusybotError as error:
-        raise BusybotError(f"{path}: {error.what}", MEND) from None
+        raise BusybotError(f"{where}: {error.what}", MEND) from None
     except (McapError, ValueError, struct.error, zstandard.ZstdError, KeyError, OverflowError, MemoryError) as error:
         reason = str(error) or "it ends too early"
-        raise BusybotError(f"{path}: not a whole MCAP file: {reason}", MEND) from None
+        raise BusybotError(f"{where}: not a whole MCAP file: {reason}", MEND) from None
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -81,7 +85,7 @@ def _parse(data: bytes) -> Records:
     checked, footer = False, Footer(0, 0, 0)
     for record in reader.records:
         if isinstance(record, Chunk):
-            content = _decompress(record, budget)
+            content = decompress(record, budget)
             budget -= len(content)
             _parse_chunk(content, found, channels, schemas)
         elif isinstance(record, Metadata):
@@ -100,7 +104,8 @@ def _parse(data: bytes) -> Records:
     return found
 
 
-def _decompress(chunk: Chunk, limit: int) -> bytes:
+def decompress(chunk: Chunk, limit: int) -> bytes:
+    """Content of a chunk of at most `limit` bytes, compared with its checksum."""
     if chunk.uncompressed_size > limit:
         raise BusybotError(f"more than {MAX_CONTENT_BYTES} bytes of content")
     if chunk.compression == "zstd":

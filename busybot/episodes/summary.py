@@ -6,6 +6,7 @@ from typing import Any
 import pyarrow.compute as pc
 
 from busybot.episodes.dataset import Dataset
+from busybot.episodes.manifest import is_frozen
 
 
 def summarise(path: Path) -> dict[str, Any]:
@@ -24,6 +25,7 @@ def summarise(path: Path) -> dict[str, Any]:
         "split": info.split,
         "seed": info.seed,
         "schema_version": info.schema_version,
+        "frozen": is_frozen(path),
         "boards": info.boards,
         "episodes": rows.num_rows,
         "steps": _total(rows["steps"]),

@@ -20,7 +20,7 @@ from busybot.episodes.check import UNKNOWN_PIXEL
 from busybot.episodes.digests import Digests, episode_digests
 from busybot.episodes.episode import Episode, Step
 from busybot.episodes.mcap_reader import decode_episode
-from busybot.episodes.mcap_records import read_records
+from busybot.episodes.mcap_records import parse_records, read_records
 from busybot.episodes.schema import TABLES, arrow_schema
 from busybot.errors import BusybotError
 from busybot.files import write_atomically
@@ -32,16 +32,17 @@ Rows = Mapping[str, pa.Table]
 """Table name to the rows of one episode or more."""
 
 
-def episode_rows(path: Path, index: int) -> dict[str, pa.Table]:
+def episode_rows(path: Path, index: int, data: bytes | None = None) -> dict[str, pa.Table]:
     """Read the file and derive its rows of all three tables, with the digests.
 
     Args:
         index: of the episode in its dataset.
+        data: the file's bytes, if it is not to be read.
 
     Raises:
         BusybotError: if the file cannot be read; see `mcap_reader.read_episode`.
     """
-    records = read_records(path)
+    records = read_records(path) if data is None else parse_records(data, str(path))
     episode = decode_episode(records, str(path), "lazy")
     metadata = records.metadata[topics.METADATA]
     about = FileFacts(records.size, metadata.get("image_format", ""), metadata["schema_version"])

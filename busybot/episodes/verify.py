@@ -4,8 +4,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from busybot.episodes.belongs import faults_of
+from busybot.episodes.carried import OBJECTS_FOLDER, library_of
 from busybot.episodes.dataset import BOARDS_PER_SHARD, INFO_FILE, Dataset
 from busybot.episodes.dataset_info import CollectInfo
+from busybot.episodes.manifest import CARD_FILE, MANIFEST_FILE, MEND_FETCH, is_frozen, read_manifest, unlike_manifest
+from busybot.episodes.repair import DAMAGED_FOLDER
 from busybot.episodes.schema import TABLES
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode
 from busybot.errors import BusybotError
@@ -15,7 +19,7 @@ from busybot.workers import share
 MEND_TABLES = "remove the file; `busybot collect` on the dataset makes it again from the episodes"
 LINK = "a link where a file or folder is expected"
 MEND_STRAY = "move it out of the dataset"
-MEND_EPISODE = "remove the file; `busybot collect` on the dataset records the episode again"
+MEND_EPISODE = "`busybot dataset repair` saves what can be saved; or remove the file and collect again"
 
 
 @dataclass(frozen=True)
@@ -29,10 +33,19 @@ class Problem:
 
 @dataclass(frozen=True)
 class Report:
-    """What `verify` found: the number of episodes that it read, and the problems in a fixed order."""
+    """What `verify` found.
+
+    Attributes:
+        episodes: how many it read.
+        problems: in a fixed order.
+        frozen: whether there is a manifest; all files were compared with it.
+        objects: how many objects were compared with their recorded hashes; None if their files were not found.
+    """
 
     episodes: int
     problems: tuple[Problem, ...]
+    frozen: bool = False
+    objects: int | None = None
 
     @property
     def ok(self) -> bool:
@@ -53,13 +66,20 @@ class _Checked:
     problems: tuple[Problem, ...]
 
 
-def verify(path: Path, workers: int = 1, progress: Callable[[int, int], None] | None = None) -> Report:
+def verify(
+    path: Path,
+    workers: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+    assets: str | None = None,
+) -> Report:
     """Look for everything that can be wrong with the dataset.
 
     Every episode is read whole: all checksums, all images decoded, rows and digests derived again and compared with
-    the tables. Boards without an episode are no problem: collecting can continue.
+    the tables. Boards without an episode are no problem: collecting can continue. Of a frozen dataset all files are
+    compared with the manifest. Objects are compared with their recorded hashes where their files are found.
 
     Args:
+        assets: the library with the objects; other objects than the recorded ones are then a problem.
         progress: called with the number of episodes done and the number of all.
 
     Raises:
@@ -88,14 +108,43 @@ def verify(path: Path, workers: int = 1, progress: Callable[[int, int], None] | 
             if progress is not None:
                 progress(done, len(finished))
         problems += _tables(dataset, shard, rows, set(indices))
-    return Report(len(finished), tuple(problems))
+    if is_frozen(path):
+        problems += _manifest(dataset, workers, sound=not problems)
+    objects, object_problems = _objects(dataset, assets)
+    return Report(len(finished), (*problems, *object_problems), is_frozen(path), objects)
+
+
+def _manifest(dataset: Dataset, workers: int, sound: bool) -> Iterator[Problem]:
+    """Compare with the manifest: every file, and in a sound dataset the hashes over all values."""
+    try:
+        manifest = read_manifest(dataset.path)
+    except BusybotError as error:
+        yield Problem(str(dataset.path / MANIFEST_FILE), error.what, error.mend or MEND_FETCH)
+        return
+    for name, fault, mend in unlike_manifest(dataset.path, manifest, workers):
+        sound = False
+        yield Problem(str(dataset.path / name), fault, mend)
+    if sound and vars(dataset.hashes()) != manifest.hashes.model_dump():
+        yield Problem(str(dataset.path / MANIFEST_FILE), "its hashes are not those of the dataset", MEND_FETCH)
+
+
+def _objects(dataset: Dataset, assets: str | None) -> tuple[int | None, list[Problem]]:
+    recorded = dataset.info.assets.sha256
+    try:
+        library_of(dataset, assets)
+    except BusybotError as error:
+        if assets is None and not (dataset.path / OBJECTS_FOLDER).exists():
+            return None, []
+        place = assets or str(dataset.path / OBJECTS_FOLDER)
+        return None, [Problem(place, error.what, error.mend or MEND_FETCH)]
+    return len(recorded), []
 
 
 def _strangers(dataset: Dataset) -> Iterator[Problem]:
     """Links, and files that are not the dataset's."""
     shards = -(-dataset.info.boards // BOARDS_PER_SHARD)
     expected = {
-        "": {INFO_FILE, "boards", "episodes", "tables"},
+        "": {INFO_FILE, "boards", "episodes", "tables", MANIFEST_FILE, CARD_FILE, OBJECTS_FOLDER, DAMAGED_FOLDER},
         "boards": {f"boards-{shard:05d}.jsonl" for shard in range(shards)},
         "episodes": {f"{index:06d}.mcap" for index in range(dataset.info.boards)},
         "tables": set(TABLES),
@@ -133,18 +182,7 @@ def _check_episode(task: _Task) -> _Checked:
         rows = episode_rows(task.path, task.index)
     except BusybotError as error:
         return _Checked(None, (Problem(str(task.path), error.what, MEND_EPISODE),))
-    episode = {name: rows["episodes"][name][0].as_py() for name in rows["episodes"].column_names}
-    faults = []
-    if task.board_digest is not None and episode["board_digest"] != task.board_digest:
-        faults.append(f"its board is not board {task.index} of the dataset")
-    if task.collect is not None:
-        wanted = task.collect
-        pairs = [("policy", wanted.policy), ("strict", wanted.strict), ("delta", wanted.delta)]
-        pairs.append(("image_format", wanted.images))
-        faults += [f"{name} is {episode[name]!r}, the dataset says {value!r}" for name, value in pairs
-                   if episode[name] is not None and episode[name] != value]  # fmt: skip
-        if episode["steps"] != wanted.steps:
-            faults.append(f"it has {episode['steps']} steps, the dataset says {wanted.steps}")
+    faults = faults_of(rows, task.index, task.board_digest, task.collect)
     return _Checked(rows, tuple(Problem(str(task.path), fault, MEND_EPISODE) for fault in faults))
 
 

@@ -1,4 +1,4 @@
-"""`busybot dataset info` and `verify`, as a user runs them."""
+"""`busybot dataset` as a user runs it."""
 
 import json
 from pathlib import Path
@@ -54,7 +54,8 @@ def test_info_of_an_empty_dataset(tmp_path: Path) -> None:
 def test_verify_exits_with_1_and_names_the_fault(dataset: Path) -> None:
     assert run("verify", dataset).exit_code == 0
     sound = run("verify", dataset, "--json")
-    assert json.loads(sound.stdout) == {"ok": True, "episodes": 3, "problems": []}
+    expected = {"ok": True, "episodes": 3, "problems": [], "frozen": False, "objects": None}
+    assert json.loads(sound.stdout) == expected
     (dataset / "episodes/000001.mcap").write_bytes(b"")
     broken = run("verify", dataset, "--json")
     assert broken.exit_code == 1
@@ -64,9 +65,57 @@ def test_verify_exits_with_1_and_names_the_fault(dataset: Path) -> None:
     assert "000001.mcap" in run("verify", dataset).stderr
 
 
-@pytest.mark.parametrize("command", ["info", "verify"])
+@pytest.mark.parametrize("command", ["info", "verify", "freeze", "repair"])
 def test_faults_of_input_exit_with_1_and_wrong_usage_with_2(tmp_path: Path, command: str) -> None:
     missing = run(command, tmp_path / "absent", "--json")
     assert missing.exit_code == 1
     assert "no such folder" in json.loads(missing.stdout)["error"]
     assert run(command).exit_code == 2
+
+
+def test_freeze_prints_what_it_did_and_verify_looks_at_all_files(dataset: Path) -> None:
+    unfinished = run("freeze", dataset, "--no-objects", "--json")
+    assert unfinished.exit_code == 1 and "3 of 4 boards" in json.loads(unfinished.stdout)["error"]
+    whole = make_dataset(dataset.with_name("whole"), finished=range(4)).path
+    lost = run("freeze", whole)
+    assert lost.exit_code == 1 and "--no-objects" in lost.stderr and "--assets" in lost.stderr
+    done = run("freeze", whole, "--no-objects", "--json")
+    assert done.exit_code == 0, done.stderr
+    facts = json.loads(done.stdout)
+    assert (facts["new"], facts["files"], facts["objects_carried"], facts["left_out"]) == (True, 10, 0, [])
+    assert len(facts["hashes"]["trace"]) == 64
+    again = run("freeze", whole)
+    assert again.exit_code == 0 and "frozen already" in again.stdout
+    assert "all files against the manifest" in run("verify", whole).stdout
+    (whole / "README.md").chmod(0o644)
+    (whole / "README.md").write_text("changed")
+    changed = run("verify", whole, "--json")
+    assert changed.exit_code == 1
+    problems = json.loads(changed.stdout)["problems"]
+    assert [Path(problem["file"]).name for problem in problems] == ["README.md"]
+
+
+def test_diff_exits_with_1_where_something_differs(dataset: Path) -> None:
+    same = run("diff", dataset, dataset, "--json")
+    assert same.exit_code == 0 and json.loads(same.stdout)["equal"] is True
+    other = make_dataset(dataset.with_name("png"), images="png").path
+    found = run("diff", dataset, other)
+    assert found.exit_code == 1
+    assert "setting collect.images: 'jpeg', then 'png'" in found.stdout and "images: 3 (0, 1, 3)" in found.stdout
+    told = json.loads(run("diff", dataset, other, "--json").stdout)
+    assert told["equal"] is False and told["images"] == [0, 1, 3] and told["episodes"]["0"]["image"]["equal"] is False
+    absent = run("diff", dataset, dataset / "absent", "--json")
+    assert absent.exit_code == 1 and "no such folder" in json.loads(absent.stdout)["error"]
+
+
+def test_repair_names_what_it_saved_and_what_not(dataset: Path) -> None:
+    file = dataset / "episodes/000001.mcap"
+    file.write_bytes(file.read_bytes()[:-50])
+    (dataset / "episodes/000003.mcap").write_bytes(b"lost")
+    elsewhere = run("repair", dataset, "--out", dataset.with_name("out"), "--json")
+    assert elsewhere.exit_code == 0, elsewhere.stderr
+    told = json.loads(elsewhere.stdout)
+    assert [(v["episode"], v["fate"]) for v in told["damaged"]] == [(1, "whole"), (3, "dropped")]
+    here = run("repair", dataset)
+    assert "episode 1: saved entirely" in here.stdout and "episode 3: could not be kept" in here.stdout
+    assert run("verify", dataset).exit_code == 0

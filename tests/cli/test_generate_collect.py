@@ -5,6 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import pytest
+
 
 def busybot(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-m", "busybot", *arguments], capture_output=True, text=True, timeout=300)
@@ -28,6 +31,34 @@ def test_from_nothing_to_episodes(tmp_path: Path) -> None:
     again = busybot("collect", out, "--policy", "random", *SMALL)
     assert again.returncode == 1
     assert "policy 'scripted', now 'random'" in again.stderr and "mend:" in again.stderr
+
+
+@pytest.mark.long
+def test_recorded_frozen_and_made_again(tmp_path: Path) -> None:
+    out, again = str(tmp_path / "data"), str(tmp_path / "again")
+    busybot("generate", out, "--boards", "2", "--group-size", "1", "--relations", "one-to-many")
+    collected = busybot("collect", out, "--policy", "scripted", "--workers", "1", *SMALL)
+    assert collected.returncode == 0, collected.stderr
+    frozen = busybot("dataset", "freeze", out, "--workers", "1", "--json")
+    assert frozen.returncode == 0 and json.loads(frozen.stdout)["objects_carried"] > 10, frozen.stderr
+    refused = busybot("collect", out, "--policy", "scripted", *SMALL)
+    assert refused.returncode == 1 and "frozen" in refused.stderr and "Traceback" not in refused.stderr
+    episode, picture = f"{out}/episodes/000001.mcap", tmp_path / "step.png"
+    replayed = busybot("replay", episode, "--step", "2", "--screenshot", str(picture), "--json")
+    assert replayed.returncode == 0, replayed.stderr
+    told = json.loads(replayed.stdout)
+    assert told["ok"] and told["steps"][0]["step"] == 2 and told["steps"][0]["rule"] == "equal"
+    assert cv2.imread(str(picture)).shape == (120, 160, 3)
+    assert busybot("replay", episode).stdout.count("holds") == 4
+    beyond = busybot("replay", episode, "--step", "9")
+    assert beyond.returncode == 1 and "0 (the start) to 3" in beyond.stderr and episode in beyond.stderr
+    done = busybot("dataset", "regenerate", out, "--out", again, "--workers", "1", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["episodes"] == {"equal": 2, "close": 0}
+    assert busybot("dataset", "diff", out, again).stdout.strip().endswith("are equal")
+    (tmp_path / "again/episodes/000000.mcap").write_bytes((tmp_path / "data/episodes/000001.mcap").read_bytes())
+    differs = busybot("dataset", "regenerate", out, "--out", again, "--workers", "1")
+    assert differs.returncode == 1 and "NOT as recorded" in differs.stdout
 
 
 def test_faults_name_the_place_and_the_mend(tmp_path: Path) -> None:

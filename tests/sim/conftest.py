@@ -1,10 +1,17 @@
 """One simulator per test process: shaders are compiled once, and SAPIEN keeps its shader pack globally."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from busybot.boards.config import BoardConfig
+from busybot.boards.spec import BoardSpec, PlacedObject
+from busybot.episodes.create import create_dataset
+from busybot.episodes.dataset import Dataset
 from busybot.objects.library import Library, find
+from busybot.objects.model import ObjectModel
+from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
 
@@ -17,3 +24,45 @@ def real_simulator(partnet: Path) -> Simulator:
 @pytest.fixture(scope="session")
 def procedural_simulator() -> Simulator:
     return Simulator(find("procedural"), RenderConfig())
+
+
+def lone(model: ObjectModel, states: tuple[int, ...] | None = None) -> BoardSpec:
+    """A board with one object in its middle."""
+    placed = PlacedObject(
+        key=model.key,
+        role=model.role,
+        position=(0, 0, model.offset_z),
+        yaw=0,
+        scale=model.scale,
+        states=states if states is not None else (0,) * len(model.trigger_links),
+    )
+    return BoardSpec(
+        index=0,
+        seed=0,
+        split="test",
+        appearance_group=0,
+        texture="felt",
+        color=(0.9, 0.9, 0.9),
+        objects=(placed,),
+        relations=(),
+    )
+
+
+SMALL = RenderConfig(width=160, height=120)
+
+
+@pytest.fixture(scope="session")
+def small_simulator() -> Simulator:
+    """Quick pictures for what does not depend on their size."""
+    return Simulator(find("procedural"), SMALL)
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dataset]:
+    """Three boards with relations of all kinds and what the scripted policy did on them; not to be changed."""
+    path = tmp_path_factory.mktemp("recorded") / "data"
+    dataset = create_dataset(path, BoardConfig(boards=3, group_size=1, relations="one-to-many"), find("procedural"))
+    collect(dataset, find("procedural"), CollectConfig(policy="scripted", steps=5, render=SMALL), 1)
+    before = dataset.hashes()
+    yield Dataset.open(path)
+    assert dataset.hashes() == before

@@ -1,0 +1,111 @@
+"""What `busybot dataset` prints for people."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from busybot.cli.common import say
+
+if TYPE_CHECKING:
+    from busybot.episodes.compare import Difference
+    from busybot.episodes.diff import DatasetDifference
+    from busybot.episodes.repair import Repaired
+    from busybot.sim.regenerate import Regenerated
+
+MOST_LINES = 20
+
+
+def summary(dataset: Path, values: dict[str, Any]) -> None:
+    """A table of a dataset's numbers."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=str(dataset), show_header=False, title_justify="left")
+    table.add_column(no_wrap=True)
+    table.add_column(overflow="fold")
+    for key, value in values.items():
+        table.add_row(key.replace("_", " "), _readable(key, value))
+    Console().print(table)
+
+
+def _readable(key: str, value: Any) -> str:
+    if value is None:
+        return "-"
+    if key == "bytes":
+        return f"{value:,} ({value / 1e6:.1f} MB)"
+    if key.endswith("_share"):
+        return f"{value:.1%}"
+    return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) and key != "seed" else str(value)
+
+
+def difference(first: Path, second: Path, found: "DatasetDifference") -> None:
+    """What differs between two datasets."""
+    if found.equal:
+        print(f"{first} and {second} are equal")
+        return
+    for name, (a, b) in found.settings.items():
+        print(f"setting {name}: {a!r}, then {b!r}")
+    for name, indices in found.versions.items():
+        print(f"{name} differs in {_episodes(indices)}")
+    for name in ("boards", "only_in_a", "only_in_b", "actions", "states", "joints", "rewards", "images"):
+        indices = getattr(found, name)
+        if indices:
+            print(f"{name.replace('_', ' ')}: {_episodes(indices)}")
+    for index, one in list(found.episodes.items())[:MOST_LINES]:
+        print(f"episode {index}: {sentence(one)}")
+    if len(found.episodes) > MOST_LINES:
+        print(f"and {len(found.episodes) - MOST_LINES} more episodes; --json lists all")
+
+
+def _episodes(indices: list[int]) -> str:
+    shown = ", ".join(map(str, indices[:MOST_LINES]))
+    return f"{len(indices)} ({shown}{', ...' if len(indices) > MOST_LINES else ''})"
+
+
+def sentence(one: "Difference") -> str:
+    """How an episode differs."""
+    parts = [] if one.board else ["another board"]
+    parts += [] if one.scene else ["another camera or other links"]
+    parts += [] if one.steps[0] == one.steps[1] else [f"{one.steps[0]} steps, then {one.steps[1]}"]
+    for name in ("action", "state", "reward"):
+        if getattr(one, name) is not None:
+            parts.append(f"{name}s differ from step {getattr(one, name)}")
+    parts += [f"joints by {one.joints:.1e}"] if one.joints else []
+    if not one.image.equal:
+        image = one.image
+        shares = f"colour {image.colour:.3%}, depth {image.depth:.3%}, links {image.links:.3%} of the pixels"
+        parts.append(f"pictures of {len(one.frames)} frames, at worst beyond the tolerance: {shares}")
+    return "; ".join(parts) or "objects seen elsewhere"
+
+
+def repaired(done: "Repaired") -> None:
+    """What was saved and what was not."""
+    for verdict in done.damaged:
+        kept = {
+            "whole": "saved entirely",
+            "partial": f"{verdict.steps} of {verdict.of} steps saved",
+            "dropped": "could not be kept",
+        }[verdict.fate]
+        print(f"episode {verdict.episode}: {kept} ({verdict.why})")
+    if done.damaged:
+        say(f"the damaged files are in {done.originals}")
+    partial = sum(verdict.fate == "partial" for verdict in done.damaged)
+    if partial:
+        say(f"{partial} episodes are shorter now; to record them again: --no-partial, then busybot collect")
+    print(f"{done.dataset}: {done.sound} episodes were sound, {len(done.damaged)} were not; the tables are up to date")
+
+
+def regenerated(found: "Regenerated") -> None:
+    """Which rules applied and whether they held."""
+    if found.boards_from == "configuration":
+        print(f"boards: {found.boards - len(found.boards_unlike)} of {found.boards} made again and equal")
+    else:
+        print(f"boards: another version of the generator drew the {found.boards} boards; they could not be made again")
+    rules = {"equal": "equal, same renderer", "close": "at most 0.1 % of pixels beyond 2/255, another renderer"}
+    for rule, count in found.episodes.items():
+        if count:
+            print(f"images: the rule for {count} episodes is: {rules[rule]}")
+    for index, one in list(found.failed.items())[:MOST_LINES]:
+        print(f"episode {index}: {sentence(one)}")
+    total, worst = sum(found.episodes.values()), found.image
+    print(f"joints: within {found.joints:.1e}; pictures: at worst {worst.colour:.3%} of the pixels beyond 2/255")
+    print(f"{total - len(found.failed)} of {total} episodes hold: {'as recorded' if found.ok else 'NOT as recorded'}")

@@ -1,0 +1,66 @@
+"""`busybot replay EPISODE`: put recorded steps back into the simulator and compare."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from busybot.cli.common import JsonOption, print_json, say
+
+if TYPE_CHECKING:
+    from busybot.objects.library import Library
+    from busybot.sim.replay import Compared
+
+
+def replay(
+    episode: Annotated[Path, typer.Argument(metavar="EPISODE", help="An episode's .mcap file.", show_default=False)],
+    step: Annotated[int | None, typer.Option(min=0, help="Step to put back, 0 is the start; all by default.")] = None,
+    screenshot: Annotated[Path | None, typer.Option(help="Write the simulator's picture of that step, F.png.")] = None,
+    assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Put recorded steps back into the simulator and compare states, joints and picture with the recording.
+
+    Pictures must be equal where the renderer is the one that recorded, else close: at most 0.1 % of the pixels differ
+    by more than 2/255. Exits with 1 if a step does not hold.
+    """
+    from busybot.episodes.mcap_file import read_episode
+    from busybot.sim.replay import replay_file
+
+    read_episode(episode, images="lazy")  # a fault of the file is told before objects are looked for
+    compared = replay_file(episode, _library(episode, assets), step, screenshot)
+    holds = all(one.holds for one in compared)
+    if json:
+        print_json({"episode": episode, "ok": holds, "steps": compared, "screenshot": screenshot})
+    else:
+        for one in compared:
+            print(_sentence(one))
+        if screenshot:
+            print(screenshot)
+        say(f"{episode}: {len(compared)} steps put back, {'all hold' if holds else 'not all hold'}")
+    if not holds:
+        raise typer.Exit(1)
+
+
+def _library(episode: Path, assets: str | None) -> "Library":
+    """The objects of the dataset in which the episode lies; of a lone file the named ones or the procedural ones."""
+    from busybot.episodes.carried import library_of
+    from busybot.episodes.dataset import INFO_FILE, Dataset
+    from busybot.objects.library import find
+
+    folder = episode.absolute().parent.parent
+    if episode.absolute().parent.name == "episodes" and (folder / INFO_FILE).is_file():
+        return library_of(Dataset.open(folder), assets)
+    return find(assets)
+
+
+def _sentence(one: "Compared") -> str:
+    states = "states equal" if one.states else "states differ"
+    if one.image.equal:
+        picture = "picture equal"
+    else:
+        image = one.image
+        shares = f"colour {image.colour:.3%}, depth {image.depth:.3%}, links {image.links:.3%} of the pixels"
+        picture = f"picture differs: {shares}"
+    verdict = "holds" if one.holds else "does not hold"
+    return f"step {one.step}: {states}, joints within {one.joints:.1e}, {picture}; rule {one.rule}: {verdict}"

@@ -1,0 +1,42 @@
+"""Whether a recording belongs where it lies: to its board, and to the collection that its dataset describes."""
+
+import json
+from typing import Any
+
+from busybot.episodes.dataset_info import CollectInfo
+from busybot.episodes.salvage import SALVAGED
+from busybot.episodes.tables import Rows
+
+
+def faults_of(rows: Rows, index: int, board_digest: str | None, collect: CollectInfo | None) -> list[str]:
+    """What speaks against it, nothing if it belongs there.
+
+    An episode that was saved in part may have fewer steps than the collection, if it says so.
+
+    Args:
+        rows: of the episode, as `tables.episode_rows` returns them.
+        board_digest: of board `index`; None if it is not known, likewise `collect`.
+    """
+    episode = {name: rows["episodes"][name][0].as_py() for name in rows["episodes"].column_names}
+    faults = []
+    if board_digest is not None and episode["board_digest"] != board_digest:
+        faults.append(f"its board is not board {index} of the dataset")
+    if collect is None:
+        return faults
+    pairs = [("policy", collect.policy), ("strict", collect.strict), ("delta", collect.delta)]
+    pairs.append(("image_format", collect.images))
+    faults += [
+        f"{name} is {episode[name]!r}, the dataset says {value!r}"
+        for name, value in pairs
+        if episode[name] is not None and episode[name] != value
+    ]
+    partial = json.loads(episode["settings"]).get(SALVAGED)
+    recorded = partial.get("of") if isinstance(partial, dict) else episode["steps"]
+    if recorded != collect.steps or episode["steps"] > collect.steps:
+        faults.append(f"it has {episode['steps']} steps, the dataset says {collect.steps}")
+    return faults
+
+
+def is_partial(settings: dict[str, Any]) -> bool:
+    """Whether an episode's settings say that it was saved in part."""
+    return isinstance(settings.get(SALVAGED), dict)

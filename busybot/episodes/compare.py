@@ -1,0 +1,167 @@
+"""How two recordings of one episode differ: board, actions, states, images.
+
+Two images are *equal* when all of their values are. They are *close* when at most 0.1 % of the pixels differ by more
+than 2/255 in a colour channel, at most as many show another link, and at most as many lie more than 0.001 board units
+nearer or farther. Equality is asked for where one renderer made both images, closeness where two did.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from busybot.episodes.episode import Episode, Image, Step
+
+Rule = Literal["equal", "close"]
+
+COLOUR_TOLERANCE = 2
+"""Of 255."""
+DEPTH_TOLERANCE = 1e-3
+"""Board units."""
+PIXEL_SHARE = 1e-3
+JOINT_TOLERANCE = 1e-5
+"""Radians or board units."""
+
+
+@dataclass(frozen=True)
+class ImageDifference:
+    """Shares of pixels beyond the tolerances; `equal` if nothing differs at all, boxes among it."""
+
+    equal: bool = True
+    colour: float = 0.0
+    depth: float = 0.0
+    links: float = 0.0
+
+    def holds(self, rule: Rule) -> bool:
+        return self.equal if rule == "equal" else max(self.colour, self.depth, self.links) <= PIXEL_SHARE
+
+    def worst(self, other: "ImageDifference") -> "ImageDifference":
+        pairs = ((getattr(self, name), getattr(other, name)) for name in ("colour", "depth", "links"))
+        return ImageDifference(self.equal and other.equal, *(max(pair) for pair in pairs))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How an episode's second recording differs from its first.
+
+    Attributes:
+        board: whether the boards are equal; likewise `scene` (camera and links) and `positions` (of the objects, as
+            seen).
+        steps: how many steps each has.
+        action, state, reward: the first step in which it differs, None if there is none. Of an action: pixel, place,
+            directions, distance. Of a state: what was held, success, veto, discrete states before and after.
+        joints: the largest difference of a joint's position, radians or board units.
+        frames: frames whose images differ at all.
+        image: the worst over all frames.
+    """
+
+    board: bool
+    scene: bool
+    positions: bool
+    steps: tuple[int, int]
+    action: int | None
+    state: int | None
+    reward: int | None
+    joints: float
+    frames: list[int] = field(default_factory=list)
+    image: ImageDifference = field(default_factory=ImageDifference)
+
+    @property
+    def same_states(self) -> bool:
+        """Boards, scenes, actions and discrete states equal, joints within the tolerance."""
+        same = self.board and self.scene and self.steps[0] == self.steps[1]
+        return same and self.action is self.state is None and self.joints <= JOINT_TOLERANCE
+
+    @property
+    def nothing(self) -> bool:
+        """Whether the recordings are equal in everything."""
+        return self.holds("equal") and self.joints == 0
+
+    def holds(self, rule: Rule) -> bool:
+        """States as they must be, and images as the rule says; what is counted in images belongs to `equal`."""
+        exact = self.positions and self.reward is None
+        return self.same_states and self.image.holds(rule) and (exact or rule == "close")
+
+
+def rule_for(first: Episode, second: Episode) -> Rule:
+    """`equal` for one renderer (by its fingerprint) and one codec; pictures of others may differ a little."""
+    codecs = [episode.versions.get("opencv-python") for episode in (first, second)]
+    return "equal" if first.renderer == second.renderer and codecs[0] == codecs[1] else "close"
+
+
+def compare_episodes(first: Episode, second: Episode) -> Difference:
+    """Compare all of two episodes, image by image."""
+    pairs = list(zip(first.steps, second.steps, strict=False))
+    frames, worst = [], ImageDifference()
+    seen: dict[tuple[int, int], ImageDifference] = {}
+    if first.camera.width == second.camera.width and first.camera.height == second.camera.height:
+        for frame, images in enumerate(zip(first.frame_of, second.frame_of, strict=False)):
+            if images not in seen:
+                seen[images] = compare_images(first.images[images[0]], second.images[images[1]])
+            worst = worst.worst(seen[images])
+            frames += [] if seen[images].equal else [frame]
+    else:
+        frames, worst = list(range(len(first.frame_of))), ImageDifference(False, 1.0, 1.0, 1.0)
+    return Difference(
+        board=first.board.digest() == second.board.digest(),
+        scene=_same_scene(first, second),
+        positions=np.array_equal(first.positions, second.positions, equal_nan=True),
+        steps=(len(first.steps), len(second.steps)),
+        action=_first(pairs, action_of),
+        state=_first(pairs, state_of),
+        reward=_first(pairs, lambda step: (step.changed_pixels, step.reward)),
+        joints=max((_joints(*pair) for pair in pairs), default=0.0),
+        frames=frames,
+        image=worst,
+    )
+
+
+def compare_images(first: Image, second: Image) -> ImageDifference:
+    """Compare two images of one size."""
+    colour = (np.abs(first.rgb.astype(np.int16) - second.rgb) > COLOUR_TOLERANCE).any(axis=-1)
+    depth_equal, depth = _compare(first.depth, second.depth, DEPTH_TOLERANCE)
+    links_equal, links = _compare(first.segmentation, second.segmentation, 0)
+    equal = depth_equal and links_equal and np.array_equal(first.rgb, second.rgb)
+    equal = equal and np.array_equal(first.boxes, second.boxes)
+    return ImageDifference(equal, float(colour.mean()), depth, links)
+
+
+def _compare(first: np.ndarray | None, second: np.ndarray | None, tolerance: float) -> tuple[bool, float]:
+    if first is None or second is None:
+        return first is second, float(first is not second)
+    beyond = np.abs(first.astype(np.float64) - second) > tolerance
+    return np.array_equal(first, second), float(beyond.mean())
+
+
+def action_of(step: Step) -> tuple:
+    """What was done, floats as they are stored."""
+    place = np.array([*step.position, step.distance], np.float32).tolist()
+    return (*step.pixel, step.direction, *step.executed, *place)
+
+
+def state_of(step: Step) -> tuple:
+    """What came of it in discrete states."""
+    before = (step.trigger_states_before, step.responder_states_before)
+    after = (step.trigger_states_after, step.responder_states_after)
+    joints = len(step.joint_positions_before), len(step.joint_positions_after)
+    return (step.acted_object, step.acted_link, step.success, step.vetoed, before, after, joints)
+
+
+def _first(pairs: Sequence[tuple[Step, Step]], view: Callable[[Step], Any]) -> int | None:
+    return next((k for k, (first, second) in enumerate(pairs) if view(first) != view(second)), None)
+
+
+def _joints(first: Step, second: Step) -> float:
+    worst = 0.0
+    for name in ("joint_positions_before", "joint_positions_after"):
+        a, b = np.array(getattr(first, name)), np.array(getattr(second, name))
+        if a.shape == b.shape:  # their number is part of the state
+            worst = max(worst, float(np.abs(a - b).max(initial=0.0)))
+    return worst
+
+
+def _same_scene(first: Episode, second: Episode) -> bool:
+    views = (first.camera, second.camera)
+    cameras = [(view.width, view.height, view.matrix.tolist(), view.pose.tolist()) for view in views]
+    return cameras[0] == cameras[1] and first.links == second.links

@@ -1,0 +1,250 @@
+"""Putting a recorded step back into the simulator, exactly, and acting a recording again.
+
+Between interactions every joint rests in the detent of its state and every responder shows what its trigger commands,
+so the recorded discrete states decide all joints: actions need not be replayed. To the last bit a link's pose depends
+on whether PhysX computed it in a step or because joints were set (they round differently, by some 1e-6 units, which
+shows in the depth image and, rarely, in a colour). When an image was recorded, everything had been through a step but
+the object that had just been acted on and its responder. `put_back` does the same: it sets all states, makes one step,
+and lets the acted link settle once more. With the same renderer the image is then equal in every bit
+(`tests/sim/test_replay.py` tries all steps).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+
+from busybot.boards.relations import responder_state
+from busybot.boards.spec import BoardSpec
+from busybot.episodes.codec import encode_rgb
+from busybot.episodes.compare import JOINT_TOLERANCE, ImageDifference, Rule, compare_images, rule_for
+from busybot.episodes.episode import Episode, Image, Step
+from busybot.episodes.geometry import Rays
+from busybot.episodes.images import LazyImages
+from busybot.episodes.mcap_file import read_episode
+from busybot.errors import BusybotError, naming
+from busybot.files import write_atomically
+from busybot.objects.library import Library
+from busybot.sim.interaction import Grasp, InteractionConfig, interact
+from busybot.sim.recorder import package_versions, renderer_fingerprint, visible_centres
+from busybot.sim.render import RenderConfig
+from busybot.sim.scene import BoardScene, BoardState, Simulator
+from busybot.workers import run_tasks
+
+REPLAY_SECONDS = 24 * 3600.0
+Config = TypeVar("Config", bound=BaseModel)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """How the simulator differs from the recording at a step.
+
+    Attributes:
+        step: 0 is the start, k the board after k steps.
+        states: whether all discrete states, of triggers and responders, are equal.
+        joints: the largest difference of a joint's position, radians or board units.
+        image: how the picture differs from the recorded one, both through the file's codecs.
+        rule: which pictures are equal enough: `equal` or `close`; see `episodes.compare`.
+    """
+
+    step: int
+    states: bool
+    joints: float
+    image: ImageDifference
+    rule: Rule
+
+    @property
+    def holds(self) -> bool:
+        return self.states and self.joints <= JOINT_TOLERANCE and self.image.holds(self.rule)
+
+
+class Replay:
+    """A recorded episode's board in the simulator.
+
+    Args:
+        simulator: from `simulator_of`, with the episode's objects; episodes with the same settings can share it.
+        episode: read with `images="lazy"`.
+    """
+
+    def __init__(self, simulator: Simulator, episode: Episode):
+        _require_truth(episode)
+        self.episode = episode
+        self.scene = simulator.board(episode.board)
+        triggers = sum(link.trigger for link in episode.links)
+        if episode.steps and len(self.scene.triggers) != triggers:
+            what = f"the recording has {triggers} trigger links, the objects {len(self.scene.triggers)}"
+            raise BusybotError(what, "name the library with which it was recorded: --assets DIR")
+        assert simulator.render is not None
+        self._renderer = renderer_fingerprint(simulator.render, self.scene)
+
+    def put_back(self, step: int) -> BoardScene:
+        """The scene as it was after `step` steps (0: at the start), in every bit; see the module.
+
+        Raises:
+            BusybotError: there is no such step.
+        """
+        steps = self.episode.steps
+        if not 0 <= step <= len(steps):
+            raise BusybotError(f"there is no step {step}", f"choose one from 0 (the start) to {len(steps)}")
+        states = steps[step - 1].trigger_states_after if step else self._start()
+        self.scene.restore(BoardState(states))
+        self.scene.scene.step()
+        last = next((s for s in reversed(steps[:step]) if s.success), None)
+        number = None if last is None else held_trigger(self.scene, last)
+        if number is not None:
+            self.scene.set_trigger(number, states[number])
+        return self.scene
+
+    def observe(self, step: int) -> Image:
+        """The picture after `step` steps as the file would have stored it."""
+        image = self.put_back(step).observe()
+        images = self.episode.images
+        return images.as_stored(image) if isinstance(images, LazyImages) else image
+
+    def compare(self, step: int) -> Compared:
+        """Put a step back and compare with what was recorded."""
+        image = self.observe(step)
+        steps = self.episode.steps
+        states, joints = True, 0.0
+        if steps:
+            when, recorded = ("after", steps[step - 1]) if step else ("before", steps[0])
+            here = (self.scene.trigger_states(), self.scene.responder_states())
+            states = here == tuple(getattr(recorded, f"{name}_states_{when}") for name in ("trigger", "responder"))
+            there = np.array(getattr(recorded, f"joint_positions_{when}"))
+            joints = float(np.abs(there - self.scene.joint_positions()).max(initial=0.0))
+        rule = rule_for(self.episode, self._now())
+        return Compared(step, states, joints, compare_images(self.episode.image(step), image), rule)
+
+    def _start(self) -> tuple[int, ...]:
+        return tuple(state for placed in self.episode.board.objects for state in placed.states)
+
+    def _now(self) -> Episode:
+        return replace(self.episode, renderer=self._renderer, versions=package_versions())
+
+
+def replay_file(
+    path: Path, library: Library, step: int | None = None, screenshot: Path | None = None
+) -> list[Compared]:
+    """Compare a step of an episode's file, or all of them, in a process of its own.
+
+    A process that has rendered can fail in the graphics driver when it ends; a worker ends without that.
+
+    Args:
+        screenshot: write the picture of the step, or of the last one, as PNG.
+    """
+    arguments = (path, library, step, screenshot)
+    with naming(path):
+        [(_, compared)] = run_tasks([0], _make_replay, arguments, workers=1, task_seconds=REPLAY_SECONDS)
+    return compared
+
+
+def _make_replay(path: Path, library: Library, step: int | None, screenshot: Path | None) -> Callable[[int], Any]:
+    def work(_: int) -> list[Compared]:
+        episode = read_episode(path, images="lazy")
+        replay = Replay(simulator_of(episode, library), episode)
+        steps = range(len(episode.steps) + 1) if step is None else range(step, step + 1)
+        compared = [replay.compare(number) for number in steps]
+        if screenshot:
+            picture = replay.put_back(steps[-1]).observe().rgb
+            write_atomically(screenshot, encode_rgb(picture, "png"))
+        return compared
+
+    return work
+
+
+def simulator_of(episode: Episode, library: Library, responders: bool | None = None) -> Simulator:
+    """A simulator that looks at boards as the episode's recorder did.
+
+    Args:
+        responders: whether effects show; None finds out from the recorded states.
+    """
+    return Simulator(library, render_config(episode), shows_effects(episode) if responders is None else responders)
+
+
+def render_config(episode: Episode) -> RenderConfig:
+    """How the episode's recorder looked at the board.
+
+    Raises:
+        BusybotError: the recording does not say, because it is no simulation of this project.
+    """
+    return _parameters(RenderConfig, episode.renderer.get("config"), "renderer")
+
+
+def shows_effects(episode: Episode) -> bool:
+    """Whether responders follow their triggers in the recording; a collection can leave effects out."""
+    numbers = [(link.object, link.name) for link in episode.links if link.trigger]
+    for relation in episode.board.relations:
+        trigger = (relation.triggers[0].object, relation.triggers[0].link)
+        for step in episode.steps:
+            if trigger in numbers and step.trigger_states_after:
+                state = step.trigger_states_after[numbers.index(trigger)]
+                if step.responder_states_after[relation.responder] != responder_state(relation, state):
+                    return False
+    return True
+
+
+def held_trigger(scene: BoardScene, step: Step) -> int | None:
+    """Number of the trigger joint that the gripper held in a recorded step, None for a miss.
+
+    Raises:
+        BusybotError: the board has no such link.
+    """
+    if step.acted_object < 0:
+        return None
+    for number, joint in enumerate(scene.triggers):
+        if (joint.object, joint.link.name) == (step.acted_object, step.acted_link):
+            return number
+    what = f"the recording holds link {step.acted_link!r} of object {step.acted_object}, the board has no such trigger"
+    raise BusybotError(what, "name the library with which it was recorded: --assets DIR")
+
+
+def act_again(simulator: Simulator, board: BoardSpec, recorded: Episode) -> Episode:
+    """Execute an episode's actions on a board from its start and record what happens.
+
+    The gripper takes hold of the recorded link at the recorded place, whatever the new picture shows there; pictures
+    are compared by themselves.
+    """
+    _require_truth(recorded)
+    interaction = recorded.settings.get("interaction")
+    config = _parameters(InteractionConfig, interaction, "interaction")
+    scene = simulator.board(board)
+    assert simulator.render is not None
+    image = scene.observe()
+    centres = visible_centres(image, Rays(scene.camera), scene.links, len(board.objects))
+    images, frame_of, steps = [image], [0], []
+    for step in recorded.steps:
+        grasp = Grasp(held_trigger(scene, step), np.array(step.position), step.pixel)
+        done, after = interact(scene, grasp, step.executed or (step.direction,), config, images[-1])
+        steps.append(done)
+        images += [] if after is None else [after]
+        frame_of.append(len(images) - 1)
+    return replace(
+        recorded,
+        board=board,
+        camera=scene.camera,
+        links=scene.links,
+        positions=centres,
+        images=images,
+        frame_of=frame_of,
+        steps=steps,
+        renderer=renderer_fingerprint(simulator.render, scene),
+        versions=package_versions(),
+    )
+
+
+def _require_truth(episode: Episode) -> None:
+    if not any(link.trigger for link in episode.links):
+        raise BusybotError("the recording has no states: it was not made in the simulator", "choose a simulated one")
+
+
+def _parameters(model: type[Config], values: Any, what: str) -> Config:
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        fault = f"the recording's settings, {what}: {place}: {first['msg']}"
+        raise BusybotError(fault, "only recordings of this simulator can be put back") from None

@@ -1,4 +1,4 @@
-"""`busybot dataset`: look at a dataset, check it, mend it, freeze it, compare it, make it again."""
+"""`busybot dataset`: look at a dataset, check it, mend it, freeze it, compare it, make it again, share it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,11 +7,15 @@ import typer
 
 from busybot.cli import dataset_tell as tell
 from busybot.cli.common import JsonOption, WorkersOption, episode_progress, print_json, say
+from busybot.cli.dataset_share import pull, push
 from busybot.errors import BusybotError
 
 app = typer.Typer(
-    add_completion=False, no_args_is_help=True, help="Look at a dataset, check, mend, freeze, compare it."
+    add_completion=False, no_args_is_help=True, help="Look at a dataset, check, mend, freeze, compare, share it."
 )
+
+app.command()(push)
+app.command()(pull)
 
 DatasetArgument = Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.", show_default=False)]
 AssetsOption = Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")]

@@ -1,0 +1,197 @@
+"""Ways to damage a file, from bad luck to malice; every copy comes from a seed and a number."""
+
+import gzip
+import io
+import os
+import pickle
+import re
+import struct
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+Damage = Callable[[bytes, np.random.Generator], bytes]
+PATHS = (
+    "../../../../etc/passwd",
+    "/etc/passwd",
+    "..\\..\\x",
+    "a/../../b",
+    "~root/x",
+    "\\\\host\\share",
+    "x\0y",
+    "/dev/zero",
+)
+NUMBERS = (b"1e999", b"-1", b"99999999999999999999", b"NaN", b"Infinity", b"null", b"true", b"-0", b"1e-320", b'"1"')
+BOMB_BYTES = 200_000_000
+
+
+def truncated(data: bytes, rng: np.random.Generator) -> bytes:
+    return data[: int(rng.integers(len(data)))]
+
+
+def flipped(data: bytes, rng: np.random.Generator) -> bytes:
+    """One to eight bits."""
+    changed = bytearray(data)
+    for position in rng.integers(len(data), size=int(rng.integers(1, 9))):
+        changed[position] ^= 1 << int(rng.integers(8))
+    return bytes(changed)
+
+
+def zeroed(data: bytes, rng: np.random.Generator) -> bytes:
+    start, length = int(rng.integers(len(data))), int(rng.integers(1, 5000))
+    return data[:start] + bytes(len(data[start : start + length])) + data[start + length :]
+
+
+def removed(data: bytes, rng: np.random.Generator) -> bytes:
+    start, length = int(rng.integers(len(data))), int(rng.integers(1, 300))
+    return data[:start] + data[start + length :]
+
+
+def repeated(data: bytes, rng: np.random.Generator) -> bytes:
+    start, length = int(rng.integers(len(data))), int(rng.integers(1, 2000))
+    part = data[start : start + length]
+    return data[:start] + part * int(rng.integers(2, 50)) + data[start + length :]
+
+
+def absurd_length(data: bytes, rng: np.random.Generator) -> bytes:
+    """Some bytes that may say how long something is, as large as they can be."""
+    width = int(rng.choice([4, 8]))
+    start = int(rng.integers(max(len(data) - width, 1)))
+    value = struct.pack("<I" if width == 4 else "<Q", int(rng.choice([2**31, 2**32 - 1, 2**24])))
+    return data[:start] + value + data[start + width :]
+
+
+def other_number(data: bytes, rng: np.random.Generator) -> bytes:
+    """A number of a text becomes one that nobody expects."""
+    return _replace(rb"-?\d+(?:\.\d+)?(?:[eE]-?\d+)?", data, NUMBERS[int(rng.integers(len(NUMBERS)))], rng)
+
+
+def other_path(data: bytes, rng: np.random.Generator) -> bytes:
+    """A quoted word, or a file name, becomes a path that leads out."""
+    path = PATHS[int(rng.integers(len(PATHS)))]
+    quoted = b'"' + path.replace("\\", "\\\\").replace("\0", "\\u0000").encode() + b'"'
+    if rng.random() < 0.5:
+        return _replace(rb'"[^"\n]{1,80}"', data, quoted, rng)
+    return _replace(rb"[\w\-/]+\.(?:obj|mtl|png|jpg|mcap|parquet|json)", data, path.encode(), rng)
+
+
+def lost_word(data: bytes, rng: np.random.Generator) -> bytes:
+    return _replace(rb"\w{3,}", data, b"", rng)
+
+
+def huge_word(data: bytes, rng: np.random.Generator) -> bytes:
+    return _replace(rb"\w{2,}", data, b"A" * 2_000_000, rng)
+
+
+def deep(data: bytes, rng: np.random.Generator) -> bytes:
+    """Nested far deeper than any reader should follow."""
+    opening = (b"[", b'{"a":', b"<a>", b"- ")[int(rng.integers(4))]
+    place = int(rng.integers(len(data)))
+    return data[:place] + opening * 100_000 + data[place:]
+
+
+def laughs(data: bytes, rng: np.random.Generator) -> bytes:
+    """Text that grows beyond all bounds when its names are replaced by what they stand for."""
+    if rng.random() < 0.5:
+        entities = b"".join(b'<!ENTITY e%d "%s">' % (n, b"&e%d;" % (n - 1) * 10) for n in range(1, 12))
+        return b'<?xml version="1.0"?><!DOCTYPE r [<!ENTITY e0 "lol">' + entities + b"]><robot name='r'>&e11;</robot>"
+    lines = [b"a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [b"a%d: &a%d [%s]" % (n, n, b", ".join([b"*a%d" % (n - 1)] * 9)) for n in range(1, 12)]
+    return b"\n".join(lines)
+
+
+class _Malice:
+    """What a pickle may do to who opens it: here it makes a file that should not be there."""
+
+    def __reduce__(self) -> tuple[Callable[[str], None], tuple[str]]:
+        return os.mkdir, ("pickle-was-run",)
+
+
+def pickled(data: bytes, rng: np.random.Generator) -> bytes:
+    """A pickle where something else is expected, bare or inside of what looks like arrays or weights."""
+    kind = int(rng.integers(4))
+    bare = pickle.dumps(_Malice())
+    if kind == 0:
+        return bare
+    file = io.BytesIO()
+    if kind == 1:
+        np.save(file, np.array([_Malice()], dtype=object), allow_pickle=True)
+    elif kind == 2:
+        np.savez(file, a=np.array([_Malice()], dtype=object))
+    else:
+        with zipfile.ZipFile(file, "w") as archive:
+            archive.writestr("archive/data.pkl", bare)
+            archive.writestr("archive/version", "3\n")
+    return file.getvalue()
+
+
+def bomb(data: bytes, rng: np.random.Generator) -> bytes:
+    """A little that becomes a lot when it is unpacked."""
+    if rng.random() < 0.5:
+        return gzip.compress(bytes(BOMB_BYTES), 1)
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("../../outside.txt", bytes(BOMB_BYTES // 4))
+    return file.getvalue()
+
+
+def nothing(data: bytes, rng: np.random.Generator) -> bytes:
+    return b""
+
+
+def garbage(data: bytes, rng: np.random.Generator) -> bytes:
+    return data[: int(rng.integers(12))] + rng.bytes(int(rng.integers(1, 20_000)))
+
+
+def _replace(pattern: bytes, data: bytes, by: bytes, rng: np.random.Generator) -> bytes:
+    """One of the pattern's places, or garbage where there is none."""
+    found = list(re.finditer(pattern, data))
+    if not found:
+        return garbage(data, rng)
+    match = found[int(rng.integers(len(found)))]
+    return data[: match.start()] + by + data[match.end() :]
+
+
+ANY: tuple[Damage, ...] = (
+    truncated,
+    flipped,
+    zeroed,
+    removed,
+    repeated,
+    absurd_length,
+    pickled,
+    bomb,
+    nothing,
+    garbage,
+)
+TEXT: tuple[Damage, ...] = (
+    *ANY,
+    other_number,
+    other_number,
+    other_path,
+    other_path,
+    lost_word,
+    huge_word,
+    deep,
+    laughs,
+)
+
+
+def damage(file: Path, text: bool, rng: np.random.Generator) -> str:
+    """Damage the file, or put something else in its place; returns what was done."""
+    if rng.random() < 0.06:
+        return _replaced_by_link(file, rng)
+    ways = TEXT if text else ANY
+    way = ways[int(rng.integers(len(ways)))]
+    file.write_bytes(way(file.read_bytes(), rng))
+    return way.__name__
+
+
+def _replaced_by_link(file: Path, rng: np.random.Generator) -> str:
+    """A link out of the folder, to itself, or to a device that never ends."""
+    target = ("/etc/passwd", file.name, "/dev/zero", "../outside")[int(rng.integers(4))]
+    file.unlink()
+    file.symlink_to(target)
+    return f"link to {target}"

@@ -1,0 +1,144 @@
+"""Damaged and malicious copies of every kind of file, each read with limited memory and time.
+
+    python -m tests.hostile.run [--cases 500] [--only mcap,urdf] [--out benchmarks/results/hostile.json]
+
+A copy passes if reading it ends in an error of ours that names the file, or if the answer is the same as for the
+undamaged file (or, where a change can be valid, is another valid one). Anything else is a finding: a traceback, a
+crash, a hang, too much memory, a file written elsewhere, a wrong answer.
+"""
+
+import argparse
+import json
+import os
+import platform
+import resource
+import select
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+from busybot.errors import BusybotError
+from busybot.rng import generator
+from tests.hostile.damage import damage
+from tests.hostile.targets import NOTICED, TARGETS, Target
+
+SECONDS = 30.0
+"""One copy may take so long."""
+MEGABYTES = 1500
+"""And so much more memory than the process had before."""
+
+
+def child(name: str, first: int, cases: int, scratch: Path) -> None:
+    """Read the copies from `first` on, one line of JSON each."""
+    target, pristine, outside = TARGETS[name], scratch / "pristine", scratch / "work"
+    if not pristine.exists():
+        pristine.mkdir(parents=True)
+        target.make(pristine)
+    outside.mkdir(exist_ok=True)
+    os.chdir(outside)
+    expected = target.read(pristine)
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    limit = used + MEGABYTES * 1_000_000
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
+    for number in range(first, cases):
+        print(json.dumps(one(name, target, number, pristine, outside, expected)), flush=True)
+
+
+def one(name: str, target: Target, number: int, pristine: Path, outside: Path, expected: Any) -> dict[str, Any]:
+    """One damaged copy; `finding` is None if it passes."""
+    folder = outside / "copy"
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(pristine, folder)
+    rng = generator(0, "hostile", number, name)
+    files = sorted(path for path in folder.glob(target.files) if path.is_file())
+    file = files[int(rng.integers(len(files)))]
+    before = file.read_bytes()
+    what = damage(file, target.text, rng)
+    unchanged = not file.is_symlink() and file.read_bytes() == before
+    result, finding = read(target, folder, file, expected, unchanged)
+    if {path.name for path in outside.iterdir()} != {"copy"}:
+        finding = f"it wrote elsewhere: {sorted(path.name for path in outside.iterdir())}"
+        shutil.rmtree(outside / "pickle-was-run", ignore_errors=True)
+    return {"number": number, "damage": what, "file": file.name, "result": result, "finding": finding}
+
+
+def read(target: Target, folder: Path, file: Path, expected: Any, unchanged: bool) -> tuple[str, str | None]:
+    """How reading ended, and what is wrong with that."""
+    try:
+        answer = target.read(folder)
+    except BusybotError as error:
+        if file.name not in error.what:
+            return "refused", f"the error does not name {file.name}: {error.what[:200]}"
+        return "refused", None if len(error.what) < 2000 else "an endless message"
+    except BaseException as error:
+        return "raised", f"{type(error).__name__}: {str(error)[:200]}"
+    if isinstance(answer, str) and answer == NOTICED:
+        return "noticed", None
+    same = bool(answer == expected)
+    if same:
+        return "same answer", None
+    return "another answer", "a wrong answer" if target.strict and not unchanged else None
+
+
+def parent(name: str, cases: int, seconds: float) -> dict[str, Any]:
+    """Run a kind's copies in a process of its own; if that dies or hangs it is a finding, and a new one goes on."""
+    lines: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory(prefix="busybot-hostile-") as scratch:
+        while len(lines) < cases:
+            command = [sys.executable, "-m", "tests.hostile.run", "--child", name, "--first", str(len(lines))]
+            command += ["--cases", str(cases), "--scratch", scratch]
+            environment = dict(os.environ, OMP_NUM_THREADS="1")
+            with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
+                lines += _follow(process, len(lines), cases, seconds)
+    findings = [line for line in lines if line["finding"]]
+    return {"cases": cases, "results": dict(Counter(line["result"] for line in lines)), "findings": findings}
+
+
+def _follow(process: Any, done: int, cases: int, seconds: float) -> list[dict[str, Any]]:
+    lines: list[dict[str, Any]] = []
+    patience = 4 * seconds  # for the start
+    while done + len(lines) < cases:
+        ready, _, _ = select.select([process.stdout], [], [], patience)
+        text = process.stdout.readline() if ready else b""
+        if not text:
+            process.kill()
+            said = process.stderr.read().decode(errors="replace")[-300:]
+            finding = f"the process died: {said}" if ready else f"no end after {seconds:g} s"
+            lines.append({"number": done + len(lines), "result": "lost", "finding": finding})
+            return lines
+        lines.append(json.loads(text))
+        patience = seconds
+    return lines
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cases", type=int, default=500, help="of each kind")
+    parser.add_argument("--only", help="kinds, separated by commas")
+    parser.add_argument("--out", type=Path)
+    for hidden in ("--child", "--first", "--scratch"):
+        parser.add_argument(hidden, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.child:
+        child(arguments.child, int(arguments.first), arguments.cases, Path(arguments.scratch))
+        return 0
+    names = arguments.only.split(",") if arguments.only else list(TARGETS)
+    kinds = {}
+    for name in names:
+        kinds[name] = parent(name, arguments.cases, SECONDS)
+        print(name, kinds[name]["results"], f"{len(kinds[name]['findings'])} findings", file=sys.stderr, flush=True)
+    result = {"cases": arguments.cases, "python": platform.python_version(), "kinds": kinds}
+    text = json.dumps(result, indent=1) + "\n"
+    if arguments.out:
+        arguments.out.write_text(text)
+    else:
+        print(text)
+    return int(any(kind["findings"] for kind in kinds.values()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from busybot.boards.config import BoardConfig
@@ -13,10 +14,12 @@ from busybot.config import build
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.share import read_pointer
 from busybot.episodes.verify import verify
 from busybot.interact.model import Model
 from busybot.objects.folder import load_object
 from busybot.objects.library import find
+from busybot.rng import generator
 from tests.episodes.folders import make_dataset
 
 Read = Callable[[Path], Any]
@@ -100,6 +103,25 @@ def _load(key: str) -> Read:
     return read
 
 
+def _textured(suffix: str) -> Callable[[Path], None]:
+    """An object whose first material has a picture."""
+
+    def make(folder: Path) -> None:
+        _object(OBJECT)(folder)
+        meshes = folder / OBJECT / "textured_objs"
+        material = sorted(meshes.glob("*.mtl"))[0]
+        material.write_text(material.read_text() + f"map_Kd picture{suffix}\n")
+        picture = generator(0, "hostile", 0, "picture").integers(0, 255, (64, 48, 3), np.uint8)
+        cv2.imwrite(str(meshes / f"picture{suffix}"), picture)
+
+    return make
+
+
+def _pointer(folder: Path) -> None:
+    out = "- md5: 4ffb46ba37bd2ce52470086b4756420b.dir\n  size: 300003\n  nfiles: 4\n  hash: md5\n  path: toys\n"
+    (folder / "toys.dvc").write_text("outs:\n" + out)
+
+
 def _config(folder: Path) -> None:
     text = "boards: 3\nsplit: novel-object\nlamps: [3, 4]\nseed: 5\nuniform: true\n"
     (folder / "boards.yaml").write_text(text)
@@ -131,6 +153,9 @@ TARGETS: dict[str, Target] = {
     "urdf": Target(_object(OBJECT), f"{OBJECT}/mobility.urdf", True, _load(OBJECT), False),
     "annotation": Target(_object(OBJECT), f"{OBJECT}/object_meta_info.json", True, _load(OBJECT), False),
     "obj and mtl": Target(_object(OBJECT), f"{OBJECT}/textured_objs/*", True, _load(OBJECT), False),
+    "png": Target(_textured(".png"), f"{OBJECT}/textured_objs/*.png", False, _load(OBJECT), False),
+    "jpeg": Target(_textured(".jpg"), f"{OBJECT}/textured_objs/*.jpg", False, _load(OBJECT), False),
+    "dvc pointer": Target(_pointer, "toys.dvc", True, lambda folder: read_pointer(folder / "toys.dvc", "toys"), False),
     "yaml": Target(_config, "boards.yaml", True, _built, False),
     "safetensors": Target(_model, "m/*.safetensors", False, _weights, False),
     "model.json": Target(_model, "m/model.json", True, _weights, False),

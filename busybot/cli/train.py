@@ -75,8 +75,11 @@ def _interaction(
     from busybot.objects.library import find
     from busybot.workers import default_workers
 
+    variant = parameters[2]["variant"]
+    if variant not in (None, "fast", "paper"):
+        raise BusybotError(f"there is no variant {variant!r} of the interaction networks", "choose fast or paper")
     told, processes = Told(say, episode_progress), workers or default_workers()
-    if parameters[2]["variant"] == "paper":
+    if variant == "paper":
         paper = build(PaperConfig, *parameters)
         recorder = Recorder(find(assets) if assets else None, paper, seed, processes, told)
         return PaperTraining(out, paper, recorder, data)

@@ -117,13 +117,14 @@ class PaperTraining:
         while first and steps < self.config.buffer:
             first -= 1
             steps += _steps(self.datasets[first])
-        for number in [number for number in self.caches if number < first]:
-            shutil.rmtree(self.caches.pop(number))
+        folder = self.out / "cache"
         for number in range(first, epoch + 1):
             if number not in self.caches:
-                folder = self.out / "cache"
                 self.caches[number] = cache_samples(self.datasets[number], folder, self.config.inputs, whole=True)
         caches = [self.caches[number] for number in range(first, epoch + 1)]
+        for left in set(folder.iterdir()) - set(caches):
+            shutil.rmtree(left)
+        self.caches = {number: place for number, place in self.caches.items() if place in caches}
         return open_samples(caches, self.config.inputs, self.config.buffer, whole=True)
 
     def _job(self, kind: Kind, size: Size) -> PaperJob:

@@ -1,5 +1,6 @@
 """Training one network of the paper variant: batches, labels, optimizer, and going on after a kill."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -122,16 +123,9 @@ def test_interrupted_and_resumed_ends_in_the_same_weights(
 
 def test_without_successes_an_epoch_is_left_out(samples: Samples, tmp_path: Path) -> None:
     learner = begin_learner(job_for("position", tmp_path))
-    failures = open_failures(samples)
-    learner.train(failures, 0)
+    learner.train(replace(samples, worked=np.full(len(samples), -1)), 0)
     assert learner.progress.total == 0 and not learner.job.checkpoint.exists()
     assert not learner.job.metrics.exists()
-
-
-def open_failures(samples: Samples) -> Samples:
-    """The same without any reward."""
-    values = {name: getattr(samples, name) for name in samples.__dataclass_fields__}
-    return Samples(**values | {"worked": np.full(len(samples), -1)})
 
 
 def test_what_only_the_simulator_knows_does_not_change_the_weights(tmp_path: Path) -> None:
@@ -146,9 +140,10 @@ def test_what_only_the_simulator_knows_does_not_change_the_weights(tmp_path: Pat
     assert weights[0][0] != weights[1][0] and weights[0][1] == weights[1][1]
 
 
-def test_it_learns_to_tell_samples_apart_from_colours_alone(tmp_path: Path) -> None:
+def test_colours_alone_can_be_learned_from(tmp_path: Path) -> None:
     cache = cache_samples(make_dataset(tmp_path / "toys"), tmp_path, "rgb", whole=True)
     colours = open_samples([cache], "rgb", 1000, whole=True)
-    learner = begin_learner(job_for("direction", tmp_path, "rgb"))
-    losses = [learner.iterate(colours, generator(0, "", step, "test")) for step in range(30)]
-    assert np.mean(losses[-5:]) < 0.7 * np.mean(losses[:5])
+    job = job_for("direction", tmp_path, "rgb")
+    learner = begin_learner(replace(job, config=job.config.model_copy(update={"learning_rate": 1e-3})))
+    losses = [learner.iterate(colours, generator(0, "", 0, "test")) for _ in range(20)]  # one batch again and again
+    assert losses[-1] < 0.5 * losses[0]

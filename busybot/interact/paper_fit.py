@@ -19,15 +19,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from busybot.interact.checkpoint import (
-    NETWORK,
-    load_tensors,
-    load_weights,
-    network_tensors,
-    optimizer_tensors,
-    restore_optimizer,
-    save_tensors,
-)
+from busybot.interact.checkpoint import restore_training, save_tensors, training_tensors
 from busybot.interact.device import device
 from busybot.interact.features import Inputs
 from busybot.interact.fit_metrics import Metrics
@@ -120,8 +112,7 @@ class Learner:
 
     def save(self) -> None:
         """Write the checkpoint, whole or not at all."""
-        tensors = {NETWORK + name: value for name, value in self.network.state_dict().items()}
-        tensors |= optimizer_tensors(self.optimizer)
+        tensors = training_tensors(self.network, self.optimizer)
         save_tensors(self.job.checkpoint, tensors, dict(vars(self.progress)))
 
 
@@ -134,9 +125,7 @@ def begin_learner(job: PaperJob) -> Learner:
     optimizer = torch.optim.Adam(network.parameters(), lr=job.config.learning_rate)
     learner = Learner(job, network, optimizer)
     if job.checkpoint.exists():
-        saved = load_tensors(job.checkpoint)
-        load_weights(network, network_tensors(saved.tensors), job.checkpoint)
-        restore_optimizer(optimizer, saved.tensors)
+        saved = restore_training(job.checkpoint, network, optimizer)
         learner.progress = Progress(**{name: int(value) for name, value in saved.values.items()})
     return learner
 

@@ -35,7 +35,7 @@ from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_train import PaperTraining
 from busybot.interact.rounds import Recorder, Told
 from busybot.interact.samples import Samples
-from busybot.objects.library import find
+from busybot.objects.library import Library, find
 from busybot.rng import generator
 
 WARM_UP = 2
@@ -114,6 +114,26 @@ def processor() -> str:
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
 
 
+def benchmark(library: Library, iterations: int, threads: int) -> dict[str, Any]:
+    """All figures."""
+    torch.set_num_threads(threads)
+    config = PaperConfig(threads=threads)
+    told = Told(lambda text: None, lambda label: nullcontext(lambda done, total: None))
+    with tempfile.TemporaryDirectory() as folder:
+        training = PaperTraining(Path(folder), config, Recorder(library, config, 0, threads, told))
+        training.begin((config.render.height, config.render.width))
+        collecting = collect(training, Path(folder) / "rounds", (0, config.epochs - 1))
+        samples = training.buffer(1)
+        networks: dict[str, Any] = {kind: measure(training, kind, samples, iterations) for kind in KINDS}
+    return {
+        "networks": networks,
+        "collecting": collecting,
+        "extrapolated": extrapolate(config, networks, collecting),
+        "peak_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3),
+        "load_average": [round(load, 1) for load in os.getloadavg()],
+    }
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--assets", default="procedural", help="`procedural` or a folder of objects")
@@ -121,18 +141,8 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=os.cpu_count() or 1, help="of PyTorch, and collecting workers")
     parser.add_argument("--out", type=Path, help="write the result to this file, too")
     arguments = parser.parse_args()
-    torch.set_num_threads(arguments.threads)
-    library, config = find(arguments.assets), PaperConfig(threads=arguments.threads)
-    told = Told(lambda text: None, lambda label: nullcontext(lambda done, total: None))
-    with tempfile.TemporaryDirectory() as folder:
-        recorder = Recorder(library, config, 0, arguments.threads, told)
-        training = PaperTraining(Path(folder), config, recorder)
-        training.begin((config.render.height, config.render.width))
-        collecting = collect(training, Path(folder) / "rounds", (0, config.epochs - 1))
-        samples = training.buffer(1)
-        networks: dict[str, Any] = {kind: measure(training, kind, samples, arguments.iterations) for kind in KINDS}
-    on = device()
-    result = {
+    library, on = find(arguments.assets), device()
+    origin = {
         "command": f"python benchmarks/paper_interact.py --iterations {arguments.iterations} "
         f"--assets {library.name} --threads {arguments.threads}",
         "machine": {
@@ -140,7 +150,6 @@ def main() -> None:
             "processor": processor(),
             "cores": os.cpu_count(),
             "threads": arguments.threads,
-            "load_average": [round(load, 1) for load in os.getloadavg()],
             "device": torch.cuda.get_device_name(on) if on.type == "cuda" else "cpu",
         },
         "versions": {
@@ -149,12 +158,8 @@ def main() -> None:
             **{name: version(name) for name in ("torch", "numpy", "sapien")},
         },
         "assets_sha256": library.sha256,
-        "networks": networks,
-        "collecting": collecting,
-        "extrapolated": extrapolate(config, networks, collecting),
-        "peak_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3),
     }
-    text = json.dumps(result, indent=2)
+    text = json.dumps(origin | benchmark(library, arguments.iterations, arguments.threads), indent=2)
     if arguments.out:
         write_atomically(arguments.out, (text + "\n").encode())
     print(text)

@@ -3,6 +3,7 @@
 A sample is the paper's tuple of picture, position, direction and reward. Where it leaves room:
 
 - The position network learns the reward at the one pixel that was acted on: binary cross entropy of the affordance.
+  Where one direction was tried, not all, a good position with a wrong direction has no reward either.
 - The direction network learns that the direction that worked did so (reward 1), or that those that were executed in
   vain, the proposed one and its opposite, did not (reward 0): the mean of their binary cross entropies.
 - Half of a batch has reward and half has none; within each half samples are drawn uniformly, with replacement.

@@ -16,10 +16,13 @@ from busybot.interact.model import NOT_ELEVATED, Model
 from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_fit import Learner
 from busybot.interact.paper_model import PaperModel
+from busybot.interact.paper_policy import PaperPolicy
 from busybot.interact.paper_train import PaperTraining
+from busybot.interact.policy import LearnedPolicy
 from busybot.interact.policy_config import PolicyConfig
 from busybot.interact.rounds import Recorder, Told
 from busybot.interact.samples import Samples
+from busybot.rng import generator
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import weights
 
@@ -125,6 +128,21 @@ def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> No
     assert np.array_equal(position, view.affordance[pixels[:, 1], pixels[:, 0]])
     assert directions.shape == (3, 18) and ((directions > 0) & (directions < 1)).all()
     assert np.allclose(model.directions(view, pixels[1:2])[1], directions[1:2], atol=1e-5)
+
+
+def test_it_acts_by_the_papers_policy_unless_another_mode_is_asked_for(trained: Path, recorded: Path) -> None:
+    episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
+    rays, draws = Rays(episode.camera), generator(0, "", 0, "test")
+    for mode, kind in (("ucb", PaperPolicy), ("greedy", PaperPolicy), ("evaluate", LearnedPolicy)):
+        policy = LearnedChooser(str(trained), mode).make(None, rays, None)  # type: ignore[arg-type]
+        assert type(policy) is kind and policy.name == f"learned-{mode}"
+        pixels = []
+        for _ in range(3):
+            action = policy.choose(episode.images[0], draws)
+            policy.told(action, action.directions, 0, episode.images[0])
+            pixels.append(action.pixel)
+        assert len(action.directions) == 1
+        assert (len(set(pixels)) == 1) == (mode == "greedy")
 
 
 def test_pictures_of_another_size_are_refused(trained: Path) -> None:

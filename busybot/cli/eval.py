@@ -63,7 +63,9 @@ def interact(
     model: Annotated[
         str | None, typer.Option(help="A shipped model's name or a folder; or random, scripted (an oracle).")
     ] = None,
-    mode: Annotated[str, typer.Option(help="Of a model: evaluate, greedy, ucb or collect.")] = "evaluate",
+    mode: Annotated[
+        str | None, typer.Option(help="Of a model: evaluate (of a paper model: ucb), greedy, ucb or collect.")
+    ] = None,
     boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones.")] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Veto directions far from the annotated ones.")] = False,
     out: Annotated[
@@ -90,7 +92,8 @@ def interact(
     check_figures(figures, model, out, record)
     options = {"boards": boards, "interaction.strict": strict or None}
     parameters = build(EvaluateConfig, config, set_ or [], options)
-    words = ["busybot", "eval", "interact", str(dataset), *(["--model", model] if model else []), "--mode", mode]
+    words = ["busybot", "eval", "interact", str(dataset), *(["--model", model] if model else [])]
+    words += ["--mode", mode] if mode else []
     words += ["--seed", str(seed), *(["--strict"] if strict else []), *(["--boards", str(boards)] if boards else [])]
     words += [word for setting in set_ or [] for word in ("--set", setting)]
     words += ["--config", str(config)] if config else []

@@ -16,7 +16,7 @@ BUILT_IN = ("random", "scripted")
 def evaluate_model(
     dataset: "Dataset",
     model: str | None,
-    mode: str,
+    mode: str | None,
     config: "EvaluateConfig",
     assets: str | None,
     seed: int,
@@ -27,7 +27,7 @@ def evaluate_model(
 ) -> dict[str, Any]:
     """Find objects and policy by their names and evaluate."""
     from busybot.episodes.carried import library_of
-    from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser
+    from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser, usual_mode
     from busybot.interact.evaluate import evaluate
     from busybot.interact.policy import mode_named
     from busybot.sim.policies import BuiltIn, Chooser
@@ -38,7 +38,8 @@ def evaluate_model(
     if model in BUILT_IN:
         chooser, provenance = BuiltIn(model), {"model": {"name": model}}
     else:
-        chooser = LearnedChooser(model or DEFAULT_MODEL, mode_named(mode), config.learned)
+        named = model or DEFAULT_MODEL
+        chooser = LearnedChooser(named, mode_named(mode) if mode else usual_mode(named), config.learned)
         provenance = chooser.provenance()
     processes = workers or default_workers()
     return evaluate(dataset, library, chooser, config, seed, processes, progress, out, record, provenance)

@@ -1,12 +1,16 @@
 """`busybot train`: learn a skill from recorded files."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from busybot.cli.common import CONTEXT, JsonOption, SeedOption, WorkersOption, episode_progress, print_json, say
 from busybot.errors import BusybotError
+
+if TYPE_CHECKING:
+    from busybot.interact.paper_train import PaperTraining
+    from busybot.interact.train import Training
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, context_settings=CONTEXT, help="Learn a skill.")
 
@@ -19,7 +23,9 @@ def _root() -> None:
 @app.command()
 def interact(
     out: Annotated[Path, typer.Option(help="Folder of the training; the same command continues in it.")],
-    model: Annotated[str | None, typer.Option(help="Variant of the networks: fast.")] = None,
+    model: Annotated[
+        str | None, typer.Option(help="Variant of networks and schedule: fast (default) or paper.")
+    ] = None,
     assets: Annotated[str | None, typer.Option(help="Objects to act on: procedural, or a folder.")] = None,
     data: Annotated[
         list[Path] | None, typer.Option(help="Recorded rounds to train on instead of collecting; repeatable.")
@@ -28,24 +34,16 @@ def interact(
     strict: Annotated[bool, typer.Option("--strict", help="Veto directions far from the annotated ones.")] = False,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of TrainConfig.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters (TrainConfig, PaperConfig).")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as interaction.delta=1000.")] = None,
     json: JsonOption = False,
 ) -> None:
     """Learn where and how to act, in rounds: collect with what is known, then train on all that is recorded."""
-    from busybot.config import build
-    from busybot.interact.chooser import ExploreChooser
-    from busybot.interact.train import Source, Told, Training
-    from busybot.interact.train_config import TrainConfig
-    from busybot.objects.library import find
-    from busybot.workers import default_workers
-
     if offline and not data and not (out / "rounds").is_dir():
         raise BusybotError(f"{out}: it has no folder `rounds` to train on", "collect first: leave --offline out")
-    parameters = build(TrainConfig, config, set_ or [], {"variant": model, "interaction.strict": strict or None})
-    library = None if offline or data else find(assets)
-    source = Source(library, lambda known: ExploreChooser(known, parameters.explore), tuple(data or ()))
-    training = Training(out, parameters, source, seed, workers or default_workers(), Told(say, episode_progress))
+    options = {"variant": model, "interaction.strict": strict or None}
+    objects = None if offline or data else assets or "procedural"
+    training = _interaction(out, (config, set_ or [], options), objects, tuple(data or ()), seed, workers)
     try:
         trained = training.run()
     except KeyboardInterrupt:
@@ -56,3 +54,35 @@ def interact(
     else:
         say(f"the model is in {out / 'model'}")
         say(f"next: busybot eval interact DATASET --model {out}")
+
+
+def _interaction(
+    out: Path,
+    parameters: tuple[Path | None, list[str], dict[str, Any]],
+    assets: str | None,
+    data: tuple[Path, ...],
+    seed: int,
+    workers: int | None,
+) -> "Training | PaperTraining":
+    """The training of the variant that is asked for; without assets nothing is collected."""
+    from busybot.config import build
+    from busybot.interact.chooser import ExploreChooser
+    from busybot.interact.paper_config import PaperConfig
+    from busybot.interact.paper_train import PaperTraining
+    from busybot.interact.rounds import Recorder, Told
+    from busybot.interact.train import Source, Training
+    from busybot.interact.train_config import TrainConfig
+    from busybot.objects.library import find
+    from busybot.workers import default_workers
+
+    variant = parameters[2]["variant"]
+    if variant not in (None, "fast", "paper"):
+        raise BusybotError(f"there is no variant {variant!r} of the interaction networks", "choose fast or paper")
+    told, processes = Told(say, episode_progress), workers or default_workers()
+    if variant == "paper":
+        paper = build(PaperConfig, *parameters)
+        recorder = Recorder(find(assets) if assets else None, paper, seed, processes, told)
+        return PaperTraining(out, paper, recorder, data)
+    fast = build(TrainConfig, *parameters)
+    source = Source(find(assets) if assets else None, lambda known: ExploreChooser(known, fast.explore), data)
+    return Training(out, fast, source, seed, processes, told)

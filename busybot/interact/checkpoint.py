@@ -66,6 +66,19 @@ def load_weights(network: nn.Module, tensors: dict[str, Tensor], where: Path) ->
         raise BusybotError(f"{where}: not the weights of this network: {what}") from None
 
 
+def training_tensors(network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """All that a network and its optimizer have learnt."""
+    return {NETWORK + name: value for name, value in network.state_dict().items()} | optimizer_tensors(optimizer)
+
+
+def restore_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimizer) -> Checkpoint:
+    """Put back what `training_tensors` returned from a file; returns all that the file holds."""
+    saved = load_tensors(path)
+    load_weights(network, network_tensors(saved.tensors), path)
+    restore_optimizer(optimizer, saved.tensors)
+    return saved
+
+
 def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
     """State of every parameter, by the parameter's number and the state's name."""
     state = optimizer.state_dict()["state"]

@@ -14,6 +14,7 @@ from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.interact.explore import ExploreConfig, GuidedExplorer, UnguidedExplorer
 from busybot.interact.model import INFO_FILE, Model, ModelInfo, find_model
+from busybot.interact.paper_policy import PaperPolicy, PaperRules
 from busybot.interact.policy import LearnedPolicy, Mode, policy_name
 from busybot.interact.policy_config import PolicyConfig
 from busybot.sim.interaction import InteractionConfig
@@ -45,7 +46,11 @@ class LearnedChooser:
 
     def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
         model = load_once(self.model)
-        return LearnedPolicy(model, rays, policy_config(model.info, self.overrides), self.mode)
+        constants = policy_config(model.info, self.overrides)
+        if model.info.variant == "paper" and self.mode in ("ucb", "greedy"):
+            c = constants.ucb_c if self.mode == "ucb" else 0
+            return PaperPolicy(model, rays, PaperRules(ucb_c=c, ucb_window=constants.ucb_window), self.name)
+        return LearnedPolicy(model, rays, constants, self.mode)
 
     def provenance(self) -> dict[str, Any]:
         """Everything that decides the choices, JSON values; two models are the same if this is."""
@@ -76,6 +81,33 @@ class ExploreChooser:
         """Everything that decides the choices, JSON values."""
         model = None if self.model is None else fingerprint(self.model)
         return {"explore": self.config.model_dump(mode="json"), "model": model}
+
+
+@dataclass(frozen=True)
+class PaperChooser:
+    """Makes the policy that collects an epoch of the `paper` variant's training.
+
+    Attributes:
+        model: the model of the epoch before; None if the rules leave everything to chance.
+    """
+
+    model: str | None
+    rules: PaperRules
+    name = "explore-paper"
+
+    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+        model = None if self.model is None else load_once(self.model)
+        return PaperPolicy(model, rays, self.rules, self.name)
+
+    def provenance(self) -> dict[str, Any]:
+        """Everything that decides the choices, JSON values."""
+        model = None if self.model is None else fingerprint(self.model)
+        return {"explore": self.rules.model_dump(mode="json"), "model": model}
+
+
+def usual_mode(model: str) -> Mode:
+    """The mode in which a model is judged if none is asked for: the paper's variant with the paper's policy."""
+    return "ucb" if load_once(model).info.variant == "paper" else "evaluate"
 
 
 def policy_config(info: ModelInfo, overrides: dict[str, Any]) -> PolicyConfig:

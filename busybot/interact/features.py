@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from busybot.episodes.episode import Camera
 
@@ -92,11 +93,16 @@ def picture_features(depth: np.ndarray, camera: Pinhole) -> Tensor:
         depth: float32 (H, W), board units, 0 where nothing was hit.
         returns: float32 (4, H, W).
     """
-    height, width = depth.shape
-    rows = torch.arange(-1, height + 1).clamp(0, height - 1)[None]
-    columns = torch.arange(-1, width + 1).clamp(0, width - 1)[None]
-    padded = torch.from_numpy(np.pad(depth.astype(np.float32, copy=False), 1, mode="edge"))[None]
-    return depth_features(camera.points(padded, rows, columns))[0]
+    return stack_features(torch.from_numpy(depth.astype(np.float32, copy=False))[None], camera)[0]
+
+
+def stack_features(depth: Tensor, camera: Pinhole) -> Tensor:
+    """The same for several pictures, on the device where they are: float32 (B, H, W) to (B, 4, H, W)."""
+    height, width = depth.shape[-2:]
+    rows = torch.arange(-1, height + 1, device=depth.device).clamp(0, height - 1)[None]
+    columns = torch.arange(-1, width + 1, device=depth.device).clamp(0, width - 1)[None]
+    padded = functional.pad(depth[:, None], (1, 1, 1, 1), mode="replicate")[:, 0]
+    return depth_features(camera.points(padded, rows, columns))
 
 
 def heights_of(features: Tensor) -> Tensor:

@@ -18,15 +18,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from busybot.interact.batches import Batch, cut_batch, draw_batch
-from busybot.interact.checkpoint import (
-    NETWORK,
-    load_tensors,
-    load_weights,
-    network_tensors,
-    optimizer_tensors,
-    restore_optimizer,
-    save_tensors,
-)
+from busybot.interact.checkpoint import restore_training, save_tensors, training_tensors
 from busybot.interact.features import Inputs
 from busybot.interact.fit_config import FitConfig
 from busybot.interact.fit_metrics import Metrics
@@ -87,9 +79,7 @@ def begin(job: FitJob) -> State:
         draws = generator(job.seed, "train", 0, f"initial weights/{job.kind}")
         initialise(network, torch.Generator().manual_seed(int(draws.integers(2**63))))
         return state
-    saved = load_tensors(job.checkpoint)
-    load_weights(network, network_tensors(saved.tensors), job.checkpoint)
-    restore_optimizer(optimizer, saved.tensors)
+    saved = restore_training(job.checkpoint, network, optimizer)
     state.priorities = Priorities(config.replay, saved.tensors["priorities"].numpy())
     state.iteration = int(saved.values["iteration"])
     return state
@@ -97,8 +87,7 @@ def begin(job: FitJob) -> State:
 
 def save_state(job: FitJob, state: State) -> None:
     """Write the checkpoint, whole or not at all."""
-    tensors = {NETWORK + name: value for name, value in state.network.state_dict().items()}
-    tensors |= optimizer_tensors(state.optimizer)
+    tensors = training_tensors(state.network, state.optimizer)
     tensors["priorities"] = torch.from_numpy(state.priorities.values)
     save_tensors(job.checkpoint, tensors, {"iteration": state.iteration})
 

@@ -1,6 +1,6 @@
 """A trained model: a folder with two files of weights and `model.json`, which says what they are.
 
-`fast` is the only variant so far; the folder's format has room for others.
+Here is the `fast` variant; `interact.paper_model` has the `paper` variant, which is loaded in the same way.
 """
 
 from dataclasses import dataclass
@@ -37,17 +37,17 @@ class ModelInfo(BaseModel):
         variant: which networks.
         inputs: what they see; the height is always known to the policy.
         prior: share of elevated pixels that work, as training batches (half of each) do not show it.
-        thresholds: of the policy, chosen on training boards.
+        thresholds: constants of the policy that go with this model.
         training: provenance: datasets with hashes, seed, configuration, figures; JSON values.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     format: Literal["1"] = "1"
-    variant: Literal["fast"] = "fast"
+    variant: Literal["fast", "paper"] = "fast"
     inputs: Inputs = "depth"
     prior: Annotated[float, Field(gt=0, lt=1)] = 0.15
-    thresholds: dict[str, float] = {}
+    thresholds: dict[str, float | str] = {}
     training: dict[str, Any] = {}
 
 
@@ -93,11 +93,23 @@ class Model:
             first = error.errors()[0]
             place = ".".join(map(str, first["loc"]))
             raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
-        networks = {kind: make_network(kind, info.inputs) for kind in KINDS}
-        for kind, network in networks.items():
+        variant: type[Model] = cls
+        if info.variant == "paper":
+            from busybot.interact.paper_model import PaperModel  # a subclass of this one
+
+            variant = PaperModel
+        networks = {}
+        for kind in KINDS:
             file = weights_file(folder, kind)
-            load_weights(network, load_tensors(file).tensors, file)
-        return cls(info, networks)
+            tensors = load_tensors(file).tensors
+            networks[kind] = variant.make_network(kind, info.inputs, tensors)
+            load_weights(networks[kind], tensors, file)
+        return variant(info, networks)
+
+    @staticmethod
+    def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
+        """An untrained network that these weights fit, if they are of this variant."""
+        return make_network(kind, inputs)
 
     def save(self, folder: Path) -> None:
         """Write the folder, `model.json` last."""

@@ -11,24 +11,44 @@ SIZE_INCHES = (11.0, 6.5)
 
 def plot_training(out: Path) -> Path:
     """Draw `training.png` from the metrics files of a training's folder."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    figure, panels = _figure()
+    for column, kind in enumerate(KINDS):
+        lines = read_metrics(out / "metrics" / f"{kind}.jsonl")
+        _plot_loss(panels[0][column], f"{kind} network", lines, "loss of prioritised batches")
+        _plot_validation(panels[1][column], lines)
+    return _save(figure, out)
+
+
+def plot_paper_training(out: Path) -> Path:
+    """The same for the `paper` variant: losses, and what each epoch's actions earned."""
+    figure, panels = _figure()
+    for column, kind in enumerate(KINDS):
+        lines = read_metrics(out / "metrics" / f"{kind}.jsonl")
+        _plot_loss(panels[0][column], f"{kind} network", lines, "loss of half-positive batches")
+        panels[0][column].set_xlabel("iteration")
+        _plot_epochs(panels[1][column], kind, read_metrics(out / "metrics" / "epochs.jsonl"))
+    return _save(figure, out)
+
+
+def _figure() -> tuple[Any, Any]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=SIZE_INCHES, layout="constrained")
-    panels = figure.subplots(2, len(KINDS), squeeze=False)
-    for column, kind in enumerate(KINDS):
-        lines = read_metrics(out / "metrics" / f"{kind}.jsonl")
-        _plot_loss(panels[0][column], f"{kind} network", lines)
-        _plot_validation(panels[1][column], lines)
+    return figure, figure.subplots(2, len(KINDS), squeeze=False)
+
+
+def _save(figure: Any, out: Path) -> Path:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
     path = out / "training.png"
     FigureCanvasAgg(figure).print_png(str(path))
     return path
 
 
-def _plot_loss(panel: Any, title: str, lines: list[dict[str, Any]]) -> None:
+def _plot_loss(panel: Any, title: str, lines: list[dict[str, Any]], label: str) -> None:
     points = [(line["iteration"], line["loss"]) for line in lines if "loss" in line]
     panel.set_title(title)
-    panel.set_ylabel("loss of prioritised batches")
+    panel.set_ylabel(label)
     if points:
         panel.plot(*zip(*points, strict=True), linewidth=1)
         panel.set_yscale("log")
@@ -45,3 +65,14 @@ def _plot_validation(panel: Any, lines: list[dict[str, Any]]) -> None:
     panel.grid(alpha=0.3)
     if rounds:
         panel.legend(fontsize="small")
+
+
+def _plot_epochs(panel: Any, kind: str, lines: list[dict[str, Any]]) -> None:
+    epochs = [line["epoch"] for line in lines]
+    panel.plot(epochs, [line["rewarded"] / max(line["steps"], 1) for line in lines], label="actions with reward")
+    panel.plot(epochs, [line[f"epsilon_{kind}"] for line in lines], "--", label=f"random {kind}s")
+    panel.set_xlabel("epoch")
+    panel.set_ylabel("share of an epoch's actions")
+    panel.set_ylim(-0.02, 1.02)
+    panel.grid(alpha=0.3)
+    panel.legend(fontsize="small")

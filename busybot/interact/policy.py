@@ -4,8 +4,7 @@ Modes:
 
 - `evaluate`: try new links while the best candidate's expected success exceeds a threshold, then repeat known ones.
 - `greedy`: always the highest affordance and its best direction (Table 1, row "w/o exploration").
-- `ucb`: the paper's Upper Confidence Bound, P + c sqrt(ln t / N) at every elevated pixel. The paper's N, the number of
-  earlier picks whose window holds the pixel, is 0 at first and its bonus infinite: here it is the number plus one.
+- `ucb`: the paper's Upper Confidence Bound, P + c sqrt(ln t / N) at every elevated pixel (`interact.ucb`).
 - `collect`: a random one of the candidates, one per region, as the paper collects data for reasoning.
 """
 
@@ -22,6 +21,7 @@ from busybot.interact.beliefs import PAIR_OF, PAIRS, pair_scores, sigmoid
 from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates, held, prior_shift, smoothed
 from busybot.interact.memory import Failure, Memory
 from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.ucb import ucb_bonus
 from busybot.sim.policies import Action
 
 Mode = Literal["evaluate", "greedy", "ucb", "collect"]
@@ -128,7 +128,7 @@ class LearnedPolicy(Generic[V]):
         """The pixel with the highest affordance, with the paper's bonus or without."""
         scores = sigmoid(smoothed(view.affordance, self._config.blur) + prior_shift(self._config))
         if with_bonus:
-            scores = scores + self._bonus(scores.shape)
+            scores = scores + ucb_bonus(scores.shape, self._picks, self._config.ucb_c, self._config.ucb_window)
         scores[~held(view.affordance)] = -1
         row, column = np.unravel_index(int(scores.argmax()), scores.shape)
         if scores[row, column] < 0:
@@ -137,13 +137,6 @@ class LearnedPolicy(Generic[V]):
         pairs = pair_scores(np.asarray(directions, float))[0]
         direction = _better(np.asarray(directions)[0], int(pairs.argmax()))
         return Choice((int(column), int(row)), direction, "best", float(scores[row, column]), float(pairs.max()))
-
-    def _bonus(self, shape: tuple[int, ...]) -> np.ndarray:
-        """UCB's c sqrt(ln t / N), float (H, W)."""
-        counts, half = np.ones(shape), self._config.ucb_window // 2
-        for column, row in self._picks:
-            counts[max(row - half, 0) : row + half, max(column - half, 0) : column + half] += 1
-        return self._config.ucb_c * np.sqrt(np.log(len(self._picks) + 1) / counts)
 
 
 def mode_named(name: str) -> Mode:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 from torch import nn
 
 from busybot import __version__
@@ -22,7 +23,7 @@ BEFORE = {"rounds", "validation"}
 """What may lie in a folder in which a training begins: recorded rounds, to train on with `--offline`."""
 
 
-def begin_folder(out: Path, config: TrainConfig, seed: int) -> None:
+def begin_folder(out: Path, config: BaseModel, seed: int) -> None:
     """Note what is asked for, or refuse to continue a training that was asked for otherwise."""
     wanted = {"seed": seed, "config": config.model_dump(mode="json")}
     if out.exists() and not out.is_dir():
@@ -96,5 +97,10 @@ def describe(
         "config": config.model_dump(mode="json"),
         "rounds": rounds,
         "validation": {kind: dict(values) for kind, values in figures.items()},
-        "versions": {"busybot": __version__, **{name: version(name) for name in ("torch", "numpy")}},
+        "versions": learner_versions(),
     }
+
+
+def learner_versions() -> dict[str, str]:
+    """Versions of what decides the weights."""
+    return {"busybot": __version__, **{name: version(name) for name in ("torch", "numpy")}}

@@ -5,11 +5,12 @@ reward. Nothing else of an episode is read here: not segmentation or boxes, what
 
 The pictures of thousands of steps do not fit into memory and take too long to decode again and again. So each dataset
 has a cache: a square around each sample's pixel, uncompressed, in one file that is memory-mapped, and an index that is
-written last. Caches are derived from the episodes alone and can be deleted.
+written last. The `paper` variant sees whole pictures: its caches hold each one once, however many actions left it as it
+was. Caches are derived from the episodes alone and can be deleted.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -30,6 +31,8 @@ SIDE = 160
 CACHE_VERSION = "1"
 INDEX, SQUARES = "index.npz", "squares.bin"
 COLUMNS = ("pixels", "executed", "worked", "scale")
+ROW = "row"
+"""A further column of caches of whole pictures: which picture a sample saw."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class Samples:
         inputs: what the squares show.
         first: number of the first sample among all that were ever recorded; older ones have left the window.
         squares: one array per dataset, memory-mapped: uint16 (n, SIDE, SIDE) depth as stored, or uint8
-            (n, SIDE, SIDE, 3) colours.
+            (n, SIDE, SIDE, 3) colours; or whole pictures (n, H, W[, 3]).
         dataset, row: int (N,), where sample i lies: `squares[dataset[i]][row[i]]`.
         scale: float32 (N, 2), offset and step of the stored depths, board units; stored 0 means nothing was hit.
         pixels: int (N, 2), the (u, v) acted on.
@@ -78,21 +81,29 @@ class Samples:
         return known & (np.arange(len(DIRECTIONS)) == self.worked[chosen, None]), known
 
 
-def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs) -> Path:
-    """Make the cache of a dataset's finished episodes inside `folder`, if it is not there; returns its place."""
+def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = False) -> Path:
+    """Make the cache of a dataset's finished episodes inside `folder`, if it is not there; returns its place.
+
+    Args:
+        whole: pictures instead of squares.
+    """
     content = dataset.hashes().content
-    place = folder / f"{content[:16]}-{inputs}-{CACHE_VERSION}"
+    place = folder / f"{content[:16]}-{inputs}-{'whole-' if whole else ''}{CACHE_VERSION}"
     if (place / INDEX).exists():
         return place
     place.mkdir(parents=True, exist_ok=True)
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in COLUMNS}
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in ((*COLUMNS, ROW) if whole else COLUMNS)}
     camera: Camera | None = None
     with open(place / SQUARES, "wb") as file:
         for index in sorted(dataset.finished()):
             episode = read_episode(dataset.episode_path(index), "lazy")
             camera = _same_camera(camera, episode.camera, dataset.episode_path(index))
-            for name, values in _write_episode(file, episode, inputs).items():
+            for name, values in _labels(episode).items():
                 columns[name].append(values)
+            if whole:
+                columns[ROW].append(_write_pictures(file, episode, inputs))
+            else:
+                _write_squares(file, episode, inputs)
     if camera is None:
         raise BusybotError(f"{dataset.path}: no episode has been recorded", "`busybot collect` records them")
     _write_index(place, camera, {name: np.concatenate(parts) for name, parts in columns.items()})
@@ -108,21 +119,44 @@ def _same_camera(known: Camera | None, camera: Camera, where: Path) -> Camera:
     return camera
 
 
-def _write_episode(file: BinaryIO, episode: Episode, inputs: Inputs) -> dict[str, np.ndarray]:
-    """Append the squares of an episode's steps; returns their labels."""
-    images = episode.images
-    assert isinstance(images, LazyImages)
-    half, current = SIDE // 2, -1
-    picture: np.ndarray = np.empty((0, 0))
-    steps = episode.steps
-    for step, number in zip(steps, episode.frame_of, strict=False):
-        if number != current:
-            current = number
-            picture = _decode(images, number, inputs)
+def _write_squares(file: BinaryIO, episode: Episode, inputs: Inputs) -> None:
+    """Append a square for each step."""
+    half = SIDE // 2
+    for step, (_, picture) in zip(episode.steps, _seen(episode, inputs), strict=True):
         u, v = step.pixel
         rows = np.clip(np.arange(v - half, v + half), 0, picture.shape[0] - 1)
         columns = np.clip(np.arange(u - half, u + half), 0, picture.shape[1] - 1)
         file.write(np.ascontiguousarray(picture[rows[:, None], columns]).tobytes())
+
+
+def _write_pictures(file: BinaryIO, episode: Episode, inputs: Inputs) -> np.ndarray:
+    """Append every picture that was acted on; returns the picture of each step, counted from the file's first."""
+    rows: list[int] = []
+    last = -1
+    for number, picture in _seen(episode, inputs):
+        if number != last:
+            row, last = file.tell() // picture.nbytes, number
+            file.write(np.ascontiguousarray(picture).tobytes())
+        rows.append(row)
+    return np.array(rows, np.int32)
+
+
+def _seen(episode: Episode, inputs: Inputs) -> Iterator[tuple[int, np.ndarray]]:
+    """Number and content of the picture before each step; each is decoded once."""
+    images = episode.images
+    assert isinstance(images, LazyImages)
+    current = -1
+    picture: np.ndarray = np.empty((0, 0))
+    for number in episode.frame_of[: len(episode.steps)]:
+        if number != current:
+            current, picture = number, _decode(images, number, inputs)
+        yield number, picture
+
+
+def _labels(episode: Episode) -> dict[str, np.ndarray]:
+    """What was done in each step and what came of it."""
+    images, steps = episode.images, episode.steps
+    assert isinstance(images, LazyImages)
     executed = np.zeros((len(steps), len(DIRECTIONS)), bool)
     for row, step in enumerate(steps):
         executed[row, list(step.executed)] = True
@@ -154,20 +188,25 @@ def _write_index(place: Path, camera: Camera, columns: dict[str, np.ndarray]) ->
     os.replace(temporary, place / INDEX)
 
 
-def open_samples(caches: Sequence[Path], inputs: Inputs, window: int) -> Samples:
+def open_samples(caches: Sequence[Path], inputs: Inputs, window: int, whole: bool = False) -> Samples:
     """The last `window` samples of several caches, the oldest first.
+
+    Args:
+        whole: the caches hold whole pictures.
 
     Raises:
         BusybotError: the datasets were recorded with different cameras, or a cache is damaged.
     """
     camera: Camera | None = None
-    squares, parts = [], []
+    squares, parts, rows = [], [], []
     for place in caches:
         with np.load(place / INDEX, allow_pickle=False) as index:
             width, height = (int(side) for side in index["size"])
             camera = _same_camera(camera, Camera(width, height, index["matrix"], index["pose"]), place)
             parts.append({name: index[name] for name in COLUMNS})
-        squares.append(_map_squares(place / SQUARES, inputs, len(parts[-1]["worked"])))
+            rows.append(index[ROW] if whole else np.arange(len(parts[-1]["worked"])))
+        count, sides = int(rows[-1].max(initial=-1)) + 1, (height, width) if whole else (SIDE, SIDE)
+        squares.append(_map_pixels(place / SQUARES, inputs, (count, *sides)))
     assert camera is not None
     sizes = [len(part["worked"]) for part in parts]
     return Samples(
@@ -176,15 +215,14 @@ def open_samples(caches: Sequence[Path], inputs: Inputs, window: int) -> Samples
         first=max(0, sum(sizes) - window),
         squares=tuple(squares),
         dataset=np.repeat(np.arange(len(sizes)), sizes)[-window:],
-        row=np.concatenate([np.arange(size) for size in sizes])[-window:],
+        row=np.concatenate(rows)[-window:],
         **{name: np.concatenate([part[name] for part in parts])[-window:] for name in COLUMNS},
     )
 
 
-def _map_squares(file: Path, inputs: Inputs, count: int) -> np.ndarray:
-    shape = (count, SIDE, SIDE) if inputs == "depth" else (count, SIDE, SIDE, 3)
+def _map_pixels(file: Path, inputs: Inputs, shape: tuple[int, int, int]) -> np.ndarray:
     kind = np.uint16 if inputs == "depth" else np.uint8
     try:
-        return np.memmap(file, kind, "r", shape=shape)
+        return np.memmap(file, kind, "r", shape=shape if inputs == "depth" else (*shape, 3))
     except (OSError, ValueError) as error:
         raise BusybotError(f"{file}: damaged: {error}", f"remove {file.parent}, it is made again") from None

@@ -15,38 +15,25 @@ ones (`--offline`), and so does a training that was killed and continued.
 """
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from busybot.boards.config import BoardConfig
-from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import INFO_FILE, Dataset
-from busybot.errors import BusybotError
 from busybot.interact.fit import FitJob, make_fit
 from busybot.interact.model import INFO_FILE as MODEL_FILE
 from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, Kind, make_network
 from busybot.interact.plots import plot_training
+from busybot.interact.rounds import Explorer, Recorder, Told, finished
 from busybot.interact.run_folder import begin_folder, describe, network_of, schedule_for
 from busybot.interact.samples import cache_samples
 from busybot.interact.train_config import TrainConfig
 from busybot.objects.library import Library
-from busybot.rng import generator
-from busybot.sim.collect import CollectConfig, Progress, collect
-from busybot.sim.policies import Chooser
 from busybot.workers import run_tasks
 
 FIT_SECONDS = 7 * 86400.0
 """One network may be trained for so long in one round."""
-
-
-class Explorer(Chooser, Protocol):
-    """Who collects a round."""
-
-    def provenance(self) -> dict[str, Any]:
-        """All that decides the choices, JSON values."""
 
 
 @dataclass(frozen=True)
@@ -64,20 +51,13 @@ class Source:
     datasets: tuple[Path, ...] = ()
 
 
-@dataclass(frozen=True)
-class Told:
-    """Who is told of the progress: a line of text, and a labelled count of episodes."""
-
-    say: Callable[[str], None]
-    count: Callable[[str], AbstractContextManager[Progress]]
-
-
 class Training:
     """One training in its folder."""
 
     def __init__(self, out: Path, config: TrainConfig, source: Source, seed: int, workers: int, told: Told):
-        self.out, self.config, self.source, self.told = out, config, source, told
+        self.out, self.config, self.source = out, config, source
         self.seed, self.workers = seed, workers
+        self.recorder = Recorder(source.library, config, seed, workers, told)
         self.schedule = schedule_for(config, len(source.datasets))
 
     def run(self) -> Model:
@@ -104,7 +84,7 @@ class Training:
     def _recorded(self, number: int) -> Dataset:
         """The dataset of a round, with an episode for each of its boards."""
         if self.source.datasets:
-            return _finished(Dataset.open(self.source.datasets[number]))
+            return finished(Dataset.open(self.source.datasets[number]))
         model = str(self._model_folder(number - 1)) if number else None
         path, plan = self.out / "rounds" / f"{number:02d}", self.schedule[number]
         return self._collect(path, plan.boards, plan.steps, model, f"round {number}")
@@ -118,28 +98,7 @@ class Training:
         return self._collect(path, config.validation, config.validation_steps, None, "validation")
 
     def _collect(self, path: Path, boards: int, steps: int, model: str | None, purpose: str) -> Dataset:
-        library, config = self.source.library, self.config
-        if library is not None and not (path / INFO_FILE).exists():
-            seed = int(generator(self.seed, "train", 0, f"boards/{purpose}").integers(2**31))
-            drawn = BoardConfig(
-                split="train", boards=boards, seed=seed, group_size=config.group_size, uniform=config.uniform
-            )
-            create_dataset(path, drawn, library)
-        dataset = Dataset.open(path)
-        if library is None or len(dataset.finished()) == dataset.info.boards:
-            return _finished(dataset)
-        chooser = self.source.explore(model)
-        settings = CollectConfig(
-            policy=chooser.name,
-            steps=steps,
-            images=config.images,
-            responders=config.responders,
-            interaction=config.interaction,
-            render=config.render,
-        )
-        with self.told.count(f"{purpose}: collecting") as progress:
-            collect(dataset, library, settings, self.workers, progress, chooser, chooser.provenance())
-        return Dataset.open(path)
+        return self.recorder.dataset(path, boards, steps, purpose, lambda: self.source.explore(model))
 
     def _train(self, number: int, datasets: list[Dataset], validation: Dataset | None) -> None:
         """Train both networks on all that is recorded, side by side, and save the round's model."""
@@ -175,11 +134,3 @@ class Training:
             checkpoint=self.out / "checkpoints" / f"{kind}.safetensors",
             metrics=self.out / "metrics" / f"{kind}.jsonl",
         )
-
-
-def _finished(dataset: Dataset) -> Dataset:
-    recorded = len(dataset.finished())
-    if recorded < dataset.info.boards or not recorded:
-        what = f"{dataset.path}: {recorded} of {dataset.info.boards} episodes are recorded"
-        raise BusybotError(what, "record the others: the same command without --offline, or `busybot collect`")
-    return dataset

@@ -18,6 +18,28 @@ class _Plain(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class RecordConfig(_Plain):
+    """How the data of a training are recorded, whatever learns from them.
+
+    Attributes:
+        inputs: what the networks see: `depth`, or `rgb` for the row "RGB" of Table 1.
+        responders, interaction, render: of the simulator, as in `busybot collect`. Without responders a trigger's own
+            motion is all that earns a reward (row "w/o responder"); `interaction.reward=joints` is the oracle's.
+        group_size: boards that share one appearance. Reasoning wants 20 (paper section 3.2); here every board has its
+            own, because where and how to act depends on nothing else.
+        uniform: draw objects with equal probabilities instead of by their weights.
+        images: encoding of recorded colours.
+    """
+
+    inputs: Inputs = "depth"
+    responders: bool = True
+    interaction: InteractionConfig = InteractionConfig()
+    render: RenderConfig = RenderConfig()
+    group_size: Annotated[int, Field(ge=1, le=10_000)] = 1
+    uniform: bool = False
+    images: Literal["jpeg", "png"] = "jpeg"
+
+
 class Round(_Plain):
     """Collect with the current policy, then train on all that is there.
 
@@ -41,28 +63,20 @@ ROUNDS = (
 """On two idle cores six minutes of training, both networks side by side, and three of collecting."""
 
 
-class TrainConfig(_Plain):
-    """A whole training.
+class TrainConfig(RecordConfig):
+    """A whole training of the `fast` variant.
 
     Attributes:
         variant: which networks.
-        inputs: `depth`, or `rgb` for the row "RGB" of Table 1.
         rounds: the first collects at random, each later one with the model of the one before.
         window: steps that the replay buffer holds; older ones are forgotten.
         validation: boards of the training split that are collected as in round 0 and never trained on; 0 for none.
         validation_steps: proposed actions on each.
         explore: who collects.
         position, direction: how the networks are trained.
-        responders, interaction, render: of the simulator, as in `busybot collect`. Without responders a trigger's own
-            motion is all that earns a reward (row "w/o responder"); `interaction.reward=joints` is the oracle's.
-        group_size: boards that share one appearance. Reasoning wants 20 (paper section 3.2); here every board has its
-            own, because where and how to act depends on nothing else.
-        uniform: draw objects with equal probabilities instead of by their weights.
-        images: encoding of recorded colours.
     """
 
     variant: Literal["fast"] = "fast"
-    inputs: Inputs = "depth"
     rounds: Annotated[tuple[Round, ...], Field(min_length=1, max_length=1000)] = ROUNDS
     window: Annotated[int, Field(ge=1)] = 1_000_000
     validation: Annotated[int, Field(ge=0, le=100_000)] = 40
@@ -70,12 +84,6 @@ class TrainConfig(_Plain):
     explore: ExploreConfig = ExploreConfig()
     position: FitConfig = FitConfig()
     direction: DirectionFitConfig = DirectionFitConfig()
-    responders: bool = True
-    interaction: InteractionConfig = InteractionConfig()
-    render: RenderConfig = RenderConfig()
-    group_size: Annotated[int, Field(ge=1, le=10_000)] = 1
-    uniform: bool = False
-    images: Literal["jpeg", "png"] = "jpeg"
 
     @model_validator(mode="after")
     def _sides(self) -> "TrainConfig":

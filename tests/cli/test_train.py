@@ -13,8 +13,11 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
+from busybot.episodes.dataset import Dataset
 from busybot.interact.fit_metrics import read_metrics
 from busybot.interact.model import Model
+from busybot.interact.paper_fit import Learner
+from busybot.interact.samples import Samples
 from tests.interact.trainings import SMALL, make_rounds, weights
 
 SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
@@ -101,3 +104,65 @@ def test_a_file_in_place_of_the_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     result = run("train", "interact", "--out", str(tmp_path / "file"), *SETTINGS)
     assert result.exit_code == 1 and "it is a file" in result.stderr and "mend:" in result.stderr
+
+
+def test_variants_are_known_by_name(tmp_path: Path) -> None:
+    result = run("train", "interact", "--out", str(tmp_path / "run"), "--model", "slow")
+    assert result.exit_code == 1 and "no variant 'slow'" in result.stderr and "fast or paper" in result.stderr
+    assert not (tmp_path / "run").exists()
+
+
+TINY = """
+epochs: 3
+boards: 3
+steps: 16
+random_epochs: 0
+all_directions_epochs: 1
+joint_epochs: 1
+threads: 1
+position: {batch: 2, iterations: 1, epsilon_epochs: 1}
+direction: {batch: 2, iterations: 1, epsilon_epochs: 1}
+render: {width: 160, height: 120}
+interaction: {reward: joints}
+"""
+
+
+train_learner = Learner.train
+
+
+def dies_in_epoch_two(self: Learner, samples: Samples, epoch: int) -> None:
+    if epoch == 2:
+        raise KeyboardInterrupt
+    train_learner(self, samples, epoch)
+
+
+@pytest.mark.long
+def test_the_paper_variant_collects_trains_is_judged_and_collects_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, file = tmp_path / "run", tmp_path / "tiny.yaml"
+    file.write_text(TINY)
+
+    def train(folder: Path) -> Result:
+        return run("train", "interact", "--model", "paper", "--out", str(folder), "--config", str(file))
+
+    assert train(out).exit_code == 0
+    assert len(read_metrics(out / "metrics" / "direction.jsonl")) == 2
+    last = Dataset.open(out / "rounds" / "002").info.collect
+    assert last is not None and last.policy == "explore-paper"
+    assert last.settings["chooser"]["explore"]["epsilon_direction"] == pytest.approx(0.1)
+    assert last.settings["chooser"]["model"]["card"]["training"]["epochs"] == 2
+    killed = tmp_path / "killed"
+    with monkeypatch.context() as patched:  # killed when the last epoch was half collected
+        patched.setattr(Learner, "train", dies_in_epoch_two)
+        assert train(killed).exit_code != 0
+    (killed / "rounds" / "002" / "episodes" / "000001.mcap").unlink()
+    assert train(killed).exit_code == 0 and weights(killed) == weights(out)
+    data, small = str(tmp_path / "data"), ("--set", "render.width=160", "--set", "render.height=120")
+    assert run("generate", data, "--boards", "1", "--split", "novel-config").exit_code == 0
+    model = ("--model", str(out), "--workers", "1", *small)
+    judged = run("eval", "interact", data, *model, "--set", "actions=3", "--json")
+    assert judged.exit_code == 0, judged.stderr
+    assert json.loads(judged.stdout)["provenance"]["mode"] == "ucb"
+    assert run("collect", data, "--policy", "learned", "--steps", "2", *model).exit_code == 0
+    assert Dataset.open(Path(data)).finished() == {0}

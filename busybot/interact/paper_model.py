@@ -1,0 +1,88 @@
+"""A trained model of the `paper` variant: the same folder and the same questions as `interact.model`."""
+
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from busybot.episodes.episode import Image
+from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
+from busybot.interact.device import device
+from busybot.interact.features import ELEVATED, LOWEST, Inputs, colour_features
+from busybot.interact.model import NOT_ELEVATED, Model, ModelInfo, View
+from busybot.interact.networks import Kind
+from busybot.interact.paper_inputs import depth_and_normals, with_positions
+from busybot.interact.paper_networks import SIZE, PaperDirectionNet, make_paper_network
+
+PAPER_POLICY: dict[str, float | str] = {"candidates": "kmeans", "blur": 1}
+"""What the learned policy's constants are with a paper model: clusters of the affordance as it is."""
+PAPER_PRIOR = 0.5
+"""The affordance is taken as it is: no correction for how rare working places are."""
+SAVED_SIZE = "size"
+CHUNK = 8
+"""Positions that the direction network looks at together."""
+
+
+class PaperModel(Model):
+    """Where and how to act, from whole pictures of the size that it was trained on.
+
+    The affordance is that of the paper, softmax of two channels, given as a logit; only elevated pixels can be chosen
+    (the board's surface cannot be held). The direction network has no opinion on positions: `directions` repeats the
+    position network's.
+    """
+
+    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module], bfloat16: bool = False):
+        super().__init__(info, networks, bfloat16)
+        self.on = device()
+        for network in self.networks.values():
+            network.to(self.on)
+
+    @staticmethod
+    def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
+        size = tensors.get(SAVED_SIZE)
+        rows, columns = SIZE if size is None or size.shape != (2,) else (int(side) for side in size)
+        return make_paper_network(kind, inputs, (rows, columns))
+
+    def look(self, image: Image, rays: Rays) -> View:
+        """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
+
+        Raises:
+            BusybotError: there is no depth, or the picture has another size than those of the training.
+        """
+        if image.depth is None:
+            raise BusybotError("the interaction policy needs depth images")
+        self._check_size(image.depth.shape)
+        height = np.nan_to_num(rays.heights(image.depth), nan=LOWEST).astype(np.float32)
+        if self.info.inputs == "rgb":
+            features = colour_features(image.rgb)[None]
+        else:
+            features = depth_and_normals(torch.from_numpy(image.depth)[None], self._pinhole(rays))
+        logits = self._run("position", features)[0]
+        affordance = torch.where(torch.from_numpy(height > ELEVATED), logits[1] - logits[0], NOT_ELEVATED)
+        return View(height, affordance.numpy(), features[0].numpy())
+
+    def directions(self, view: View, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `Model.directions`; the position's logits are those of the affordance."""
+        if not len(pixels):
+            return np.empty(0, np.float32), np.empty((0, 18), np.float32)
+        features = torch.from_numpy(view.features)[None]
+        scores = []
+        for chunk in torch.from_numpy(np.asarray(pixels)).split(CHUNK):
+            seen = with_positions(features.expand(len(chunk), -1, -1, -1), chunk)
+            scores.append(torch.sigmoid(self._run("direction", seen)))
+        return view.affordance[pixels[:, 1], pixels[:, 0]], torch.cat(scores).numpy()
+
+    def _run(self, kind: Kind, features: Tensor) -> Any:
+        with torch.inference_mode():
+            on_device = features.to(self.on).contiguous(memory_format=torch.channels_last)
+            return self.networks[kind](on_device).cpu()
+
+    def _check_size(self, shape: tuple[int, ...]) -> None:
+        network = self.networks["direction"]
+        assert isinstance(network, PaperDirectionNet)
+        rows, columns = (int(side) for side in network.size)
+        if shape != (rows, columns):
+            what = f"a picture of {shape[1]} x {shape[0]} pixels, the model was trained on {columns} x {rows}"
+            raise BusybotError(what, f"--set render.width={columns} --set render.height={rows}")

@@ -1,0 +1,193 @@
+"""Training of the `paper` variant: collect an epoch's data, then train on the replay buffer (paper appendix A.1).
+
+The folder is that of the `fast` variant (`interact.train`), but for
+
+rounds/000, 001, ...          an ordinary dataset for each epoch
+current/                      the model with which the next epoch is collected; there is none per epoch
+metrics/epochs.jsonl          what each epoch collected
+
+The buffer is a window over the recorded steps. Pictures that have left it are no longer cached. Weights depend on the
+recorded steps, the seed and, in their last bits, on the device and the number of threads: on a CPU, training again from
+copied rounds and going on after a kill end in the same ones.
+"""
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.mcap_file import read_episode
+from busybot.errors import BusybotError
+from busybot.files import write_atomically
+from busybot.interact.chooser import PaperChooser
+from busybot.interact.device import repeat_exactly
+from busybot.interact.model import ModelInfo
+from busybot.interact.networks import KINDS, Kind
+from busybot.interact.paper_config import PaperConfig
+from busybot.interact.paper_fit import Learner, PaperJob, begin_learner
+from busybot.interact.paper_model import PAPER_POLICY, PAPER_PRIOR, PaperModel
+from busybot.interact.paper_networks import Size
+from busybot.interact.paper_policy import PaperRules
+from busybot.interact.plots import plot_paper_training
+from busybot.interact.rounds import Recorder, finished
+from busybot.interact.run_folder import begin_folder, learner_versions
+from busybot.interact.samples import Samples, cache_samples, open_samples
+
+PLOT_EVERY = 10
+"""Epochs between pictures of the training's course."""
+
+
+class PaperTraining:
+    """One training in its folder.
+
+    Args:
+        recorder: of the epochs' data.
+        datasets: the epochs, if they lie elsewhere; else they are in the training's own folder.
+
+    Raises:
+        BusybotError: there are more or fewer datasets than epochs.
+    """
+
+    def __init__(self, out: Path, config: PaperConfig, recorder: Recorder, datasets: tuple[Path, ...] = ()):
+        if datasets and len(datasets) != config.epochs:
+            what = f"{len(datasets)} datasets for {config.epochs} epochs of training"
+            raise BusybotError(what, f"--set epochs={len(datasets)}")
+        self.out, self.config, self.recorder, self.given = out, config, recorder, datasets
+        self.datasets: list[Dataset] = []
+        self.caches: dict[int, Path] = {}
+        self.learners: dict[Kind, Learner] = {}
+
+    def run(self) -> PaperModel:
+        """All epochs that are not done yet; returns the final model.
+
+        Raises:
+            BusybotError: the folder holds another training, or recorded epochs are missing or unfinished.
+        """
+        begin_folder(self.out, self.config, self.recorder.seed)
+        torch.set_num_threads(self.config.threads)
+        repeat_exactly()
+        for epoch in range(self.config.epochs):
+            self.datasets.append(self._recorded(epoch))
+            if not self.learners:
+                self.begin(_size(self.datasets[0]))
+            self._train(epoch)
+            if (epoch + 1) % PLOT_EVERY == 0 or epoch + 1 == self.config.epochs:
+                self._report()
+        model = self._model({"rounds": self._origin(), "versions": learner_versions()})
+        model.save(self.out / "model")
+        return model
+
+    def begin(self, size: Size) -> None:
+        """New networks for pictures of this size, or those of the last checkpoints."""
+        self.learners = {kind: begin_learner(self._job(kind, size)) for kind in KINDS}
+
+    def _recorded(self, epoch: int) -> Dataset:
+        """The data of an epoch; what is missing is collected with the networks of the epoch before."""
+        if self.given:
+            return finished(Dataset.open(self.given[epoch]))
+        path = self.out / "rounds" / f"{epoch:03d}"
+        config = self.config
+        return self.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", lambda: self.chooser(epoch))
+
+    def chooser(self, epoch: int) -> PaperChooser:
+        """Who collects an epoch's data, with the networks as they are now."""
+        rules = rules_for(self.config, epoch)
+        if not rules.needs_model():
+            return PaperChooser(None, rules)
+        current = self.out / "current"
+        self._model({"epochs": epoch}).save(current)
+        return PaperChooser(str(current), rules)
+
+    def _train(self, epoch: int) -> None:
+        """Train the networks whose turn it is on the buffer."""
+        kinds = [kind for kind in self.config.trained(epoch) if self.learners[kind].behind(epoch)]
+        if not kinds:
+            return
+        samples = self.buffer(epoch)
+        for kind in kinds:
+            self.learners[kind].train(samples, epoch)
+
+    def buffer(self, epoch: int) -> Samples:
+        """The last steps recorded until an epoch, with whole pictures; caches that hold none of them are removed."""
+        first, steps = epoch + 1, 0
+        while first and steps < self.config.buffer:
+            first -= 1
+            steps += _steps(self.datasets[first])
+        folder = self.out / "cache"
+        for number in range(first, epoch + 1):
+            if number not in self.caches:
+                self.caches[number] = cache_samples(self.datasets[number], folder, self.config.inputs, whole=True)
+        caches = [self.caches[number] for number in range(first, epoch + 1)]
+        for left in set(folder.iterdir()) - set(caches):
+            shutil.rmtree(left)
+        self.caches = {number: place for number, place in self.caches.items() if place in caches}
+        return open_samples(caches, self.config.inputs, self.config.buffer, whole=True)
+
+    def _job(self, kind: Kind, size: Size) -> PaperJob:
+        return PaperJob(
+            kind=kind,
+            inputs=self.config.inputs,
+            size=size,
+            config=self.config.learn(kind),
+            seed=self.recorder.seed,
+            every=self.config.checkpoint,
+            checkpoint=self.out / "checkpoints" / f"{kind}.safetensors",
+            metrics=self.out / "metrics" / f"{kind}.jsonl",
+        )
+
+    def _model(self, training: dict[str, Any]) -> PaperModel:
+        origin = {"seed": self.recorder.seed, "config": self.config.model_dump(mode="json"), **training}
+        info = ModelInfo(
+            variant="paper",
+            inputs=self.config.inputs,
+            prior=PAPER_PRIOR,
+            thresholds=PAPER_POLICY,
+            training=origin,
+        )
+        return PaperModel(info, {kind: learner.network for kind, learner in self.learners.items()})
+
+    def _origin(self) -> dict[str, Any]:
+        """What was learnt from: totals, and a hash over the contents of all epochs in their order."""
+        content = hashlib.sha256("".join(dataset.hashes().content for dataset in self.datasets).encode())
+        epochs = [_collected(dataset) for dataset in self.datasets]
+        totals = {name: sum(epoch[name] for epoch in epochs) for name in ("boards", "steps", "rewarded")}
+        return {"epochs": len(epochs), "content_sha256": content.hexdigest(), **totals}
+
+    def _report(self) -> None:
+        """Bring the metrics of the epochs and the picture up to date."""
+        lines = []
+        for epoch, dataset in enumerate(self.datasets):
+            epsilons = {f"epsilon_{kind}": self.config.epsilon(kind, epoch) for kind in KINDS}
+            lines.append(json.dumps({"epoch": epoch, **_collected(dataset), **epsilons}, sort_keys=True) + "\n")
+        write_atomically(self.out / "metrics" / "epochs.jsonl", "".join(lines).encode())
+        plot_paper_training(self.out)
+
+
+def rules_for(config: PaperConfig, epoch: int) -> PaperRules:
+    """How an epoch's data are collected."""
+    return PaperRules(
+        epsilon_position=config.epsilon("position", epoch),
+        epsilon_direction=config.epsilon("direction", epoch),
+        all_directions=config.tries_all_directions(epoch),
+        ucb_c=config.ucb_c,
+        ucb_window=config.ucb_window,
+    )
+
+
+def _size(dataset: Dataset) -> Size:
+    camera = read_episode(dataset.episode_path(min(dataset.finished())), "lazy").camera
+    return camera.height, camera.width
+
+
+def _steps(dataset: Dataset) -> int:
+    collect = dataset.info.collect
+    return dataset.info.boards * collect.steps if collect else 0
+
+
+def _collected(dataset: Dataset) -> dict[str, int]:
+    rewards = dataset.table("steps", ["reward"]).column("reward").to_pylist()
+    return {"boards": dataset.info.boards, "steps": len(rewards), "rewarded": int(sum(rewards))}

@@ -1,0 +1,91 @@
+"""Recording the data that a training learns from: one dataset per round, which can be browsed like any other."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from busybot.boards.config import BoardConfig
+from busybot.episodes.create import create_dataset
+from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.errors import BusybotError
+from busybot.interact.train_config import RecordConfig
+from busybot.objects.library import Library
+from busybot.rng import generator
+from busybot.sim.collect import CollectConfig, Progress, collect
+from busybot.sim.policies import Chooser
+
+
+class Explorer(Chooser, Protocol):
+    """Who collects a round."""
+
+    def provenance(self) -> dict[str, Any]:
+        """All that decides the choices, JSON values."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """Who is told of the progress: a line of text, and a labelled count of episodes."""
+
+    say: Callable[[str], None]
+    count: Callable[[str], AbstractContextManager[Progress]]
+
+
+@dataclass(frozen=True)
+class Recorder:
+    """Records rounds.
+
+    Attributes:
+        library: the objects on new boards; None to record nothing and take what is there.
+        seed: of the training.
+        workers: processes that share the work.
+    """
+
+    library: Library | None
+    config: RecordConfig
+    seed: int
+    workers: int
+    told: Told
+
+    def dataset(self, path: Path, boards: int, steps: int, purpose: str, explorer: Callable[[], Explorer]) -> Dataset:
+        """The dataset in `path`, with an episode for each of its boards; what is missing is recorded.
+
+        Args:
+            purpose: names the round; with the seed it determines the boards.
+            explorer: called only if something is to be recorded.
+
+        Raises:
+            BusybotError: something is missing, and there are no objects to record it with.
+        """
+        library, config = self.library, self.config
+        if library is not None and not (path / INFO_FILE).exists():
+            seed = int(generator(self.seed, "train", 0, f"boards/{purpose}").integers(2**31))
+            drawn = BoardConfig(
+                split="train", boards=boards, seed=seed, group_size=config.group_size, uniform=config.uniform
+            )
+            create_dataset(path, drawn, library)
+        dataset = Dataset.open(path)
+        if library is None or len(dataset.finished()) == dataset.info.boards:
+            return finished(dataset)
+        chooser = explorer()
+        settings = CollectConfig(
+            policy=chooser.name,
+            steps=steps,
+            images=config.images,
+            responders=config.responders,
+            interaction=config.interaction,
+            render=config.render,
+        )
+        with self.told.count(f"{purpose}: collecting") as progress:
+            collect(dataset, library, settings, self.workers, progress, chooser, chooser.provenance())
+        return Dataset.open(path)
+
+
+def finished(dataset: Dataset) -> Dataset:
+    """The dataset, or an error that says how many of its episodes are missing."""
+    recorded = len(dataset.finished())
+    if recorded < dataset.info.boards or not recorded:
+        what = f"{dataset.path}: {recorded} of {dataset.info.boards} episodes are recorded"
+        raise BusybotError(what, "record the others: the same command without --offline, or `busybot collect`")
+    return dataset

@@ -1,0 +1,158 @@
+"""A whole training of the paper variant on a tiny schedule, from rounds that were recorded before."""
+
+import shutil
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from busybot.episodes.geometry import Rays
+from busybot.episodes.mcap_file import read_episode
+from busybot.errors import BusybotError
+from busybot.interact.chooser import LearnedChooser, usual_mode
+from busybot.interact.fit_metrics import read_metrics
+from busybot.interact.model import NOT_ELEVATED, Model
+from busybot.interact.paper_config import PaperConfig
+from busybot.interact.paper_fit import Learner
+from busybot.interact.paper_model import PaperModel
+from busybot.interact.paper_policy import PaperPolicy
+from busybot.interact.paper_train import PaperTraining
+from busybot.interact.policy import LearnedPolicy
+from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.rounds import Recorder, Told
+from busybot.interact.samples import Samples
+from busybot.rng import generator
+from tests.episodes.folders import make_dataset
+from tests.interact.trainings import weights
+
+CONFIG = PaperConfig.model_validate(
+    {
+        "epochs": 4,
+        "random_epochs": 1,
+        "all_directions_epochs": 2,
+        "joint_epochs": 3,
+        "buffer": 20,
+        "threads": 1,
+        "position": {"batch": 2, "iterations": 2},
+        "direction": {"batch": 2, "iterations": 3},
+    }
+)
+"""Epoch 0 trains nothing, 1 the position network, 2 nothing, 3 both; the buffer holds the last one and a bit."""
+BOARDS = (2, 3, 4, 3)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four epochs; boards have six steps. The second and the fourth are equal: they share a cache."""
+    folder = tmp_path_factory.mktemp("recorded")
+    for epoch, boards in enumerate(BOARDS):
+        make_dataset(folder / f"{epoch:03d}", boards=boards, finished=range(boards))
+    return folder
+
+
+def training(out: Path, rounds: Path | None = None, config: PaperConfig = CONFIG) -> PaperTraining:
+    told = Told(lambda text: None, lambda label: nullcontext(lambda done, total: None))
+    datasets = tuple(sorted(rounds.iterdir())) if rounds else ()
+    return PaperTraining(out, config, Recorder(None, config, 0, 1, told), datasets)
+
+
+@pytest.fixture(scope="module")
+def trained(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("trained") / "run"
+    training(out, recorded).run()
+    return out
+
+
+def test_each_phase_trains_its_networks(trained: Path) -> None:
+    iterations = {kind: len(read_metrics(trained / "metrics" / f"{kind}.jsonl")) for kind in ("position", "direction")}
+    assert iterations == {"position": 4, "direction": 3}
+    epochs = read_metrics(trained / "metrics" / "epochs.jsonl")
+    assert [line["epoch"] for line in epochs] == [0, 1, 2, 3]
+    assert [line["epsilon_direction"] for line in epochs] == [1, 1, 1, 1]
+    assert [line["steps"] for line in epochs] == [6 * boards for boards in BOARDS]
+    assert all(0 < line["rewarded"] < line["steps"] for line in epochs)
+    assert (trained / "training.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_only_what_is_in_the_buffer_stays_cached(trained: Path, recorded: Path) -> None:
+    assert len(list((trained / "cache").iterdir())) == 2
+    run = training(trained, recorded)
+    run.run()  # nothing is left to do
+    samples = run.buffer(3)
+    assert len(samples) == 20 and samples.first == 22
+    assert list(np.bincount(samples.dataset)) == [2, 18]
+
+
+def test_killed_and_continued_it_ends_in_the_same_weights(
+    trained: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    iterate, calls = Learner.iterate, []
+
+    def dies(self: Learner, samples: Samples, rng: np.random.Generator) -> float:
+        calls.append(1)
+        if len(calls) in (2, 6):
+            raise KeyboardInterrupt
+        return iterate(self, samples, rng)
+
+    monkeypatch.setattr(Learner, "iterate", dies)
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            training(tmp_path / "run", recorded).run()
+    training(tmp_path / "run", recorded).run()
+    assert weights(tmp_path / "run") == weights(trained)
+    assert len(weights(trained)) == 2
+
+
+def test_offline_it_repeats_the_training_from_its_own_rounds(trained: Path, recorded: Path, tmp_path: Path) -> None:
+    shutil.copytree(recorded, tmp_path / "run" / "rounds")
+    training(tmp_path / "run").run()
+    assert weights(tmp_path / "run") == weights(trained)
+
+
+def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> None:
+    model = Model.load(trained)
+    assert isinstance(model, PaperModel) and model.info.variant == "paper"
+    assert model.info.training["rounds"]["epochs"] == 4 and model.info.training["rounds"]["steps"] == 72
+    assert usual_mode(str(trained)) == "ucb"
+    policy = LearnedChooser(str(trained)).provenance()["policy"]
+    assert policy == PolicyConfig(candidates="kmeans", blur=1, prior=0.5).model_dump(mode="json")
+    episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
+    rays, image = Rays(episode.camera), episode.image(0)
+    view = model.look(image, rays)
+    assert image.depth is not None and view.affordance.shape == image.depth.shape
+    elevated = np.nan_to_num(rays.heights(image.depth), nan=-1) > 0.002
+    assert ((view.affordance > NOT_ELEVATED) == elevated).all()
+    pixels = np.array([[40, 60], [80, 60], [159, 119]])
+    position, directions = model.directions(view, pixels)
+    assert np.array_equal(position, view.affordance[pixels[:, 1], pixels[:, 0]])
+    assert directions.shape == (3, 18) and ((directions > 0) & (directions < 1)).all()
+    assert np.allclose(model.directions(view, pixels[1:2])[1], directions[1:2], atol=1e-5)
+
+
+def test_it_acts_by_the_papers_policy_unless_another_mode_is_asked_for(trained: Path, recorded: Path) -> None:
+    episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
+    rays, draws = Rays(episode.camera), generator(0, "", 0, "test")
+    for mode, kind in (("ucb", PaperPolicy), ("greedy", PaperPolicy), ("evaluate", LearnedPolicy)):
+        policy = LearnedChooser(str(trained), mode).make(None, rays, None)  # type: ignore[arg-type]
+        assert type(policy) is kind and policy.name == f"learned-{mode}"
+        pixels = []
+        for _ in range(3):
+            action = policy.choose(episode.images[0], draws)
+            policy.told(action, action.directions, 0, episode.images[0])
+            pixels.append(action.pixel)
+        assert len(action.directions) == 1
+        assert (len(set(pixels)) == 1) == (mode == "greedy")
+
+
+def test_pictures_of_another_size_are_refused(trained: Path) -> None:
+    from tests.episodes.synthetic import make_episode
+
+    episode = make_episode(0, width=128, height=96)
+    with pytest.raises(BusybotError, match="128 x 96 pixels, the model was trained on 160 x 120"):
+        Model.load(trained).look(episode.images[0], Rays(episode.camera))
+
+
+def test_as_many_datasets_as_epochs(recorded: Path, tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match="4 datasets for 400 epochs"):
+        training(tmp_path / "run", recorded, PaperConfig())

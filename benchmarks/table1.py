@@ -151,7 +151,8 @@ def _private(pid: int) -> float:
 def train(row: Row, out: Path, arguments: argparse.Namespace) -> tuple[tuple[str, ...], dict[str, Any]]:
     """Train, or continue, or find it done; returns the command and what it tells."""
     command = ("train", "interact", "--out", str(out), "--assets", arguments.assets, "--seed", str(row.seed))
-    command = (*command, *row.train, *(arguments.train or ()))  # type: ignore[misc]
+    config = ("--config", str(arguments.config)) if arguments.config else ()
+    command = (*command, *(row.train or ()), *config)
     fresh, note = not out.exists(), out.with_suffix(".cost.json")
     with Cost() as cost:
         told = busybot(*command)["training"]
@@ -194,7 +195,7 @@ def main() -> None:
     parser.add_argument("--rows", default=",".join(ROWS), help="which rows, in this order")
     parser.add_argument("--boards", type=int, default=200, help="per split")
     parser.add_argument("--judge-seed", type=int, default=101)
-    parser.add_argument("--train", nargs="*", help="more options for every training, after all others")
+    parser.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = parser.parse_args()
     machine = {"cores": os.cpu_count(), "system": platform.system(), "processor": platform.machine()}
     assets = "procedural" if arguments.assets == "procedural" else Path(arguments.assets).name

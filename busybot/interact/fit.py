@@ -2,7 +2,7 @@
 
 Everything that an iteration draws comes from a generator of its own, so a training that was killed goes on from its
 last checkpoint and ends in the same weights, bit by bit. One thread per network: sums have one order whatever the
-machine, and the two networks are trained side by side.
+machine, and the two networks are trained side by side. Where there is a GPU both are trained on it.
 """
 
 import math
@@ -19,6 +19,7 @@ from torch.nn import functional
 
 from busybot.interact.batches import Batch, cut_batch, draw_batch
 from busybot.interact.checkpoint import restore_training, save_tensors, training_tensors
+from busybot.interact.device import device, repeat_exactly
 from busybot.interact.features import Inputs
 from busybot.interact.fit_config import FitConfig
 from busybot.interact.fit_metrics import Metrics
@@ -71,13 +72,13 @@ class State:
 
 def begin(job: FitJob) -> State:
     """New weights, or those of the last checkpoint."""
-    network = make_network(job.kind, job.inputs)
-    config = job.config
+    network, config = make_network(job.kind, job.inputs).to(device()), job.config
     optimizer = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     state = State(network, optimizer, Priorities(config.replay))
     if not job.checkpoint.exists():
         draws = generator(job.seed, "train", 0, f"initial weights/{job.kind}")
-        initialise(network, torch.Generator().manual_seed(int(draws.integers(2**63))))
+        initialise(network.cpu(), torch.Generator().manual_seed(int(draws.integers(2**63))))
+        network.to(device())
         return state
     saved = restore_training(job.checkpoint, network, optimizer)
     state.priorities = Priorities(config.replay, saved.tensors["priorities"].numpy())
@@ -95,6 +96,7 @@ def save_state(job: FitJob, state: State) -> None:
 def fit(job: FitJob) -> dict[str, float | None]:
     """Train to the end of the round, from wherever the checkpoint is; returns the validation figures."""
     torch.set_num_threads(1)
+    repeat_exactly()
     samples = open_samples(job.caches, job.inputs, job.window)
     state = begin(job)
     state.priorities.grow(samples.first + len(samples))
@@ -156,7 +158,7 @@ def learn(state: State, batch: Batch, job: FitJob, rate: float, rng: np.random.G
     state.optimizer.zero_grad()
     loss.backward()
     state.optimizer.step()
-    return float(loss.detach()), losses.detach().numpy()
+    return float(loss.detach()), losses.detach().cpu().numpy()
 
 
 def learning_rate(config: FitConfig, iteration: int, iterations: int) -> float:
@@ -168,7 +170,7 @@ def learning_rate(config: FitConfig, iteration: int, iterations: int) -> float:
 def sample_losses(
     network: nn.Module, batch: Batch, kind: Kind, config: FitConfig, rng: np.random.Generator | None = None
 ) -> tuple[Tensor, Tensor]:
-    """The loss, a scalar, and what each sample adds to its priority, (B,); `rng` draws the dropout.
+    """The loss, a scalar, and what each sample adds to its priority, (B,), on the CPU; `rng` draws the dropout.
 
     Position: binary cross entropy of the affordance at the one pixel that was tried. Direction: the mean over all
     directions whose outcome is known, plus the cross entropy of "any direction works".
@@ -188,11 +190,12 @@ def sample_losses(
 
 
 def forward(network: nn.Module, features: Tensor, config: FitConfig, rng: np.random.Generator | None = None) -> Any:
-    """The network's outputs in float32."""
-    arguments = [features.contiguous(memory_format=torch.channels_last)]
+    """The network's outputs in float32, on the CPU: a batch of them is small."""
+    on = next(network.parameters()).device
+    arguments = [features.to(on).contiguous(memory_format=torch.channels_last)]
     if rng is not None and config.dropout and isinstance(network, DirectionNet):
         keep = (rng.random((len(features), HIDDEN), np.float32) >= config.dropout) / (1 - config.dropout)
-        arguments.append(torch.from_numpy(keep.astype(np.float32)))
-    with torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
+        arguments.append(torch.from_numpy(keep.astype(np.float32)).to(on))
+    with torch.autocast(on.type, torch.bfloat16, enabled=config.bfloat16):
         outputs = network(*arguments)
-    return tuple(output.float() for output in outputs) if isinstance(outputs, tuple) else outputs.float()
+    return tuple(output.float().cpu() for output in outputs) if isinstance(outputs, tuple) else outputs.float().cpu()

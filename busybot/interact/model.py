@@ -18,6 +18,7 @@ from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.files import read_json, write_json
 from busybot.interact.checkpoint import load_tensors, load_weights, save_tensors
+from busybot.interact.device import device
 from busybot.interact.features import ELEVATED, Inputs, Pinhole, colour_features, heights_of, picture_features
 from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network
 
@@ -75,8 +76,8 @@ class Model:
     """
 
     def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module], bfloat16: bool = True):
-        self.info, self.bfloat16 = info, bfloat16
-        self.networks = {kind: network.eval() for kind, network in networks.items()}
+        self.info, self.bfloat16, self.on = info, bfloat16, device()
+        self.networks = {kind: network.eval().to(self.on) for kind, network in networks.items()}
         self._camera: tuple[Rays, Pinhole] | None = None
 
     @classmethod
@@ -151,10 +152,11 @@ class Model:
         return position.numpy(), torch.sigmoid(logits).numpy()
 
     def _run(self, kind: Kind, features: Tensor) -> Any:
-        """The outputs of a network in float32."""
-        with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16, enabled=self.bfloat16):
-            outputs = self.networks[kind](features.contiguous(memory_format=torch.channels_last))
-        return tuple(output.float() for output in outputs) if isinstance(outputs, tuple) else outputs.float()
+        """The outputs of a network in float32, on the CPU."""
+        on_device = features.to(self.on).contiguous(memory_format=torch.channels_last)
+        with torch.inference_mode(), torch.autocast(self.on.type, torch.bfloat16, enabled=self.bfloat16):
+            outputs = self.networks[kind](on_device)
+        return tuple(part.float().cpu() for part in outputs) if isinstance(outputs, tuple) else outputs.float().cpu()
 
     def _pinhole(self, rays: Rays) -> Pinhole:
         if self._camera is None or self._camera[0] is not rays:

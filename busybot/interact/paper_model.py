@@ -9,7 +9,6 @@ from torch import Tensor, nn
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.interact.device import device
 from busybot.interact.features import ELEVATED, LOWEST, Inputs, colour_features
 from busybot.interact.model import NOT_ELEVATED, Model, ModelInfo, View
 from busybot.interact.networks import Kind
@@ -35,9 +34,6 @@ class PaperModel(Model):
 
     def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module], bfloat16: bool = False):
         super().__init__(info, networks, bfloat16)
-        self.on = device()
-        for network in self.networks.values():
-            network.to(self.on)
 
     @staticmethod
     def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:

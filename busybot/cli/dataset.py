@@ -5,17 +5,14 @@ from typing import Annotated
 
 import typer
 
+from busybot.cli import dataset_share
 from busybot.cli import dataset_tell as tell
 from busybot.cli.common import JsonOption, WorkersOption, episode_progress, print_json, say
-from busybot.cli.dataset_share import pull, push
 from busybot.errors import BusybotError
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="Look at a dataset, check, mend, freeze, compare, share it."
 )
-
-app.command()(push)
-app.command()(pull)
 
 DatasetArgument = Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.", show_default=False)]
 AssetsOption = Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")]
@@ -168,6 +165,10 @@ def regenerate(
         tell.regenerated(found)
     if not found.ok:
         raise typer.Exit(1)
+
+
+push = app.command()(dataset_share.push)
+pull = app.command()(dataset_share.pull)
 
 
 def _workers(wanted: int | None) -> int:

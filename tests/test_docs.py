@@ -1,5 +1,6 @@
 """What the pages in docs/ say works: their code runs, their links lead somewhere."""
 
+import json
 import os
 import re
 import subprocess
@@ -38,3 +39,11 @@ def test_the_format_reference_is_the_schemas() -> None:
 
     written = (ROOT / "docs" / "dataset-format.md").read_text(encoding="utf-8")
     assert page(written) == written, "python -m busybot.episodes.reference docs/dataset-format.md"
+
+
+def test_table_1_is_that_of_the_results() -> None:
+    from benchmarks.table1_page import page
+
+    written = (ROOT / "docs" / "interact.md").read_text(encoding="utf-8")
+    result = json.loads((ROOT / "benchmarks" / "results" / "table1.json").read_text(encoding="utf-8"))
+    assert page(written, result) == written, "python benchmarks/table1_page.py"

@@ -13,7 +13,9 @@ from busybot.sim.portraits import lone_board
 from busybot.sim.scene import BoardScene, Simulator
 
 FREE, STRICT = InteractionConfig(), InteractionConfig(strict=True)
-POINTS = 8
+POINTS = {"procedural": 3}
+"""Where each link is held, by library; there are many procedural objects, and measured rates of the real ones alone."""
+POINTS_OTHERWISE = 8
 CANNOT_MOVE: dict[str, str] = {}
 """Links that no direction moves, or every one, with the reason: none."""
 
@@ -47,7 +49,7 @@ def test_every_link_moves_from_every_state_and_random_actions_succeed_as_often_a
     simulator: Simulator,
 ) -> None:
     """Experiments on the real objects: 37 % of random pixels and directions, 76-84 % of pairs, 26-28 % strict."""
-    rng = np.random.default_rng(0)
+    rng, points = np.random.default_rng(0), POINTS.get(simulator.library.name, POINTS_OTHERWISE)
     single, pairs, strict = [], [], []
     for model, link, state, scene, number in movable(simulator):
         image = scene.observe()
@@ -58,7 +60,7 @@ def test_every_link_moves_from_every_state_and_random_actions_succeed_as_often_a
         assert len(rows) > 12 or simulator.library.name != "procedural", f"{model.key} {link.name} is hardly visible"
         rays, ever = Rays(scene.camera), np.zeros(len(DIRECTIONS), bool)
         allowed = np.array([permitted(scene, number, d, STRICT) for d in range(len(DIRECTIONS))])
-        for pick in rng.integers(len(rows), size=POINTS):
+        for pick in rng.integers(len(rows), size=points):
             point = rays.point(image.depth, (int(columns[pick]), int(rows[pick])))
             moved = np.array([pull(scene, number, point, d, FREE, None)[1] != state for d in DIRECTIONS])
             ever |= moved

@@ -58,6 +58,8 @@ def _known(model: type[BaseModel]) -> str:
 
 def _read(file: Path) -> dict[str, Any]:
     try:
+        if not file.is_file():
+            raise BusybotError(f"{file}: there is no such file", "name a YAML file")
         if file.stat().st_size > MAX_BYTES:
             raise BusybotError(f"{file}: larger than {MAX_BYTES} bytes")
         text = file.read_text(encoding="utf-8")

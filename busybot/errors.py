@@ -3,6 +3,9 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+LONGEST = 1200
+"""Characters of a message."""
+
 
 class BusybotError(Exception):
     """Input or environment at fault. The command line prints the message and exits with 1.
@@ -13,8 +16,13 @@ class BusybotError(Exception):
     """
 
     def __init__(self, what: str, mend: str | None = None):
-        self.what, self.mend = what, mend
-        super().__init__(what if mend is None else f"{what}\n  mend: {mend}")
+        self.what, self.mend = _readable(what), mend
+        super().__init__(self.what if mend is None else f"{self.what}\n  mend: {mend}")
+
+
+def _readable(text: str) -> str:
+    """A message that quotes megabytes of somebody's file helps nobody: its beginning and its end do."""
+    return text if len(text) <= LONGEST else f"{text[: LONGEST * 2 // 3]} ... {text[-LONGEST // 4 :]}"
 
 
 @contextmanager

@@ -52,7 +52,11 @@ def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
 def inside(folder: Path, relative: str) -> Path:
     """`folder / relative`, refused when it is absolute, climbs out, or leaves the folder through a link."""
     candidate = folder / relative
-    if Path(relative).is_absolute() or not candidate.resolve().is_relative_to(folder.resolve()):
+    try:
+        stays = not Path(relative).is_absolute() and candidate.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # a link to itself
+        stays = False
+    if not stays:
         raise BusybotError(f"{folder}: the path {relative!r} leaves the folder", "remove it or copy the file inside")
     return candidate
 

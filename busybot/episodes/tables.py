@@ -191,7 +191,9 @@ def read_shard(path: Path, table: str, columns: list[str] | None = None) -> pa.T
         found = {field.name: field.type for field in file.schema_arrow}
         wrong = [f.name for f in arrow_schema(table) if found.get(f.name) != f.type]
         rows = None if wrong else file.read(columns=columns or arrow_schema(table).names)
-    except (OSError, pa.ArrowException) as error:
+        if rows is not None:
+            rows.validate(full=True)  # text that is no UTF-8 would only be noticed when it is used
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise BusybotError(f"{path}: not a readable Parquet file: {error}", mend) from None
     if rows is None:
         raise BusybotError(f"{path}: not table {table!r} of this schema version: {', '.join(wrong)}", mend)

@@ -27,7 +27,7 @@ from busybot.sim.collect import CollectConfig, collect
 from busybot.view import figures
 from busybot.view.affordance_figure import affordance_figure
 from busybot.view.demo_report import Story, demo_report
-from busybot.view.rerun_log import save_rrd
+from busybot.view.rerun_log import Layers, save_rrd
 from busybot.view.screenshot import save_screenshot
 
 BOARDS = 4
@@ -82,7 +82,7 @@ def run_demo(
     thoughts = list(retrace(episodes[chosen], load_once(model), policy))
     pictures = _figures(out / "figures", episodes, chosen, inferred, thoughts)
     recording = out / f"board-{chosen}.rrd"
-    save_rrd(recording, episodes[chosen], [inferred], thoughts=thoughts)
+    save_rrd(recording, episodes[chosen], [inferred], layers=Layers(thoughts))
     say("taking pictures of the viewer")
     for step in (EARLY_STEP, STEPS):
         picture = out / "figures" / f"viewer-step-{step:02d}.png"

@@ -8,7 +8,6 @@ import typer
 from busybot.cli.common import JsonOption, print_json, say
 
 if TYPE_CHECKING:
-    from busybot.objects.library import Library
     from busybot.sim.replay import Compared
 
 
@@ -24,11 +23,12 @@ def replay(
     Pictures must be equal where the renderer is the one that recorded, else close: at most 0.1 % of the pixels differ
     by more than 2/255. Exits with 1 if a step does not hold.
     """
+    from busybot.episodes.carried import library_of_file
     from busybot.episodes.mcap_file import read_episode
     from busybot.sim.replay import replay_file
 
     read_episode(episode, images="lazy")  # a fault of the file is told before objects are looked for
-    compared = replay_file(episode, _library(episode, assets), step, screenshot)
+    compared = replay_file(episode, library_of_file(episode, assets), step, screenshot)
     holds = all(one.holds for one in compared)
     if json:
         print_json({"episode": episode, "ok": holds, "steps": compared, "screenshot": screenshot})
@@ -40,18 +40,6 @@ def replay(
         say(f"{episode}: {len(compared)} steps put back, {'all hold' if holds else 'not all hold'}")
     if not holds:
         raise typer.Exit(1)
-
-
-def _library(episode: Path, assets: str | None) -> "Library":
-    """The objects of the dataset in which the episode lies; of a lone file the named ones or the procedural ones."""
-    from busybot.episodes.carried import library_of
-    from busybot.episodes.dataset import INFO_FILE, Dataset
-    from busybot.objects.library import find
-
-    folder = episode.absolute().parent.parent
-    if episode.absolute().parent.name == "episodes" and (folder / INFO_FILE).is_file():
-        return library_of(Dataset.open(folder), assets)
-    return find(assets)
 
 
 def _sentence(one: "Compared") -> str:

@@ -20,14 +20,20 @@ def view(
     model: Annotated[
         str | None, typer.Option(help="Show what this interaction model believes: name or folder.")
     ] = None,
+    replay: Annotated[
+        bool, typer.Option("--replay", help="Put every step back into the simulator and show its picture, too.")
+    ] = False,
+    assets: Annotated[str | None, typer.Option(help="Objects for --replay, if they are not found by hash.")] = None,
     json: JsonOption = False,
 ) -> None:
     """Look at an episode: camera, scene graph, board with relations, signals. Without options a window opens."""
-    from busybot.view.show import Wanted, show
+    from busybot.episodes.carried import library_of_file
+    from busybot.view.show import Wanted, episode_file, show
 
     if step is not None and not screenshot and (save or web):
         raise typer.BadParameter("it needs --screenshot or the viewer's window", param_hint="--step")
-    show(source, episode, Wanted(save, screenshot, step, web, model), print_json if json else _tell)
+    objects = library_of_file(episode_file(source, episode), assets) if replay else None
+    show(source, episode, Wanted(save, screenshot, step, web, model, objects), print_json if json else _tell)
 
 
 def _tell(shown: Any) -> None:

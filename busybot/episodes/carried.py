@@ -13,7 +13,7 @@ from pathlib import Path
 
 from busybot.boards.config import SPLITS
 from busybot.episodes.create import boards_again
-from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset import INFO_FILE, Dataset
 from busybot.episodes.manifest import AssetEntry
 from busybot.errors import BusybotError
 from busybot.files import inside, write_atomically
@@ -42,6 +42,14 @@ def library_of(dataset: Dataset, assets: str | None = None) -> Library:
     if problem:
         raise BusybotError(problem, "fetch the dataset again, or name a library that holds its objects: --assets DIR")
     return replace(library, name=recorded.name)
+
+
+def library_of_file(episode: Path, assets: str | None = None) -> Library:
+    """The objects of the dataset in which an episode's file lies; of a lone file the named or the procedural ones."""
+    folder = episode.absolute().parent.parent
+    if episode.absolute().parent.name == "episodes" and (folder / INFO_FILE).is_file():
+        return library_of(Dataset.open(folder), assets)
+    return find(assets)
 
 
 @dataclass(frozen=True)

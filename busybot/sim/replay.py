@@ -9,7 +9,7 @@ and lets the acted link settle once more. With the same renderer the image is th
 (`tests/sim/test_replay.py` tries all steps).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -153,6 +153,22 @@ def _make_replay(path: Path, library: Library, step: int | None, screenshot: Pat
         return compared
 
     return work
+
+
+def pictures_again(path: Path, library: Library) -> Iterator[tuple[int, np.ndarray]]:
+    """Every step of an episode's file as the simulator shows it and the file would store it, uint8 (H, W, 3).
+
+    They are rendered in a process of its own, see `replay_file`.
+    """
+    steps = len(read_episode(path, images="lazy").steps)
+    with naming(path):
+        yield from run_tasks(range(steps + 1), _make_picture, (path, library), workers=1)
+
+
+def _make_picture(path: Path, library: Library) -> Callable[[int], np.ndarray]:
+    episode = read_episode(path, images="lazy")
+    replay = Replay(simulator_of(episode, library), episode)
+    return lambda step: replay.observe(step).rgb
 
 
 def simulator_of(episode: Episode, library: Library, responders: bool | None = None) -> Simulator:

@@ -7,8 +7,9 @@ import rerun.blueprint as rrb
 
 from busybot.episodes.episode import Episode
 from busybot.reason.result import InferredGraph
-from busybot.view.rerun_affordance import SPACE
+from busybot.view.rerun_affordance import SPACE as AFFORDANCE
 from busybot.view.rerun_graph import graph_positions
+from busybot.view.rerun_replay import SPACE as SIMULATOR
 from busybot.view.rerun_series import relation_states
 from busybot.view.scene import board_bounds
 
@@ -23,12 +24,16 @@ LEGEND_SHARE = 0.38
 
 
 def blueprint(
-    episode: Episode, inferred: list[InferredGraph], menus: bool = True, affordance: bool = False
+    episode: Episode,
+    inferred: list[InferredGraph],
+    menus: bool = True,
+    affordance: bool = False,
+    replayed: bool = False,
 ) -> rrb.Blueprint:
     """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
     names = [graph.name for graph in inferred]
     upper = rrb.Horizontal(
-        camera_views(episode, affordance), graph_views(episode, names), board_view(), column_shares=COLUMNS
+        camera_views(episode, affordance, replayed), graph_views(episode, names), board_view(), column_shares=COLUMNS
     )
     beliefs = [belief_views(episode, names)] if names else []
     parts = [signal_views(episode), *beliefs, account_views(episode)]
@@ -45,12 +50,14 @@ def blueprint(
     )
 
 
-def camera_views(episode: Episode, affordance: bool = False) -> Any:
-    """The image, closely around the board, and depth behind it; in front of both the affordance, if it is there."""
+def camera_views(episode: Episode, affordance: bool = False, replayed: bool = False) -> Any:
+    """The image, closely around the board, and depth behind it; in front of both what else was asked for."""
     bounds = _bounds(*board_bounds(episode, MARGIN))
     spaces = {"camera": "Camera: boxes, action, change", "depth": "Depth"}
     if affordance:
-        spaces = {SPACE: "Affordance before the action: candidates, known links", **spaces}
+        spaces = {AFFORDANCE: "Affordance before the action: candidates, known links", **spaces}
+    if replayed:
+        spaces = {SIMULATOR: "Simulator, the step put back: violet differs", **spaces}
     views = (
         rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, background=BACKGROUND)
         for origin, name in spaces.items()

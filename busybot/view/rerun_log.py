@@ -7,8 +7,10 @@ episode's own clock, one second a step.
 import contextlib
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import rerun as rr
 from rerun.error_utils import catch_and_log_exceptions
 
@@ -21,6 +23,7 @@ from busybot.view.rerun_affordance import log_thought
 from busybot.view.rerun_board import BoardLogger
 from busybot.view.rerun_camera import log_camera_frame
 from busybot.view.rerun_graph import edge_places, log_graph
+from busybot.view.rerun_replay import log_replayed
 from busybot.view.rerun_series import (
     log_probabilities,
     log_probability_styles,
@@ -34,6 +37,19 @@ from busybot.view.scene import check_inferred, judged_edges, pairs_ever, true_ed
 APPLICATION = "busybot"
 _BATCHES = rr.ChunkBatcherConfig(flush_tick=3600.0)
 """Chunks by size, not by the clock: equal episodes give equal chunks."""
+
+
+@dataclass(frozen=True)
+class Layers:
+    """What is shown beyond the recording; iterators are used up by one writing.
+
+    Attributes:
+        thoughts: what a model believed, of `interact.trace.retrace`.
+        replayed: steps and the simulator's pictures of them, of `sim.replay.pictures_again`.
+    """
+
+    thoughts: Iterable[Thought] | None = None
+    replayed: Iterable[tuple[int, np.ndarray]] | None = None
 
 
 def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Sequence[InferredGraph] = ()) -> None:
@@ -72,18 +88,23 @@ def log_thoughts(recording: rr.RecordingStream, episode: Episode, thoughts: Iter
         log_thought(recording, episode, thought)
 
 
+def log_pictures(recording: rr.RecordingStream, episode: Episode, replayed: Iterable[tuple[int, np.ndarray]]) -> None:
+    """Log what the simulator shows when the steps are put back into it."""
+    for step, picture in replayed:
+        recording.set_time("step", sequence=step)
+        recording.set_time("time", duration=float(step))
+        log_replayed(recording, episode, step, picture)
+
+
 def save_rrd(
     path: Path,
     episode: Episode,
     inferred: Sequence[InferredGraph] = (),
     menus: bool = True,
-    thoughts: Iterable[Thought] | None = None,
+    layers: Layers | None = None,
 ) -> None:
-    """Write an episode and its layout as an `.rrd` file for Rerun; without `menus` for a picture.
-
-    Args:
-        thoughts: of `interact.trace.retrace`; they are drawn one after the other.
-    """
+    """Write an episode and its layout as an `.rrd` file for Rerun; without `menus` for a picture."""
+    layers = layers or Layers()
     for graph in inferred:
         check_inferred(episode, graph)
     name = f"{episode.board.split} board {episode.board.index}, {episode.policy}"
@@ -97,10 +118,12 @@ def save_rrd(
             )
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
-            recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus, thoughts is not None))
+            more = (layers.thoughts is not None, layers.replayed is not None)
+            recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus, *more))
             recording.send_recording_name(name)
             log_episode(recording, episode, inferred)
-            log_thoughts(recording, episode, thoughts or ())
+            log_thoughts(recording, episode, layers.thoughts or ())
+            log_pictures(recording, episode, layers.replayed or ())
             recording.flush()
             recording.disconnect()
         os.replace(temporary, path)

@@ -12,9 +12,11 @@ from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
 from busybot.interact.chooser import load_once, policy_config
 from busybot.interact.trace import Thought, retrace
+from busybot.objects.library import Library
 from busybot.reason.infer import infer
 from busybot.reason.result import InferredGraph
-from busybot.view.rerun_log import save_rrd
+from busybot.sim.replay import pictures_again
+from busybot.view.rerun_log import Layers, save_rrd
 from busybot.view.scene import visible
 from busybot.view.screenshot import save_screenshot
 from busybot.view.serve import require_display, serve_web, show_window
@@ -27,6 +29,7 @@ class Wanted:
     Attributes:
         model: an interaction model whose affordances are shown.
         step: of the screenshot and the window, the last one by default; 0 is the start.
+        objects: put every step back into the simulator with these and show its picture, too.
     """
 
     save: Path | None = None
@@ -34,6 +37,7 @@ class Wanted:
     step: int | None = None
     web: bool = False
     model: str | None = None
+    objects: Library | None = None
 
 
 @dataclass(frozen=True)
@@ -68,11 +72,11 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     steps = len(episode.steps)
     if wanted.step is not None and not 0 <= wanted.step <= steps:
         raise BusybotError(f"{path}: there is no step {wanted.step}", f"choose one from 0 (the start) to {steps}")
-    inferred, model = inferences(episode), wanted.model
+    inferred = inferences(episode)
     if wanted.save:
-        save_rrd(wanted.save, episode, inferred, thoughts=thoughts_of(episode, model))
+        save_rrd(wanted.save, episode, inferred, layers=_layers(path, episode, wanted))
     if wanted.screenshot:
-        picture_episode(episode, inferred, wanted.screenshot, wanted.step, model)
+        picture_episode(episode, inferred, wanted.screenshot, wanted.step, _layers(path, episode, wanted))
     shown = Shown(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot)
     if wanted.web or window:
         _show_live(episode, inferred, wanted, shown, announce)
@@ -85,7 +89,7 @@ def _show_live(
 ) -> None:
     with tempfile.TemporaryDirectory(prefix="busybot-view-") as folder:
         rrd = Path(folder) / f"{shown.episode.stem}.rrd"
-        save_rrd(rrd, episode, inferred, thoughts=thoughts_of(episode, wanted.model))
+        save_rrd(rrd, episode, inferred, layers=_layers(shown.episode, episode, wanted))
         if wanted.web:
             serve_web(rrd, lambda url: announce(replace(shown, url=url)))
         else:
@@ -132,11 +136,21 @@ def thoughts_of(episode: Episode, model: str | None) -> Iterator[Thought] | None
     return retrace(episode, loaded, policy_config(loaded.info, {}))
 
 
+def _layers(path: Path, episode: Episode, wanted: Wanted) -> Layers:
+    """What is asked for beyond the recording; iterators, so anew for every use."""
+    replayed = None if wanted.objects is None else pictures_again(path, wanted.objects)
+    return Layers(thoughts_of(episode, wanted.model), replayed)
+
+
 def picture_episode(
-    episode: Episode, inferred: list[InferredGraph], picture: Path, step: int | None = None, model: str | None = None
+    episode: Episode,
+    inferred: list[InferredGraph],
+    picture: Path,
+    step: int | None = None,
+    layers: Layers | None = None,
 ) -> None:
     """Write a PNG of the viewer at a step (the last by default), without menus."""
     with tempfile.TemporaryDirectory(prefix="busybot-view-") as folder:
         rrd = Path(folder) / "episode.rrd"
-        save_rrd(rrd, episode, inferred, menus=False, thoughts=thoughts_of(episode, model))
+        save_rrd(rrd, episode, inferred, menus=False, layers=layers)
         save_screenshot(rrd, picture, len(episode.steps) if step is None else step)

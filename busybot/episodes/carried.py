@@ -14,7 +14,7 @@ from pathlib import Path
 from busybot.boards.config import SPLITS
 from busybot.episodes.create import boards_again
 from busybot.episodes.dataset import INFO_FILE, Dataset
-from busybot.episodes.manifest import AssetEntry
+from busybot.episodes.manifest import AssetEntry, is_frozen
 from busybot.errors import BusybotError
 from busybot.files import inside, write_atomically
 from busybot.objects.library import SPLIT_FILE, Library, find, mismatch
@@ -32,7 +32,9 @@ def library_of(dataset: Dataset, assets: str | None = None) -> Library:
         BusybotError: it is not found, or one of the objects differs from the recorded hash.
     """
     place, recorded = dataset.path / OBJECTS_FOLDER, dataset.info.assets
-    if assets is not None or not (place.is_dir() or place.is_symlink()):
+    # the split file is written last: without it, an interrupted freeze has left some of the objects behind
+    carried = place.is_symlink() or (place / SPLIT_FILE).exists() or (place.is_dir() and is_frozen(dataset.path))
+    if assets is not None or not carried:
         if assets is None and recorded.source == "procedural" and recorded.sha256:
             with contextlib.suppress(BusybotError):  # an earlier version made them: they may lie elsewhere
                 return find("procedural", recorded.sha256)

@@ -266,3 +266,17 @@ def test_objects_of_unknown_origin_need_a_stated_licence(tmp_path: Path, empty_c
     without = drawn(tmp_path / "without", library)
     assert freeze(without.path, library, carry=False).left_out == ()
     assert not (without.path / "objects").exists()
+
+
+def test_objects_that_an_interrupted_freeze_left_behind_are_no_library(tmp_path: Path) -> None:
+    """The split file is written last; until then the objects are looked for where they were before."""
+    library = find("procedural")
+    config = BoardConfig(boards=1, group_size=1, seed=3)
+    dataset = create_dataset(tmp_path / "d", config, library)
+    some = next(iter(dataset.info.assets.sha256))
+    (dataset.path / "objects" / some).mkdir(parents=True)
+    shutil.copy(library.folder / some / "mobility.urdf", dataset.path / "objects" / some)
+    assert library_of(dataset).sha256 == library.sha256
+    shutil.copy(library.folder / "data.json", dataset.path / "objects")
+    with pytest.raises(BusybotError):
+        library_of(dataset)

@@ -81,4 +81,8 @@ def test_numbers_are_those_of_the_result_files() -> None:
     cost = load("collection.json")
     assert f"costs {cost['ratio_to_minimal_frame']:.2f} of one frame" in README
     assert f"and {cost['ratio_to_minimal_frame_without_shadows']:.2f} of one without shadows" in README
-    assert f"grows by {load('memory.json')['growth_mb_over_second_half']} MB over the last 250 of 500" in README
+    soak = load("memory.json")
+    assert soak["memory"][-1]["boards"] == 2000 and soak["more_open_files_over_second_half"] == 0
+    assert f"grows by {soak['growth_mb_over_second_half']} MB over the last 1000 of 2000" in README
+    hostile = load("hostile.json")
+    assert hostile["cases"] == 500 and not any(kind["findings"] for kind in hostile["kinds"].values())

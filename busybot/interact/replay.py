@@ -11,6 +11,12 @@ from busybot.errors import BusybotError
 from busybot.interact.fit_config import Replay
 
 
+MEND = {
+    "succeeded": "or lower the reward's threshold: --set interaction.delta=500",
+    "failed": "with a policy that fails, too: both kinds are learned from",
+}
+
+
 class Priorities:
     """Running mean losses of all samples, float32 (N,), which grow with the samples."""
 
@@ -54,6 +60,6 @@ def _draw(weights: np.ndarray, count: int, rng: np.random.Generator, kind: str) 
     """`count` indices, with replacement, by weight."""
     total = np.cumsum(weights)
     if not len(total) or total[-1] <= 0:
-        raise BusybotError(f"no recorded action {kind}", "record more boards")
+        raise BusybotError(f"no recorded action {kind}", f"record more boards, {MEND[kind]}")
     drawn = np.searchsorted(total, rng.random(count) * total[-1], side="right")
     return np.minimum(drawn, np.flatnonzero(weights)[-1])

@@ -10,7 +10,6 @@ import numpy as np
 from busybot.errors import BusybotError
 from busybot.interact.fit_config import Replay
 
-
 MEND = {
     "succeeded": "or lower the reward's threshold: --set interaction.delta=500",
     "failed": "with a policy that fails, too: both kinds are learned from",

@@ -15,10 +15,10 @@ from busybot.errors import BusybotError
 from busybot.objects.importing import import_objects
 from busybot.objects.library import Library
 from busybot.sim.interaction import Grasp, InteractionConfig, interact, pull
+from busybot.sim.portraits import lone_board
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
 from tests.objects.raw_objects import KNOB, make_raw
-from tests.sim.conftest import lone
 
 
 @pytest.fixture(scope="module")
@@ -176,7 +176,7 @@ def test_a_trigger_without_stops_gets_those_of_the_model(tmp_path: Path) -> None
     list(import_objects([raw], tmp_path / "library"))
     library = Library.load(tmp_path / "library")
     model = library.get("Switch/77")
-    scene = Simulator(library, None).board(lone(model))
+    scene = Simulator(library, None).board(lone_board(model))
     top = np.array([0.03, 0.03, model.bounds_max[2] * model.scale + model.offset_z])
     assert scene.joint_positions() == (0,)
     ends = [pull(scene, 0, top, direction, InteractionConfig(), None)[1] for direction in DIRECTIONS]

@@ -23,23 +23,23 @@ HELD_OUT = {
 }
 """One of two sliders, one of two levers that are annotated as buttons, six drawn switches, a drawn lamp, two doors."""
 VALUES: dict[str, tuple[float, ...]] = {
-    "explore": (0.35, 0.75),
+    "explore": (0.35, 0.65),
     "caution": (0.0, 3.0),
-    "temperature": (1.0, 4.0),
-    "exclusive": (0.0,),
+    "insist": (0.05, 0.5),
+    "temperature": (1.0, 2.0, 5.0),
     "component_penalty": (0.3, 2.0),
     "failure_penalty": (0.3, 1.4),
     "failure_sigma": (3.0, 12.0),
-    "dense_weight": (0.25, 0.75),
+    "dense_weight": (0.5, 1.0),
     "opening": (3, 9),
     "same_link": (0.1, 0.5),
     "peak_radius": (2, 6),
 }
 """Values beside the default."""
-BEFORE = ("explore=0.35", "caution=0", "temperature=1", "exclusive=0")
+BEFORE = ("explore=0.35", "insist=0.35", "caution=0", "temperature=1", "after_failure=null", "dense_weight=0.5")
 """What was there before doubt on new objects was: one row varies them together."""
 KEYS = ("precision", "recall", "precision_exploring", "failures_by_object", "missed_links")
-TRAIN = ("--strict", "--set", "direction.augmentation.transposed=0")
+TRAIN = ("--strict",)
 
 
 def busybot(*arguments: str) -> dict[str, Any]:

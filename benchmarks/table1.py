@@ -60,31 +60,6 @@ def _delta(pixels: int) -> Row:
     return Row(options, judge=options)
 
 
-STRICT = ("--strict", "--set", "direction.augmentation.transposed=0")
-"""Annotated directions belong to a board's axes: quarter turns would teach directions that are always vetoed."""
-JOINTS = ("--set", "interaction.reward=joints")
-
-
-ROWS = {
-    "free-0": Row(seed=0),
-    "free-1": Row(seed=1),
-    "free-2": Row(seed=2),
-    "strict-0": Row(STRICT, 0, ("--strict",)),
-    "strict-1": Row(STRICT, 1, ("--strict",)),
-    "strict-2": Row(STRICT, 2, ("--strict",)),
-    "oracle": Row(JOINTS, judge=JOINTS),
-    "rgb": Row(("--set", "inputs=rgb")),
-    "greedy": Row(None, judge=("--mode", "greedy"), model="free-0"),
-    "ucb": Row(None, judge=("--mode", "ucb"), model="free-0"),
-    "random": Row(None, model="random"),
-    "without-responders-100": _delta(100),
-    "without-responders-500": _delta(500),
-    "without-responders-1000": _delta(1000),
-}
-NOTHING_LEARNED = "no recorded action succeeded"
-"""What training says where not a single action was rewarded: there is no model to judge."""
-
-
 def busybot(*arguments: str) -> dict[str, Any]:
     """Run a command with --json and return what it printed; its progress goes on being shown.
 
@@ -196,7 +171,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--rows", default=",".join(ROWS), help="which rows, in this order")
     parser.add_argument("--boards", type=int, default=200, help="per split")
-    parser.add_argument("--judge-seed", type=int, default=202)
+    parser.add_argument("--judge-seed", type=int, default=303)
     parser.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = parser.parse_args()
     machine = {"cores": os.cpu_count(), "system": platform.system(), "processor": platform.machine()}

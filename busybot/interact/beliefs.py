@@ -20,7 +20,12 @@ def sigmoid(logits: np.ndarray) -> np.ndarray:
     return 1 / (1 + np.exp(-np.clip(np.asarray(logits, float), -30, 30)))
 
 
+def logit(probabilities: np.ndarray) -> np.ndarray:
+    """Logits of probabilities, finite."""
+    sure = np.clip(probabilities, 1e-9, 1 - 1e-9)
+    return np.asarray(np.log(sure / (1 - sure)))
+
+
 def tempered(probabilities: np.ndarray, temperature: np.ndarray | float) -> np.ndarray:
     """Probabilities whose logits are divided by the temperature: the higher it is, the less sure."""
-    sure = np.clip(probabilities, 1e-9, 1 - 1e-9)
-    return sigmoid(np.log(sure / (1 - sure)) / temperature)
+    return sigmoid(logit(probabilities) / temperature)

@@ -117,7 +117,8 @@ def policy_config(info: ModelInfo, overrides: dict[str, Any]) -> PolicyConfig:
         BusybotError: there is no such parameter, or its value is not allowed.
     """
     try:
-        return PolicyConfig.model_validate({"prior": info.prior, **info.thresholds, **overrides})
+        own = {"prior": info.prior, "after_failure": info.after_failure, **info.thresholds}
+        return PolicyConfig.model_validate({**own, **overrides})
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))

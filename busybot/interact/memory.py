@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from busybot.interact.beliefs import PAIR_OF, sigmoid
+from busybot.interact.beliefs import PAIR_OF, logit, sigmoid
 from busybot.interact.policy_config import PolicyConfig
 from busybot.interact.regions import enlarged, moved_region
 
@@ -115,6 +115,11 @@ class Memory:
             pairs[links == link, pair] = np.maximum(pairs[links == link, pair], self._config.known_pair)
         return beliefs, pairs
 
+    def tried(self, pixels: np.ndarray) -> np.ndarray:
+        """Which of the pixels (K, 2) lie where a pair has failed, bool (K,)."""
+        nears = [self._near(failure, pixels) for failure in self.failures]
+        return np.max(nears, axis=0, initial=0) > 0.5 if nears else np.zeros(len(pixels), bool)
+
     def _near(self, failure: Failure, pixels: np.ndarray) -> np.ndarray:
         """How much a failure says about what is at the pixels (K, 2) itself, (K,) from 0 to 1."""
         distance = ((pixels - np.array(failure.pixel)) ** 2).sum(axis=1)
@@ -122,10 +127,11 @@ class Memory:
         return np.where(near < NEGLIGIBLE, 0, near)
 
     def _without(self, pairs: np.ndarray, failed: int, near: np.ndarray) -> np.ndarray:
-        """Beliefs (K, 9) after a pair failed so near: whatever can be moved there needs another one."""
-        excluded = self._config.exclusive * near * pairs[:, failed]
-        others = np.minimum(pairs / np.maximum(1 - excluded, 1e-3)[:, None], self._config.known_pair)
-        remaining = np.maximum(pairs, others)
+        """Beliefs (K, 9) after a pair failed so near: in training, some pairs worked where that one had failed."""
+        remaining = pairs.copy()
+        if self._config.after_failure is not None:
+            gained = near[:, None] * np.array(self._config.after_failure[failed])
+            remaining = np.where(near[:, None] > 0, sigmoid(logit(pairs) + gained), pairs)
         remaining[:, failed] = pairs[:, failed] * (1 - near)
         return remaining
 

@@ -21,6 +21,7 @@ from busybot.interact.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.interact.device import device
 from busybot.interact.features import ELEVATED, Inputs, Pinhole, colour_features, heights_of, picture_features
 from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network
+from busybot.interact.policy_config import PairTable
 
 INFO_FILE = "model.json"
 SHIPPED = Path(__file__).with_name("models")
@@ -38,6 +39,7 @@ class ModelInfo(BaseModel):
         variant: which networks.
         inputs: what they see; the height is always known to the policy.
         prior: share of elevated pixels that work, as training batches (half of each) do not show it.
+        after_failure: what to try where a direction failed, see `interact.redirection`.
         thresholds: constants of the policy that go with this model.
         training: provenance: datasets with hashes, seed, configuration, figures; JSON values.
     """
@@ -48,6 +50,7 @@ class ModelInfo(BaseModel):
     variant: Literal["fast", "paper"] = "fast"
     inputs: Inputs = "depth"
     prior: Annotated[float, Field(gt=0, lt=1)] = 0.15
+    after_failure: PairTable | None = None
     thresholds: dict[str, float | str] = {}
     training: dict[str, Any] = {}
 

@@ -74,7 +74,7 @@ class LearnedPolicy(Generic[V]):
     def choose(self, image: Image, rng: np.random.Generator) -> Action:
         view, memory = self._look(image)
         if self._mode == "evaluate":
-            choice = self._best(self._find(view, image, memory))
+            choice = self._best(self._find(view, image, memory), memory)
         elif self._mode == "collect":
             found = self._find(view, image, memory)
             one_each = self._config.candidates == "kmeans"  # a cluster is what the paper has for a region
@@ -105,11 +105,13 @@ class LearnedPolicy(Generic[V]):
         self.candidates = find_candidates(self._model, image, self._rays, memory, self._config, view)
         return self.candidates
 
-    def _best(self, found: Candidates) -> Choice | None:
+    def _best(self, found: Candidates, memory: Memory) -> Choice | None:
         """The most promising new link while that promises enough, else the safest known one, else any."""
         new, known = found.take(found.regions < 0), found.take(found.regions > 0)
-        if len(new) and (new.scores.max() >= self._config.explore or not len(known)):
-            return _chosen(new, int(new.scores.argmax()), "new")
+        enough = np.where(memory.tried(new.pixels), self._config.insist, self._config.explore)
+        promising = new.take(new.scores >= enough) if len(known) else new
+        if len(promising):
+            return _chosen(promising, int(promising.scores.argmax()), "new")
         return _chosen(known, int(known.scores.argmax()), "known") if len(known) else None
 
     def _random(self, found: Candidates, rng: np.random.Generator) -> Choice | None:

@@ -1,8 +1,8 @@
 """The constants of the learned policy, in one place.
 
-They were chosen on boards of training objects. `caution`, `temperature`, `exclusive` and `explore` were chosen on
-training objects that the model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is
-right. A model's card may carry other values (`thresholds` in model.json); `--set learned.NAME=VALUE` overrides both.
+They were chosen on boards of training objects; `caution`, `temperature` and `explore` on training objects that the
+model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is right. A model's card may
+carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides both.
 """
 
 from typing import Annotated, Literal
@@ -12,7 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field
 Share = Annotated[float, Field(ge=0, le=1)]
 Inner = Annotated[float, Field(gt=0, lt=1)]
 Logit = Annotated[float, Field(ge=-50, le=50)]
+PairRow = Annotated[tuple[Logit, ...], Field(min_length=9, max_length=9)]
 Pixels = Annotated[int, Field(ge=0, le=200)]
+PairTable = Annotated[tuple[PairRow, ...], Field(min_length=9, max_length=9)]
 
 
 class PolicyConfig(BaseModel):
@@ -30,7 +32,8 @@ class PolicyConfig(BaseModel):
         prior: share of working positions among the candidates; training sees half and half.
         caution: logits taken from the belief in every candidate that has not moved yet.
         temperature: the logits of its directions are divided by it.
-        exclusive: if a pair that was believed in by p failed, the belief in the others is divided by 1 - exclusive p.
+        after_failure: (9, 9), logits that direction pair j gains where pair i failed; None for nothing. Comes with the
+            model (`interact.redirection`).
         change: depth that differs by more than this has moved, board units.
         reach: a link's motion is looked for this far around the action, pixels.
         disc: so far around the action the link is taken as moved whatever the depth says, pixels.
@@ -41,6 +44,8 @@ class PolicyConfig(BaseModel):
         failure_sigma: how far around it a failure speaks of the candidate itself, pixels (Gaussian).
         known_pair: least belief in the direction pair that moved a known link before.
         explore: new links are tried while the best one's expected success exceeds this; then known ones are repeated.
+        insist: where a pair has failed already, others are tried while their expected success exceeds this: it is known
+            what they have to compete with, and that the place looks right.
         collect: least expected success of a new candidate when data for reasoning are collected.
         ucb_c, ucb_window: the paper's bonus and the side of its window, pixels.
         clusters: k of the K-means candidates: no board has more movable links.
@@ -56,11 +61,11 @@ class PolicyConfig(BaseModel):
     blur: Annotated[int, Field(ge=1, le=31)] = 3
     region_logit: Logit = 0.0
     opening: Annotated[int, Field(ge=1, le=31)] = 5
-    dense_weight: Share = 0.5
+    dense_weight: Share = 0.8
     prior: Inner = 0.15
     caution: Logit = 1.5
-    temperature: Annotated[float, Field(ge=0.1, le=100)] = 2.0
-    exclusive: Share = 1.0
+    temperature: Annotated[float, Field(ge=0.1, le=100)] = 3.0
+    after_failure: PairTable | None = None
     change: Annotated[float, Field(gt=0)] = 2e-4
     reach: Pixels = 36
     disc: Pixels = 2
@@ -69,7 +74,8 @@ class PolicyConfig(BaseModel):
     failure_penalty: Logit = 0.7
     failure_sigma: Annotated[float, Field(gt=0)] = 6.0
     known_pair: Share = 0.97
-    explore: Share = 0.55
+    explore: Share = 0.5
+    insist: Share = 0.1
     collect: Share = 0.5
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
     ucb_window: Annotated[int, Field(ge=1, le=200)] = 10

@@ -25,9 +25,10 @@ from busybot.interact.model import INFO_FILE as MODEL_FILE
 from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, Kind, make_network
 from busybot.interact.plots import plot_training
+from busybot.interact.redirection import after_failure
 from busybot.interact.rounds import Explorer, Recorder, Told, finished
 from busybot.interact.run_folder import begin_folder, describe, network_of, schedule_for
-from busybot.interact.samples import cache_samples
+from busybot.interact.samples import cache_samples, open_samples
 from busybot.interact.train_config import TrainConfig
 from busybot.objects.library import Library
 from busybot.workers import run_tasks
@@ -108,9 +109,11 @@ class Training:
         jobs = [self._job(kind, number, caches, held_out) for kind in KINDS]
         results = dict(run_tasks(range(len(jobs)), make_fit, (jobs,), self.workers, task_seconds=FIT_SECONDS))
         figures: dict[str, Any] = {kind: results[place] for place, kind in enumerate(KINDS)}
+        samples = open_samples(caches, inputs, self.config.window)
         info = ModelInfo(
             variant=self.config.variant,
             inputs=inputs,
+            after_failure=after_failure(samples.executed, samples.worked),
             training=describe(self.config, self.seed, datasets, caches, figures),
         )
         networks = {kind: network_of(job, make_network(kind, inputs)) for kind, job in zip(KINDS, jobs, strict=True)}

@@ -1,6 +1,7 @@
 """What the agent remembers: neighbouring buttons stay apart, failures count near by, what worked can be repeated."""
 
 import numpy as np
+import pytest
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.interact.beliefs import PAIR_OF
@@ -28,8 +29,8 @@ def shown(left: float, right: float) -> np.ndarray:
 BOTH_UP, LEFT_DOWN, BOTH_DOWN = shown(BUTTON, BUTTON), shown(PRESSED, BUTTON), shown(PRESSED, PRESSED)
 
 
-def fresh() -> Memory:
-    return Memory(RAYS.heights(BOTH_UP), CONFIG)
+def fresh(**changed: object) -> Memory:
+    return Memory(RAYS.heights(BOTH_UP), CONFIG.model_copy(update=changed))
 
 
 def logits_of(memory: Memory, *pixels: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -83,13 +84,14 @@ def test_a_failure_counts_most_where_it_was() -> None:
     assert pairs[0, 3] == 0 and 0 < pairs[1, 3] < 0.5 and pairs[2, 3] == 0.5
 
 
-def test_where_a_pair_failed_the_others_are_believed_in_more() -> None:
-    memory = fresh()
+def test_where_a_pair_failed_others_are_believed_in_as_experience_says() -> None:
+    gained = np.zeros((9, 9))
+    gained[3, 0], gained[3, 1] = 2, -2
+    memory = fresh(after_failure=tuple(map(tuple, gained.tolist())))
     memory.failed(Failure((50, 50), {3: 0.9}))
     _, pairs = logits_of(memory, (50, 50), (57, 50), (79, 41))
-    others = np.delete(pairs, 3, axis=1)
-    assert (others[0] > 0.9).all() and (others[1] > 0.5).all() and (others[1] < others[0]).all()
-    assert (others[2] == 0.5).all() and others.max() <= CONFIG.known_pair
+    assert pairs[0, :3] == pytest.approx(1 / (1 + np.exp([-2, 2, 0]))) and pairs[0, 3] == 0
+    assert pairs[0, 0] > pairs[1, 0] > 0.5 == pairs[2, 0]
 
 
 def test_a_sure_place_is_tried_again_and_an_unsure_one_is_left() -> None:

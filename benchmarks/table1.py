@@ -60,6 +60,29 @@ def _delta(pixels: int) -> Row:
     return Row(options, judge=options)
 
 
+JOINTS = ("--set", "interaction.reward=joints")
+
+
+ROWS = {
+    "free-0": Row(seed=0),
+    "free-1": Row(seed=1),
+    "free-2": Row(seed=2),
+    "strict-0": Row(("--strict",), 0, ("--strict",)),
+    "strict-1": Row(("--strict",), 1, ("--strict",)),
+    "strict-2": Row(("--strict",), 2, ("--strict",)),
+    "oracle": Row(JOINTS, judge=JOINTS),
+    "rgb": Row(("--set", "inputs=rgb")),
+    "greedy": Row(None, judge=("--mode", "greedy"), model="free-0"),
+    "ucb": Row(None, judge=("--mode", "ucb"), model="free-0"),
+    "random": Row(None, model="random"),
+    "without-responders-100": _delta(100),
+    "without-responders-500": _delta(500),
+    "without-responders-1000": _delta(1000),
+}
+NOTHING_LEARNED = "no recorded action succeeded"
+"""What training says where not a single action was rewarded: there is no model to judge."""
+
+
 def busybot(*arguments: str) -> dict[str, Any]:
     """Run a command with --json and return what it printed; its progress goes on being shown.
 

@@ -37,7 +37,10 @@ def test_only_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
     link.symlink_to(elsewhere)
     left = killed(tmp_path)
     with unfinished(tmp_path, "work") as running:
-        code = "import pathlib, sys; from busybot.unfinished import *; remove_abandoned(pathlib.Path(sys.argv[1]), 'work')"
+        code = (
+            "import pathlib, sys; from busybot.unfinished import remove_abandoned;"
+            " remove_abandoned(pathlib.Path(sys.argv[1]), 'work')"
+        )
         subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=True)
         assert not left.exists() and running.exists()
         assert all(folder.exists() for folder in others) and link.is_symlink() and (elsewhere / "precious").exists()

@@ -21,6 +21,9 @@ LINK = "a link where a file or folder is expected"
 MEND_STRAY = "move it out of the dataset"
 MEND_EPISODE = "`busybot dataset repair` saves what can be saved; or remove the file and collect again"
 
+Progress = Callable[[int, int], None]
+"""Told after each episode: those that are done, and all."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -69,7 +72,7 @@ class _Checked:
 def verify(
     path: Path,
     workers: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     assets: str | None = None,
 ) -> Report:
     """Look for everything that can be wrong with the dataset.
@@ -80,7 +83,6 @@ def verify(
 
     Args:
         assets: the library with the objects; other objects than the recorded ones are then a problem.
-        progress: called with the number of episodes done and the number of all.
 
     Raises:
         BusybotError: if the folder is no dataset at all.
@@ -95,19 +97,7 @@ def verify(
     if finished and dataset.info.collect is None:
         what = "there are episodes, but not how they were collected"
         problems.append(Problem(str(path / INFO_FILE), what, "collect into a new dataset"))
-    done = 0
-    for shard in sorted({index // EPISODES_PER_SHARD for index in finished} | _table_shards(dataset)):
-        indices = [i for i in finished if i // EPISODES_PER_SHARD == shard]
-        tasks = [_Task(dataset.episode_path(i), i, digests.get(i), dataset.info.collect) for i in indices]
-        rows: dict[int, Rows] = {}
-        for task, checked in zip(tasks, share(_check_episode, tasks, workers), strict=True):
-            problems += checked.problems
-            if checked.rows is not None:
-                rows[task.index] = checked.rows
-            done += 1
-            if progress is not None:
-                progress(done, len(finished))
-        problems += _tables(dataset, shard, rows, set(indices))
+    problems += _episodes(dataset, finished, digests, workers, progress)
     if is_frozen(path):
         problems += _manifest(dataset, workers, sound=not problems)
     objects, object_problems = _objects(dataset, assets)
@@ -174,6 +164,25 @@ def _boards(dataset: Dataset) -> tuple[dict[int, str], list[Problem]]:
             what += f"the dataset {info.seed} and {info.split!r}"
             problems.append(Problem(str(dataset.path / "boards"), what, "generate the dataset again"))
     return {board.index: board.digest() for board in boards}, problems
+
+
+def _episodes(
+    dataset: Dataset, finished: list[int], digests: dict[int, str], workers: int, progress: Progress | None
+) -> Iterator[Problem]:
+    """Read every episode, and compare the tables with what they should hold, one shard after the other."""
+    done = 0
+    for shard in sorted({index // EPISODES_PER_SHARD for index in finished} | _table_shards(dataset)):
+        indices = [i for i in finished if i // EPISODES_PER_SHARD == shard]
+        tasks = [_Task(dataset.episode_path(i), i, digests.get(i), dataset.info.collect) for i in indices]
+        rows: dict[int, Rows] = {}
+        for task, checked in zip(tasks, share(_check_episode, tasks, workers), strict=True):
+            yield from checked.problems
+            if checked.rows is not None:
+                rows[task.index] = checked.rows
+            done += 1
+            if progress is not None:
+                progress(done, len(finished))
+        yield from _tables(dataset, shard, rows, set(indices))
 
 
 def _check_episode(task: _Task) -> _Checked:

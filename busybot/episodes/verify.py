@@ -12,7 +12,7 @@ from busybot.episodes.manifest import CARD_FILE, MANIFEST_FILE, MEND_FETCH, is_f
 from busybot.episodes.repair import DAMAGED_FOLDER
 from busybot.episodes.schema import TABLES
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode
-from busybot.errors import BusybotError
+from busybot.errors import BusybotError, without_name
 from busybot.files import inside
 from busybot.workers import share
 
@@ -109,7 +109,8 @@ def _manifest(dataset: Dataset, workers: int, sound: bool) -> Iterator[Problem]:
     try:
         manifest = read_manifest(dataset.path)
     except BusybotError as error:
-        yield Problem(str(dataset.path / MANIFEST_FILE), error.what, error.mend or MEND_FETCH)
+        file = dataset.path / MANIFEST_FILE
+        yield Problem(str(file), without_name(error, file), error.mend or MEND_FETCH)
         return
     for name, fault, mend in unlike_manifest(dataset.path, manifest, workers):
         sound = False
@@ -190,7 +191,7 @@ def _check_episode(task: _Task) -> _Checked:
     try:
         rows = episode_rows(task.path, task.index)
     except BusybotError as error:
-        return _Checked(None, (Problem(str(task.path), error.what, MEND_EPISODE),))
+        return _Checked(None, (Problem(str(task.path), without_name(error, task.path), MEND_EPISODE),))
     faults = faults_of(rows, task.index, task.board_digest, task.collect)
     return _Checked(rows, tuple(Problem(str(task.path), fault, MEND_EPISODE) for fault in faults))
 
@@ -209,7 +210,7 @@ def _tables(dataset: Dataset, shard: int, derived: dict[int, Rows], finished: se
         try:
             stored = split_by_episode(read_shard(path, name))
         except BusybotError as error:
-            yield Problem(str(path), error.what, MEND_TABLES)
+            yield Problem(str(path), without_name(error, path), MEND_TABLES)
             continue
         for index in sorted(finished | set(stored)):
             if index not in finished:

@@ -34,3 +34,8 @@ def naming(place: object) -> Iterator[None]:
         if str(place) in error.what:
             raise
         raise BusybotError(f"{place}: {error.what}", error.mend) from None
+
+
+def without_name(error: BusybotError, place: object) -> str:
+    """What the error says, where the file or folder is named beside it."""
+    return error.what.removeprefix(f"{place}: ")

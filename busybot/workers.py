@@ -181,15 +181,20 @@ def _end(worker: _Worker) -> None:
     worker.process.join()
 
 
+def end_with(parent: int) -> None:
+    """Have this process killed when its parent ends, however that ends; for the first lines of a child process."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent:
+            os._exit(1)
+
+
 def _main(
     pipe: Connection, parent: int, make_work: Callable[..., Callable[[int], Any]], arguments: tuple[Any, ...]
 ) -> None:
     """A worker's life: set up, then one task after the other until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt means
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:
-            os._exit(1)
+    end_with(parent)
     work: Callable[[int], Any] | None = None
     while True:
         try:

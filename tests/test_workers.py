@@ -97,7 +97,7 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
             import os, sys, time
             from busybot.workers import run_tasks
             def slow():
-                print("worker", os.getpid(), flush=True)
+                os.write(1, b"worker %d\\n" % os.getpid())  # in one piece
                 return lambda task: time.sleep(60)
             if __name__ == "__main__":
                 list(run_tasks(range(2), slow, (), 2))

@@ -10,6 +10,7 @@ from busybot.cli.common import JsonOption, SeedOption, print_json, say
 if TYPE_CHECKING:
     from busybot.objects.importing import Outcome
     from busybot.objects.library import Library
+    from busybot.objects.overrides import Overrides
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="List, make and check objects.")
 
@@ -75,12 +76,8 @@ def check(
 def import_raw(
     raw: Annotated[list[Path], typer.Argument(metavar="RAW...", help="Raw objects' folders, or folders of them.")],
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="The library; made if it is absent.")] = None,
-    review: Annotated[
-        Path | None, typer.Option("--review", metavar="FILE", help="Write how they are annotated, as YAML to edit.")
-    ] = None,
-    overrides: Annotated[
-        Path | None, typer.Option("--overrides", metavar="FILE", help="YAML that a person has reviewed.")
-    ] = None,
+    review: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the annotation as YAML to edit.")] = None,
+    overrides: Annotated[Path | None, typer.Option(metavar="FILE", help="YAML that a person has reviewed.")] = None,
     split: Annotated[
         Literal["train", "novel"] | None,
         typer.Option(help="By default the paper's for its objects, train for others."),
@@ -107,16 +104,22 @@ def import_raw(
         outcomes.append(outcome)
     if review is not None:
         _write_review(review, outcomes)
-    unused = sorted(set(given.choices) - {folder.name for folder in folders}) if given else []
-    if unused:
-        say(f"{overrides}: names objects that were not given: {', '.join(unused[:5])}")
-    refused = [outcome for outcome in outcomes if outcome.problem]
+    refused = any(outcome.problem for outcome in outcomes)
+    facts = {"folder": out, "review": review, "objects": outcomes, "unused": _unused(given, folders)}
     if json:
-        print_json({"ok": not refused, "folder": out, "review": review, "objects": outcomes, "unused": unused})
+        print_json({"ok": not refused, **facts})
     elif out is not None:
         say(f"next: busybot assets check {out}; busybot generate OUT --assets {out}")
     if refused:
         raise typer.Exit(1)
+
+
+def _unused(given: "Overrides | None", folders: list[Path]) -> list[str]:
+    """Names that were reviewed, but whose objects were not given; says so."""
+    unused = sorted(set(given.choices) - {folder.name for folder in folders}) if given else []
+    if unused and given:
+        say(f"{given.path}: names objects that were not given: {', '.join(unused[:5])}")
+    return unused
 
 
 @app.command()

@@ -9,6 +9,7 @@ from busybot.cli.common import JsonOption, WorkersOption, episode_progress, own_
 from busybot.errors import BusybotError
 
 if TYPE_CHECKING:
+    from busybot.sim.collect import Collected
     from busybot.sim.policies import Chooser
     from busybot.workers import Engine
 
@@ -40,8 +41,8 @@ def collect(
     from busybot.sim.collect import collect as run
     from busybot.workers import default_workers
 
-    options = {"steps": steps, "policy": policy, "images": images, "seed": seed}
-    parameters = build(CollectConfig, config, set_ or [], options | {"interaction.strict": strict or None})
+    options = {"steps": steps, "policy": policy, "images": images, "seed": seed, "interaction.strict": strict or None}
+    parameters = build(CollectConfig, config, set_ or [], options)
     target = Dataset.open(dataset)
     library = library_of(target, assets)
     chooser, provenance = _chooser(parameters.policy, model, parameters.learned)
@@ -52,6 +53,10 @@ def collect(
     except KeyboardInterrupt:
         say(f"{len(target.finished())} of {target.info.boards} episodes are there; the same command continues")
         raise
+    _print(dataset, result, json)
+
+
+def _print(dataset: Path, result: "Collected", json: bool) -> None:
     if json:
         print_json({"dataset": dataset, "boards": result.boards, "episodes": result.done, "new": result.new})
     else:

@@ -44,10 +44,7 @@ def reason(
     target = Dataset.open(dataset)
     with episode_progress("inferring") as progress:
         result = evaluate_dataset(target, model, images, parameters, seed, workers, progress)
-    words = ["busybot", "eval", "reason", str(dataset), "--model", model, "--images", str(images), "--seed", str(seed)]
-    words += [word for setting in set_ or [] for word in ("--set", setting)]
-    words += ["--config", str(config)] if config else []
-    result["command"] = shlex.join(words)
+    result["command"] = _command("reason", dataset, set_, config, model=model, images=images, seed=seed)
     if out is not None:
         write_json(out, result)
         say(f"wrote {out}")
@@ -60,17 +57,13 @@ def reason(
 @app.command()
 def interact(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset; only its boards are used.")],
-    model: Annotated[
-        str | None, typer.Option(help="A shipped model's name or a folder; or random, scripted (an oracle).")
-    ] = None,
+    model: Annotated[str | None, typer.Option(help="Shipped model or folder; or random, scripted (an oracle).")] = None,
     mode: Annotated[
         str | None, typer.Option(help="Of a model: evaluate (of a paper model: ucb), greedy, ucb or collect.")
     ] = None,
     boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones.")] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Veto directions far from the annotated ones.")] = False,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for the results; a stopped evaluation goes on in it.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")] = None,
     record: Annotated[Path | None, typer.Option(help="Record the episodes as a dataset in this folder.")] = None,
     figures: Annotated[int, typer.Option(min=0, help="Draw so many of the recorded boards into OUT/figures.")] = 0,
     assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
@@ -90,24 +83,28 @@ def interact(
     from busybot.interact.evaluate import EvaluateConfig
 
     check_figures(figures, model, out, record)
-    options = {"boards": boards, "interaction.strict": strict or None}
-    parameters = build(EvaluateConfig, config, set_ or [], options)
-    words = ["busybot", "eval", "interact", str(dataset), *(["--model", model] if model else [])]
-    words += ["--mode", mode] if mode else []
-    words += ["--seed", str(seed), *(["--strict"] if strict else []), *(["--boards", str(boards)] if boards else [])]
-    words += [word for setting in set_ or [] for word in ("--set", setting)]
-    words += ["--config", str(config)] if config else []
+    parameters = build(EvaluateConfig, config, set_ or [], {"boards": boards, "interaction.strict": strict or None})
     with episode_progress("acting") as progress:
-        result = evaluate_model(
-            Dataset.open(dataset), model, mode, parameters, assets, seed, workers, progress, out, record
-        )
+        target = Dataset.open(dataset)
+        result = evaluate_model(target, model, mode, parameters, assets, seed, workers, progress, out, record)
     if figures and out is not None and record is not None:
         draw_figures(out / "figures", record, model, parameters, figures)
-    result["command"] = shlex.join(words)
+    given = {"model": model, "mode": mode, "seed": seed, "strict": strict, "boards": boards}
+    result["command"] = _command("interact", dataset, set_, config, **given)
     if json:
         print_json(result)
     else:
         print_table(result)
+
+
+def _command(skill: str, dataset: Path, settings: list[str] | None, config: Path | None, **options: Any) -> str:
+    """The command that gives the same result; options that are None or False were not given."""
+    words = ["busybot", "eval", skill, str(dataset)]
+    for name, value in options.items():
+        if value is not None and value is not False:
+            words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    words += [word for setting in settings or [] for word in ("--set", setting)]
+    return shlex.join([*words, *(["--config", str(config)] if config else [])])
 
 
 def _print_tables(result: dict[str, Any]) -> None:

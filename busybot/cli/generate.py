@@ -33,19 +33,9 @@ def generate(
     redraws = Redraws()
     dataset = create_dataset(out, parameters, find(assets), redraws)
     if json:
-        print_json(
-            {
-                "dataset": out,
-                "boards": dataset.info.boards,
-                "split": dataset.info.split,
-                "seed": dataset.info.seed,
-                "board_hash": dataset.hashes().board,
-                "redraws": vars(redraws),
-            }
-        )
+        facts = {name: getattr(dataset.info, name) for name in ("boards", "split", "seed")}
+        print_json({"dataset": out, **facts, "board_hash": dataset.hashes().board, "redraws": vars(redraws)})
     else:
-        thrown = sum(vars(redraws).values())
-        say(
-            f"{dataset.info.boards} boards ({dataset.info.split}) in {out}; {thrown} draws did not fit and were redrawn"
-        )
+        made = f"{dataset.info.boards} boards ({dataset.info.split}) in {out}"
+        say(f"{made}; {sum(vars(redraws).values())} draws did not fit and were redrawn")
         say(f"next: {own_name()} collect {out}")

@@ -1,7 +1,5 @@
 """From a configuration and a library to a dataset folder with boards and no episodes yet."""
 
-import os
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -61,26 +59,18 @@ def _same(dataset: Dataset, config: BoardConfig, library: Library) -> Dataset:
 
 
 def continue_or_create(path: Path, info: DatasetInfo, boards: Sequence[BoardSpec]) -> Dataset:
-    """Open the dataset that an earlier, interrupted call made, or make it: it is there whole or not at all.
+    """Open the dataset that an earlier, interrupted call made, or make it.
 
     Raises:
         BusybotError: the folder holds something else, or a frozen dataset.
     """
-    if path.is_dir() and any(path.iterdir()):
-        dataset = Dataset.open(path)
-        if dataset.info != info or [board.digest() for board in dataset.boards()] != [b.digest() for b in boards]:
-            raise BusybotError(f"{path}: it is there and another dataset", "name another folder, or remove it")
-        refuse_frozen(path)
-        return dataset
-    if path.is_symlink() or path.exists() and not path.is_dir():
-        raise BusybotError(f"{path}: it is there and not a folder", "name another folder")
-    place = path.absolute()
-    unfinished = place.with_name(f".{place.name}.unfinished")
-    if unfinished.is_dir() and not unfinished.is_symlink():
-        shutil.rmtree(unfinished)
-    Dataset.create(unfinished, info, boards)
-    os.replace(unfinished, path)
-    return Dataset(path, info)
+    if not (path / INFO_FILE).exists():
+        return Dataset.create(path, info, boards)
+    dataset = Dataset.open(path)
+    if dataset.info != info or [board.digest() for board in dataset.boards()] != [b.digest() for b in boards]:
+        raise BusybotError(f"{path}: it is there and another dataset", "name another folder, or remove it")
+    refuse_frozen(path)
+    return dataset
 
 
 def boards_again(generator: GeneratorInfo, library: Library, recorded: list[BoardSpec]) -> tuple[list[BoardSpec], str]:

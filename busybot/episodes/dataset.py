@@ -29,6 +29,7 @@ from busybot.episodes.schema import SCHEMA_VERSION, TABLES, arrow_schema
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode, write_shard
 from busybot.errors import BusybotError
 from busybot.files import inside, read_json, write_atomically, write_json
+from busybot.unfinished import refuse_taken, remove_abandoned, unfinished
 
 BOARDS_PER_SHARD = 1000
 INFO_FILE = "dataset.json"
@@ -54,14 +55,13 @@ class Dataset:
 
     @classmethod
     def create(cls, path: Path, info: DatasetInfo, boards: Iterable[BoardSpec] = ()) -> "Dataset":
-        """Write a new dataset with its boards, `dataset.json` last.
+        """Write a new dataset with its boards. It is there whole or not at all: a killed call is simply repeated.
 
         Raises:
-            BusybotError: if the folder exists and is not empty, or the boards are not numbered as the info says.
+            BusybotError: there is something already, or the boards are not numbered as the info says.
         """
-        path = Path(path)
-        if path.is_symlink() or (path.exists() and not (path.is_dir() and _unfinished(path))):
-            raise BusybotError(f"{path}: it exists and is not an empty folder", "name another folder, or remove it")
+        place = Path(path).absolute()
+        refuse_taken(place)
         lines = []
         for index, board in enumerate(boards):
             if board.index != index:
@@ -69,13 +69,18 @@ class Dataset:
             lines.append(board.model_dump_json() + "\n")
         if len(lines) != info.boards:
             raise BusybotError(f"{path}: {len(lines)} boards where {info.boards} were announced")
-        for folder in ("boards", "episodes"):
-            (path / folder).mkdir(parents=True, exist_ok=True)
-        for shard, start in enumerate(range(0, len(lines), BOARDS_PER_SHARD)):
-            data = "".join(lines[start : start + BOARDS_PER_SHARD]).encode()
-            write_atomically(path / _boards_name(shard), data)
-        write_json(path / INFO_FILE, info.model_dump(mode="json"))
-        return cls(path, info)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(place.parent, place.name)
+        with unfinished(place.parent, place.name) as folder:
+            for name in ("boards", "episodes"):
+                (folder / name).mkdir()
+            for shard, start in enumerate(range(0, len(lines), BOARDS_PER_SHARD)):
+                data = "".join(lines[start : start + BOARDS_PER_SHARD]).encode()
+                write_atomically(folder / _boards_name(shard), data)
+            write_json(folder / INFO_FILE, info.model_dump(mode="json"))
+            refuse_taken(place)  # by somebody who was faster
+            os.replace(folder, place)
+        return cls(Path(path), info)
 
     @classmethod
     def open(cls, path: Path) -> "Dataset":
@@ -287,12 +292,3 @@ def _is_whole(rows: Rows) -> bool:
 
 def _boards_name(shard: int) -> str:
     return f"boards/boards-{shard:05d}.jsonl"
-
-
-def _unfinished(folder: Path) -> bool:
-    """Whether it holds nothing, or nothing but what an interrupted `Dataset.create` leaves behind."""
-    entries = {entry.name: entry for entry in folder.iterdir()}
-    if set(entries) - {"boards", "episodes"}:
-        return False
-    files = [file for entry in entries.values() if not entry.is_symlink() for file in entry.rglob("*")]
-    return all(file.parent.name == "boards" and file.is_file() for file in files)

@@ -22,7 +22,7 @@ from busybot.episodes.manifest import is_frozen
 from busybot.episodes.mcap_records import MAX_FILE_BYTES
 from busybot.episodes.salvage import salvage
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode
-from busybot.errors import BusybotError
+from busybot.errors import BusybotError, without_name
 from busybot.files import inside, scan, write_atomically
 from busybot.workers import share
 
@@ -165,11 +165,11 @@ def _examine(task: _Task) -> tuple[Verdict, Rows | None, bytes | None]:
     try:
         rows = episode_rows(task.file, task.index)
     except BusybotError as error:
-        fault = _without_name(error, task.file)
+        fault = without_name(error, task.file)
         try:
             verdict, rows, data = _save(task, fault)
         except BusybotError as other:
-            return Verdict(task.index, "dropped", f"{fault}; {_without_name(other, task.file)}"), None, None
+            return Verdict(task.index, "dropped", f"{fault}; {without_name(other, task.file)}"), None, None
     faults = faults_of(rows, task.index, task.board_digest, task.collect)
     settings = json.loads(rows["episodes"]["settings"][0].as_py())
     if not task.keep_partial and is_partial(settings):
@@ -177,10 +177,6 @@ def _examine(task: _Task) -> tuple[Verdict, Rows | None, bytes | None]:
     if faults:
         return Verdict(task.index, "dropped", "; ".join(faults)), None, None
     return verdict, rows, data
-
-
-def _without_name(error: BusybotError, file: Path) -> str:
-    return error.what.removeprefix(f"{file}: ")
 
 
 def _save(task: _Task, fault: str) -> tuple[Verdict, Rows, bytes]:

@@ -12,7 +12,7 @@ from busybot.episodes.manifest import CARD_FILE, MANIFEST_FILE, MEND_FETCH, is_f
 from busybot.episodes.repair import DAMAGED_FOLDER
 from busybot.episodes.schema import TABLES
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode
-from busybot.errors import BusybotError
+from busybot.errors import BusybotError, without_name
 from busybot.files import inside
 from busybot.workers import share
 
@@ -20,6 +20,9 @@ MEND_TABLES = "remove the file; `busybot collect` on the dataset makes it again 
 LINK = "a link where a file or folder is expected"
 MEND_STRAY = "move it out of the dataset"
 MEND_EPISODE = "`busybot dataset repair` saves what can be saved; or remove the file and collect again"
+
+Progress = Callable[[int, int], None]
+"""Told after each episode: those that are done, and all."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class _Checked:
 def verify(
     path: Path,
     workers: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     assets: str | None = None,
 ) -> Report:
     """Look for everything that can be wrong with the dataset.
@@ -80,7 +83,6 @@ def verify(
 
     Args:
         assets: the library with the objects; other objects than the recorded ones are then a problem.
-        progress: called with the number of episodes done and the number of all.
 
     Raises:
         BusybotError: if the folder is no dataset at all.
@@ -95,19 +97,7 @@ def verify(
     if finished and dataset.info.collect is None:
         what = "there are episodes, but not how they were collected"
         problems.append(Problem(str(path / INFO_FILE), what, "collect into a new dataset"))
-    done = 0
-    for shard in sorted({index // EPISODES_PER_SHARD for index in finished} | _table_shards(dataset)):
-        indices = [i for i in finished if i // EPISODES_PER_SHARD == shard]
-        tasks = [_Task(dataset.episode_path(i), i, digests.get(i), dataset.info.collect) for i in indices]
-        rows: dict[int, Rows] = {}
-        for task, checked in zip(tasks, share(_check_episode, tasks, workers), strict=True):
-            problems += checked.problems
-            if checked.rows is not None:
-                rows[task.index] = checked.rows
-            done += 1
-            if progress is not None:
-                progress(done, len(finished))
-        problems += _tables(dataset, shard, rows, set(indices))
+    problems += _episodes(dataset, finished, digests, workers, progress)
     if is_frozen(path):
         problems += _manifest(dataset, workers, sound=not problems)
     objects, object_problems = _objects(dataset, assets)
@@ -119,7 +109,8 @@ def _manifest(dataset: Dataset, workers: int, sound: bool) -> Iterator[Problem]:
     try:
         manifest = read_manifest(dataset.path)
     except BusybotError as error:
-        yield Problem(str(dataset.path / MANIFEST_FILE), error.what, error.mend or MEND_FETCH)
+        file = dataset.path / MANIFEST_FILE
+        yield Problem(str(file), without_name(error, file), error.mend or MEND_FETCH)
         return
     for name, fault, mend in unlike_manifest(dataset.path, manifest, workers):
         sound = False
@@ -176,12 +167,31 @@ def _boards(dataset: Dataset) -> tuple[dict[int, str], list[Problem]]:
     return {board.index: board.digest() for board in boards}, problems
 
 
+def _episodes(
+    dataset: Dataset, finished: list[int], digests: dict[int, str], workers: int, progress: Progress | None
+) -> Iterator[Problem]:
+    """Read every episode, and compare the tables with what they should hold, one shard after the other."""
+    done = 0
+    for shard in sorted({index // EPISODES_PER_SHARD for index in finished} | _table_shards(dataset)):
+        indices = [i for i in finished if i // EPISODES_PER_SHARD == shard]
+        tasks = [_Task(dataset.episode_path(i), i, digests.get(i), dataset.info.collect) for i in indices]
+        rows: dict[int, Rows] = {}
+        for task, checked in zip(tasks, share(_check_episode, tasks, workers), strict=True):
+            yield from checked.problems
+            if checked.rows is not None:
+                rows[task.index] = checked.rows
+            done += 1
+            if progress is not None:
+                progress(done, len(finished))
+        yield from _tables(dataset, shard, rows, set(indices))
+
+
 def _check_episode(task: _Task) -> _Checked:
     """Read one file; runs in a worker."""
     try:
         rows = episode_rows(task.path, task.index)
     except BusybotError as error:
-        return _Checked(None, (Problem(str(task.path), error.what, MEND_EPISODE),))
+        return _Checked(None, (Problem(str(task.path), without_name(error, task.path), MEND_EPISODE),))
     faults = faults_of(rows, task.index, task.board_digest, task.collect)
     return _Checked(rows, tuple(Problem(str(task.path), fault, MEND_EPISODE) for fault in faults))
 
@@ -200,7 +210,7 @@ def _tables(dataset: Dataset, shard: int, derived: dict[int, Rows], finished: se
         try:
             stored = split_by_episode(read_shard(path, name))
         except BusybotError as error:
-            yield Problem(str(path), error.what, MEND_TABLES)
+            yield Problem(str(path), without_name(error, path), MEND_TABLES)
             continue
         for index in sorted(finished | set(stored)):
             if index not in finished:

@@ -6,7 +6,6 @@ appears: at any moment the library can be read. The same import again changes no
 
 import json
 import os
-import tempfile
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.errors import BusybotError
-from busybot.files import read_json, write_json
+from busybot.files import inside, read_json, write_json
 from busybot.objects.annotation import FILE_NAME
 from busybot.objects.catalogue import Split, catalogue
 from busybot.objects.choices import Choices
@@ -27,10 +26,12 @@ from busybot.objects.raw import RawObject, read_raw
 from busybot.objects.rules import RULES_VERSION, Decision, decide
 from busybot.objects.snapshot import Snapshot, read_snapshot
 from busybot.objects.urdf import FILE_NAME as URDF
+from busybot.unfinished import remove_abandoned, unfinished
 
 MAX_SPLIT_BYTES = 1 << 20
 _LIST_OF_SPLIT: dict[str, str] = {"train": "train", "novel": "test"}
 _NO_OVERRIDES = Overrides(None, {}, {})
+_WORK = "import"
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,7 @@ def import_objects(
     """
     if out is not None:
         _check_library(out)
+        remove_abandoned(out, _WORK, lambda left: _put_back(out, left / "former"))
     for folder in folders:
         try:
             yield _import(folder, out, overrides or _NO_OVERRIDES, split, replace)
@@ -231,16 +233,28 @@ def _place(snapshot: Snapshot, out: Path, model: ObjectModel, replace: bool, spl
         there = present[0].relative_to(out)
         raise BusybotError(f"{out}: has another {there} already", "import with --replace, or name another library")
     place.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".import-", dir=out) as temporary:
-        made = Path(temporary) / "made"
+    with unfinished(out, _WORK) as temporary:
+        made = temporary / "made"
         for name, data in snapshot.files.items():
             (made / name).parent.mkdir(parents=True, exist_ok=True)
             (made / name).write_bytes(data)
         chosen = _list(out, model, split)
-        for number, former in enumerate(present):
-            os.rename(former, Path(temporary) / f"former-{number}")
-        os.rename(made, place)
+        try:
+            for former in present:
+                kept = temporary / "former" / former.relative_to(out)
+                kept.parent.mkdir(parents=True)
+                os.rename(former, kept)
+            os.rename(made, place)
+        finally:
+            _put_back(out, temporary / "former")
     return True, chosen
+
+
+def _put_back(out: Path, former: Path) -> None:
+    """An object that a killed import had moved away, but not replaced yet, returns to the library."""
+    for kept in former.glob("*/*"):
+        if not any((out / category / kept.name).exists() for category in CATEGORIES):
+            os.rename(inside(out, str(kept.relative_to(out))), out / kept.relative_to(former))
 
 
 def _same(place: Path, snapshot: Snapshot) -> bool:

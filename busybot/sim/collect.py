@@ -4,7 +4,7 @@ An episode depends on its board and the collection's seed alone. It appears unde
 table rows are read back from the finished file, and collecting again continues with the boards that have no episode.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -92,23 +92,28 @@ def collect(
         dataset.remove_leftovers()
         before = dataset.finished()
         missing = [index for index in range(dataset.info.boards) if index not in before]
-        rows: dict[int, Rows] = {}
-        done = len(before)
         seed = dataset.info.seed if config.seed is None else config.seed
         arguments = (dataset.path, library, config, seed, chooser or BuiltIn(config.policy))
-        try:
-            for index, result in engine(missing, _make_work, arguments, workers):
-                rows[index] = result
-                done += 1
-                if progress:
-                    progress(done, dataset.info.boards)
-                if len(rows) >= EPISODES_PER_SHARD:
-                    dataset.write_tables(rows)
-                    rows = {}
-        finally:
-            dataset.remove_leftovers()
-            dataset.write_tables(rows)
-    return Collected(dataset.info.boards, done, done - len(before))
+        new = _store(dataset, engine(missing, _make_work, arguments, workers), len(before), progress)
+    return Collected(dataset.info.boards, len(before) + new, new)
+
+
+def _store(dataset: Dataset, results: Iterator[tuple[int, Rows]], done: int, progress: Progress | None) -> int:
+    """Write the tables of the episodes that come, also when they end early; returns how many came."""
+    rows: dict[int, Rows] = {}
+    try:
+        new = 0
+        for new, (index, result) in enumerate(results, start=1):
+            rows[index] = result
+            if progress:
+                progress(done + new, dataset.info.boards)
+            if len(rows) >= EPISODES_PER_SHARD:
+                dataset.write_tables(rows)
+                rows = {}
+        return new
+    finally:
+        dataset.remove_leftovers()
+        dataset.write_tables(rows)
 
 
 def _collect_info(config: CollectConfig, dataset_seed: int, provenance: dict[str, Any] | None) -> CollectInfo:

@@ -14,7 +14,6 @@ import re
 import resource
 import subprocess
 import sys
-import tempfile
 import time
 import zipfile
 import zlib
@@ -23,12 +22,15 @@ from pathlib import Path
 from busybot.errors import BusybotError
 from busybot.objects.raw import read_raw
 from busybot.objects.snapshot import MAX_BYTES, MAX_FILES
+from busybot.unfinished import remove_abandoned, unfinished
+from busybot.workers import end_with
 
 TOKEN_VARIABLE = "SAPIEN_ACCESS_TOKEN"
 TIME_LIMIT_S = 600.0
 MAX_MEMORY = 4 << 30
 """Address space of the download's process, bytes: SAPIEN's libraries reserve much of it."""
 ROOT = Path(__file__).resolve().parents[2]
+_WORK = "fetch"
 _ID = re.compile(r"[0-9]{1,9}")
 _OFFLINE, _REFUSED, _ARCHIVE, _ROOM, _OTHER = range(64, 69)
 _FAULTS = {
@@ -59,17 +61,18 @@ def fetch(instance: str, out: Path, token: str, time_limit_s: float = TIME_LIMIT
     """
     if not _ID.fullmatch(instance):
         raise BusybotError(f"{instance[:40]!r} is not an id of PartNet-Mobility", "ids are numbers, for example 100366")
+    remove_abandoned(out, _WORK)
     place = out / instance
     if place.is_symlink() or place.exists():
         read_raw(place)
         return False
     out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".fetch-", dir=out) as quarantine:
-        fault = _download(instance, Path(quarantine), token, time_limit_s)
+    with unfinished(out, _WORK) as quarantine:
+        fault = _download(instance, quarantine, token, time_limit_s)
         if fault is not None:
             what, mend = _FAULTS[fault]
             raise BusybotError(f"object {instance}: {what}", mend)
-        came = Path(quarantine) / instance
+        came = quarantine / instance
         if came.is_symlink() or not came.is_dir():
             raise BusybotError(f"object {instance}: the archive has no folder {instance}", "try again later")
         try:
@@ -85,7 +88,7 @@ def _download(instance: str, folder: Path, token: str, time_limit_s: float) -> i
     """Run the downloader in its own process; the kind of fault, None when there is none."""
     path = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(ROOT)]))
     process = subprocess.Popen(
-        [sys.executable, "-m", "busybot.sim.fetch", instance, str(folder)],
+        [sys.executable, "-m", "busybot.sim.fetch", instance, str(folder), str(os.getpid())],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -122,8 +125,9 @@ def _sane(folder: Path) -> bool:
     return True
 
 
-def _main(instance: str, folder: str) -> int:
+def _main(instance: str, folder: str, parent: int) -> int:
     """In the download's process: SAPIEN's downloader, its faults reduced to a number."""
+    end_with(parent)
     resource.setrlimit(resource.RLIMIT_FSIZE, (MAX_BYTES, MAX_BYTES))
     resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -150,4 +154,4 @@ def _kind(error: Exception) -> int:
 
 
 if __name__ == "__main__":
-    os._exit(_main(sys.argv[1], sys.argv[2]))
+    os._exit(_main(sys.argv[1], sys.argv[2], int(sys.argv[3])))

@@ -5,7 +5,7 @@ recorded one, else close (`episodes.compare`). The result is a dataset of its ow
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -76,25 +76,34 @@ def regenerate(
         raise BusybotError(f"{out}: it is the recorded dataset itself", "name another folder")
     target = continue_or_create(out, dataset.info, boards)
     indices = [index for index in indices if index not in set(unlike)]
-    found = Regenerated(out, len(boards), origin, unlike)
-    worst, joints = found.image, 0.0
-    rows: dict[int, Rows] = {}
     with target.locked():
         target.remove_leftovers()
-        arguments = (path, out, library, collect)
-        try:
-            for index, (derived, difference, rule) in _run(indices, arguments, workers):
-                rows[index] = derived
-                found.episodes[rule] += 1
-                if not difference.holds(rule):
-                    found.failed[index] = difference
-                worst, joints = worst.worst(difference.image), max(joints, difference.joints)
-                if progress:
-                    progress(len(rows), len(indices))
-        finally:
-            target.write_tables(rows)
-    failed = dict(sorted(found.failed.items()))
-    return Regenerated(out, len(boards), origin, unlike, found.episodes, failed, joints, worst)
+        compared = _run(indices, (path, out, library, collect), workers)
+        told = (lambda done: progress(done, len(indices))) if progress else None
+        return _judge(Regenerated(out, len(boards), origin, unlike), target, compared, told)
+
+
+def _judge(
+    found: Regenerated,
+    target: Dataset,
+    compared: Iterator[tuple[int, tuple[Rows, Difference, Rule]]],
+    progress: Callable[[int], None] | None,
+) -> Regenerated:
+    """Sum up the episodes that come; the target's tables are written also when they end early."""
+    counts, failed, joints, worst = dict(found.episodes), {}, found.joints, found.image
+    rows: dict[int, Rows] = {}
+    try:
+        for index, (derived, difference, rule) in compared:
+            rows[index] = derived
+            counts[rule] += 1
+            if not difference.holds(rule):
+                failed[index] = difference
+            worst, joints = worst.worst(difference.image), max(joints, difference.joints)
+            if progress:
+                progress(len(rows))
+    finally:
+        target.write_tables(rows)
+    return replace(found, episodes=counts, failed=dict(sorted(failed.items())), joints=joints, image=worst)
 
 
 def _run(indices: list[int], arguments: tuple, workers: int) -> Iterator[tuple[int, Any]]:

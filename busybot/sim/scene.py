@@ -1,6 +1,6 @@
 """A board made physical: a SAPIEN scene from a BoardSpec (paper section 3).
 
-A `Simulator` belongs to one process and one way of looking: it caches an articulation builder per object and keeps one
+A `Simulator` belongs to one process and one way of looking: it caches loaded objects (`sim.builders`) and keeps one
 scene alive, because SAPIEN compiles its shaders again when the last scene of a process goes. A `BoardScene` is one
 board: it can be looked at, acted on (`sim.interaction`), saved and restored.
 
@@ -16,9 +16,6 @@ from typing import Any
 
 import numpy as np
 import sapien
-from sapien.wrapper.actor_builder import ActorBuilder
-from sapien.wrapper.articulation_builder import ArticulationBuilder
-from sapien.wrapper.urdf_loader import URDFLoader
 
 from busybot.boards.relations import responder_state
 from busybot.boards.spec import BoardSpec, PlacedObject, Relation
@@ -26,6 +23,7 @@ from busybot.episodes.episode import Camera, Image, Link
 from busybot.errors import BusybotError
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel
+from busybot.sim.builders import Builders
 from busybot.sim.parts import JOINT_DAMPING, Responder, TriggerJoint, make_responder, make_triggers
 from busybot.sim.render import RenderConfig, add_camera, camera_model, read_picture
 from busybot.sim.surroundings import Surroundings
@@ -33,16 +31,6 @@ from busybot.sim.surroundings import Surroundings
 TIME_STEP = 0.01
 """Seconds of simulated time per physics step."""
 KNOWN_KINDS = frozenset({"one-to-one", "one-to-many-effects", "one-to-many-objects"})
-
-
-class _Unbound:
-    """Stands in for a scene while a URDF is parsed: builders are bound to a scene when a board is built."""
-
-    def create_articulation_builder(self) -> ArticulationBuilder:
-        return ArticulationBuilder()
-
-    def create_actor_builder(self) -> ActorBuilder:
-        return ActorBuilder()
 
 
 class Simulator:
@@ -56,7 +44,7 @@ class Simulator:
 
     def __init__(self, library: Library, render: RenderConfig | None, responders: bool = True):
         self.library, self.render, self.responders = library, render, responders
-        self._builders: dict[tuple[str, float], Any] = {}
+        self._builders = Builders(looks=render is not None)
         sapien.physx.set_scene_config(gravity=np.zeros(3, np.float32))
         sapien.set_log_level("critical")
         self._surroundings: Surroundings | None = None
@@ -70,6 +58,7 @@ class Simulator:
         Raises:
             BusybotError: an object is missing or cannot be loaded, or a relation is of an unknown kind.
         """
+        self._builders.forget()
         board = BoardScene(self, spec)
         self._keep_alive = board.scene
         return board
@@ -86,7 +75,7 @@ class Simulator:
 
     def build_object(self, scene: sapien.Scene, model: ObjectModel, placed: PlacedObject) -> Any:
         """An articulation of the object, at its place, its joints damped and free of friction."""
-        builder = self._builder(model, placed.scale)
+        builder = self._builders.get(model, placed.scale)
         builder.set_scene(scene)
         turn = sapien.Pose(q=[np.cos(placed.yaw / 2), 0, 0, np.sin(placed.yaw / 2)])
         builder.set_initial_pose(sapien.Pose(placed.position) * turn * sapien.Pose(q=model.orientation))
@@ -96,33 +85,6 @@ class Simulator:
             joint.set_friction(0)
             joint.set_armature(np.zeros(1, np.float32))
         return articulation
-
-    def _builder(self, model: ObjectModel, scale: float) -> Any:
-        key = (model.key, scale)
-        if key not in self._builders:
-            loader = URDFLoader()
-            loader.set_scene(_Unbound())
-            loader.fix_root_link = True
-            loader.scale = scale
-            try:
-                builder = loader.load_file_as_articulation_builder(str(model.urdf))
-            except Exception as error:  # the loader raises whatever its parsers raise
-                raise BusybotError(f"{model.urdf}: SAPIEN cannot load it: {error}", "busybot assets check") from error
-            for link in builder.link_builders:
-                link.collision_records = []
-                _give_stops(link.joint_record, model, scale)
-                if self.render is None:
-                    link.visual_records = []
-            self._builders[key] = builder
-        return self._builders[key]
-
-
-def _give_stops(record: Any, model: ObjectModel, scale: float) -> None:
-    """A trigger's joint without limits gets those of the model; SAPIEN cannot set them once the object is built."""
-    for link in model.trigger_links:
-        if record.name == link.joint and not np.isfinite(record.limits).all():
-            unit = scale if link.joint_type == "prismatic" else 1.0
-            record.joint_type, record.limits = link.joint_type, [[link.lower * unit, link.upper * unit]]
 
 
 @dataclass(frozen=True)

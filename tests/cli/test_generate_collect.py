@@ -119,13 +119,21 @@ def test_generating_again_changes_nothing_and_refuses_anything_else(tmp_path: Pa
     assert other.returncode == 1 and "seed differ" in other.stderr and "mend:" in other.stderr
 
 
-def test_an_interrupted_generate_is_made_again_but_nothing_else_is_overwritten(tmp_path: Path) -> None:
-    folder = tmp_path / "boards"
+def test_a_killed_generate_is_made_again_but_nothing_else_is_overwritten(tmp_path: Path) -> None:
+    straight, folder = tmp_path / "straight" / "boards", tmp_path / "boards"
+    assert busybot("generate", str(straight), "--boards", "2").returncode == 0
+    code = (  # killed when everything but the last step is done
+        "import os, sys; os.replace = lambda *paths, real=os.replace:"
+        " os.kill(os.getpid(), 9) if str(paths[1]) == sys.argv[2] else real(*paths);"
+        " from busybot.cli.main import main; main()"
+    )
+    killed = subprocess.run([sys.executable, "-c", code, "generate", str(folder), "--boards", "2"])
+    assert killed.returncode == -9 and not folder.exists()
+    assert [path.name[:8] for path in tmp_path.iterdir() if path.name != "straight"] == [".boards-"]
     assert busybot("generate", str(folder), "--boards", "2").returncode == 0
-    (folder / "dataset.json").unlink()  # it is written last
-    assert busybot("generate", str(folder), "--boards", "2").returncode == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["boards", "straight"]
+    for path in straight.rglob("*"):
+        assert path.is_dir() or path.read_bytes() == (folder / path.relative_to(straight)).read_bytes()
     (folder / "dataset.json").unlink()
-    (folder / "episodes" / "000000.mcap").write_text("precious")
     refused = busybot("generate", str(folder), "--boards", "2")
     assert refused.returncode == 1 and "not an empty folder" in refused.stderr
-    assert (folder / "episodes" / "000000.mcap").read_text() == "precious"

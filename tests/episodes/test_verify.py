@@ -48,7 +48,7 @@ def test_damaged_episodes_are_named(dataset: Dataset) -> None:
     data = dataset.episode_path(1).read_bytes()
     dataset.episode_path(1).write_bytes(data[:-100])
     ((name, what),) = faults(verify(dataset.path))
-    assert name == "000001.mcap" and "MCAP" in what
+    assert name == "000001.mcap" and "MCAP" in what and name not in what, "the file is named once"
 
 
 def test_an_episode_of_another_board_or_collection_is_found(dataset: Dataset) -> None:

@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,7 @@ from busybot.objects.choices import Choices
 from busybot.objects.importing import Outcome, import_objects, raw_folders
 from busybot.objects.library import Library
 from busybot.objects.overrides import Overrides
+from busybot.unfinished import unfinished
 from tests.objects.raw_objects import DRAWER, LEAF, LEVER, ROCKER, make_raw
 
 
@@ -142,7 +145,42 @@ def test_a_stop_at_the_worst_moment_leaves_a_readable_library(
     with pytest.raises(KeyboardInterrupt):
         put(out, raw / "1", overrides=given(id1=Choices(scale=0.4)), replace=True)
     monkeypatch.undo()
-    assert "Switch/2" in Library.load(out).objects
+    assert set(Library.load(out).objects) == {"Switch/1", "Switch/2"}
+    assert put(out, raw / "1", overrides=given(id1=Choices(scale=0.4)), replace=True)[0].done == "imported"
+    assert Library.load(out).get("Switch/1").scale == 0.4
+
+
+KILLED = """
+import os, pathlib, sys
+from busybot.objects.choices import Choices
+from busybot.objects.importing import import_objects
+from busybot.objects.overrides import Overrides
+from busybot.unfinished import unfinished
+real, call = os.rename, int(sys.argv[3])
+def killing(source, target):
+    global call
+    call -= 1
+    if not call:
+        os.kill(os.getpid(), 9)
+    real(source, target)
+os.rename = killing
+raw, out = map(pathlib.Path, sys.argv[1:3])
+list(import_objects([raw], out, Overrides(None, {raw.name: Choices(scale=0.4)}, {}), replace=True))
+"""
+
+
+@pytest.mark.parametrize("call", [1, 2])
+def test_what_a_killed_import_left_is_put_back_and_removed(raw: Path, tmp_path: Path, call: int) -> None:
+    """Also by an import of something else; what another running import is making stays."""
+    out = tmp_path / "library"
+    put(out, raw / "1", raw / "2")
+    before = everything(out)
+    assert subprocess.run([sys.executable, "-c", KILLED, raw / "1", out, str(call)]).returncode == -9
+    assert len(list(out.glob(".import-*"))) == 1
+    with unfinished(out, "import") as running:
+        assert put(out, raw / "2")[0].done == "unchanged"
+        assert running.exists() and list(out.glob(".import-*")) == [running]
+    assert everything(out) == before
     assert put(out, raw / "1", overrides=given(id1=Choices(scale=0.4)), replace=True)[0].done == "imported"
     assert Library.load(out).get("Switch/1").scale == 0.4
 

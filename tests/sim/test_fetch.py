@@ -3,9 +3,11 @@
 import io
 import os
 import stat
+import subprocess
 import sys
 import time
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ import pytest
 from busybot.errors import BusybotError
 from busybot.objects.raw import read_raw
 from busybot.sim.fetch import fetch
+from busybot.unfinished import unfinished
 from tests.objects.raw_objects import ROCKER, make_raw
 
 TOKEN = "secret+token/with=signs"
@@ -183,3 +186,33 @@ def test_the_token_is_in_no_argument(tmp_path: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(BusybotError):
         fetch("77", tmp_path / "out", TOKEN)
     assert b"fetch" in note.read_bytes() and TOKEN.encode() not in note.read_bytes()
+
+
+def test_what_a_killed_fetch_left_is_removed_and_its_download_ends(tmp_path: Path, fake: Path) -> None:
+    """Also where the object is there already; what another running fetch is making stays."""
+    files = packed_object(tmp_path / "made")
+    archive(fake, files)
+    note = tmp_path / "downloader"
+    slow = f"    open({str(note)!r}, 'w').write(str(os.getpid()))\n    import time\n    time.sleep(600)\n"
+    (fake / "sapien" / "asset.py").write_text(HEAD + UNPACK + slow)
+    out = tmp_path / "out"
+    code = "import pathlib, sys; from busybot.sim.fetch import fetch; fetch('77', pathlib.Path(sys.argv[1]), 'token')"
+    killed = subprocess.Popen([sys.executable, "-c", code, str(out)])
+    wait_until(lambda: note.exists() and note.read_text() != "")
+    killed.kill()
+    killed.wait()
+    wait_until(lambda: not Path(f"/proc/{note.read_text()}").exists())
+    (left,) = out.iterdir()
+    (fake / "sapien" / "asset.py").write_text(HEAD + UNPACK)
+    with unfinished(out, "fetch") as running:
+        assert fetch("77", out, TOKEN) and not left.exists() and running.exists()
+    left.mkdir()
+    assert not fetch("77", out, TOKEN)
+    assert [path.name for path in out.iterdir()] == ["77"]
+
+
+def wait_until(fact: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60
+    while not fact():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)

@@ -8,7 +8,6 @@ all, and of two processes that build at once the second one's copy is dropped.
 import hashlib
 import os
 import shutil
-import tempfile
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -20,6 +19,7 @@ from busybot.objects.library import SPLIT_FILE, Library
 from busybot.objects.procedural.families import FAMILIES
 from busybot.objects.procedural.write import write_object
 from busybot.rng import generator
+from busybot.unfinished import remove_abandoned, unfinished
 
 DEFAULT_SEED = 0
 
@@ -71,9 +71,8 @@ def _named(library: Library) -> Library:
 def _build_into(place: Path, seed: int) -> None:
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".procedural-", dir=place.parent) as temporary:
-            made = Path(temporary) / "library"
-            made.mkdir()
+        remove_abandoned(place.parent, "procedural")
+        with unfinished(place.parent, "procedural") as made:
             make_library(made, seed)
             try:
                 os.rename(made, place)

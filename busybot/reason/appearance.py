@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from busybot.reason.observed import Frame, Observed
+from busybot.reason.observed import Observed
 from busybot.reason.own_pixels import OwnConfig, OwnPixels
 
 
@@ -54,14 +54,14 @@ def count_pixels(observed: Observed, config: ChangeConfig | None = None) -> Coun
     changed = np.zeros((len(observed.actions), len(observed.roles)), int)
     area = np.zeros(len(observed.roles), int)
     for index in pixels.regions:
-        area[index] = int(pixels.masks(index, before)[0].sum())
+        area[index] = int(pixels.masks(index, 0)[0].sum())
     for step in range(len(observed.actions)):
         if observed.image_of[step] == observed.image_of[step + 1]:
             continue
         after = observed.frame(step + 1)
         differs = cv2.absdiff(before.rgb, after.rgb).max(-1) > config.tolerance
         for index in pixels.regions:
-            changed[step, index] = _count(pixels, index, differs, before, after)
+            changed[step, index] = _count(pixels, index, differs, step)
         before = after
     return Counts(changed, area)
 
@@ -73,11 +73,11 @@ def changes(observed: Observed, config: ChangeConfig | None = None) -> np.ndarra
     return counts.changed > np.maximum(config.least, config.share * counts.area)
 
 
-def _count(pixels: OwnPixels, index: int, differs: np.ndarray, before: Frame, after: Frame) -> int:
+def _count(pixels: OwnPixels, index: int, differs: np.ndarray, step: int) -> int:
     region = pixels.regions[index]
     changed = differs[region.rows, region.columns]
     if not changed.any():
         return 0
-    own_before, other_before = pixels.masks(index, before)
-    own_after, other_after = pixels.masks(index, after)
+    own_before, other_before = pixels.masks(index, step)
+    own_after, other_after = pixels.masks(index, step + 1)
     return int((changed & (own_before | own_after) & ~other_before & ~other_after).sum())

@@ -63,7 +63,7 @@ class OwnPixels:
     """
 
     def __init__(self, observed: Observed, config: OwnConfig | None = None):
-        self._config = config or OwnConfig()
+        self._observed, self._config = observed, config or OwnConfig()
         self._rays = Rays(observed.camera)
         first = observed.frame(0)
         boxes = {i: tuple(int(side) for side in box) for i, box in enumerate(observed.boxes)}
@@ -78,12 +78,12 @@ class OwnPixels:
             for i, (u0, v0, u1, v1) in shown.items()
         }
 
-    def masks(self, index: int, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-        """Masks of the object's box: pixels that show it, and pixels that show an intruder. bool (h, w) each."""
+    def masks(self, index: int, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """Of an object's box in frame `number`: pixels that show it, and that show an intruder; bool (h, w) each."""
         region = self.regions[index]
         if region.home is None:
             return region.mine, np.zeros_like(region.mine)
-        points = _points(frame, region.rows, region.columns, self._rays)
+        points = _points(self._observed.frame(number), region.rows, region.columns, self._rays)
         raised = points[..., 2] > self._config.elevation
         inside = _within(points, region.home)
         return raised & inside, raised & ~inside

@@ -177,8 +177,9 @@ def study(arguments: argparse.Namespace) -> dict[str, Any]:
         hashes = dataset.hashes()
         result["datasets"][dataset.info.split] = {
             "episodes": len(dataset.finished()),
-            "seed": dataset.info.seed,
+            "generator": dataset.info.generator.config,
             "policy": dataset.info.collect.policy if dataset.info.collect else None,
+            "steps": dataset.info.collect.steps if dataset.info.collect else None,
             "images": dataset.info.collect.images if dataset.info.collect else None,
             "content_hash": hashes.content,
         }

@@ -5,14 +5,21 @@ state index means different colours on different lamps (protocol "Reasoning"). T
 splits into the training of theirs.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from busybot.boards.spec import BoardSpec
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.mcap_file import read_episode
 from busybot.objects.library import Library
+from busybot.reason.judge import judged_objects
+from busybot.reason.observed import observe
+from busybot.reason.truth import states_of
 
+BOARDS = 300
+"""Decoders are trained on so many boards, the first ones."""
 RIDGE = 1e-2
 """Weight of the penalty on the classifier's coefficients, in units of the number of examples."""
 LEAST_SPREAD = 0.1
@@ -105,7 +112,9 @@ def fit_linear(features: np.ndarray, shown: np.ndarray) -> Linear:
     targets = np.eye(len(classes))[number]
     penalty = RIDGE * np.eye(inputs.shape[1])
     penalty[-1, -1] = 0
-    return Linear(mean, spread, np.linalg.solve(inputs.T @ (weight * inputs) + penalty, inputs.T @ (weight * targets)), classes)
+    return Linear(
+        mean, spread, np.linalg.solve(inputs.T @ (weight * inputs) + penalty, inputs.T @ (weight * targets)), classes
+    )
 
 
 def _inputs(features: np.ndarray, mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
@@ -125,6 +134,25 @@ def fit_decoders(parts: Iterable[Examples]) -> dict[str, Linear]:
         str(category): fit_linear(features[categories == category], shown[categories == category])
         for category in np.unique(categories)
     }
+
+
+def train_decoders(dataset: Dataset, features: Mapping[int, np.ndarray], library: Library) -> dict[str, Linear]:
+    """Decoders from the first boards of a training dataset.
+
+    Args:
+        features: float (T + 1, N, C) by episode.
+        library: with the dataset's objects.
+    """
+    return fit_decoders(_examples(dataset, features, library))
+
+
+def _examples(dataset: Dataset, features: Mapping[int, np.ndarray], library: Library) -> Iterable[Examples]:
+    for index in sorted(features)[:BOARDS]:
+        episode = read_episode(dataset.episode_path(index), "lazy")
+        truth = states_of(episode)
+        if truth is not None:
+            shown = appearances(episode.board, library, truth.states)
+            yield examples(episode.board, features[index], shown, judged_objects(observe(episode)))
 
 
 class Decoded:

@@ -1,28 +1,76 @@
-"""From what was recorded to a graph, for whoever only wants the answer."""
+"""Who infers relations: by name or folder, and from what was recorded to a graph for whoever only wants the answer.
+
+`count` and `pc` read what was observed and infer a graph alone. The others are reasoners: they read features and
+predict, too.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
 
 from busybot.episodes.episode import Episode
 from busybot.errors import BusybotError
+from busybot.reason.baselines import Persistence
+from busybot.reason.constraint import PcConfig, discover
 from busybot.reason.count import CountConfig, count
 from busybot.reason.observed import Observed, observe
+from busybot.reason.reasoner import Reasoner
 from busybot.reason.result import InferredGraph
 
-MODELS = ("count",)
+
+class NoParameters(BaseModel):
+    """Of models that have none to set."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+GRAPHS: dict[str, tuple[Callable[[Observed, Any], InferredGraph], type[BaseModel]]] = {
+    "count": (count, CountConfig),
+    "pc": (discover, PcConfig),
+}
+"""What infers a graph from `Observed` alone, with its parameters."""
+REASONERS: dict[str, Callable[[], Reasoner]] = {"persistence": Persistence}
 
 
 def check_model(model: str) -> None:
     """Refuse the name of a model that does not exist."""
-    if model not in MODELS:
-        raise BusybotError(f"there is no model {model!r} of relations", f"choose one of: {', '.join(MODELS)}")
+    if model not in GRAPHS:
+        reasoner_of(model)
 
 
-def infer(episode: Episode | Observed, model: str = "count", config: CountConfig | None = None) -> InferredGraph:
-    """Which object controls which, after each step, from what a reasoner may read.
+def config_class(model: str) -> type[BaseModel]:
+    """The parameters that can be set of a model."""
+    return GRAPHS[model][1] if model in GRAPHS else NoParameters
 
-    Args:
-        config: parameters of `count`, its defaults if None.
+
+@lru_cache(maxsize=4)
+def reasoner_of(model: str) -> Reasoner:
+    """A reasoner by its name or its folder, loaded once in a process.
 
     Raises:
         BusybotError: there is no such model.
     """
-    check_model(model)
-    return count(episode if isinstance(episode, Observed) else observe(episode), config)
+    if model in REASONERS:
+        return REASONERS[model]()
+    names = ", ".join((*GRAPHS, *REASONERS))
+    raise BusybotError(
+        f"there is no model {model!r} of relations", f"name a trained model's folder, or one of: {names}"
+    )
+
+
+def infer(episode: Episode | Observed, model: str = "count", config: BaseModel | None = None) -> InferredGraph:
+    """Which object controls which, after each step, from what a reasoner may read.
+
+    Args:
+        model: one of `GRAPHS`.
+        config: parameters of the model, its defaults if None.
+
+    Raises:
+        BusybotError: there is no such model.
+    """
+    if model not in GRAPHS:
+        what = f"there is no model {model!r} that infers relations without features"
+        raise BusybotError(what, f"choose one of: {', '.join(GRAPHS)}")
+    return GRAPHS[model][0](episode if isinstance(episode, Observed) else observe(episode), config)

@@ -8,6 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from busybot.reason.observed import Observed
+
 
 class Judge(Protocol):
     """Reads features.
@@ -58,6 +60,7 @@ class Nearest:
         return found
 
 
-def persisting(judge: Judge, steps: slice) -> np.ndarray:
-    """Whether "nothing changes" is right, bool (S, N), whatever the features."""
-    return np.asarray(judge.truth[1:][steps] == judge.truth[:-1][steps])
+def judged_objects(observed: Observed) -> np.ndarray:
+    """The responders that show in the first frame, bool (N,): only of them can a picture be expected."""
+    left, top, right, bottom = np.asarray(observed.boxes).reshape(-1, 4).T
+    return np.array([role == "responder" for role in observed.roles], bool) & (right > left) & (bottom > top)

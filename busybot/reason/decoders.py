@@ -24,6 +24,8 @@ RIDGE = 1e-2
 """Weight of the penalty on the classifier's coefficients, in units of the number of examples."""
 LEAST_SPREAD = 0.1
 """Channels that vary less than this share of the average one are not blown up to its size."""
+NAMES = "U16"
+"""Type of arrays of names of what is shown."""
 UNKNOWN = ""
 """Of objects whose appearance has no name: triggers, categories without examples."""
 
@@ -46,7 +48,7 @@ class Examples:
 def appearances(board: BoardSpec, library: Library, states: np.ndarray) -> np.ndarray:
     """Names of what responders show, str (F, N), from states int (F, N): "1", or for lamps "off" or "#ff00ff"."""
     stages = {relation.responder: relation.stage for relation in board.relations}
-    names = np.full(states.shape, UNKNOWN, "U16")
+    names = np.full(states.shape, UNKNOWN, NAMES)
     for index, placed in enumerate(board.objects):
         effect = library.get(placed.key).effect
         if effect is None:
@@ -80,7 +82,7 @@ def examples(board: BoardSpec, features: np.ndarray, shown: np.ndarray, judged: 
             rows.append(features[shown[:, index] == name, index].mean(axis=0))
             categories.append(board.objects[index].category)
             names.append(str(name))
-    return Examples(np.array(rows).reshape(-1, features.shape[-1]), np.array(categories, "U64"), np.array(names, "U16"))
+    return Examples(np.array(rows).reshape(-1, features.shape[-1]), np.array(categories, "U64"), np.array(names, NAMES))
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ class Decoded:
 
     def read(self, features: np.ndarray) -> np.ndarray:
         """Features float (F, N, C) to names, str (F, N); `UNKNOWN` where there is no decoder."""
-        found = np.full(features.shape[:2], UNKNOWN, self.truth.dtype)
+        found = np.full(features.shape[:2], UNKNOWN, NAMES)
         for index, decoder in self._of.items():
             if decoder is not None:
                 found[:, index] = decoder.read(features[:, index])

@@ -19,10 +19,10 @@ from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
 from busybot.objects.library import Library
-from busybot.reason.clusters import clusters_of
+from busybot.reason.clusters import clusters_of, threshold_of
 from busybot.reason.decoders import Decoded, Linear, appearances, train_decoders
 from busybot.reason.features import features_of
-from busybot.reason.forecast import DECODED, NEAREST, Forecast, Watched, forecast
+from busybot.reason.forecast import DECODED, NEAREST, Watched, forecast
 from busybot.reason.infer import GRAPHS, config_class, infer, reasoner_of
 from busybot.reason.judge import Judge, Nearest, judged_objects
 from busybot.reason.observed import Observed, observe
@@ -93,7 +93,9 @@ def watch(
     judged = judged_objects(observed)
     judges: dict[str, Judge] = {}
     if sequence is not None:
-        judges[NEAREST] = Nearest(sequence.features, clusters_of(sequence.features), truth.states, judged)
+        threshold = threshold_of(reasoner_of(judging.model).encoder)
+        clusters = clusters_of(sequence.features, threshold)
+        judges[NEAREST] = Nearest(sequence.features, clusters, truth.states, judged)
     if sequence is not None and judging.decoders is not None and judging.library is not None:
         shown = appearances(episode.board, judging.library, truth.states)
         judges[DECODED] = Decoded(judging.decoders, episode.board, shown, judged)

@@ -48,7 +48,7 @@ class Nearest:
         for index in np.flatnonzero(judged):
             members = [clusters[:, index] == number for number in np.unique(clusters[:, index])]
             centres = [features[own, index].mean(axis=0) for own in members]
-            commonest = [np.bincount(states[own, index]).argmax() for own in members]
+            commonest = [_commonest(states[own, index]) for own in members]
             self._shown[int(index)] = (np.array(centres, np.float32), np.array(commonest))
 
     def read(self, features: np.ndarray) -> np.ndarray:
@@ -58,6 +58,11 @@ class Nearest:
             apart = np.linalg.norm(features[:, index, None] - centres[None], axis=-1)
             found[:, index] = states[apart.argmin(axis=1)]
         return found
+
+
+def _commonest(values: np.ndarray) -> int:
+    found, times = np.unique(values, return_counts=True)
+    return int(found[times.argmax()])
 
 
 def judged_objects(observed: Observed) -> np.ndarray:

@@ -10,8 +10,9 @@ import pytest
 from busybot.boards.spec import LinkRef, Relation
 from busybot.episodes.episode import Episode
 from busybot.errors import BusybotError
-from busybot.reason.evaluate import Judged, evaluate_dataset, judge_episode, summarise
+from busybot.reason.evaluate import Judging, evaluate_dataset, judge_episode
 from busybot.reason.result import InferredGraph
+from busybot.reason.summary import Judged, summarise
 from busybot.reason.truth import truth_of
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode, make_real_episode
@@ -61,10 +62,10 @@ def test_a_recording_without_states_has_no_bound() -> None:
 
 def test_only_the_first_images_are_used() -> None:
     episode = make_episode(steps=12)
-    assert judge_episode(episode, images=5).steps == 4
+    assert judge_episode(episode, Judging(images=5)).steps == 4
     longer = make_episode(steps=4)
     np.testing.assert_allclose(
-        judge_episode(episode, images=5).graph.probabilities, judge_episode(longer, images=23).graph.probabilities
+        judge_episode(episode, Judging(images=5)).graph.probabilities, judge_episode(longer).graph.probabilities
     )
 
 
@@ -136,4 +137,4 @@ def test_a_dataset_without_episodes_is_refused(tmp_path: Path) -> None:
 
 def test_one_image_shows_no_action(tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match="at least 2"):
-        evaluate_dataset(make_dataset(tmp_path / "toys"), images=1)
+        evaluate_dataset(make_dataset(tmp_path / "toys"), Judging(images=1))

@@ -76,11 +76,11 @@ def judge_episode(episode: Episode, judging: Judging | None = None, features: np
     if sequence is None:
         graph = infer(seen, judging.model, judging.config)
     else:
-        graph = reasoner_of(judging.model).graph(sequence.first(judging.images))
+        graph = reasoner_of(judging.model, judging.config).graph(sequence.first(judging.images))
     truth, predicted = states_of(episode), None
     if truth is not None and len(truth.links) >= judging.images:
         watched = watch(episode, observed, sequence, truth, judging)
-        reasoner = None if sequence is None else reasoner_of(judging.model)
+        reasoner = None if sequence is None else reasoner_of(judging.model, judging.config)
         predicted = forecast(watched, reasoner, judging.images, CURVE)
     steps = len(seen.actions)
     return Judged(episode.board, graph, truth_of(episode), steps, episode.policy, episode.oracle, predicted)
@@ -93,7 +93,7 @@ def watch(
     judged = judged_objects(observed)
     judges: dict[str, Judge] = {}
     if sequence is not None:
-        threshold = threshold_of(reasoner_of(judging.model).encoder)
+        threshold = threshold_of(reasoner_of(judging.model, judging.config).encoder)
         clusters = clusters_of(sequence.features, threshold)
         judges[NEAREST] = Nearest(sequence.features, clusters, truth.states, judged)
     if sequence is not None and judging.decoders is not None and judging.library is not None:
@@ -129,11 +129,9 @@ def evaluate_dataset(
     """
     judging = judging or Judging()
     indices = _check(dataset, judging)
-    features = _features(dataset, judging.model, workers)
+    features = _features(dataset, judging, workers)
     if training is not None and features is not None:
-        trained = train_decoders(
-            training, _features(training, judging.model, workers) or {}, library_of(training, assets)
-        )
+        trained = train_decoders(training, _features(training, judging, workers) or {}, library_of(training, assets))
         judging = replace(judging, decoders=trained, library=library_of(dataset, assets))
     judged: list[Judged] = []
     processes = workers or min(default_workers(), 1 + len(indices) // BOARDS_PER_WORKER)
@@ -145,7 +143,7 @@ def evaluate_dataset(
     return {
         **summarise(judged, judging.images, seed),
         "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
-        "encoder": None if features is None else reasoner_of(judging.model).encoder,
+        "encoder": None if features is None else reasoner_of(judging.model, judging.config).encoder,
         "dataset": origin(dataset),
         "decoders": None if training is None else origin(training),
     }
@@ -156,7 +154,7 @@ def _check(dataset: Dataset, judging: Judging) -> list[int]:
     if judging.images < 2:
         raise BusybotError(f"{judging.images} images show no action", "take at least 2")
     if judging.model not in GRAPHS:
-        reasoner_of(judging.model)
+        reasoner_of(judging.model, judging.config)
     indices = sorted(dataset.finished())
     if not indices:
         what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
@@ -164,11 +162,11 @@ def _check(dataset: Dataset, judging: Judging) -> list[int]:
     return indices
 
 
-def _features(dataset: Dataset, model: str, workers: int | None) -> FeaturesOf | None:
+def _features(dataset: Dataset, judging: Judging, workers: int | None) -> FeaturesOf | None:
     """What the model reads of a dataset; None for one that reads no features."""
-    if model in GRAPHS:
+    if judging.model in GRAPHS:
         return None
-    return features_of(dataset, reasoner_of(model).encoder, workers=workers)
+    return features_of(dataset, reasoner_of(judging.model, judging.config).encoder, workers=workers)
 
 
 def origin(dataset: Dataset) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from busybot.errors import BusybotError
 from busybot.reason.baselines import Persistence
 from busybot.reason.constraint import PcConfig, discover
 from busybot.reason.count import CountConfig, count
+from busybot.reason.lookup import Lookup, LookupConfig
 from busybot.reason.observed import Observed, observe
 from busybot.reason.reasoner import Reasoner
 from busybot.reason.result import InferredGraph
@@ -26,34 +27,46 @@ class NoParameters(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+def _persistence(_: NoParameters) -> Reasoner:
+    return Persistence()
+
+
+def _lookup(config: LookupConfig) -> Reasoner:
+    return Lookup(config=config)
+
+
 GRAPHS: dict[str, tuple[Callable[[Observed, Any], InferredGraph], type[BaseModel]]] = {
     "count": (count, CountConfig),
     "pc": (discover, PcConfig),
 }
 """What infers a graph from `Observed` alone, with its parameters."""
-REASONERS: dict[str, Callable[[], Reasoner]] = {"persistence": Persistence}
-
-
-def check_model(model: str) -> None:
-    """Refuse the name of a model that does not exist."""
-    if model not in GRAPHS:
-        reasoner_of(model)
+REASONERS: dict[str, tuple[Callable[[Any], Reasoner], type[BaseModel]]] = {
+    "lookup": (_lookup, LookupConfig),
+    "persistence": (_persistence, NoParameters),
+}
+"""Reasoners without training, with their parameters."""
 
 
 def config_class(model: str) -> type[BaseModel]:
     """The parameters that can be set of a model."""
-    return GRAPHS[model][1] if model in GRAPHS else NoParameters
+    if model in GRAPHS:
+        return GRAPHS[model][1]
+    return REASONERS[model][1] if model in REASONERS else NoParameters
 
 
 @lru_cache(maxsize=4)
-def reasoner_of(model: str) -> Reasoner:
+def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
     """A reasoner by its name or its folder, loaded once in a process.
+
+    Args:
+        config: its parameters, the defaults if None.
 
     Raises:
         BusybotError: there is no such model.
     """
     if model in REASONERS:
-        return REASONERS[model]()
+        make, parameters = REASONERS[model]
+        return make(config or parameters())
     names = ", ".join((*GRAPHS, *REASONERS))
     raise BusybotError(
         f"there is no model {model!r} of relations", f"name a trained model's folder, or one of: {names}"

@@ -167,6 +167,7 @@ def test_boards_without_further_steps_or_known_states_have_no_pred_a(tmp_path: P
     assert judge_episode(make_real_episode(), Judging(images=2)).forecast is None
 
 
+@pytest.mark.long
 def test_decoders_come_from_the_training_boards(tiny: Path, tmp_path: Path) -> None:
     boards = Dataset.open(shutil.copytree(tiny, tmp_path / "boards"))
     result = evaluate_dataset(boards, Judging("persistence", images=12), boards, workers=1)

@@ -1,7 +1,7 @@
 """Which states an object showed on a board, told from its features alone, without labels.
 
-Frames in which an object looks alike form a cluster. Two looks are alike when they lie nearer than a threshold, which is
-fixed once on training objects: between the distances of looks of one state (JPEG, a neighbour's shadow) and those of
+Frames in which an object looks alike form a cluster. Two looks are alike when they lie nearer than a threshold, which
+is fixed once on training objects: between the distances of looks of one state (JPEG, a neighbour in front) and those of
 different states.
 """
 

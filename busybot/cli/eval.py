@@ -30,6 +30,9 @@ def reason(
     ] = None,
     assets: Annotated[str | None, typer.Option(help="Objects for --decoders, if they are not found by hash.")] = None,
     out: Annotated[Path | None, typer.Option(help="Write the result as JSON to this file.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw the scores against the number of images into this file, F.png.")
+    ] = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters of the model.")] = None,
@@ -62,6 +65,10 @@ def reason(
     if out is not None:
         write_json(out, result)
         say(f"wrote {out}")
+    if figure is not None:
+        from busybot.view.reason_figure import images_figure
+
+        say(f"wrote {images_figure(figure, result)}")
     if json:
         print_json(result)
     else:

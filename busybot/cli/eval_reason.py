@@ -18,19 +18,24 @@ def print_tables(result: dict[str, Any]) -> None:
         console.print(_predictions(result))
 
 
-def _edges(result: dict[str, Any]) -> "Table":
+def _table(title: str, columns: tuple[str, ...]) -> "Table":
     from rich.table import Table
 
+    table = Table(title=title, title_justify="left")
+    table.add_column("percent", no_wrap=True)
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
+def _edges(result: dict[str, Any]) -> "Table":
     origin = result["dataset"]
     oracle = " (an oracle)" if result["oracle"] else ""
-    table = Table(
-        title=f"{origin['name']} ({origin['split']}): relations of {result['boards']} boards, first "
+    table = _table(
+        f"{origin['name']} ({origin['split']}): relations of {result['boards']} boards, first "
         f"{result['images']} images, actions by {result['policy'] or 'nobody'}{oracle}",
-        title_justify="left",
+        ("Edge-P", "Edge-R", "Edge-Acc", "ECE", "Brier"),
     )
-    table.add_column("percent", no_wrap=True)
-    for name in ("Edge-P", "Edge-R", "Edge-Acc", "ECE", "Brier"):
-        table.add_column(name, justify="right", no_wrap=True)
     keys = ("edge_p", "edge_r", "edge_acc", "ece", "brier")
     edges = ("precision", "recall", "accuracy")
     table.add_row(result["model"], *(_percent(result[key]) for key in keys), style="bold")
@@ -49,16 +54,11 @@ def _edges(result: dict[str, Any]) -> "Table":
 
 
 def _predictions(result: dict[str, Any]) -> "Table":
-    from rich.table import Table
-
-    table = Table(
-        title=f"Pred-A: {result['predicted_steps']} later steps on {result['predicted_boards']} boards, "
+    table = _table(
+        f"Pred-A: {result['predicted_steps']} later steps on {result['predicted_boards']} boards, "
         f"{_percent(result['failing'])} % of them without success",
-        title_justify="left",
+        ("all", "success", "each", "changed", "same"),
     )
-    table.add_column("percent", no_wrap=True)
-    for name in ("all", "success", "each", "changed", "same"):
-        table.add_column(name, justify="right", no_wrap=True)
     rows = {
         result["model"]: result,
         "  by decoders": result["decoded"],

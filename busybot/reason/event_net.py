@@ -161,7 +161,9 @@ class EffectHead(nn.Module):
         index = step[:, None, :, None].expand(-1, place.shape[1], -1, place.shape[3])
         repeated = place.gather(2, index)
         undone = repeated * contacts.reverse
-        undo = torch.cat([torch.zeros_like(near[..., : step.shape[1]]), torch.ones_like(near[..., step.shape[1] :])], -1)
+        undo = torch.cat(
+            [torch.zeros_like(near[..., : step.shape[1]]), torch.ones_like(near[..., step.shape[1] :])], -1
+        )
         looks = [torch.log(near + SMALL), near / size, torch.log(away + SMALL), away / size]
         own = torch.stack([*looks, torch.log(size).expand_as(near), undo], -1)
         return torch.cat([torch.cat([repeated, undone], 2), own], -1)
@@ -206,8 +208,10 @@ def _contacts(seen: Seen, asked: Asked) -> _Contacts:
     )
     reverse = told.new_ones(told.shape[-1])
     reverse[len(NEAR) + 1] = -1
-    closest = distance.masked_fill(~same, FAR).clamp(max=FAR).amin(-1) if distance.shape[2] else distance.new_full(
-        distance.shape[:2], FAR
+    closest = (
+        distance.masked_fill(~same, FAR).clamp(max=FAR).amin(-1)
+        if distance.shape[2]
+        else distance.new_full(distance.shape[:2], FAR)
     )
     held = seen.pos[asked.acted.clamp(min=0)]  # (B, Q, 3)
     arm = asked.actions[..., :3] - held

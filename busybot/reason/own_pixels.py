@@ -68,7 +68,9 @@ class OwnPixels:
         first = observed.frame(0)
         height, width = first.rgb.shape[:2]
         clipped = [(u0, v0, min(u1, width), min(v1, height)) for u0, v0, u1, v1 in observed.boxes.tolist()]
-        shown = {i: box for i, box in enumerate(clipped) if 0 <= box[0] < box[2] and 0 <= box[1] < box[3]}
+        shown: dict[int, tuple[int, ...]] = {
+            i: box for i, box in enumerate(clipped) if 0 <= box[0] < box[2] and 0 <= box[1] < box[3]
+        }
         # painted from the largest to the smallest, so the smallest box of a pixel stays on top
         top = np.full((height, width), -1, int)
         for i, (u0, v0, u1, v1) in sorted(shown.items(), key=lambda item: -_size(item[1])):

@@ -35,7 +35,7 @@ IMAGES = 23
 """The paper infers the graph from so many images, one more than actions."""
 
 CURVE = (2, 5, 8, 11, 14, 17, 20, 23)
-"""Numbers of observed images after which predictions are judged."""
+"""Numbers of observed images after which predictions are judged, beside the number asked for."""
 
 BOARDS_PER_WORKER = 10
 """A process more costs about as much time as so many boards."""
@@ -81,7 +81,7 @@ def judge_episode(episode: Episode, judging: Judging | None = None, features: np
     if truth is not None and len(truth.links) >= judging.images:
         watched = watch(episode, observed, sequence, truth, judging)
         reasoner = None if sequence is None else reasoner_of(judging.model, judging.config)
-        predicted = forecast(watched, reasoner, judging.images, CURVE)
+        predicted = forecast(watched, reasoner, judging.images, (*CURVE, judging.images))
     steps = len(seen.actions)
     return Judged(episode.board, graph, truth_of(episode), steps, episode.policy, episode.oracle, predicted)
 

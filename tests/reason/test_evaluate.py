@@ -150,7 +150,7 @@ def test_who_expects_no_change_is_right_where_an_action_misses(tmp_path: Path) -
     assert (result["pred_a_successful"], result["pred_a_changed"], result["pred_a_unchanged"]) == (0.0, 0.0, 1.0)
     assert result["decoder_accuracy"]["nearest"]["all"] == 1.0
     assert (result["edge_p"], result["edge_r"], result["encoder"]) == (None, 0.0, "embedded")
-    assert [point["images"] for point in result["by_images"] if point["pred_a"] is not None] == [2]
+    assert [point["images"] for point in result["by_images"] if point["pred_a"] is not None] == [2, 4]
 
 
 def test_looking_up_predicts_what_was_seen(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """An episode as a reasoner takes it, step by step."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from busybot.reason.baselines import Persistence
 from busybot.reason.foresee import Foreseen, foresee
 from busybot.reason.lookup import Lookup
 from busybot.reason.result import InferredGraph
-from tests.episodes.synthetic import make_episode
+from tests.episodes.synthetic import make_episode, make_real_episode
 
 
 def by_hand() -> Foreseen:
@@ -45,3 +47,19 @@ def test_what_comes_after_the_observed_images_teaches_nothing(images: int) -> No
     assert len(short.graph.probabilities) == images - 1
     np.testing.assert_array_equal(short.expected[: images - 1], whole.expected[: images - 1])
     assert sum(len(short.wrong(step)) for step in range(9)) >= sum(len(whole.wrong(step)) for step in range(9))
+
+
+def test_where_states_are_unknown_looks_stand_in_for_them() -> None:
+    """A recording of a board whose states nobody wrote down: clusters are what changes, from 0."""
+    episode = make_episode(steps=6)
+    unknown = [replace(step, responder_states_before=(), responder_states_after=()) for step in episode.steps]
+    foreseen = foresee(replace(episode, steps=unknown), Persistence())
+    truth = foresee(episode, Persistence())
+    assert not foreseen.known and (foreseen.states[0, [1, 2]] == 0).all()
+    for step in range(6):
+        assert foreseen.wrong(step).tolist() == truth.wrong(step).tolist()
+
+
+def test_where_nothing_shows_nothing_is_expected() -> None:
+    foreseen = foresee(make_real_episode(), Lookup())
+    assert not foreseen.judged.any() and not any(len(foreseen.wrong(step)) for step in range(4))

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from busybot.reason.foresee import Foreseen
+from busybot.reason.foresee import Foreseen, foresee
+from busybot.reason.lookup import Lookup
 from busybot.reason.result import InferredGraph
 from busybot.view.palette import CORRECT, WRONG
 from busybot.view.rerun_foreseen import eventful, words
 from busybot.view.rerun_log import Layers, save_rrd
-from tests.episodes.synthetic import make_episode
+from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.view.test_rerun_log import entities, rows
 
 EPISODE = make_episode(steps=2)
@@ -51,3 +52,10 @@ def test_hits_are_green_and_errors_red_on_the_picture_and_in_the_lanes(tmp_path:
 
 def test_what_never_happened_nor_was_expected_has_no_lane() -> None:
     assert eventful(foreseen()).tolist() == [1, 2]
+
+
+def test_a_board_without_boxes_can_be_looked_at(tmp_path: Path) -> None:
+    episode = make_real_episode()
+    expected = foresee(episode, Lookup())
+    save_rrd(tmp_path / "e.rrd", episode, [expected.graph], layers=Layers(foreseen=expected))
+    assert "/expected/picture" in entities(tmp_path / "e.rrd")

@@ -1,8 +1,9 @@
 """How likely the event model finds what happened: the loss, and how the two stages and the edges enter it.
 
-After a step a responder looks as before, or, if its trigger was acted on, as a past change shows it or like nothing seen
-yet. Each of these is a bell around a known look, so a step has a likelihood; a responder's steps together have one for
-each possible trigger, and the edge probabilities weigh those. The sum over triggers is exact: there are few.
+After a step a responder looks as before, or, if its trigger was acted on, as before or after a past change of it, or
+like nothing seen yet. Around each known look there is a bell, so a step has a likelihood; a responder's steps together
+have one for each possible trigger, and the edge probabilities weigh those. The sum over triggers is exact: they are
+few, so no edges need be drawn (Gumbel) as in the paper.
 """
 
 from dataclasses import dataclass
@@ -62,7 +63,11 @@ def log_likelihoods(effects: Effects, outcome: Outcome, config: LossConfig) -> t
     became = (choice[..., :-1] * copies).sum(-1) + choice[..., -1] * config.unknown
     change = torch.sigmoid(effects.change)
     controlled = (1 - change) * stayed + change * became
-    return torch.log(controlled + config.floor), torch.log(stayed + config.floor)
+    return _log(controlled, config.floor), _log(stayed, config.floor)
+
+
+def _log(likelihood: Tensor, floor: float) -> Tensor:
+    return torch.log(floor + (1 - floor) * likelihood)
 
 
 def log_not(log_probability: Tensor) -> Tensor:

@@ -1,6 +1,6 @@
 """The networks of the `event` model: which trigger controls which responder, and what a contact does to it.
 
-Two stages (protocol "Why the paper falls short"): does responder j change when it is acted here, and if so, to what. The
+Two stages (protocol "Why the paper falls short"): does responder j change with this contact, and if so, to what. The
 answer to the second is a look that j has had before, or something new: past changes are repeated or undone. Everything
 is told by distances between looks, contact points and directions, so nothing depends on what objects look like.
 
@@ -105,9 +105,13 @@ class EffectHead(nn.Module):
         self.candidate = mlp(len(NEAR) + 11, width, width, 1)
         self.match = nn.Parameter(torch.tensor(6.0))
         self.unknown = nn.Parameter(torch.tensor(-4.0))
-        for last in (self.change[-1], self.candidate[-1]):
-            nn.init.zeros_(last.weight)
-            nn.init.zeros_(last.bias)
+        self.start_as_lookup()
+
+    def start_as_lookup(self) -> None:
+        """Before training the nearest contact that changed something decides, and the change that begins where j is."""
+        for layers in (self.change, self.candidate):
+            for parameter in layers[-1].parameters():
+                nn.init.zeros_(parameter)
 
     def forward(self, seen: Seen, asked: Asked) -> Effects:
         """See `Effects`."""
@@ -227,6 +231,8 @@ def _contacts(seen: Seen, asked: Asked) -> _Contacts:
 
 class EventNet(nn.Module):
     """Both heads; `scale` is the smallest change in the encoder's units."""
+
+    scale: Tensor
 
     def __init__(self, config: NetConfig, scale: float = 1.0):
         super().__init__()

@@ -2,8 +2,8 @@
 
 Nothing is learnt. The graph is counted from the steps in which features changed. To predict a step, the nearest past
 contact on the same trigger that changed something names the responder; what it changes to is copied from the past
-change of that responder that began nearest to its present look. A past change can also be undone: then the look *before*
-it is copied.
+change of that responder that began nearest to its present look. A past change can also be undone: then the look
+*before* it is copied.
 """
 
 from typing import Annotated

@@ -18,3 +18,9 @@ def pair_scores(directions: np.ndarray) -> np.ndarray:
 def sigmoid(logits: np.ndarray) -> np.ndarray:
     """Probabilities of logits, without overflow."""
     return 1 / (1 + np.exp(-np.clip(np.asarray(logits, float), -30, 30)))
+
+
+def tempered(probabilities: np.ndarray, temperature: np.ndarray | float) -> np.ndarray:
+    """Probabilities whose logits are divided by the temperature: the higher it is, the less sure."""
+    sure = np.clip(probabilities, 1e-9, 1 - 1e-9)
+    return sigmoid(np.log(sure / (1 - sure)) / temperature)

@@ -16,7 +16,7 @@ from busybot.boards.directions import OPPOSITE
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.interact.beliefs import PAIRS, pair_scores, sigmoid
+from busybot.interact.beliefs import PAIRS, pair_scores, sigmoid, tempered
 from busybot.interact.clusters import cluster_tops
 from busybot.interact.memory import Memory
 from busybot.interact.policy_config import PolicyConfig
@@ -136,9 +136,10 @@ def find_candidates(
         return _nothing()
     columns, rows = pixels.T
     at_crop, directions = model.directions(view, pixels)
-    directions = np.asarray(directions, float)
+    new = links[rows, columns] == 0
+    directions = tempered(np.asarray(directions, float), np.where(new, config.temperature, 1)[:, None])
     logits = config.dense_weight * smooth[rows, columns] + (1 - config.dense_weight) * at_crop
-    logits = logits + prior_shift(config)
+    logits = logits + prior_shift(config) - config.caution * new
     beliefs, pairs = sigmoid(logits), pair_scores(directions)
     if memory is not None:
         beliefs, pairs = memory.doubted(pixels, logits, pairs)

@@ -101,22 +101,33 @@ class Memory:
             probabilities (K,) and (K, 9).
         """
         columns, rows = pixels.T
-        links = self.links[rows, columns]
-        failed_at = np.array([one.pixel for one in self.failures], int).reshape(-1, 2)
-        on_component = self._components[failed_at[:, 1], failed_at[:, 0]]
-        same = (self._components[rows, columns][:, None] == on_component[None]).sum(axis=1)
-        penalty = self._config.component_penalty * same + self._config.failure_penalty * len(self.failures)
+        links, nears = self.links[rows, columns], [self._near(failure, pixels) for failure in self.failures]
+        penalty = np.zeros(len(pixels))
+        for failure, near in zip(self.failures, nears, strict=True):
+            same = self._components[rows, columns] == self._components[failure.pixel[1], failure.pixel[0]]
+            penalty += (1 - near) * (self._config.component_penalty * same + self._config.failure_penalty)
         beliefs, pairs = sigmoid(logits - np.where(links == 0, penalty, 0)), pairs.copy()
-        for failure in self.failures:
-            distance = ((pixels - np.array(failure.pixel)) ** 2).sum(axis=1)
-            near = np.exp(-distance / (2 * self._config.failure_sigma**2))
-            near[near < NEGLIGIBLE] = 0
+        for failure, near in zip(self.failures, nears, strict=True):
             for pair, pair_belief in failure.pairs.items():
                 beliefs = (1 - near) * beliefs + near * _posterior(beliefs, pair_belief)
-                pairs[:, pair] *= 1 - near
+                pairs = self._without(pairs, pair, near)
         for link, pair in self.pairs.items():
             pairs[links == link, pair] = np.maximum(pairs[links == link, pair], self._config.known_pair)
         return beliefs, pairs
+
+    def _near(self, failure: Failure, pixels: np.ndarray) -> np.ndarray:
+        """How much a failure says about what is at the pixels (K, 2) itself, (K,) from 0 to 1."""
+        distance = ((pixels - np.array(failure.pixel)) ** 2).sum(axis=1)
+        near = np.exp(-distance / (2 * self._config.failure_sigma**2))
+        return np.where(near < NEGLIGIBLE, 0, near)
+
+    def _without(self, pairs: np.ndarray, failed: int, near: np.ndarray) -> np.ndarray:
+        """Beliefs (K, 9) after a pair failed so near: whatever can be moved there needs another one."""
+        excluded = self._config.exclusive * near * pairs[:, failed]
+        others = np.minimum(pairs / np.maximum(1 - excluded, 1e-3)[:, None], self._config.known_pair)
+        remaining = np.maximum(pairs, others)
+        remaining[:, failed] = pairs[:, failed] * (1 - near)
+        return remaining
 
 
 def _posterior(belief: Any, pair_belief: Any) -> Any:

@@ -15,8 +15,8 @@ from busybot.interact.networks import Kind
 from busybot.interact.paper_inputs import depth_and_normals, with_positions
 from busybot.interact.paper_networks import SIZE, PaperDirectionNet, make_paper_network
 
-PAPER_POLICY: dict[str, float | str] = {"candidates": "kmeans", "blur": 1}
-"""What the learned policy's constants are with a paper model: clusters of the affordance as it is."""
+PAPER_POLICY: dict[str, float | str] = {"candidates": "kmeans", "blur": 1, "caution": 0, "temperature": 1}
+"""What the learned policy's constants are with a paper model: clusters, affordance and directions as they are."""
 PAPER_PRIOR = 0.5
 """The affordance is taken as it is: no correction for how rare working places are."""
 SAVED_SIZE = "size"

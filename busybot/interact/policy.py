@@ -113,10 +113,11 @@ class LearnedPolicy(Generic[V]):
         return _chosen(known, int(known.scores.argmax()), "known") if len(known) else None
 
     def _random(self, found: Candidates, rng: np.random.Generator) -> Choice | None:
-        """Any candidate of enough promise; of its pair, the directions by their probabilities."""
+        """Any known link or new candidate of enough promise; of its pair, the directions by their probabilities."""
         if not len(found):
             return None
-        good = np.flatnonzero(found.scores >= min(self._config.collect, found.scores.max()))
+        promise = np.where(found.regions > 0, 1.0, found.scores)
+        good = np.flatnonzero(promise >= min(self._config.collect, promise.max()))
         index = int(rng.choice(good))
         choice = _chosen(found, index, "known" if found.regions[index] > 0 else "new")
         two = [choice.direction, int(OPPOSITE[choice.direction])]

@@ -1,7 +1,8 @@
 """The constants of the learned policy, in one place.
 
-They were chosen on boards of training objects. A model's card may carry other values (`policy` in model.json), and
-`--set policy.NAME=VALUE` overrides both.
+They were chosen on boards of training objects. `caution`, `temperature`, `exclusive` and `explore` were chosen on
+training objects that the model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is
+right. A model's card may carry other values (`thresholds` in model.json); `--set learned.NAME=VALUE` overrides both.
 """
 
 from typing import Annotated, Literal
@@ -27,16 +28,20 @@ class PolicyConfig(BaseModel):
         opening: what a known link leaves over must hold a square of this side to have a peak, pixels.
         dense_weight: share of the position network's logit in a candidate's belief; the rest is the crop network's.
         prior: share of working positions among the candidates; training sees half and half.
+        caution: logits taken from the belief in every candidate that has not moved yet.
+        temperature: the logits of its directions are divided by it.
+        exclusive: if a pair that was believed in by p failed, the belief in the others is divided by 1 - exclusive p.
         change: depth that differs by more than this has moved, board units.
         reach: a link's motion is looked for this far around the action, pixels.
         disc: so far around the action the link is taken as moved whatever the depth says, pixels.
         same_link: a motion is of a known link when it overlaps more than this share of the smaller of both regions.
-        component_penalty: logits that every failure takes from untouched candidates on the same elevated component.
-        failure_penalty: logits that every failure on the board takes from all untouched candidates.
-        failure_sigma: how far around it a failure is believed, pixels (Gaussian).
+        component_penalty: logits that every failure takes from untouched candidates farther away on the same elevated
+            component.
+        failure_penalty: logits that every failure on the board takes from all untouched candidates farther away.
+        failure_sigma: how far around it a failure speaks of the candidate itself, pixels (Gaussian).
         known_pair: least belief in the direction pair that moved a known link before.
         explore: new links are tried while the best one's expected success exceeds this; then known ones are repeated.
-        collect: least expected success of a candidate when data for reasoning are collected.
+        collect: least expected success of a new candidate when data for reasoning are collected.
         ucb_c, ucb_window: the paper's bonus and the side of its window, pixels.
         clusters: k of the K-means candidates: no board has more movable links.
         cluster_belief: least affordance of a pixel that takes part in the clusters.
@@ -53,6 +58,9 @@ class PolicyConfig(BaseModel):
     opening: Annotated[int, Field(ge=1, le=31)] = 5
     dense_weight: Share = 0.5
     prior: Inner = 0.15
+    caution: Logit = 1.5
+    temperature: Annotated[float, Field(ge=0.1, le=100)] = 2.0
+    exclusive: Share = 1.0
     change: Annotated[float, Field(gt=0)] = 2e-4
     reach: Pixels = 36
     disc: Pixels = 2
@@ -61,8 +69,8 @@ class PolicyConfig(BaseModel):
     failure_penalty: Logit = 0.7
     failure_sigma: Annotated[float, Field(gt=0)] = 6.0
     known_pair: Share = 0.97
-    explore: Share = 0.35
-    collect: Share = 0.35
+    explore: Share = 0.55
+    collect: Share = 0.5
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
     ucb_window: Annotated[int, Field(ge=1, le=200)] = 10
     clusters: Annotated[int, Field(ge=1, le=100)] = 7

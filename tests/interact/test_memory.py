@@ -81,7 +81,23 @@ def test_a_failure_counts_most_where_it_was() -> None:
     beliefs, pairs = logits_of(memory, (50, 50), (57, 50), (79, 41))
     assert beliefs[0] < beliefs[1] < beliefs[2] < 1 / (1 + np.exp(-2))
     assert pairs[0, 3] == 0 and 0 < pairs[1, 3] < 0.5 and pairs[2, 3] == 0.5
-    assert (np.delete(pairs, 3, axis=1) == 0.5).all()
+
+
+def test_where_a_pair_failed_the_others_are_believed_in_more() -> None:
+    memory = fresh()
+    memory.failed(Failure((50, 50), {3: 0.9}))
+    _, pairs = logits_of(memory, (50, 50), (57, 50), (79, 41))
+    others = np.delete(pairs, 3, axis=1)
+    assert (others[0] > 0.9).all() and (others[1] > 0.5).all() and (others[1] < others[0]).all()
+    assert (others[2] == 0.5).all() and others.max() <= CONFIG.known_pair
+
+
+def test_a_sure_place_is_tried_again_and_an_unsure_one_is_left() -> None:
+    memory = fresh()
+    memory.failed(Failure((50, 50), {3: 0.9}))
+    pixels, pairs = np.array([(50, 50), (50, 50)]), np.full((2, 9), 0.5)
+    beliefs, _ = memory.doubted(pixels, np.array([5.0, 1.0]), pairs)
+    assert beliefs[0] > 0.9 and beliefs[1] < 0.3
 
 
 def test_a_later_success_explains_a_failure() -> None:

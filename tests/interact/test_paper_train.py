@@ -116,7 +116,8 @@ def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> No
     assert model.info.training["rounds"]["epochs"] == 4 and model.info.training["rounds"]["steps"] == 72
     assert usual_mode(str(trained)) == "ucb"
     policy = LearnedChooser(str(trained)).provenance()["policy"]
-    assert policy == PolicyConfig(candidates="kmeans", blur=1, prior=0.5).model_dump(mode="json")
+    expected = PolicyConfig(candidates="kmeans", blur=1, prior=0.5, caution=0, temperature=1)
+    assert policy == expected.model_dump(mode="json")
     episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
     rays, image = Rays(episode.camera), episode.image(0)
     view = model.look(image, rays)

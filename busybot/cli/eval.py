@@ -22,7 +22,7 @@ def _root() -> None:
 def reason(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
     model: Annotated[
-        str, typer.Option(help="Who infers relations: count, pc, persistence, or a trained model's folder.")
+        str, typer.Option(help="Who infers relations: count, pc, lookup, persistence, or a trained model.")
     ] = "count",
     images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
     decoders: Annotated[

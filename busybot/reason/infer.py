@@ -56,7 +56,7 @@ def config_class(model: str) -> type[BaseModel]:
 
 @lru_cache(maxsize=4)
 def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
-    """A reasoner by its name or its folder, loaded once in a process.
+    """A reasoner by its name, or a trained model's name or folder; loaded once in a process.
 
     Args:
         config: its parameters, the defaults if None.
@@ -67,10 +67,12 @@ def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
     if model in REASONERS:
         make, parameters = REASONERS[model]
         return make(config or parameters())
-    names = ", ".join((*GRAPHS, *REASONERS))
-    raise BusybotError(
-        f"there is no model {model!r} of relations", f"name a trained model's folder, or one of: {names}"
-    )
+    from busybot.reason.models import load_reasoner  # torch, which the others do without
+
+    try:
+        return load_reasoner(model)
+    except BusybotError as error:
+        raise BusybotError(error.what, f"{error.mend}; without training: {', '.join((*GRAPHS, *REASONERS))}") from None
 
 
 def infer(episode: Episode | Observed, model: str = "count", config: BaseModel | None = None) -> InferredGraph:

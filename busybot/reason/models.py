@@ -42,15 +42,11 @@ def save_model(folder: Path, info: ModelInfo, tensors: dict[str, Tensor]) -> Non
 
 
 def load_reasoner(name_or_path: str | Path) -> Reasoner:
-    """`lookup`, a shipped model by its name, or any by its folder (a training's folder stands for its final model).
+    """A shipped model by its name, or any by its folder (a training's folder stands for its final model).
 
     Raises:
         BusybotError: there is no such model, or its files are damaged or do not belong together.
     """
-    if str(name_or_path) == "lookup":
-        from busybot.reason.lookup import Lookup
-
-        return Lookup()
     folder = find_folder(name_or_path, SHIPPED, "reason")
     info = read_info(folder, ModelInfo)
     tensors = load_tensors(folder / WEIGHTS_FILE).tensors

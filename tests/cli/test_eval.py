@@ -57,7 +57,7 @@ def test_parameters_can_be_set(dataset: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("--model", "oracle"), 1, "no model 'oracle'"),
+        (("--model", "oracle"), 1, "oracle: no model of that name"),
         (("--set", "noise=3"), 1, "parameter noise"),
         (("--images", "1"), 2, "--images"),
     ],

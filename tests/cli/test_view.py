@@ -90,4 +90,4 @@ def test_a_reasoner_comes_before_counting(dataset: Path, tmp_path: Path) -> None
 def test_an_unknown_reasoner_is_named(dataset: Path, tmp_path: Path) -> None:
     result = run(dataset, "--save", tmp_path / "e.rrd", "--reasoner", "oracle")
     assert result.exit_code == 1
-    assert "no model 'oracle'" in result.stderr and "lookup" in result.stderr
+    assert "oracle: no model of that name" in result.stderr and "lookup" in result.stderr

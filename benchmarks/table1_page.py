@@ -1,16 +1,14 @@
 """Table 1 as Markdown, from the result file of `benchmarks/table1.py` into a page that has a place for it.
 
-    python benchmarks/table1_page.py benchmarks/results/table1.json docs/interact.md
+    python -m benchmarks.table1_page benchmarks/results/table1.json docs/interact.md
 
 The place is between `<!-- table1 -->` and `<!-- end of table1 -->`. A row that was not run is shown as missing.
 """
 
-import argparse
-import json
-from pathlib import Path
 from typing import Any
 
-BEGIN, END = "<!-- table1 -->", "<!-- end of table1 -->"
+from benchmarks.pages import costs, put, write_page
+
 SPLITS = ("novel-config", "novel-object")
 KEYS = ("precision", "recall", "precision_exploring")
 PAPER = {
@@ -68,35 +66,11 @@ def _cell(row: dict[str, Any] | None, split: str, key: str) -> str:
     return f"{100 * judged[key]:.1f} ± {50 * (high - low):.1f}"
 
 
-def costs(result: dict[str, Any]) -> str:
-    """A sentence on time and memory of the trainings that nothing interrupted."""
-    trained = [row["training"]["cost"] for row in result["rows"].values() if row["training"]]
-    known = [cost for cost in trained if cost]
-    if not known:
-        return ""
-    minutes = [cost["seconds"] / 60 for cost in known]
-    return (
-        f"From nothing to a trained model: {min(minutes):.0f} to {max(minutes):.0f} minutes and at most "
-        f"{max(cost['megabytes'] for cost in known) / 1000:.1f} GB of memory on {result['machine']['cores']} cores "
-        f"({len(known)} of {len(trained)} trainings that nothing interrupted)."
-    )
-
-
 def page(text: str, result: dict[str, Any]) -> str:
     """The page with the table in its place."""
-    before, rest = text.split(BEGIN)
-    after = rest.split(END)[1]
-    return f"{before}{BEGIN}\n{table(result)}\n\n{costs(result)}\n{END}{after}"
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("result", type=Path)
-    parser.add_argument("page", type=Path)
-    arguments = parser.parse_args()
-    result = json.loads(arguments.result.read_text())
-    arguments.page.write_text(page(arguments.page.read_text(), result))
+    trained = [row["training"] for row in result["rows"].values() if row["training"]]
+    return put(text, "table1", f"{table(result)}\n\n{costs(trained, result['machine'])}")
 
 
 if __name__ == "__main__":
-    main()
+    write_page(__doc__, page)

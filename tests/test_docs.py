@@ -46,4 +46,4 @@ def test_table_1_is_that_of_the_results() -> None:
 
     written = (ROOT / "docs" / "interact.md").read_text(encoding="utf-8")
     result = json.loads((ROOT / "benchmarks" / "results" / "table1.json").read_text(encoding="utf-8"))
-    assert page(written, result) == written, "python benchmarks/table1_page.py"
+    assert page(written, result) == written, "python -m benchmarks.table1_page"

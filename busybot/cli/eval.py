@@ -21,37 +21,55 @@ def _root() -> None:
 @app.command()
 def reason(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
-    model: Annotated[str, typer.Option(help="Who infers the relations: count.")] = "count",
+    model: Annotated[
+        str, typer.Option(help="Who infers relations: count, pc, lookup, persistence, or a trained model.")
+    ] = "count",
     images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
+    decoders: Annotated[
+        Path | None, typer.Option(help="Judge predictions by decoders trained on this training dataset, too.")
+    ] = None,
+    assets: Annotated[str | None, typer.Option(help="Objects for --decoders, if they are not found by hash.")] = None,
     out: Annotated[Path | None, typer.Option(help="Write the result as JSON to this file.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw the scores against the number of images into this file, F.png.")
+    ] = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters of the model.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as change.tolerance=5.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Which trigger controls which responder: inferred from pictures, boxes and actions, compared with the truth.
+    """Which trigger controls which responder, and what the next action does: compared with the truth.
 
-    Shares in JSON lie between 0 and 1, in the table they are percent. Pred-A is null: counting predicts no states.
+    Models see pictures, boxes and actions. Shares in JSON lie between 0 and 1, in the table they are percent. Pred-A is
+    null for count and pc: they predict no states.
     """
+    from busybot.cli.eval_reason import print_tables
     from busybot.config import build
     from busybot.episodes.dataset import Dataset
     from busybot.files import write_json
-    from busybot.reason.count import CountConfig
-    from busybot.reason.evaluate import evaluate_dataset
+    from busybot.reason.evaluate import Judging, evaluate_dataset
+    from busybot.reason.infer import config_class
 
-    parameters = build(CountConfig, config, set_ or [], {})
-    target = Dataset.open(dataset)
+    parameters = build(config_class(model), config, set_ or [], {})
+    training = Dataset.open(decoders) if decoders else None
     with episode_progress("inferring") as progress:
-        result = evaluate_dataset(target, model, images, parameters, seed, workers, progress)
-    result["command"] = _command("reason", dataset, set_, config, model=model, images=images, seed=seed)
+        result = evaluate_dataset(
+            Dataset.open(dataset), Judging(model, images, parameters), training, assets, seed, workers, progress
+        )
+    options = {"model": model, "images": images, "seed": seed, "decoders": decoders}
+    result["command"] = _command("reason", dataset, set_, config, **options)
     if out is not None:
         write_json(out, result)
         say(f"wrote {out}")
+    if figure is not None:
+        from busybot.view.reason_figure import images_figure
+
+        say(f"wrote {images_figure(figure, result)}")
     if json:
         print_json(result)
     else:
-        _print_tables(result)
+        print_tables(result)
 
 
 @app.command()
@@ -105,38 +123,3 @@ def _command(skill: str, dataset: Path, settings: list[str] | None, config: Path
             words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
     words += [word for setting in settings or [] for word in ("--set", setting)]
     return shlex.join([*words, *(["--config", str(config)] if config else [])])
-
-
-def _print_tables(result: dict[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    origin = result["dataset"]
-    oracle = " (an oracle)" if result["oracle"] else ""
-    table = Table(
-        title=f"{origin['name']} ({origin['split']}): relations of {result['boards']} boards, first "
-        f"{result['images']} images, actions by {result['policy'] or 'nobody'}{oracle}",
-        title_justify="left",
-    )
-    table.add_column("percent", no_wrap=True)
-    for name in ("Edge-P", "Edge-R", "Edge-Acc", "ECE", "Brier"):
-        table.add_column(name, justify="right", no_wrap=True)
-    keys = ("edge_p", "edge_r", "edge_acc", "ece", "brier")
-    edges = ("precision", "recall", "accuracy")
-    table.add_row(result["model"], *(_percent(result[key]) for key in keys), style="bold")
-    for name, end in (("  95 % interval from", 0), ("  to", 1)):
-        ends = (result["intervals"][key] for key in edges)
-        table.add_row(name, *(_percent(interval and interval[end]) for interval in ends))
-    table.add_row("  mean over boards", *(_percent(result["macro"][key]) for key in edges))
-    table.add_row("  effect was visible", "", _percent(result["edge_r_bound"]), end_section=True)
-    for kind, scores in result["by_kind"].items():
-        name = f"  {kind} ({scores['relations']})"
-        table.add_row(name, _percent(scores["edge_p"]), _percent(scores["edge_r"]))
-    table.add_section()
-    for name, scores in result["baselines"].items():
-        table.add_row(name, *(_percent(scores[key]) for key in keys))
-    Console().print(table)
-
-
-def _percent(share: float | None) -> str:
-    return "-" if share is None else f"{100 * share:.1f}"

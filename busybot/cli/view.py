@@ -20,6 +20,9 @@ def view(
     model: Annotated[
         str | None, typer.Option(help="Show what this interaction model believes: name or folder.")
     ] = None,
+    reasoner: Annotated[
+        str | None, typer.Option(help="Show what this model of relations believes and expects: lookup, or a folder.")
+    ] = None,
     replay: Annotated[
         bool, typer.Option("--replay", help="Put every step back into the simulator and show its picture, too.")
     ] = False,
@@ -33,7 +36,7 @@ def view(
     if step is not None and not screenshot and (save or web):
         raise typer.BadParameter("it needs --screenshot or the viewer's window", param_hint="--step")
     objects = library_of_file(episode_file(source, episode), assets) if replay else None
-    show(source, episode, Wanted(save, screenshot, step, web, model, objects), print_json if json else _tell)
+    show(source, episode, Wanted(save, screenshot, step, web, model, objects, reasoner), print_json if json else _tell)
 
 
 def _tell(shown: Any) -> None:

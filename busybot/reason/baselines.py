@@ -1,8 +1,10 @@
-"""Graphs that need no look at the board, to stand beside every result: they say what a number is worth."""
+"""What needs no look at the board, to stand beside every result: it says what a number is worth."""
 
 import numpy as np
 
 from busybot.boards.spec import BoardSpec
+from busybot.reason.result import InferredGraph
+from busybot.reason.sequence import Sequence
 from busybot.rng import generator
 
 NAMES = ("empty graph", "all-ones graph", "random trigger")
@@ -23,3 +25,19 @@ def trivial_graphs(board: BoardSpec, candidates: np.ndarray, seed: int) -> dict[
         "all-ones graph": candidates.astype(float),
         "random trigger": guess,
     }
+
+
+class Persistence:
+    """A reasoner for which nothing controls anything and nothing ever changes."""
+
+    name = "persistence"
+    encoder = "embedded"
+
+    def graph(self, seen: Sequence) -> InferredGraph:
+        """No edges, float (max(T, 1), N, N)."""
+        objects = len(seen.responders)
+        return InferredGraph(self.name, np.zeros((max(seen.steps, 1), objects, objects)))
+
+    def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+        """The current features, (S, N, 256)."""
+        return current.copy()

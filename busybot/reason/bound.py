@@ -31,9 +31,10 @@ def determined(
     Returns:
         bool (T, N).
     """
-    links = truth.links.copy()
-    for step in np.flatnonzero(links < 0):
-        links[step] = _aimed_at(truth, contacts, acted, observed, int(step))
+    links = [
+        int(link) if link >= 0 else _aimed_at(truth, contacts, acted, observed, step)
+        for step, link in enumerate(truth.links)
+    ]
     before, after = truth.states[:-1], truth.states[1:]
     right = np.ones(before.shape, bool)
     for step in range(len(links)):

@@ -1,8 +1,8 @@
 """A competitor: constraint-based causal discovery, PC with G-squared tests (causal-learn), on what counting sees.
 
 Variables of a step are "trigger i was acted on" and "responder j changed", one sample for each step in which anything
-changed. It is known that nothing causes an action. An edge is claimed where PC leaves trigger and responder adjacent and
-the responder changes more often when the trigger is acted on. Probabilities are 0 or 1: PC gives none.
+changed. It is known that nothing causes an action. An edge is claimed where PC leaves trigger and responder adjacent
+and the responder changes more often when the trigger is acted on. Probabilities are 0 or 1: PC gives none.
 
 A step acts on one trigger, so the actions determine each other, which PC's assumption of faithfulness excludes: given
 the other triggers, an action has nothing left to explain, and full PC removes true edges. Without conditioning
@@ -58,7 +58,7 @@ def discover_changes(
     """The discovery itself; arguments and result as of `count.count_changes`."""
     steps, objects = changed.shape
     edges = np.zeros((max(steps, 1), objects, objects))
-    informative = changed.any(axis=1)
+    informative = np.asarray(changed.any(axis=1))
     actions = np.equal.outer(acted, triggers)
     for step in range(steps):
         if not informative[step]:

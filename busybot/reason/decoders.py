@@ -5,18 +5,27 @@ state index means different colours on different lamps (protocol "Reasoning"). T
 splits into the training of theirs.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from busybot.boards.spec import BoardSpec
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.mcap_file import read_episode
 from busybot.objects.library import Library
+from busybot.reason.judge import judged_objects
+from busybot.reason.observed import observe
+from busybot.reason.truth import states_of
 
+BOARDS = 300
+"""Decoders are trained on so many boards, the first ones."""
 RIDGE = 1e-2
 """Weight of the penalty on the classifier's coefficients, in units of the number of examples."""
 LEAST_SPREAD = 0.1
 """Channels that vary less than this share of the average one are not blown up to its size."""
+NAMES = "U16"
+"""Type of arrays of names of what is shown."""
 UNKNOWN = ""
 """Of objects whose appearance has no name: triggers, categories without examples."""
 
@@ -39,7 +48,7 @@ class Examples:
 def appearances(board: BoardSpec, library: Library, states: np.ndarray) -> np.ndarray:
     """Names of what responders show, str (F, N), from states int (F, N): "1", or for lamps "off" or "#ff00ff"."""
     stages = {relation.responder: relation.stage for relation in board.relations}
-    names = np.full(states.shape, UNKNOWN, "U16")
+    names = np.full(states.shape, UNKNOWN, NAMES)
     for index, placed in enumerate(board.objects):
         effect = library.get(placed.key).effect
         if effect is None:
@@ -73,7 +82,7 @@ def examples(board: BoardSpec, features: np.ndarray, shown: np.ndarray, judged: 
             rows.append(features[shown[:, index] == name, index].mean(axis=0))
             categories.append(board.objects[index].category)
             names.append(str(name))
-    return Examples(np.array(rows).reshape(-1, features.shape[-1]), np.array(categories, "U64"), np.array(names, "U16"))
+    return Examples(np.array(rows).reshape(-1, features.shape[-1]), np.array(categories, "U64"), np.array(names, NAMES))
 
 
 @dataclass(frozen=True)
@@ -105,7 +114,9 @@ def fit_linear(features: np.ndarray, shown: np.ndarray) -> Linear:
     targets = np.eye(len(classes))[number]
     penalty = RIDGE * np.eye(inputs.shape[1])
     penalty[-1, -1] = 0
-    return Linear(mean, spread, np.linalg.solve(inputs.T @ (weight * inputs) + penalty, inputs.T @ (weight * targets)), classes)
+    return Linear(
+        mean, spread, np.linalg.solve(inputs.T @ (weight * inputs) + penalty, inputs.T @ (weight * targets)), classes
+    )
 
 
 def _inputs(features: np.ndarray, mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
@@ -127,6 +138,25 @@ def fit_decoders(parts: Iterable[Examples]) -> dict[str, Linear]:
     }
 
 
+def train_decoders(dataset: Dataset, features: Mapping[int, np.ndarray], library: Library) -> dict[str, Linear]:
+    """Decoders from the first boards of a training dataset.
+
+    Args:
+        features: float (T + 1, N, C) by episode.
+        library: with the dataset's objects.
+    """
+    return fit_decoders(_examples(dataset, features, library))
+
+
+def _examples(dataset: Dataset, features: Mapping[int, np.ndarray], library: Library) -> Iterable[Examples]:
+    for index in sorted(features)[:BOARDS]:
+        episode = read_episode(dataset.episode_path(index), "lazy")
+        truth = states_of(episode)
+        if truth is not None:
+            shown = appearances(episode.board, library, truth.states)
+            yield examples(episode.board, features[index], shown, judged_objects(observe(episode)))
+
+
 class Decoded:
     """A judge that reads each object by the decoder of its category."""
 
@@ -137,7 +167,7 @@ class Decoded:
 
     def read(self, features: np.ndarray) -> np.ndarray:
         """Features float (F, N, C) to names, str (F, N); `UNKNOWN` where there is no decoder."""
-        found = np.full(features.shape[:2], UNKNOWN, self.truth.dtype)
+        found = np.full(features.shape[:2], UNKNOWN, NAMES)
         for index, decoder in self._of.items():
             if decoder is not None:
                 found[:, index] = decoder.read(features[:, index])

@@ -1,28 +1,91 @@
-"""From what was recorded to a graph, for whoever only wants the answer."""
+"""Who infers relations: by name or folder, and from what was recorded to a graph for whoever only wants the answer.
+
+`count` and `pc` read what was observed and infer a graph alone. The others are reasoners: they read features and
+predict, too.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
 
 from busybot.episodes.episode import Episode
 from busybot.errors import BusybotError
+from busybot.reason.baselines import Persistence
+from busybot.reason.constraint import PcConfig, discover
 from busybot.reason.count import CountConfig, count
+from busybot.reason.lookup import Lookup, LookupConfig
 from busybot.reason.observed import Observed, observe
+from busybot.reason.reasoner import Reasoner
 from busybot.reason.result import InferredGraph
 
-MODELS = ("count",)
+
+class NoParameters(BaseModel):
+    """Of models that have none to set."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-def check_model(model: str) -> None:
-    """Refuse the name of a model that does not exist."""
-    if model not in MODELS:
-        raise BusybotError(f"there is no model {model!r} of relations", f"choose one of: {', '.join(MODELS)}")
+def _persistence(_: NoParameters) -> Reasoner:
+    return Persistence()
 
 
-def infer(episode: Episode | Observed, model: str = "count", config: CountConfig | None = None) -> InferredGraph:
-    """Which object controls which, after each step, from what a reasoner may read.
+def _lookup(config: LookupConfig) -> Reasoner:
+    return Lookup(config=config)
+
+
+GRAPHS: dict[str, tuple[Callable[[Observed, Any], InferredGraph], type[BaseModel]]] = {
+    "count": (count, CountConfig),
+    "pc": (discover, PcConfig),
+}
+"""What infers a graph from `Observed` alone, with its parameters."""
+REASONERS: dict[str, tuple[Callable[[Any], Reasoner], type[BaseModel]]] = {
+    "lookup": (_lookup, LookupConfig),
+    "persistence": (_persistence, NoParameters),
+}
+"""Reasoners without training, with their parameters."""
+
+
+def config_class(model: str) -> type[BaseModel]:
+    """The parameters that can be set of a model."""
+    if model in GRAPHS:
+        return GRAPHS[model][1]
+    return REASONERS[model][1] if model in REASONERS else NoParameters
+
+
+@lru_cache(maxsize=4)
+def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
+    """A reasoner by its name, or a trained model's name or folder; loaded once in a process.
 
     Args:
-        config: parameters of `count`, its defaults if None.
+        config: its parameters, the defaults if None.
 
     Raises:
         BusybotError: there is no such model.
     """
-    check_model(model)
-    return count(episode if isinstance(episode, Observed) else observe(episode), config)
+    if model in REASONERS:
+        make, parameters = REASONERS[model]
+        return make(config or parameters())
+    from busybot.reason.models import load_reasoner  # torch, which the others do without
+
+    try:
+        return load_reasoner(model)
+    except BusybotError as error:
+        raise BusybotError(error.what, f"{error.mend}; without training: {', '.join((*GRAPHS, *REASONERS))}") from None
+
+
+def infer(episode: Episode | Observed, model: str = "count", config: BaseModel | None = None) -> InferredGraph:
+    """Which object controls which, after each step, from what a reasoner may read.
+
+    Args:
+        model: one of `GRAPHS`.
+        config: parameters of the model, its defaults if None.
+
+    Raises:
+        BusybotError: there is no such model.
+    """
+    if model not in GRAPHS:
+        what = f"there is no model {model!r} that infers relations without features"
+        raise BusybotError(what, f"choose one of: {', '.join(GRAPHS)}")
+    return GRAPHS[model][0](episode if isinstance(episode, Observed) else observe(episode), config)

@@ -8,6 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from busybot.reason.observed import Observed
+
 
 class Judge(Protocol):
     """Reads features.
@@ -46,7 +48,7 @@ class Nearest:
         for index in np.flatnonzero(judged):
             members = [clusters[:, index] == number for number in np.unique(clusters[:, index])]
             centres = [features[own, index].mean(axis=0) for own in members]
-            commonest = [np.bincount(states[own, index]).argmax() for own in members]
+            commonest = [_commonest(states[own, index]) for own in members]
             self._shown[int(index)] = (np.array(centres, np.float32), np.array(commonest))
 
     def read(self, features: np.ndarray) -> np.ndarray:
@@ -58,6 +60,12 @@ class Nearest:
         return found
 
 
-def persisting(judge: Judge, steps: slice) -> np.ndarray:
-    """Whether "nothing changes" is right, bool (S, N), whatever the features."""
-    return np.asarray(judge.truth[1:][steps] == judge.truth[:-1][steps])
+def _commonest(values: np.ndarray) -> int:
+    found, times = np.unique(values, return_counts=True)
+    return int(found[times.argmax()])
+
+
+def judged_objects(observed: Observed) -> np.ndarray:
+    """The responders that show in the first frame, bool (N,): only of them can a picture be expected."""
+    left, top, right, bottom = np.asarray(observed.boxes).reshape(-1, 4).T
+    return np.array([role == "responder" for role in observed.roles], bool) & (right > left) & (bottom > top)

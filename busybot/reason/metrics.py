@@ -170,7 +170,9 @@ def count_predictions(
 
 def prediction_scores(counts: Sequence[PredictionCounts]) -> PredictionScores:
     """All boards pooled."""
-    return PredictionScores(*(_share(part, whole) for part, whole in _prediction_ratios(_table(counts, PREDICTION_COLUMNS).sum(0))))
+    return PredictionScores(
+        *(_share(part, whole) for part, whole in _prediction_ratios(_table(counts, PREDICTION_COLUMNS).sum(0)))
+    )
 
 
 def macro_predictions(counts: Sequence[PredictionCounts]) -> float | None:

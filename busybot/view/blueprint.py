@@ -1,5 +1,6 @@
 """Rerun, where everything is: what the camera sees, what follows from it, the board in 3-D; below, how it came."""
 
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -8,6 +9,8 @@ import rerun.blueprint as rrb
 from busybot.episodes.episode import Episode
 from busybot.reason.result import InferredGraph
 from busybot.view.rerun_affordance import SPACE as AFFORDANCE
+from busybot.view.rerun_foreseen import LANES
+from busybot.view.rerun_foreseen import SPACE as EXPECTED
 from busybot.view.rerun_graph import graph_positions
 from busybot.view.rerun_replay import SPACE as SIMULATOR
 from busybot.view.rerun_series import relation_states
@@ -23,20 +26,26 @@ LEGEND_SHARE = 0.38
 """Of a plot's width, kept free for its legend."""
 
 
+@dataclass(frozen=True)
+class Shown:
+    """Which of `rerun_log.Layers` a recording has."""
+
+    affordance: bool = False
+    replayed: bool = False
+    foreseen: bool = False
+
+
 def blueprint(
-    episode: Episode,
-    inferred: list[InferredGraph],
-    menus: bool = True,
-    affordance: bool = False,
-    replayed: bool = False,
+    episode: Episode, inferred: list[InferredGraph], menus: bool = True, shown: Shown | None = None
 ) -> rrb.Blueprint:
     """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
+    shown = shown or Shown()
     names = [graph.name for graph in inferred]
     upper = rrb.Horizontal(
-        camera_views(episode, affordance, replayed), graph_views(episode, names), board_view(), column_shares=COLUMNS
+        camera_views(episode, shown), graph_views(episode, names), board_view(), column_shares=COLUMNS
     )
     beliefs = [belief_views(episode, names)] if names else []
-    parts = [signal_views(episode), *beliefs, account_views(episode)]
+    parts = [signal_views(episode), *beliefs, account_views(episode, shown.foreseen)]
     lower = rrb.Horizontal(*parts, column_shares=COLUMNS if names else [1, 1])
     panel: Literal["collapsed", "hidden"] = "collapsed" if menus else "hidden"
     return rrb.Blueprint(
@@ -50,13 +59,15 @@ def blueprint(
     )
 
 
-def camera_views(episode: Episode, affordance: bool = False, replayed: bool = False) -> Any:
+def camera_views(episode: Episode, shown: Shown) -> Any:
     """The image, closely around the board, and depth behind it; in front of both what else was asked for."""
     bounds = _bounds(*board_bounds(episode, MARGIN))
     spaces = {"camera": "Camera: boxes, action, change", "depth": "Depth"}
-    if affordance:
+    if shown.affordance:
         spaces = {AFFORDANCE: "Affordance before the action: candidates, known links", **spaces}
-    if replayed:
+    if shown.foreseen:
+        spaces = {EXPECTED: "Expected and seen: red is wrong", **spaces}
+    if shown.replayed:
         spaces = {SIMULATOR: "Simulator, the step put back: violet differs", **spaces}
     views = (
         rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, background=BACKGROUND)
@@ -139,9 +150,11 @@ def belief_views(episode: Episode, names: list[str]) -> Any:
     return rrb.Tabs(*views)
 
 
-def account_views(episode: Episode) -> Any:
-    """The simulator's discrete states, which no learner sees, and the steps in words."""
+def account_views(episode: Episode, foreseen: bool = False) -> Any:
+    """What was expected, the simulator's discrete states, which no learner sees, and the steps in words."""
+    expected = rrb.StateTimelineView(origin=LANES, name="What responders show, and what was expected")
     states = rrb.StateTimelineView(origin="states", name="States (privileged: no learner sees them)")
     columns = rrb.TextLogColumns(timeline_columns=["step"], text_log_columns=["body"])
     words = rrb.TextLogView(origin="log", name="In words", columns=columns)
-    return rrb.Tabs(*([states] if relation_states(episode, 0) else []), words)
+    views = ([expected] if foreseen else []) + ([states] if relation_states(episode, 0) else [])
+    return rrb.Tabs(*views, words)

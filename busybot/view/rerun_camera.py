@@ -79,13 +79,13 @@ def log_changes(recording: rr.RecordingStream, episode: Episode, step: int) -> N
     recording.log("camera/changed", rr.Boxes2D(mins=mins, sizes=sizes, colors=ACTION, radii=1.6 * pixel, draw_order=20))
 
 
-def log_action(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
+def log_action(recording: rr.RecordingStream, episode: Episode, step: int, space: str = "camera") -> None:
     """The chosen pixel and the proposed direction as the camera sees it."""
     done = episode.steps[step]
     position = np.array(done.position)
     tip = position + ARROW_LENGTH * DIRECTIONS[done.direction]
     ends, _ = project(np.stack([position, tip]), episode.camera)
     start, size = np.array(done.pixel, float) + 0.5, 1 / drawing_scale(episode)
-    recording.log("camera/action/pixel", rr.Points2D([start], colors=ACTION, radii=4.5 * size, draw_order=40))
+    recording.log(f"{space}/action/pixel", rr.Points2D([start], colors=ACTION, radii=4.5 * size, draw_order=40))
     arrow = rr.Arrows2D(origins=[start], vectors=[ends[1] - ends[0]], colors=ACTION, radii=1.6 * size, draw_order=30)
-    recording.log("camera/action/direction", arrow)
+    recording.log(f"{space}/action/direction", arrow)

@@ -17,11 +17,13 @@ from rerun.error_utils import catch_and_log_exceptions
 from busybot.episodes.episode import Episode
 from busybot.errors import BusybotError
 from busybot.interact.trace import Thought
+from busybot.reason.foresee import Foreseen
 from busybot.reason.result import InferredGraph
-from busybot.view.blueprint import blueprint
+from busybot.view.blueprint import Shown, blueprint
 from busybot.view.rerun_affordance import log_thought
 from busybot.view.rerun_board import BoardLogger
 from busybot.view.rerun_camera import log_camera_frame
+from busybot.view.rerun_foreseen import log_foreseen, log_lanes
 from busybot.view.rerun_graph import edge_places, log_graph
 from busybot.view.rerun_replay import log_replayed
 from busybot.view.rerun_series import (
@@ -46,10 +48,12 @@ class Layers:
     Attributes:
         thoughts: what a model believed, of `interact.trace.retrace`.
         replayed: steps and the simulator's pictures of them, of `sim.replay.pictures_again`.
+        foreseen: what a reasoner expected, of `reason.foresee`.
     """
 
     thoughts: Iterable[Thought] | None = None
     replayed: Iterable[tuple[int, np.ndarray]] | None = None
+    foreseen: Foreseen | None = None
 
 
 def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Sequence[InferredGraph] = ()) -> None:
@@ -88,6 +92,15 @@ def log_thoughts(recording: rr.RecordingStream, episode: Episode, thoughts: Iter
         log_thought(recording, episode, thought)
 
 
+def log_expectations(recording: rr.RecordingStream, episode: Episode, foreseen: Foreseen) -> None:
+    """Log what a reasoner expected of every step, where its outcome is shown."""
+    log_lanes(recording, episode, foreseen)
+    for frame in range(len(episode.frame_of)):
+        recording.set_time("step", sequence=frame)
+        recording.set_time("time", duration=float(frame))
+        log_foreseen(recording, episode, foreseen, frame)
+
+
 def log_pictures(recording: rr.RecordingStream, episode: Episode, replayed: Iterable[tuple[int, np.ndarray]]) -> None:
     """Log what the simulator shows when the steps are put back into it."""
     for step, picture in replayed:
@@ -118,12 +131,14 @@ def save_rrd(
             )
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
-            more = (layers.thoughts is not None, layers.replayed is not None)
-            recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus, *more))
+            shown = Shown(layers.thoughts is not None, layers.replayed is not None, layers.foreseen is not None)
+            recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus, shown))
             recording.send_recording_name(name)
             log_episode(recording, episode, inferred)
             log_thoughts(recording, episode, layers.thoughts or ())
             log_pictures(recording, episode, layers.replayed or ())
+            if layers.foreseen is not None:
+                log_expectations(recording, episode, layers.foreseen)
             recording.flush()
             recording.disconnect()
         os.replace(temporary, path)

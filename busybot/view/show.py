@@ -13,7 +13,8 @@ from busybot.errors import BusybotError
 from busybot.interact.chooser import load_once, policy_config
 from busybot.interact.trace import Thought, retrace
 from busybot.objects.library import Library
-from busybot.reason.infer import infer
+from busybot.reason.foresee import Foreseen, foresee
+from busybot.reason.infer import infer, reasoner_of
 from busybot.reason.result import InferredGraph
 from busybot.sim.replay import pictures_again
 from busybot.view.rerun_log import Layers, save_rrd
@@ -30,6 +31,7 @@ class Wanted:
         model: an interaction model whose affordances are shown.
         step: of the screenshot and the window, the last one by default; 0 is the start.
         objects: put every step back into the simulator with these and show its picture, too.
+        reasoner: show what this model of relations believes and expects, beside what counting infers.
     """
 
     save: Path | None = None
@@ -38,6 +40,7 @@ class Wanted:
     web: bool = False
     model: str | None = None
     objects: Library | None = None
+    reasoner: str | None = None
 
 
 @dataclass(frozen=True)
@@ -72,24 +75,34 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     steps = len(episode.steps)
     if wanted.step is not None and not 0 <= wanted.step <= steps:
         raise BusybotError(f"{path}: there is no step {wanted.step}", f"choose one from 0 (the start) to {steps}")
-    inferred = inferences(episode)
+    foreseen = None if wanted.reasoner is None else foresee(episode, reasoner_of(wanted.reasoner))
+    inferred = ([foreseen.graph] if foreseen else []) + inferences(episode)
+
+    def layers() -> Layers:
+        return _layers(path, episode, wanted, foreseen)
+
     if wanted.save:
-        save_rrd(wanted.save, episode, inferred, layers=_layers(path, episode, wanted))
+        save_rrd(wanted.save, episode, inferred, layers=layers())
     if wanted.screenshot:
-        picture_episode(episode, inferred, wanted.screenshot, wanted.step, _layers(path, episode, wanted))
+        picture_episode(episode, inferred, wanted.screenshot, wanted.step, layers())
     shown = Shown(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot)
     if wanted.web or window:
-        _show_live(episode, inferred, wanted, shown, announce)
+        _show_live(episode, inferred, layers(), wanted, shown, announce)
     else:
         announce(shown)
 
 
 def _show_live(
-    episode: Episode, inferred: list[InferredGraph], wanted: Wanted, shown: Shown, announce: Callable[[Shown], None]
+    episode: Episode,
+    inferred: list[InferredGraph],
+    layers: Layers,
+    wanted: Wanted,
+    shown: Shown,
+    announce: Callable[[Shown], None],
 ) -> None:
     with tempfile.TemporaryDirectory(prefix="busybot-view-") as folder:
         rrd = Path(folder) / f"{shown.episode.stem}.rrd"
-        save_rrd(rrd, episode, inferred, layers=_layers(shown.episode, episode, wanted))
+        save_rrd(rrd, episode, inferred, layers=layers)
         if wanted.web:
             serve_web(rrd, lambda url: announce(replace(shown, url=url)))
         else:
@@ -136,10 +149,10 @@ def thoughts_of(episode: Episode, model: str | None) -> Iterator[Thought] | None
     return retrace(episode, loaded, policy_config(loaded.info, {}))
 
 
-def _layers(path: Path, episode: Episode, wanted: Wanted) -> Layers:
+def _layers(path: Path, episode: Episode, wanted: Wanted, foreseen: Foreseen | None) -> Layers:
     """What is asked for beyond the recording; iterators, so anew for every use."""
     replayed = None if wanted.objects is None else pictures_again(path, wanted.objects)
-    return Layers(thoughts_of(episode, wanted.model), replayed)
+    return Layers(thoughts_of(episode, wanted.model), replayed, foreseen)
 
 
 def picture_episode(

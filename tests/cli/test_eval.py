@@ -57,7 +57,7 @@ def test_parameters_can_be_set(dataset: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("--model", "oracle"), 1, "no model 'oracle'"),
+        (("--model", "oracle"), 1, "oracle: no model of that name"),
         (("--set", "noise=3"), 1, "parameter noise"),
         (("--images", "1"), 2, "--images"),
     ],
@@ -72,3 +72,19 @@ def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:
     result = run(tmp_path, "--json")
     assert result.exit_code == 1
     assert "not a dataset" in json.loads(result.stdout)["error"]
+
+
+def test_a_reasoner_predicts_and_its_table_shows_it(dataset: Path, tmp_path: Path) -> None:
+    """Three later steps on each board, the last of which takes hold of nothing."""
+    picture = tmp_path / "curve.png"
+    result = run(dataset, "--model", "persistence", "--images", "4", "--workers", "1", "--figure", picture)
+    assert result.exit_code == 0
+    for text in ("persistence", "Pred-A: 9 later steps on 3 boards", "33.3", "bound, failures known", "nothing held"):
+        assert text in result.stdout
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_command_names_everything_that_decided_the_result(dataset: Path) -> None:
+    told = json.loads(run(dataset, "--model", "lookup", "--images", "7", "--set", "reach=0.3", "--json").stdout)
+    assert told["command"].endswith("--model lookup --images 7 --seed 0 --set reach=0.3")
+    assert told["config"]["reach"] == 0.3 and told["encoder"] == "embedded"

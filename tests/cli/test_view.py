@@ -79,3 +79,15 @@ def test_without_a_display_it_says_what_else_works(dataset: Path, monkeypatch: p
 def test_a_step_without_a_place_to_show_it_is_wrong_usage(dataset: Path, tmp_path: Path) -> None:
     assert run(dataset, "--save", tmp_path / "e.rrd", "--step", 2).exit_code == 2
     assert run(dataset, "--web", "--step", 2).exit_code == 2
+
+
+def test_a_reasoner_comes_before_counting(dataset: Path, tmp_path: Path) -> None:
+    result = run(dataset, "--save", tmp_path / "e.rrd", "--reasoner", "lookup", "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["inferred"] == ["lookup", "count"]
+
+
+def test_an_unknown_reasoner_is_named(dataset: Path, tmp_path: Path) -> None:
+    result = run(dataset, "--save", tmp_path / "e.rrd", "--reasoner", "oracle")
+    assert result.exit_code == 1
+    assert "oracle: no model of that name" in result.stderr and "lookup" in result.stderr

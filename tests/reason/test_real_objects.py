@@ -11,8 +11,9 @@ from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.objects.library import Library
 from busybot.reason.appearance import changes
-from busybot.reason.evaluate import judge_episode, summarise
+from busybot.reason.evaluate import judge_episode
 from busybot.reason.observed import acted_objects, observe
+from busybot.reason.summary import summarise
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policies import BuiltIn
 from busybot.sim.recorder import record_episode

@@ -1,0 +1,106 @@
+"""Commands that a user types, run for a table: their JSON, their cost, and what a stopped table has already."""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+
+def busybot(*arguments: str) -> dict[str, Any]:
+    """Run a command with --json and return what it printed; its progress goes on being shown.
+
+    Raises:
+        RuntimeError: the command failed; with the last lines of what it said.
+    """
+    command = [sys.executable, "-m", "busybot", *arguments, "--json"]
+    said: deque[str] = deque(maxlen=5)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stderr is not None
+        for line in process.stderr:
+            print(line, end="", file=sys.stderr, flush=True)
+            said.append(line.strip())
+        printed = process.stdout.read()
+    if process.returncode:
+        raise RuntimeError(" ".join(said))
+    return dict(json.loads(printed))
+
+
+def train(out: Path, *arguments: str) -> dict[str, Any]:
+    """Run a training into `out`, or continue it, or find it done; returns what it tells.
+
+    The key `cost` is added: wall time and memory, None if something interrupted the training.
+    """
+    fresh, note = not out.exists(), out.with_suffix(".cost.json")
+    with Cost() as cost:
+        told = busybot(*arguments)
+    if fresh:
+        note.write_text(json.dumps({"seconds": round(cost.seconds), "megabytes": round(cost.megabytes)}))
+    told["cost"] = json.loads(note.read_text()) if note.exists() else None
+    return told
+
+
+class Cost:
+    """Wall time and memory of the processes below this one, while it is entered."""
+
+    def __enter__(self) -> "Cost":
+        self.began, self.megabytes, self._over = time.monotonic(), 0.0, threading.Event()
+        self._watch = threading.Thread(target=self._sample, daemon=True)
+        self._watch.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._watch.join()
+        self.seconds = time.monotonic() - self.began
+
+    def _sample(self) -> None:
+        while not self._over.wait(2):
+            self.megabytes = max(self.megabytes, sum(_private(pid) for pid in _below(os.getpid())))
+
+
+def _below(pid: int) -> list[int]:
+    found = []
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        for child in task.read_text().split():
+            found += [int(child), *_below(int(child))]
+    return found
+
+
+def _private(pid: int) -> float:
+    """Memory that no file backs, MB; pages shared by processes are divided among them."""
+    try:
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    except OSError:
+        return 0.0  # it has just ended
+    return sum(int(line.split()[1]) for line in lines if line.startswith(("Pss_Anon", "Pss_Shmem"))) / 1000
+
+
+def machine() -> dict[str, Any]:
+    """What the commands run on."""
+    return {"cores": os.cpu_count(), "system": platform.system(), "processor": platform.machine()}
+
+
+def told_rows(out: Path) -> dict[str, Any]:
+    """The rows that a result file has already."""
+    return dict(json.loads(out.read_text())["rows"]) if out.exists() else {}
+
+
+def write_result(out: Path, result: dict[str, Any]) -> None:
+    """Replace the result file as a whole."""
+    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
+    temporary.write_text(json.dumps(result, indent=1) + "\n")
+    os.replace(temporary, out)
+
+
+def as_typed(command: tuple[str, ...], places: dict[str, str]) -> str:
+    """A command as a reader types it, with names for places of this machine."""
+    line = "busybot " + " ".join(command)
+    for place, name in places.items():
+        line = line.replace(place, name)
+    return line

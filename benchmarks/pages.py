@@ -1,0 +1,36 @@
+"""Tables from result files into pages that have a place for them."""
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def put(text: str, name: str, content: str) -> str:
+    """The page with the content between `<!-- NAME -->` and `<!-- end of NAME -->`."""
+    begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    before, rest = text.split(begin)
+    return f"{before}{begin}\n{content}\n{end}{rest.split(end)[1]}"
+
+
+def costs(training: list[dict[str, Any]], machine: dict[str, Any]) -> str:
+    """A sentence on time and memory of the trainings that nothing interrupted; empty if there is none."""
+    known = [told["cost"] for told in training if told["cost"]]
+    if not known:
+        return ""
+    minutes = [cost["seconds"] / 60 for cost in known]
+    return (
+        f"From nothing to a trained model: {min(minutes):.0f} to {max(minutes):.0f} minutes and at most "
+        f"{max(cost['megabytes'] for cost in known) / 1000:.1f} GB of memory on {machine['cores']} cores "
+        f"({len(known)} of {len(training)} trainings that nothing interrupted)."
+    )
+
+
+def write_page(description: str | None, page: Callable[[str, dict[str, Any]], str]) -> None:
+    """The command of a table: RESULT PAGE."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("result", type=Path)
+    parser.add_argument("page", type=Path)
+    arguments = parser.parse_args()
+    arguments.page.write_text(page(arguments.page.read_text(), json.loads(arguments.result.read_text())))

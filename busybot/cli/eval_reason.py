@@ -1,0 +1,81 @@
+"""What `busybot eval reason` prints."""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+PREDICTIONS = ("pred_a", "pred_a_successful", "pred_a_responder", "pred_a_changed", "pred_a_unchanged")
+
+
+def print_tables(result: dict[str, Any]) -> None:
+    """The relations, then what was predicted, each with what stands beside it."""
+    from rich.console import Console
+
+    console = Console()
+    console.print(_edges(result))
+    if result["predicted_boards"]:
+        console.print(_predictions(result))
+
+
+def _table(title: str, columns: tuple[str, ...]) -> "Table":
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    table.add_column("percent", no_wrap=True)
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
+def _edges(result: dict[str, Any]) -> "Table":
+    origin = result["dataset"]
+    oracle = " (an oracle)" if result["oracle"] else ""
+    table = _table(
+        f"{origin['name']} ({origin['split']}): relations of {result['boards']} boards, first "
+        f"{result['images']} images, actions by {result['policy'] or 'nobody'}{oracle}",
+        ("Edge-P", "Edge-R", "Edge-Acc", "ECE", "Brier"),
+    )
+    keys = ("edge_p", "edge_r", "edge_acc", "ece", "brier")
+    edges = ("precision", "recall", "accuracy")
+    table.add_row(result["model"], *(_percent(result[key]) for key in keys), style="bold")
+    for name, end in (("  95 % interval from", 0), ("  to", 1)):
+        ends = (result["intervals"][key] for key in edges)
+        table.add_row(name, *(_percent(interval and interval[end]) for interval in ends))
+    table.add_row("  mean over boards", *(_percent(result["macro"][key]) for key in edges))
+    table.add_row("  effect was visible", "", _percent(result["edge_r_bound"]), end_section=True)
+    for kind, scores in result["by_kind"].items():
+        name = f"  {kind} ({scores['relations']})"
+        table.add_row(name, _percent(scores["edge_p"]), _percent(scores["edge_r"]))
+    table.add_section()
+    for name, scores in result["baselines"].items():
+        table.add_row(name, *(_percent(scores[key]) for key in keys))
+    return table
+
+
+def _predictions(result: dict[str, Any]) -> "Table":
+    table = _table(
+        f"Pred-A: {result['predicted_steps']} later steps on {result['predicted_boards']} boards, "
+        f"{_percent(result['failing'])} % of them without success",
+        ("all", "success", "each", "changed", "same"),
+    )
+    rows = {
+        result["model"]: result,
+        "  by decoders": result["decoded"],
+        "nothing changes": result["persistence"],
+        "bound, failures unknown": result["bounds"]["not_knowing"],
+        "bound, failures known": result["bounds"]["knowing"],
+        **{f"  {kind} ({scores['steps']})": scores for kind, scores in result["pred_by_kind"].items()},
+    }
+    for name, scores in rows.items():
+        if scores is not None:
+            table.add_row(name, *(_percent(scores[key]) for key in PREDICTIONS))
+    for judge, shares in result["decoder_accuracy"].items():
+        if shares is not None:
+            accuracies = ", ".join(f"{name} {_percent(share)}" for name, share in shares.items())
+            table.caption = f"{table.caption or 'true features read rightly'}; {judge}: {accuracies}"
+    return table
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f}"

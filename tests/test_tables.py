@@ -1,0 +1,82 @@
+"""Benchmark tables: what stands in a cell, and what a stopped table keeps."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks import table2
+from benchmarks.commands import as_typed, told_rows, write_result
+from benchmarks.pages import costs, put
+from benchmarks.table2 import DETAILS, SCORES, across
+from benchmarks.table2_page import page, table
+
+
+def scores(**values: float | None) -> dict[str, Any]:
+    told: dict[str, Any] = dict.fromkeys((*SCORES, *DETAILS), None)
+    told["bounds"] = {"not_knowing": {"pred_a": 0.96, "pred_a_successful": 0.99}}
+    return {**told, **values}
+
+
+def result(*seeds: dict[str, Any]) -> dict[str, Any]:
+    row = {"training": [], "splits": {"novel-config": {**across(list(seeds)), "seeds": list(seeds)}}}
+    return {"machine": {"cores": 2}, "rows": {"event": row}}
+
+
+def test_mean_and_extremes_over_seeds() -> None:
+    told = across([scores(pred_a=0.9, edge_r=1.0), scores(pred_a=0.8, edge_r=None)])
+    assert (told["mean"]["pred_a"], told["least"]["pred_a"], told["most"]["pred_a"]) == (pytest.approx(0.85), 0.8, 0.9)
+    assert told["mean"]["edge_r"] is told["least"]["edge_r"] is None
+
+
+def test_cells_of_table_2() -> None:
+    lines = table(result(scores(pred_a=0.9, edge_p=1.0), scores(pred_a=0.8, edge_p=1.0))).splitlines()
+    cells = {line.split(" | ")[0].strip("| "): line.strip("| ").split(" | ")[1:] for line in lines[2:]}
+    assert cells["**`event`**"][:4] == ["missing"] * 4
+    assert cells["**`event`**"][4:8] == ["100.0", "-", "85.0 (80.0 to 90.0)", "-"]
+    assert cells["bound"][4:8] == ["", "", "96.0", "99.0"]
+    assert cells["counting"] == ["missing"] * 12
+    assert cells["*the paper: BusyBot*"][4:7] == ["95.5", "99.7", "73.8"]
+    assert len({line.count("|") for line in lines}) == 1
+
+
+def test_a_table_goes_into_its_place_alone() -> None:
+    text = put("a\n<!-- t -->\nold\n<!-- end of t -->\nb", "t", "new")
+    assert text == "a\n<!-- t -->\nnew\n<!-- end of t -->\nb" == put(text, "t", "new")
+    assert page("<!-- table2 --><!-- end of table2 -->", result(scores())).count("\n") > 10
+
+
+def test_only_uninterrupted_trainings_have_a_cost() -> None:
+    assert costs([{"cost": None}], {"cores": 2}) == ""
+    told = costs([{"cost": None}, {"cost": {"seconds": 600, "megabytes": 1500}}], {"cores": 2})
+    assert "10 to 10 minutes" in told and "1.5 GB" in told and "(1 of 2 trainings" in told
+
+
+def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def answer(*arguments: str) -> dict[str, Any]:
+        asked.append(arguments)
+        return scores(pred_a=0.5)
+
+    monkeypatch.setattr(table2, "busybot", answer)
+    (tmp_path / "data" / "novel-object").mkdir(parents=True)
+    out = tmp_path / "table2.json"
+    monkeypatch.setattr(
+        "sys.argv",
+        ["table2", "--data", f"{tmp_path}/data", "--work", f"{tmp_path}/work", "--out", str(out), "--rows", "lookup"],
+    )
+    table2.main()
+    table2.main()
+    assert len(asked) == 1 and asked[0][:2] == ("eval", "reason")
+    row = json.loads(out.read_text())["rows"]["lookup"]
+    assert row["splits"]["novel-object"]["mean"]["pred_a"] == 0.5
+    assert row["commands"] == ["busybot eval reason DATA/novel-object --model lookup --decoders DATA/train"]
+    assert told_rows(out)["lookup"] == row and told_rows(tmp_path / "none.json") == {}
+
+
+def test_commands_are_told_without_this_machines_places(tmp_path: Path) -> None:
+    assert as_typed(("eval", f"{tmp_path}/x"), {str(tmp_path): "DATA"}) == "busybot eval DATA/x"
+    write_result(tmp_path / "r.json", {"rows": {}})
+    assert [path.name for path in tmp_path.iterdir()] == ["r.json"]

@@ -1,0 +1,132 @@
+"""The `paper` model of relations: inference and dynamics networks (paper section 3.2, appendix A.1).
+
+Inference, from the first frames and the actions between them:
+
+1. the first graph network embeds nodes and edges in every frame (128-d);
+2. with the frame's states and the embedded actions these go through a convolution over time;
+3. the second graph network tells each edge's type: no relation, or a relation;
+4. conditioned on the types, the third one gives each edge a 32-d embedding of how it acts.
+
+Dynamics, from one frame, the action and the edges: a graph network embeds nodes and edges of related pairs, a recurrent
+network takes in the action, and a last graph network decodes the features after the action.
+
+What the paper leaves open, and what is chosen here (see also `paper_config`):
+
+- An edge is a pair of two nodes: none leads from a node to itself.
+- The second graph network propagates twice, the others once; only node outputs of the last one and edge outputs of the
+  second and third are used. V-CDN has it so.
+- "4 layers for edges" is one perceptron of four layers; V-CDN has two of two layers where there are two types.
+- Edges of the type "no relation" carry no messages in the dynamics network.
+- Training draws edge types with Gumbel-softmax noise; otherwise an edge's types are their probabilities.
+- What follows the last observed frame is not known to the inference network: zeros, as where nothing is acted on.
+- Networks begin with torch's default weights.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from busybot.reason.paper_boards import ACTION, STATE, Boards, Frames
+from busybot.reason.paper_config import PaperNetworkConfig
+from busybot.reason.paper_parts import KINDS, GraphNet, Pairs, Recurrent, TimeConvolution
+from busybot.reason.sequence import CHANNELS
+
+
+@dataclass(frozen=True)
+class Relations:
+    """The inferred graph.
+
+    Attributes:
+        logits: (P, 2), of "no relation" and "relation".
+        types: (P, 2), weights of the two types, which add up to 1.
+        embeddings: (P, 1, 32), how each edge acts.
+    """
+
+    logits: Tensor
+    types: Tensor
+    embeddings: Tensor
+
+    @property
+    def probabilities(self) -> Tensor:
+        """(P,), of a relation."""
+        return self.logits.softmax(-1)[:, 1]
+
+
+class PaperNetwork(nn.Module):
+    """Inference and dynamics networks; 18.4 M parameters as the paper has them."""
+
+    def __init__(self, config: PaperNetworkConfig):
+        super().__init__()
+        self.config = config
+        wide, action, edge = config.embedding, config.action, config.edge_embedding
+        seen = STATE + action
+        self.action = _perceptron((ACTION, action, action, action))
+        self.spatial = GraphNet(config, STATE, 0, wide, wide)
+        self.node_time = TimeConvolution(config, seen + wide, wide)
+        self.edge_time = TimeConvolution(config, 2 * seen + wide, wide)
+        self.edge_types = GraphNet(config, wide, wide, 0, KINDS, steps=2)
+        self.edge_embeddings = GraphNet(config, wide, wide, 0, edge, types=KINDS)
+        self.dynamic = GraphNet(config, STATE, edge, wide, wide)
+        self.node_recurrent = Recurrent(config, seen + wide, wide)
+        self.edge_recurrent = Recurrent(config, 2 * seen + wide + edge, wide)
+        self.decode = GraphNet(config, seen + wide, wide + edge, CHANNELS, 0)
+
+    def forward(self, boards: Boards, images: int, noise: Tensor | None = None) -> tuple[Tensor, Relations]:
+        """Infer the graph from the first `images` frames and predict each of the following steps, (M, S, 256)."""
+        pairs = pairs_of(boards)
+        relations = self.infer(pairs, boards.observed(images), noise)
+        return self.predict(pairs, boards.predicted(images)[0], relations), relations
+
+    def infer(self, pairs: Pairs, frames: Frames, noise: Tensor | None = None) -> Relations:
+        """Relations from observed frames.
+
+        Args:
+            noise: (P, 2), added to the logits before types are drawn from them; divided by the temperature both.
+        """
+        return self.relate(pairs, frames, *self.spatial(pairs, frames.states, None), noise)
+
+    def relate(
+        self, pairs: Pairs, frames: Frames, nodes: Tensor, edges: Tensor, noise: Tensor | None = None
+    ) -> Relations:
+        """Relations from spatial embeddings: nodes (M, F, 128) and edges (P, F, 128)."""
+        seen = torch.cat([frames.states, self.actions(frames)], -1)
+        node = self.node_time(torch.cat([nodes, seen], -1))
+        edge = self.edge_time.of_pairs(pairs, seen, edges)
+        logits = self.edge_types(pairs, node, edge)[1][:, 0]
+        types = logits.softmax(-1) if noise is None else (logits + noise).softmax(-1)
+        return Relations(logits, types, self.edge_embeddings(pairs, node, edge, types)[1])
+
+    def predict(self, pairs: Pairs, frames: Frames, relations: Relations) -> Tensor:
+        """Features after each frame's action, (M, F, 256), every frame on its own."""
+        related = relations.types[:, 1:]
+        acting = relations.embeddings.expand(-1, frames.states.shape[1], -1)
+        node, edge = self.dynamic(pairs, frames.states, acting, related)
+        seen = torch.cat([frames.states, self.actions(frames)], -1)
+        node = self.node_recurrent(torch.cat([node, seen], -1))
+        edge = self.edge_recurrent.of_pairs(pairs, seen, torch.cat([edge, acting], -1))
+        after = self.decode(pairs, torch.cat([node, seen], -1), torch.cat([edge, acting], -1), related)[0]
+        return after + frames.states[..., :CHANNELS] if self.config.residual else after
+
+    def actions(self, frames: Frames) -> Tensor:
+        """Each node's embedded action, (M, F, 256): that of zeros where it is not acted on."""
+        still = self.action(frames.actions.new_zeros(ACTION))
+        embedded = still.expand(*frames.states.shape[:2], -1).clone()
+        board, frame = torch.nonzero(frames.actors >= 0, as_tuple=True)
+        embedded[frames.actors[board, frame], frame] = self.action(frames.actions[board, frame])
+        return embedded
+
+
+def pairs_of(boards: Boards) -> Pairs:
+    """The boards' connected nodes."""
+    return Pairs(boards.receivers, boards.senders, len(boards.positions))
+
+
+def _perceptron(widths: tuple[int, ...]) -> nn.Sequential:
+    """Linear layers with ReLUs between them."""
+    layers: list[nn.Module] = []
+    for a, b in pairwise(widths):
+        layers += [nn.Linear(a, b), nn.ReLU()]
+    return nn.Sequential(*layers[:-1])

@@ -29,7 +29,6 @@ import torch
 
 from busybot import __version__
 from busybot.files import write_atomically
-from busybot.interact.device import device
 from busybot.interact.networks import KINDS, Kind, parameters_of
 from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_train import PaperTraining
@@ -37,6 +36,7 @@ from busybot.interact.rounds import Recorder, Told
 from busybot.interact.samples import Samples
 from busybot.objects.library import Library, find
 from busybot.rng import generator
+from busybot.training.device import device
 
 WARM_UP = 2
 

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from busybot.files import read_json, write_atomically
-from busybot.interact.fit_metrics import read_metrics
 from busybot.interact.networks import KINDS
+from busybot.training.metrics_file import read_metrics
 
 SHOWN = {
     "interact": ("judged/{}/result.json", ("precision", "recall", "precision_exploring", "boards")),

@@ -85,6 +85,7 @@ def test_data_flows_one_way(module: Path) -> None:
         "boards": {"sim", "episodes", "interact", "reason", "plan", "view", "cli"},
         "episodes": {"sim", "interact", "reason", "plan", "view", "cli"},
         "sim": {"interact", "reason", "plan", "view", "cli"},
+        "training": {"objects", "boards", "sim", "episodes", "interact", "reason", "plan", "view", "cli"},
         "interact": {"view", "cli"},
         "reason": {"view", "cli"},
         "plan": {"view", "cli"},

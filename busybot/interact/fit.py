@@ -18,16 +18,16 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from busybot.interact.batches import Batch, cut_batch, draw_batch
-from busybot.interact.checkpoint import restore_training, save_tensors, training_tensors
-from busybot.interact.device import device, repeat_exactly
 from busybot.interact.features import Inputs
 from busybot.interact.fit_config import FitConfig
-from busybot.interact.fit_metrics import Metrics
 from busybot.interact.networks import HIDDEN, DirectionNet, Kind, initialise, make_network
 from busybot.interact.ranking import direction_figures, position_figures
 from busybot.interact.replay import Priorities
 from busybot.interact.samples import open_samples
 from busybot.rng import generator
+from busybot.training.checkpoint import restore_training, save_tensors, training_tensors
+from busybot.training.device import device, repeat_exactly
+from busybot.training.metrics_file import Metrics
 
 VALIDATION_BATCH = 128
 

@@ -17,10 +17,10 @@ from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.files import read_json, write_json
-from busybot.interact.checkpoint import load_tensors, load_weights, save_tensors
-from busybot.interact.device import device
 from busybot.interact.features import ELEVATED, Inputs, Pinhole, colour_features, heights_of, picture_features
 from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network
+from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
+from busybot.training.device import device
 
 INFO_FILE = "model.json"
 SHIPPED = Path(__file__).with_name("models")

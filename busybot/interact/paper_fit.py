@@ -20,16 +20,16 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from busybot.interact.checkpoint import restore_training, save_tensors, training_tensors
-from busybot.interact.device import device
 from busybot.interact.features import Inputs
-from busybot.interact.fit_metrics import Metrics
 from busybot.interact.networks import Kind, initialise
 from busybot.interact.paper_config import LearnConfig
 from busybot.interact.paper_inputs import recorded_pictures, with_positions
 from busybot.interact.paper_networks import Size, make_paper_network
 from busybot.interact.samples import Samples
 from busybot.rng import generator
+from busybot.training.checkpoint import restore_training, save_tensors, training_tensors
+from busybot.training.device import device
+from busybot.training.metrics_file import Metrics
 
 
 @dataclass(frozen=True)

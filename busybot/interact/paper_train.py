@@ -24,7 +24,6 @@ from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
 from busybot.files import write_atomically
 from busybot.interact.chooser import PaperChooser
-from busybot.interact.device import repeat_exactly
 from busybot.interact.model import ModelInfo
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.paper_config import PaperConfig
@@ -34,8 +33,10 @@ from busybot.interact.paper_networks import Size
 from busybot.interact.paper_policy import PaperRules
 from busybot.interact.plots import plot_paper_training
 from busybot.interact.rounds import Recorder, finished
-from busybot.interact.run_folder import begin_folder, learner_versions
+from busybot.interact.run_folder import BEFORE
 from busybot.interact.samples import Samples, cache_samples, open_samples
+from busybot.training.device import repeat_exactly
+from busybot.training.run_folder import begin_folder, learner_versions
 
 PLOT_EVERY = 10
 """Epochs between pictures of the training's course."""
@@ -67,7 +68,7 @@ class PaperTraining:
         Raises:
             BusybotError: the folder holds another training, or recorded epochs are missing or unfinished.
         """
-        begin_folder(self.out, self.config, self.recorder.seed)
+        begin_folder(self.out, self.config, self.recorder.seed, BEFORE)
         torch.set_num_threads(self.config.threads)
         repeat_exactly()
         for epoch in range(self.config.epochs):

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from busybot.interact.fit_metrics import read_metrics
 from busybot.interact.networks import KINDS
+from busybot.training.metrics_file import read_metrics
 
 SIZE_INCHES = (11.0, 6.5)
 

@@ -1,53 +1,22 @@
 """What a training's folder says about itself: what was asked for, and where a model comes from."""
 
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 from torch import nn
 
-from busybot import __version__
 from busybot.episodes.dataset import Dataset
 from busybot.errors import BusybotError
-from busybot.files import read_json, write_json
-from busybot.interact.checkpoint import load_tensors, load_weights, network_tensors
 from busybot.interact.fit import FitJob
 from busybot.interact.samples import open_samples
 from busybot.interact.train_config import Round, TrainConfig
+from busybot.training.checkpoint import load_tensors, load_weights, network_tensors
+from busybot.training.run_folder import learner_versions
 
-TRAIN_FILE = "train.json"
-BEFORE = {"rounds", "validation"}
+BEFORE = ("rounds", "validation")
 """What may lie in a folder in which a training begins: recorded rounds, to train on with `--offline`."""
-
-
-def begin_folder(out: Path, config: BaseModel, seed: int) -> None:
-    """Note what is asked for, or refuse to continue a training that was asked for otherwise."""
-    wanted = {"seed": seed, "config": config.model_dump(mode="json")}
-    if out.exists() and not out.is_dir():
-        raise BusybotError(f"{out}: it is a file", "name a folder")
-    if not (out / TRAIN_FILE).exists():
-        strangers = sorted({entry.name for entry in out.iterdir()} - BEFORE) if out.is_dir() else []
-        if strangers:
-            raise BusybotError(f"{out}: it holds {strangers[0]!r} and no {TRAIN_FILE}", "name another folder")
-        write_json(out / TRAIN_FILE, wanted)
-        return
-    recorded = read_json(out / TRAIN_FILE)
-    differing = _differences(recorded, wanted, "")
-    if differing:
-        raise BusybotError(
-            f"{out}: a training with other parameters was begun there: {'; '.join(differing[:5])}",
-            "continue it with the same parameters, or name another folder",
-        )
-
-
-def _differences(recorded: Any, wanted: Any, place: str) -> list[str]:
-    if isinstance(recorded, dict) and isinstance(wanted, dict):
-        names = sorted(recorded.keys() | wanted.keys())
-        return [d for n in names for d in _differences(recorded.get(n), wanted.get(n), f"{place}.{n}".lstrip("."))]
-    return [] if recorded == wanted else [f"{place} {recorded!r}, now {wanted!r}"]
 
 
 def schedule_for(config: TrainConfig, datasets: int) -> tuple[Round, ...]:
@@ -99,8 +68,3 @@ def describe(
         "validation": {kind: dict(values) for kind, values in figures.items()},
         "versions": learner_versions(),
     }
-
-
-def learner_versions() -> dict[str, str]:
-    """Versions of what decides the weights."""
-    return {"busybot": __version__, **{name: version(name) for name in ("torch", "numpy")}}

@@ -26,10 +26,11 @@ from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, Kind, make_network
 from busybot.interact.plots import plot_training
 from busybot.interact.rounds import Explorer, Recorder, Told, finished
-from busybot.interact.run_folder import begin_folder, describe, network_of, schedule_for
+from busybot.interact.run_folder import BEFORE, describe, network_of, schedule_for
 from busybot.interact.samples import cache_samples
 from busybot.interact.train_config import TrainConfig
 from busybot.objects.library import Library
+from busybot.training.run_folder import begin_folder
 from busybot.workers import run_tasks
 
 FIT_SECONDS = 7 * 86400.0
@@ -66,7 +67,7 @@ class Training:
         Raises:
             BusybotError: the folder holds another training, or recorded rounds are missing or unfinished.
         """
-        begin_folder(self.out, self.config, self.seed)
+        begin_folder(self.out, self.config, self.seed, BEFORE)
         validation = self._validation()
         datasets: list[Dataset] = []
         for number in range(len(self.schedule)):

@@ -14,10 +14,10 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
-from busybot.interact.fit_metrics import read_metrics
 from busybot.interact.model import Model
 from busybot.interact.paper_fit import Learner
 from busybot.interact.samples import Samples
+from busybot.training.metrics_file import read_metrics
 from tests.interact.trainings import SMALL, make_rounds, weights
 
 SETTINGS = [word for setting in SMALL for word in ("--set", setting)]

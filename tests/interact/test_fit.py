@@ -8,9 +8,9 @@ import pytest
 from busybot.interact import fit as module
 from busybot.interact.fit import FitJob, fit
 from busybot.interact.fit_config import DirectionFitConfig, FitConfig
-from busybot.interact.fit_metrics import read_metrics
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.samples import cache_samples
+from busybot.training.metrics_file import read_metrics
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import permute_privileged
 

@@ -11,12 +11,12 @@ from busybot.boards.directions import OPPOSITE
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
 from busybot.interact.features import Inputs
-from busybot.interact.fit_metrics import read_metrics
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_fit import Learner, PaperJob, begin_learner, draw_half, paper_labels
 from busybot.interact.samples import SQUARES, Samples, cache_samples, open_samples
 from busybot.rng import generator
+from busybot.training.metrics_file import read_metrics
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import permute_privileged
 

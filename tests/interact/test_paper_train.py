@@ -11,7 +11,6 @@ from busybot.episodes.geometry import Rays
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
 from busybot.interact.chooser import LearnedChooser, usual_mode
-from busybot.interact.fit_metrics import read_metrics
 from busybot.interact.model import NOT_ELEVATED, Model
 from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_fit import Learner
@@ -23,6 +22,7 @@ from busybot.interact.policy_config import PolicyConfig
 from busybot.interact.rounds import Recorder, Told
 from busybot.interact.samples import Samples
 from busybot.rng import generator
+from busybot.training.metrics_file import read_metrics
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import weights
 

@@ -5,14 +5,16 @@ Node input: 256 visual features and the 3-D position, zeros in place of a trigge
 """
 
 from collections.abc import Sequence as Several
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from busybot.errors import BusybotError
 from busybot.reason.paper_config import PaperNetworkConfig
+from busybot.reason.paper_pairs import Pairs
 from busybot.reason.sequence import CHANNELS, Sequence
 
 STATE = CHANNELS + 3
@@ -34,7 +36,7 @@ class Frames:
     actors: Tensor
 
     def first(self, frames: int) -> "Frames":
-        """The first frames; what follows the last of them is not known."""
+        """The first frames, without the action after the last of them."""
         actors = self.actors[:, :frames].clone()
         actors[:, -1] = -1
         return Frames(self.states[:, :frames], self.actions[:, :frames], actors)
@@ -69,45 +71,49 @@ class Boards:
         """T."""
         return self.actions.shape[1]
 
+    @property
+    def pairs(self) -> Pairs:
+        """The connected nodes."""
+        return Pairs(self.receivers, self.senders, len(self.positions))
+
     def observed(self, images: int) -> Frames:
-        """The first `images` frames with the actions between them; at least one step is left to be predicted."""
-        images = min(images, self.steps)
+        """The first frames, at most `images`, with the actions between them."""
+        images = min(images, self.steps + 1)
         return self._frames(0, images).first(images)
 
     def predicted(self, images: int) -> tuple[Frames, Tensor]:
-        """The steps that follow the first `images` frames: their frames before, and features after, (M, S, 256)."""
-        start = min(images, self.steps) - 1
-        return self._frames(start, self.steps), self.features[:, start + 1 :]
-
-    def all_frames(self) -> Frames:
-        """All frames, but for the last one."""
-        return self._frames(0, self.steps)
+        """The steps after the first `images` frames: their frames before, and features after, (M, S, 256)."""
+        return self._frames(images - 1, self.steps), self.features[:, images:]
 
     def _frames(self, start: int, end: int) -> Frames:
-        features = self.features[:, start:end]
-        places = self.positions[:, None].expand(-1, end - start, -1)
-        return Frames(torch.cat([features, places], -1), self.actions[:, start:end], self.actors[:, start:end])
+        states = states_of(self.features[:, start:end], self.positions)
+        missing = max(0, end - self.steps)
+        actions = functional.pad(self.actions[:, start:end], (0, 0, 0, missing))
+        return Frames(states, actions, functional.pad(self.actors[:, start:end], (0, missing), value=-1))
 
     def to(self, device: torch.device | str, dtype: torch.dtype = torch.float32) -> "Boards":
         """The same boards on a device, with numbers of a type."""
-        moved = {
-            name: value.to(device, dtype) if value.is_floating_point() else value.to(device)
-            for name, value in vars(self).items()
-            if isinstance(value, Tensor)
-        }
-        return replace(self, **moved)
+        tensors = {name: value for name, value in vars(self).items() if isinstance(value, Tensor)}
+        floats = {name: value.to(device, dtype) for name, value in tensors.items() if value.is_floating_point()}
+        others = {name: value.to(device) for name, value in tensors.items() if not value.is_floating_point()}
+        return Boards(**floats, **others, sizes=self.sizes)
+
+
+def states_of(features: Tensor, positions: Tensor) -> Tensor:
+    """Node inputs: features (M, F, 256) and positions (M, 3) as (M, F, 259)."""
+    return torch.cat([features, positions[:, None].expand(-1, features.shape[1], -1)], -1)
 
 
 def boards_of(sequences: Several[Sequence], config: PaperNetworkConfig) -> Boards:
     """Join boards.
 
     Raises:
-        BusybotError: boards were watched for different numbers of steps, or for none.
+        BusybotError: boards were watched for different numbers of steps.
     """
     lengths = sorted({seen.steps for seen in sequences})
-    if len(lengths) != 1 or lengths[0] < 1:
+    if len(lengths) != 1:
         what = f"boards with {', '.join(map(str, lengths))} steps in one batch"
-        raise BusybotError(what, "train on datasets whose episodes have equally many steps, and at least one")
+        raise BusybotError(what, "train on datasets whose episodes have equally many steps")
     sizes = [len(seen.positions) for seen in sequences]
     if config.pairs == "all":
         sizes = [max(config.objects, size) for size in sizes]

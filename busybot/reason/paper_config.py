@@ -39,6 +39,7 @@ class PaperNetworkConfig(BaseModel):
         recurrent: width of the recurrent network.
         dropout: share of its numbers left out in training.
         normalise: normalise batches.
+        temperature: of the Gumbel-softmax.
         residual: predict the change of the features instead of the features. Not the paper's.
     """
 
@@ -57,6 +58,7 @@ class PaperNetworkConfig(BaseModel):
     recurrent: Width = 256
     dropout: Annotated[float, Field(ge=0, lt=1)] = 0.2
     normalise: bool = True
+    temperature: Annotated[float, Field(gt=0)] = 1.0
     residual: bool = False
 
     @field_validator("kernel")
@@ -78,7 +80,6 @@ class PaperReasonConfig(BaseModel):
         batch: boards per iteration.
         learning_rate: of Adam.
         explosion: an iteration's loss must be below so many times that of the last iteration that was not left out.
-        temperature: of the Gumbel-softmax.
         prior: share of pairs expected to be related.
         prior_weight: of the edges' divergence from that prior, beside the mean squared error; 0 in the paper.
         bfloat16: multiply matrices in bfloat16.
@@ -93,7 +94,6 @@ class PaperReasonConfig(BaseModel):
     batch: Annotated[int, Field(ge=2, le=65_536)] = 64
     learning_rate: Annotated[float, Field(gt=0)] = 5e-4
     explosion: Annotated[float, Field(gt=1)] = 2.0
-    temperature: Annotated[float, Field(gt=0)] = 1.0
     prior: Annotated[float, Field(gt=0, lt=1)] = 0.2
     prior_weight: Annotated[float, Field(ge=0)] = 0.0
     bfloat16: bool = False

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from busybot.reason.paper_networks import PaperNetwork
+from busybot.reason.paper_networks import PaperNetwork, drawn
 from busybot.reason.paper_parts import GraphNet, Layers, Nothing, Recurrent, TimeConvolution
 
 
@@ -48,7 +48,7 @@ def infer(network: PaperNetwork, states: Tensor, actions: Tensor, masks: Masks, 
     node = over_time(network.node_time, torch.cat([nodes, seen], -1), masks.nodes)
     edge = over_time(network.edge_time, torch.cat([*ends(seen), edges], -1), masks.pairs)
     logits = graph_net(network.edge_types, node, edge, None, masks)[1][:, 0]
-    types = (logits if noise is None else logits + noise).softmax(-1)
+    types = drawn(logits, noise, network.config.temperature)
     return DenseRelations(logits, types, graph_net(network.edge_embeddings, node, edge, types, masks)[1][:, 0])
 
 
@@ -95,7 +95,7 @@ def ends(nodes: Tensor) -> tuple[Tensor, Tensor]:
 
 def layered(layers: Layers, x: Tensor, mask: Tensor) -> Tensor:
     """The layers on what there is, zeros elsewhere: x (B, F, ...), mask (B, ...)."""
-    for layer in layers.linear:
+    for layer in (layers.first, *layers.rest):
         x = layer(x).relu()
     there = mask[:, None].expand(x.shape[:-1])
     return torch.zeros_like(x).masked_scatter(there[..., None], layers.normalise(x[there]))

@@ -27,11 +27,11 @@ from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
 from busybot.reason.paper_boards import ACTION, STATE, Boards, Frames
 from busybot.reason.paper_config import PaperNetworkConfig
-from busybot.reason.paper_parts import KINDS, GraphNet, Pairs, Recurrent, TimeConvolution
+from busybot.reason.paper_pairs import Pairs
+from busybot.reason.paper_parts import KINDS, GraphNet, Recurrent, TimeConvolution
 from busybot.reason.sequence import CHANNELS
 
 
@@ -76,7 +76,7 @@ class PaperNetwork(nn.Module):
 
     def forward(self, boards: Boards, images: int, noise: Tensor | None = None) -> tuple[Tensor, Relations]:
         """Infer the graph from the first `images` frames and predict each of the following steps, (M, S, 256)."""
-        pairs = pairs_of(boards)
+        pairs = boards.pairs
         relations = self.infer(pairs, boards.observed(images), noise)
         return self.predict(pairs, boards.predicted(images)[0], relations), relations
 
@@ -84,9 +84,10 @@ class PaperNetwork(nn.Module):
         """Relations from observed frames.
 
         Args:
-            noise: (P, 2), added to the logits before types are drawn from them; divided by the temperature both.
+            noise: (P, 2), Gumbel noise with which the types are drawn; None for their probabilities.
         """
-        return self.relate(pairs, frames, *self.spatial(pairs, frames.states, None), noise)
+        nodes, edges = self.spatial(pairs, frames.states, None)
+        return self.relate(pairs, frames, nodes, edges, noise)
 
     def relate(
         self, pairs: Pairs, frames: Frames, nodes: Tensor, edges: Tensor, noise: Tensor | None = None
@@ -96,7 +97,7 @@ class PaperNetwork(nn.Module):
         node = self.node_time(torch.cat([nodes, seen], -1))
         edge = self.edge_time.of_pairs(pairs, seen, edges)
         logits = self.edge_types(pairs, node, edge)[1][:, 0]
-        types = logits.softmax(-1) if noise is None else (logits + noise).softmax(-1)
+        types = drawn(logits, noise, self.config.temperature)
         return Relations(logits, types, self.edge_embeddings(pairs, node, edge, types)[1])
 
     def predict(self, pairs: Pairs, frames: Frames, relations: Relations) -> Tensor:
@@ -119,9 +120,9 @@ class PaperNetwork(nn.Module):
         return embedded
 
 
-def pairs_of(boards: Boards) -> Pairs:
-    """The boards' connected nodes."""
-    return Pairs(boards.receivers, boards.senders, len(boards.positions))
+def drawn(logits: Tensor, noise: Tensor | None, temperature: float) -> Tensor:
+    """Weights of the types: drawn by Gumbel-softmax, or their probabilities."""
+    return logits.softmax(-1) if noise is None else ((logits + noise) / temperature).softmax(-1)
 
 
 def _perceptron(widths: tuple[int, ...]) -> nn.Sequential:

@@ -1,11 +1,7 @@
 """What the paper's graph networks are built of (paper appendix A.1 "Reasoning module", "Network details").
 
-A layer for edges begins with a linear map of (receiver, sender, edge). Its matrix falls into three parts,
-
-    W [n_i; n_j; e_ij] = W_r n_i + W_s n_j + W_e e_ij
-
-so that nodes are multiplied once each, not once for every edge. `paper_dense` has the same networks as the paper writes
-them, on the same weights.
+Layers for edges begin with a linear map of (receiver, sender, edge), which `paper_pairs` computes without joining them.
+`paper_dense` has the same networks as the paper writes them, on the same weights.
 """
 
 from itertools import pairwise
@@ -13,47 +9,12 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
-from torch_geometric.utils import scatter
 
 from busybot.reason.paper_config import PaperNetworkConfig
+from busybot.reason.paper_pairs import Pairs
 
 KINDS = 2
 """Types of edges: 0 no relation, 1 relation."""
-
-
-class Pairs:
-    """Connected nodes.
-
-    Args:
-        receivers: int64 (P,).
-        senders: int64 (P,).
-        nodes: how many nodes there are.
-    """
-
-    def __init__(self, receivers: Tensor, senders: Tensor, nodes: int):
-        self.receivers, self.senders, self.nodes = receivers, senders, nodes
-
-    def ends(self, received: Tensor, sent: Tensor) -> Tensor:
-        """What every pair's receiver and sender have, added: (M, ...), (M, ...) -> (P, ...)."""
-        return received.index_select(0, self.receivers) + sent.index_select(0, self.senders)
-
-    def gather(self, messages: Tensor) -> Tensor:
-        """Sum of the messages that reach each node: (P, ...) -> (M, ...)."""
-        return scatter(messages, self.receivers, dim=0, dim_size=self.nodes, reduce="sum")
-
-    def linear(self, weight: Tensor, bias: Tensor, nodes: Tensor, edges: Tensor | None) -> Tensor:
-        """A linear map of (receiver, sender, edge).
-
-        Shapes:
-            weight: (H, 2 D + E).
-            nodes: (M, F, D).
-            edges: (P, F, E).
-            output: (P, F, H).
-        """
-        width = nodes.shape[-1]
-        received, sent, own = weight.split([width, width, weight.shape[1] - 2 * width], 1)
-        result = self.ends(functional.linear(nodes, received, bias), functional.linear(nodes, sent))
-        return result if edges is None else result + functional.linear(edges, own)
 
 
 class Normalise(nn.BatchNorm1d):
@@ -72,19 +33,20 @@ class Layers(nn.Module):
 
     def __init__(self, widths: tuple[int, ...], normalise: bool):
         super().__init__()
-        self.linear = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(widths))
+        first, *rest = (nn.Linear(a, b) for a, b in pairwise(widths))
+        self.first, self.rest = first, nn.ModuleList(rest)
         self.normalise = Normalise(widths[-1]) if normalise else nn.Identity()
 
     def forward(self, x: Tensor) -> Tensor:
-        return self.after(self.linear[0](x))
+        return self.after(self.first(x))
 
     def of_pairs(self, pairs: Pairs, nodes: Tensor, edges: Tensor | None) -> Tensor:
         """The same for an input of (receiver, sender, edge)."""
-        return self.after(pairs.linear(self.linear[0].weight, self.linear[0].bias, nodes, edges))
+        return self.after(pairs.linear(self.first.weight, self.first.bias, nodes, edges))
 
     def after(self, x: Tensor) -> Tensor:
         """What follows the first linear map."""
-        for layer in self.linear[1:]:
+        for layer in self.rest:
             x = layer(functional.relu(x))
         return self.normalise(functional.relu(x))
 
@@ -151,9 +113,7 @@ class GraphNet(nn.Module):
         )
 
 
-def _mixed(
-    by_type: nn.ModuleList, pairs: Pairs, nodes: Tensor, edges: Tensor | None, weights: Tensor | None
-) -> Tensor:
+def _mixed(by_type: nn.ModuleList, pairs: Pairs, nodes: Tensor, edges: Tensor | None, weights: Tensor | None) -> Tensor:
     """(P, F, H): what the types' layers say, weighted and added."""
     said = [layers.of_pairs(pairs, nodes, edges) for layers in by_type]  # type: ignore[operator]
     if weights is None:
@@ -187,33 +147,28 @@ class TimeConvolution(nn.Module):
 
     def __init__(self, config: PaperNetworkConfig, inputs: int, outputs: int):
         super().__init__()
-        channels = [inputs, *[config.convolution] * 3]
-        self.convolutions = nn.ModuleList(
-            nn.Conv1d(a, b, config.kernel, padding=config.kernel // 2) for a, b in pairwise(channels)
-        )
-        self.normalise = nn.ModuleList(
-            nn.BatchNorm1d(width) if config.normalise else nn.Identity() for width in channels[1:]
-        )
-        self.last = nn.Conv1d(config.convolution, outputs, 1)
+        width, kernel, half = config.convolution, config.kernel, config.kernel // 2
+        self.first = nn.Conv1d(inputs, width, kernel, padding=half)
+        self.rest = nn.ModuleList(nn.Conv1d(width, width, kernel, padding=half) for _ in range(2))
+        self.normalise = nn.ModuleList(nn.BatchNorm1d(width) if config.normalise else nn.Identity() for _ in range(3))
+        self.last = nn.Conv1d(width, outputs, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        return self.after(self.convolutions[0](x.transpose(1, 2)))
+        return self.after(self.first(x.transpose(1, 2)))
 
     def of_pairs(self, pairs: Pairs, nodes: Tensor, edges: Tensor) -> Tensor:
         """The same for an input of (receiver, sender, edge): nodes (M, F, D), edges (P, F, E)."""
-        first, width = self.convolutions[0], nodes.shape[-1]
-        received, sent, own = first.weight.split([width, width, edges.shape[-1]], 1)
-        seen, padding = nodes.transpose(1, 2), first.padding
-        parts = [functional.conv1d(seen, part, padding=padding) for part in (received, sent)]
-        mine = functional.conv1d(edges.transpose(1, 2), own, first.bias, padding=padding)
-        return self.after(pairs.ends(*parts) + mine)
+        width, half = nodes.shape[-1], self.first.kernel_size[0] // 2
+        received, sent, own = self.first.weight.split([width, width, edges.shape[-1]], 1)
+        seen = nodes.transpose(1, 2)
+        both = pairs.ends(*(functional.conv1d(seen, part, padding=half) for part in (received, sent)))
+        return self.after(both + functional.conv1d(edges.transpose(1, 2), own, self.first.bias, padding=half))
 
     def after(self, x: Tensor) -> Tensor:
         """What follows the first convolution."""
-        for number, normalise in enumerate(self.normalise):
-            if number:
-                x = self.convolutions[number](functional.max_pool1d(x, 2, ceil_mode=True))
-            x = normalise(functional.relu(x))
+        x = self.normalise[0](functional.relu(x))
+        for convolution, normalise in zip(self.rest, self.normalise[1:], strict=True):
+            x = normalise(functional.relu(convolution(functional.max_pool1d(x, 2, ceil_mode=True))))
         return self.last(x).amax(2)[:, None]
 
 
@@ -234,18 +189,25 @@ class Recurrent(nn.Module):
         self.last = nn.Linear(config.recurrent, outputs)
 
     def forward(self, x: Tensor) -> Tensor:
-        return self.after(functional.linear(x, self.units.weight_ih_l0, self.units.bias_ih_l0))
+        weight, bias, _ = self._unit(0)
+        return self.after(functional.linear(x, weight, bias))
 
     def of_pairs(self, pairs: Pairs, nodes: Tensor, edges: Tensor) -> Tensor:
         """The same for an input of (receiver, sender, edge): nodes (M, F, D), edges (P, F, E)."""
-        return self.after(pairs.linear(self.units.weight_ih_l0, self.units.bias_ih_l0, nodes, edges))
+        weight, bias, _ = self._unit(0)
+        return self.after(pairs.linear(weight, bias, nodes, edges))
 
     def after(self, gates: Tensor) -> Tensor:
         """What follows the first linear map."""
-        units = self.units
-        memory = functional.dropout(_from_empty(gates, units.bias_hh_l0), units.dropout, self.training)
-        gates = functional.linear(memory, units.weight_ih_l1, units.bias_ih_l1)
-        return self.last(functional.relu(_from_empty(gates, units.bias_hh_l1)))
+        memory = functional.dropout(_from_empty(gates, self._unit(0)[2]), self.units.dropout, self.training)
+        weight, bias, own_bias = self._unit(1)
+        return self.last(functional.relu(_from_empty(functional.linear(memory, weight, bias), own_bias)))
+
+    def _unit(self, number: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Weight and bias of what comes in, and the memory's bias."""
+        names = ("weight_ih", "bias_ih", "bias_hh")
+        weight, bias, own_bias = (getattr(self.units, f"{name}_l{number}") for name in names)
+        return weight, bias, own_bias
 
 
 def _from_empty(gates: Tensor, bias: Tensor) -> Tensor:

@@ -10,7 +10,7 @@ from torch import Tensor
 from busybot.reason import paper_dense as dense
 from busybot.reason.paper_boards import Boards, Frames, boards_of
 from busybot.reason.paper_config import PaperNetworkConfig
-from busybot.reason.paper_networks import PaperNetwork, pairs_of
+from busybot.reason.paper_networks import PaperNetwork
 from busybot.reason.sequence import Sequence
 from tests.reason.paper_scenes import SMALL, watched
 
@@ -129,14 +129,16 @@ def unused(network: PaperNetwork) -> set[str]:
 
 def test_steps_at_once_are_steps_one_after_the_other() -> None:
     network = network_of().eval()
-    joined, pairs = boards(network.config), None
-    pairs = pairs_of(joined)
+    joined = boards(network.config)
+    pairs = joined.pairs
     graph = network.infer(pairs, joined.observed(IMAGES))
     frames, _ = joined.predicted(3)
     together = network.predict(pairs, frames, graph)
     for step in range(together.shape[1]):
         one = slice(step, step + 1)
-        alone = network.predict(pairs, Frames(frames.states[:, one], frames.actions[:, one], frames.actors[:, one]), graph)
+        alone = network.predict(
+            pairs, Frames(frames.states[:, one], frames.actions[:, one], frames.actors[:, one]), graph
+        )
         torch.testing.assert_close(alone, together[:, one])
 
 

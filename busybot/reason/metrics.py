@@ -1,13 +1,15 @@
-"""How good an inferred graph is (protocol "Reasoning"): edges, their probabilities, and what could be known at all.
+"""How good inferred graphs and predictions are (protocol "Reasoning"), and what could be known at all.
 
 Pairs are trigger-responder pairs of objects on one board; links are collapsed. All values are shares from 0 to 1. What
 is not defined is None: nothing claimed has no precision, no relations have no recall.
 
-*Micro* pools the pairs of all boards, *macro* averages over the boards where the value is defined.
+A step is predicted rightly (Pred-A) when all responders of the board are.
+
+*Micro* pools the pairs or steps of all boards, *macro* averages over the boards where the value is defined.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -15,6 +17,9 @@ BINS = 15
 UNCERTAIN = (0.05, 0.95)
 """Pairs with a probability between these are the ones about which a reasoner is not sure."""
 DRAWS, LEVEL = 1000, 0.95
+
+EDGE_COLUMNS, PREDICTION_COLUMNS = 5, 8
+"""Numbers counted per board."""
 
 Interval = tuple[float, float] | None
 
@@ -66,6 +71,38 @@ class Calibration:
     pairs_uncertain: int
 
 
+@dataclass(frozen=True)
+class PredictionCounts:
+    """One board's predicted steps and responders, and how many of them are right.
+
+    Attributes:
+        steps, right: all steps; right means that all responders are.
+        successful, right_successful: steps whose action changed a trigger's state.
+        responders, right_responders: responders in all steps.
+        changed, right_changed: of these, the ones that changed in the step.
+    """
+
+    steps: int
+    right: int
+    successful: int
+    right_successful: int
+    responders: int
+    right_responders: int
+    changed: int
+    right_changed: int
+
+
+@dataclass(frozen=True)
+class PredictionScores:
+    """Share of steps predicted rightly (Pred-A), of all and of successful ones; of responders, by what they did."""
+
+    steps: float | None
+    successful: float | None
+    responders: float | None
+    changed: float | None
+    unchanged: float | None
+
+
 def count_edges(claimed: np.ndarray, true: np.ndarray, candidates: np.ndarray) -> EdgeCounts:
     """Compare two graphs, bool (N, N), on the candidate pairs, bool (N, N)."""
     claimed, true = claimed[candidates].astype(bool), true[candidates].astype(bool)
@@ -80,7 +117,7 @@ def count_edges(claimed: np.ndarray, true: np.ndarray, candidates: np.ndarray) -
 
 def micro(counts: Sequence[EdgeCounts]) -> EdgeScores:
     """All boards pooled."""
-    hits, claimed, true, correct, pairs = _table(counts).sum(0)
+    hits, claimed, true, correct, pairs = _table(counts, EDGE_COLUMNS).sum(0)
     return EdgeScores(_share(hits, claimed), _share(hits, true), _share(correct, pairs))
 
 
@@ -100,17 +137,81 @@ def intervals(
     """Bootstrap over boards: percentile intervals of the micro scores; None if a resample leaves a score undefined."""
     if not counts:
         return EdgeIntervals(None, None, None)
-    chosen = rng.integers(len(counts), size=(draws, len(counts)))
-    hits, claimed, true, correct, pairs = _table(counts)[chosen].sum(1).T
-    ends = [(1 - level) / 2, (1 + level) / 2]
+    hits, claimed, true, correct, pairs = _resampled(_table(counts, EDGE_COLUMNS), rng, draws)
+    return EdgeIntervals(
+        _interval(hits, claimed, level), _interval(hits, true, level), _interval(correct, pairs, level)
+    )
 
-    def interval(part: np.ndarray, whole: np.ndarray) -> Interval:
-        if not whole.all():
-            return None
-        low, high = np.quantile(part / whole, ends)
-        return float(low), float(high)
 
-    return EdgeIntervals(interval(hits, claimed), interval(hits, true), interval(correct, pairs))
+def count_predictions(
+    right: np.ndarray, changed: np.ndarray, responders: np.ndarray, successful: np.ndarray
+) -> PredictionCounts:
+    """Compare predictions with what happened in S steps on a board of N objects.
+
+    Args:
+        right: bool (S, N), whether the predicted state is the true one.
+        changed: bool (S, N), whether the true state changed in the step.
+        responders: bool (N,), which objects are judged.
+        successful: bool (S,), whether the step's action changed a trigger's state.
+    """
+    right, changed = right[:, responders], changed[:, responders]
+    whole = np.asarray(right.all(axis=1))
+    return PredictionCounts(
+        steps=len(whole),
+        right=int(whole.sum()),
+        successful=int(successful.sum()),
+        right_successful=int((whole & successful).sum()),
+        responders=right.size,
+        right_responders=int(right.sum()),
+        changed=int(changed.sum()),
+        right_changed=int((right & changed).sum()),
+    )
+
+
+def prediction_scores(counts: Sequence[PredictionCounts]) -> PredictionScores:
+    """All boards pooled."""
+    return PredictionScores(*(_share(part, whole) for part, whole in _prediction_ratios(_table(counts, PREDICTION_COLUMNS).sum(0))))
+
+
+def macro_predictions(counts: Sequence[PredictionCounts]) -> float | None:
+    """Mean over boards of the share of steps predicted rightly."""
+    return _mean([_share(one.right, one.steps) for one in counts])
+
+
+def prediction_intervals(
+    counts: Sequence[PredictionCounts], rng: np.random.Generator, draws: int = DRAWS, level: float = LEVEL
+) -> dict[str, Interval]:
+    """Bootstrap over boards: intervals of the scores by their names; None as for `intervals`."""
+    names = list(PredictionScores.__dataclass_fields__)
+    if not counts:
+        return dict.fromkeys(names)
+    ratios = _prediction_ratios(_resampled(_table(counts, PREDICTION_COLUMNS), rng, draws))
+    return {name: _interval(part, whole, level) for name, (part, whole) in zip(names, ratios, strict=True)}
+
+
+def _prediction_ratios(sums: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Part and whole of each of `PredictionScores`, from sums (8, ...)."""
+    steps, right, successful, right_successful, responders, right_responders, changed, right_changed = sums
+    return [
+        (right, steps),
+        (right_successful, successful),
+        (right_responders, responders),
+        (right_changed, changed),
+        (right_responders - right_changed, responders - changed),
+    ]
+
+
+def _resampled(table: np.ndarray, rng: np.random.Generator, draws: int) -> np.ndarray:
+    """Sums (columns, draws) over boards drawn with replacement from a table (boards, columns)."""
+    chosen = rng.integers(len(table), size=(draws, len(table)))
+    return np.asarray(table[chosen].sum(1).T)
+
+
+def _interval(part: np.ndarray, whole: np.ndarray, level: float) -> Interval:
+    if not whole.all():
+        return None
+    low, high = np.quantile(part / whole, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)
 
 
 def calibration(probabilities: np.ndarray, true: np.ndarray, bins: int = BINS) -> Calibration:
@@ -155,12 +256,12 @@ def shown_share(edges: Sequence[np.ndarray], shown: Sequence[np.ndarray | None],
     return _share(seen, sum(int(edge.sum()) for edge in edges))
 
 
-def _table(counts: Sequence[EdgeCounts]) -> np.ndarray:
-    """int (boards, 5)."""
-    return np.array([[c.hits, c.claimed, c.true, c.correct, c.pairs] for c in counts], int).reshape(-1, 5)
+def _table(counts: Sequence[EdgeCounts] | Sequence[PredictionCounts], columns: int) -> np.ndarray:
+    """int (boards, columns)."""
+    return np.array([astuple(one) for one in counts], int).reshape(-1, columns)
 
 
-def _share(part: int, whole: int) -> float | None:
+def _share(part: int | np.ndarray, whole: int | np.ndarray) -> float | None:
     return float(part / whole) if whole else None
 
 

@@ -1,10 +1,16 @@
-"""What really controls what, for evaluators only: nothing in `busybot.reason` that infers may import this module."""
+"""What really controls what and which states objects have, for evaluators only.
+
+Nothing in `busybot.reason` that infers or predicts may import this module.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from busybot.episodes.episode import Episode
+
+NOTHING_HELD = "nothing held"
+"""Kind of a step whose action took hold of no trigger link."""
 
 
 @dataclass(frozen=True)
@@ -52,3 +58,37 @@ def _shown(episode: Episode, edges: np.ndarray) -> np.ndarray | None:
         first = np.flatnonzero(edges[trigger] & visible & np.asarray(before != after) & (shown[trigger] == 0))
         shown[trigger, first] = number + 1
     return shown
+
+
+@dataclass(frozen=True)
+class StateTruth:
+    """What happened on a board of N objects in T steps.
+
+    Attributes:
+        states: int (T + 1, N), the responders' states in each frame, -1 for triggers.
+        links: int (T,), which trigger link was held, as an index into the episode's links; -1 for none.
+        success: bool (T,), whether the action changed a trigger's state.
+        kinds: T times the kind of the held link's relation; `NOTHING_HELD` for none.
+    """
+
+    states: np.ndarray
+    links: np.ndarray
+    success: np.ndarray
+    kinds: tuple[str, ...]
+
+
+def states_of(episode: Episode) -> StateTruth | None:
+    """Read the states from the privileged part of the steps; None where a recording does not know them."""
+    objects, steps = len(episode.board.objects), episode.steps
+    told = [s.responder_states_before for s in steps[:1]] + [s.responder_states_after for s in steps]
+    if not told or any(len(states) != objects for states in told):
+        return None
+    place = {(link.object, link.name): index for index, link in enumerate(episode.links)}
+    kind_of = {(t.object, t.link): relation.kind for relation in episode.board.relations for t in relation.triggers}
+    held = [(step.acted_object, step.acted_link) for step in steps]
+    return StateTruth(
+        states=np.array(told, int),
+        links=np.array([place.get(link, -1) if link in kind_of else -1 for link in held], int),
+        success=np.array([step.success for step in steps], bool),
+        kinds=tuple(kind_of.get(link, NOTHING_HELD) for link in held),
+    )

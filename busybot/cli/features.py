@@ -1,0 +1,59 @@
+"""`busybot features DATASET`: 256 numbers for every frame and object, kept beside the dataset."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from busybot.cli.common import JsonOption, WorkersOption, episode_progress, print_json, say
+
+
+def features(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
+    encoder: Annotated[
+        str, typer.Option(help="embedded, resnet50 or random; with -box or -mask (an oracle) behind it.")
+    ] = "embedded",
+    weights: Annotated[
+        Path | None, typer.Option(help="Of resnet50: a file of torchvision's; by default the official one.")
+    ] = None,
+    store: Annotated[Path | None, typer.Option(help="Keep them in this folder instead of DATASET.features.")] = None,
+    parquet: Annotated[Path | None, typer.Option(help="Also write a table to this file, for other programs.")] = None,
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Encode the objects' looks. Training and evaluation do it themselves; Ctrl-C loses nothing: the same command
+    continues.
+    """
+    import time
+
+    from busybot.episodes.dataset import Dataset
+    from busybot.reason.features import features_of
+
+    began = time.monotonic()
+    with episode_progress("encoding") as progress:
+        found = features_of(
+            Dataset.open(dataset), encoder, weights=weights, store=store, workers=workers, progress=progress
+        )
+    seconds = time.monotonic() - began
+    if parquet is not None:
+        from busybot.reason.features_table import write_table
+
+        write_table(parquet, found)
+        say(f"wrote {parquet}")
+    if json:
+        print_json(
+            {
+                "dataset": dataset,
+                "encoder": found.encoder,
+                "key": found.key,
+                "oracle": found.oracle,
+                "folder": found.folder,
+                "parquet": parquet,
+                "episodes": len(found),
+                "new": found.new,
+                "frames": sum(len(found[episode]) for episode in found),
+                "seconds": round(seconds, 2),
+            }
+        )
+    else:
+        say(f"features of {len(found)} episodes in {found.folder}, {found.new} of them new")

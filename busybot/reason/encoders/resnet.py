@@ -1,0 +1,138 @@
+"""Encoders `resnet50` and `random`: the first stage of a ResNet-50, averaged over an object's own pixels.
+
+The paper's features are 256 channels "extracted from the 10th layer" of a ResNet-50 trained on ImageNet (appendix
+"Network details"), read here as the output of the first stage: one convolution and three blocks of three. What the
+paper leaves open is chosen: boxes are scaled to 64 x 64 pixels, and channels are averaged over the object's pixels
+(`resnet50-box`: over the box) instead of over the whole crop.
+
+`random` is the same network with weights that were drawn: what it lacks against `resnet50` is what ImageNet taught.
+"""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from busybot.errors import BusybotError
+from busybot.reason.encoders.weights import resnet50_file
+from busybot.reason.looks import Look
+from busybot.reason.sequence import CHANNELS
+from busybot.rng import generator
+
+SIDE, CELLS = 64, 16
+BATCH = 32
+MEAN, SPREAD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+"""Of the colour channels of ImageNet, to which the network is used."""
+
+
+class Bottleneck(nn.Module):
+    """y = relu(x' + conv1x1(relu(conv3x3(relu(conv1x1(x)))))), each convolution normalised; x' is x with 256 channels.
+
+    Shapes:
+        x: (B, inputs, h, w).
+        returns: (B, 256, h, w).
+    """
+
+    def __init__(self, inputs: int):
+        super().__init__()
+        self.conv1, self.bn1 = nn.Conv2d(inputs, 64, 1, bias=False), nn.BatchNorm2d(64)
+        self.conv2, self.bn2 = nn.Conv2d(64, 64, 3, padding=1, bias=False), nn.BatchNorm2d(64)
+        self.conv3, self.bn3 = nn.Conv2d(64, CHANNELS, 1, bias=False), nn.BatchNorm2d(CHANNELS)
+        self.downsample: nn.Module | None = None
+        if inputs != CHANNELS:
+            self.downsample = nn.Sequential(nn.Conv2d(inputs, CHANNELS, 1, bias=False), nn.BatchNorm2d(CHANNELS))
+
+    def forward(self, x: Tensor) -> Tensor:
+        y = functional.relu(self.bn1(self.conv1(x)))
+        y = functional.relu(self.bn2(self.conv2(y)))
+        y = self.bn3(self.conv3(y))
+        return functional.relu(y + (x if self.downsample is None else self.downsample(x)))
+
+
+class FirstStage(nn.Module):
+    """The beginning of a ResNet-50, its parts named as torchvision's files name them.
+
+    Shapes:
+        x: (B, 3, h, w), colours normalised by `MEAN` and `SPREAD`.
+        returns: (B, 256, h / 4, w / 4).
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.conv1, self.bn1 = nn.Conv2d(3, 64, 7, stride=2, padding=3, bias=False), nn.BatchNorm2d(64)
+        self.layer1 = nn.Sequential(Bottleneck(64), Bottleneck(CHANNELS), Bottleneck(CHANNELS))
+
+    def forward(self, x: Tensor) -> Tensor:
+        x = functional.relu(self.bn1(self.conv1(x)))
+        out: Tensor = self.layer1(functional.max_pool2d(x, 3, stride=2, padding=1))
+        return out
+
+
+class ResNetEncoder:
+    """The encoders `resnet50` and `random`.
+
+    Attributes:
+        key: the beginning of the SHA-256 of the file with the weights, or the version of how they are drawn.
+    """
+
+    def __init__(self, network: FirstStage, key: str):
+        self.key = key
+        self._network = network.eval().requires_grad_(False)
+
+    @torch.inference_mode()
+    def encode(self, looks: list[Look]) -> np.ndarray:
+        """float32 (n, 256); zeros where nothing shows the object."""
+        rows = [np.zeros((0, CHANNELS), np.float32)]
+        for start in range(0, len(looks), BATCH):
+            batch = looks[start : start + BATCH]
+            rgb = torch.from_numpy(np.stack([_scaled(look.rgb, SIDE) for look in batch]))
+            weight = torch.from_numpy(np.stack([_scaled(look.own.astype(np.float32), CELLS) for look in batch]))
+            colours = (rgb.float() / 255 - torch.tensor(MEAN)) / torch.tensor(SPREAD)
+            channels = self._network(colours.permute(0, 3, 1, 2))
+            total = weight.sum((1, 2)).clamp(min=1e-6)
+            rows.append((torch.einsum("bcij,bij->bc", channels, weight) / total[:, None]).numpy())
+        return np.concatenate(rows)
+
+
+def _scaled(values: np.ndarray, side: int) -> np.ndarray:
+    return np.asarray(cv2.resize(values, (side, side), interpolation=cv2.INTER_AREA))
+
+
+def pretrained(file: Path | None) -> ResNetEncoder:
+    """The encoder `resnet50`.
+
+    Args:
+        file: with weights as torchvision stores them; None for the official ones, downloaded once.
+
+    Raises:
+        BusybotError: the file is not such a file, or the official one cannot be had.
+    """
+    path, checksum = resnet50_file(file)
+    network = FirstStage()
+    mend = "name a file with the weights of torchvision's ResNet-50 (`--weights FILE`)"
+    try:
+        stored = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # whatever a file that is none makes the reader raise
+        raise BusybotError(f"{path}: cannot be read as weights: {type(error).__name__}", mend) from None
+    expected = network.state_dict()
+    given = {name: stored[name] for name in expected if name in stored} if isinstance(stored, dict) else {}
+    unlike = [name for name, value in expected.items() if getattr(given.get(name), "shape", None) != value.shape]
+    if unlike:
+        raise BusybotError(f"{path}: no weights of a ResNet-50: {unlike[0]} is missing or of another shape", mend)
+    network.load_state_dict(given)
+    return ResNetEncoder(network, checksum[:8])
+
+
+def drawn() -> ResNetEncoder:
+    """The encoder `random`: He's initialisation, always the same numbers."""
+    rng = generator(0, "", 0, "reason/random-encoder")
+    network = FirstStage()
+    for module in network.modules():
+        if isinstance(module, nn.Conv2d):
+            shape = module.weight.shape
+            values = rng.normal(0, np.sqrt(2 / np.prod(shape[1:])), shape)
+            module.weight = nn.Parameter(torch.from_numpy(values.astype(np.float32)))
+    return ResNetEncoder(network, "1")

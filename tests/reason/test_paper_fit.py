@@ -17,7 +17,7 @@ from busybot.rng import generator
 from tests.reason.paper_scenes import SMALL, watched
 
 PAPER = PaperReasonConfig()
-QUICK = PaperReasonConfig(network=SMALL, images=5, learning_rate=5e-3)
+QUICK = PaperReasonConfig(network=SMALL, images=5, learning_rate=1e-2)
 
 
 def boards(count: int = 4, steps: int = 8) -> Boards:
@@ -65,10 +65,13 @@ def test_the_loss_is_the_mean_squared_error_of_the_responders_in_all_predicted_s
     error, _ = losses(network, joined, QUICK)
     predicted = network(joined, 5)[0]
     expected = []
-    for number, seen in enumerate(watched(seed, 2, 3, 8) for seed in range(4)):
+    for number in range(4):
+        seen = watched(number, 2, 3, 8)
         for node in np.flatnonzero(seen.responders):
-            expected += [predicted[6 * number + node, k] - torch.from_numpy(seen.features[5 + k, node]) for k in range(4)]
-    assert len(expected) == 4 * 3 * 4
+            expected += [
+                predicted[6 * number + node, k] - torch.from_numpy(seen.features[5 + k, node]) for k in range(4)
+            ]
+    assert len(expected) == 4 * 3 and expected[0].shape == (4, 256)
     assert error.item() == pytest.approx((torch.stack(expected) ** 2).mean().item())
 
 
@@ -78,19 +81,26 @@ def test_both_networks_learn_from_the_error_of_the_prediction() -> None:
     outcome = step(network)
     assert outcome.taken and outcome.loss == outcome.error > 0
     after = weights(network)
-    for part in ("action", "spatial", "edge_time", "edge_types", "edge_embeddings", "dynamic", "edge_recurrent", "decode"):
+    for part in (
+        "action",
+        "spatial",
+        "edge_time",
+        "edge_types",
+        "edge_embeddings",
+        "dynamic",
+        "edge_recurrent",
+        "decode",
+    ):
         changed = [not torch.equal(after[name], value) for name, value in before.items() if name.startswith(part + ".")]
         assert any(changed), part
 
 
 def test_the_error_falls() -> None:
     network = make_network(QUICK, 0)
-    optimizer, last, errors = make_optimizer(network, QUICK), math.inf, []
-    for number in range(60):
-        outcome = iterate(network, optimizer, boards(), QUICK, generator(0, "train", number, "test"), last)
-        last = outcome.loss if outcome.taken else last
-        errors.append(outcome.error)
-    assert np.mean(errors[-5:]) < 0.5 * np.mean(errors[:5])
+    optimizer, joined, errors = make_optimizer(network, QUICK), boards(2), []
+    for number in range(25):
+        errors.append(iterate(network, optimizer, joined, QUICK, generator(0, "train", number, "test")).error)
+    assert np.mean(errors[-3:]) < 0.7 * np.mean(errors[:3])
 
 
 @pytest.mark.parametrize("change", [lambda x: x * 1e3, lambda x: x * math.nan])
@@ -115,10 +125,10 @@ def test_twice_the_last_loss_is_too_much() -> None:
 def test_what_is_drawn_depends_on_the_generator_alone() -> None:
     config = QUICK.model_copy(update={"network": SMALL.model_copy(update={"dropout": 0.3})})
     outcomes = []
-    for disturbance in (0, 1):
+    for disturbance in (0, 1):  # of PyTorch's own generator
         torch.manual_seed(disturbance)
         network = make_network(config, 5)
-        outcomes.append([step(network, config, number) for number in range(3)])
+        outcomes.append([step(network, config, number) for number in range(2)])
         assert torch.rand(1) == torch.rand(1, generator=torch.Generator().manual_seed(disturbance))
     assert outcomes[0] == outcomes[1]
     assert outcomes[0][0] != step(make_network(config, 5), config, 1)
@@ -136,14 +146,14 @@ def test_the_divergence_is_that_from_the_prior() -> None:
 
 def test_the_prior_is_an_option_that_makes_edges_rarer() -> None:
     config = QUICK.model_copy(update={"prior": 0.05, "prior_weight": 10.0})
-    network = make_network(config, 0)
-    optimizer = make_optimizer(network, config)
-    first = iterate(network, optimizer, boards(), config, generator(0, "train", 0, "test"))
-    assert first.loss == pytest.approx(first.error + 10 * first.divergence, rel=1e-5)
-    for number in range(40):
-        iterate(network, optimizer, boards(), config, generator(0, "train", number, "test"))
-    joined = boards()
-    assert network.eval().infer(joined.pairs, joined.observed(5)).probabilities.mean() < 0.15
+    network, joined = make_network(config, 0), boards(2)
+    optimizer, outcomes = make_optimizer(network, config), []
+    before = network.infer(joined.pairs, joined.observed(5)).probabilities.mean()
+    for number in range(12):
+        outcomes.append(iterate(network, optimizer, joined, config, generator(0, "train", number, "test")))
+    assert outcomes[0].loss == pytest.approx(outcomes[0].error + 10 * outcomes[0].divergence, rel=1e-5)
+    assert outcomes[-1].divergence < 0.7 * outcomes[0].divergence
+    assert network.infer(joined.pairs, joined.observed(5)).probabilities.mean() < 0.7 * before
 
 
 def test_matrices_may_be_multiplied_in_bfloat16() -> None:

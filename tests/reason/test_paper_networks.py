@@ -95,7 +95,8 @@ def test_a_graph_network_encodes_propagates_and_decodes_in_1_4_2_and_2_layers(pa
     for encoder in net.encode_edge:
         assert len(linear(encoder)) == 1
     for step in net.propagate_edge:
-        for layers in step:  # type: ignore[union-attr]
+        assert isinstance(step, nn.ModuleList)
+        for layers in step:
             assert linear(layers) == [(3 * 384, 384)] + 3 * [(384, 384)]
     assert linear(net.propagate_node) == [(3 * 384, 384), (384, 384)]
     decoders = [part for part in (net.decode_node, net.decode_edge) if not isinstance(part, Nothing)]

@@ -88,7 +88,9 @@ def test_predictions_are_those_of_the_training(reasoner: PaperReasoner) -> None:
 @pytest.mark.parametrize(("triggers", "responders"), [(0, 3), (3, 0), (1, 1), (4, 8), (0, 0)])
 def test_any_number_of_objects_will_do(reasoner: PaperReasoner, triggers: int, responders: int) -> None:
     seen = watched(triggers=triggers or 1, responders=responders or 1, steps=4)
-    kept = [i for i in range(len(seen.positions)) if (seen.triggers[i] and triggers) or (seen.responders[i] and responders)]
+    kept = [
+        i for i in range(len(seen.positions)) if (seen.triggers[i] and triggers) or (seen.responders[i] and responders)
+    ]
     seen = Sequence(
         seen.features[:, kept],
         seen.positions[kept],

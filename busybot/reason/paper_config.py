@@ -75,6 +75,7 @@ class PaperReasonConfig(BaseModel):
     Attributes:
         model: which model.
         network: the graph networks.
+        inference: False is the ablation "w/o inference" (`paper_history`).
         images: the graph is inferred from so many first frames; the steps after the last of them are predicted.
         epochs: times that every board is seen.
         batch: boards per iteration.
@@ -89,6 +90,7 @@ class PaperReasonConfig(BaseModel):
 
     model: Literal["paper"] = "paper"
     network: PaperNetworkConfig = PaperNetworkConfig()
+    inference: bool = True
     images: Annotated[int, Field(ge=2, le=10_000)] = 23
     epochs: Annotated[int, Field(ge=1, le=1_000_000)] = 200
     batch: Annotated[int, Field(ge=2, le=65_536)] = 64

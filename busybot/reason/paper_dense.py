@@ -44,7 +44,7 @@ def infer(network: PaperNetwork, states: Tensor, actions: Tensor, masks: Masks, 
         noise: (B, N, N, 2).
     """
     nodes, edges = graph_net(network.spatial, states, None, None, masks)  # (B, F, N, 128), (B, F, N, N, 128)
-    seen = torch.cat([states, network.action(actions)], -1)
+    seen = torch.cat([states, network.actions.layers(actions)], -1)
     node = over_time(network.node_time, torch.cat([nodes, seen], -1), masks.nodes)
     edge = over_time(network.edge_time, torch.cat([*ends(seen), edges], -1), masks.pairs)
     logits = graph_net(network.edge_types, node, edge, None, masks)[1][:, 0]
@@ -57,7 +57,7 @@ def predict(network: PaperNetwork, states: Tensor, actions: Tensor, graph: Dense
     related = graph.types[..., 1:]
     acting = graph.embeddings[:, None].expand(-1, states.shape[1], -1, -1, -1)
     nodes, edges = graph_net(network.dynamic, states, acting, related, masks)
-    seen = torch.cat([states, network.action(actions)], -1)
+    seen = torch.cat([states, network.actions.layers(actions)], -1)
     nodes = recurrent(network.node_recurrent, torch.cat([nodes, seen], -1))
     edges = recurrent(network.edge_recurrent, torch.cat([*ends(seen), edges, acting], -1))
     after = graph_net(network.decode, torch.cat([nodes, seen], -1), torch.cat([edges, acting], -1), related, masks)[0]

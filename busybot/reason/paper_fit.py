@@ -16,14 +16,17 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 from torch.nn import functional
 
 from busybot.errors import BusybotError
 from busybot.reason.paper_boards import Boards
 from busybot.reason.paper_config import PaperReasonConfig
+from busybot.reason.paper_history import PaperHistoryNetwork
 from busybot.reason.paper_networks import PaperNetwork, Relations
 from busybot.rng import generator
+
+Network = PaperNetwork | PaperHistoryNetwork
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class Outcome:
     Attributes:
         loss: error + prior_weight x divergence.
         error: mean squared error of the predicted features of responders.
-        divergence: of the edges from the prior, nats, mean over pairs.
+        divergence: of the edges from the prior, nats, mean over pairs; 0 without a graph.
         taken: whether the weights were changed; False for a loss that exploded.
     """
 
@@ -43,13 +46,13 @@ class Outcome:
     taken: bool
 
 
-def make_network(config: PaperReasonConfig, seed: int) -> PaperNetwork:
+def make_network(config: PaperReasonConfig, seed: int) -> Network:
     """A network with weights drawn for this seed."""
     with drawing(generator(seed, "train", 0, "initial weights/paper")):
-        return PaperNetwork(config.network)
+        return PaperNetwork(config.network) if config.inference else PaperHistoryNetwork(config.network)
 
 
-def make_optimizer(network: PaperNetwork, config: PaperReasonConfig) -> torch.optim.Optimizer:
+def make_optimizer(network: nn.Module, config: PaperReasonConfig) -> torch.optim.Optimizer:
     """Adam at the paper's learning rate."""
     return torch.optim.Adam(network.parameters(), lr=config.learning_rate)
 
@@ -61,7 +64,7 @@ def batches(boards: int, batch: int, seed: int, epoch: int) -> list[np.ndarray]:
 
 
 def iterate(
-    network: PaperNetwork,
+    network: Network,
     optimizer: torch.optim.Optimizer,
     boards: Boards,
     config: PaperReasonConfig,
@@ -93,7 +96,7 @@ def iterate(
 
 
 def losses(
-    network: PaperNetwork, boards: Boards, config: PaperReasonConfig, noise: Tensor | None = None
+    network: Network, boards: Boards, config: PaperReasonConfig, noise: Tensor | None = None
 ) -> tuple[Tensor, Tensor]:
     """Mean squared error of the responders' features, and the edges' divergence from the prior."""
     if not boards.steps:
@@ -103,7 +106,7 @@ def losses(
         predicted, relations = network(boards, images, noise)
     after = boards.predicted(images)[1]
     error = functional.mse_loss(predicted[boards.responders].to(after), after[boards.responders])
-    return error, divergence_from(relations, config.prior)
+    return error, divergence_from(relations, config.prior) if relations else torch.zeros_like(error)
 
 
 def divergence_from(relations: Relations, prior: float) -> Tensor:

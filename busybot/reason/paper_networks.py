@@ -23,15 +23,14 @@ What the paper leaves open, and what is chosen here (see also `paper_config`):
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
 
-from busybot.reason.paper_boards import ACTION, STATE, Boards, Frames
+from busybot.reason.paper_boards import STATE, Boards, Frames
 from busybot.reason.paper_config import PaperNetworkConfig
 from busybot.reason.paper_pairs import Pairs
-from busybot.reason.paper_parts import KINDS, GraphNet, Recurrent, TimeConvolution
+from busybot.reason.paper_parts import KINDS, Actions, GraphNet, Recurrent, TimeConvolution
 from busybot.reason.sequence import CHANNELS
 
 
@@ -61,9 +60,8 @@ class PaperNetwork(nn.Module):
     def __init__(self, config: PaperNetworkConfig):
         super().__init__()
         self.config = config
-        wide, action, edge = config.embedding, config.action, config.edge_embedding
-        seen = STATE + action
-        self.action = _perceptron((ACTION, action, action, action))
+        wide, edge, seen = config.embedding, config.edge_embedding, STATE + config.action
+        self.actions = Actions(config)
         self.spatial = GraphNet(config, STATE, 0, wide, wide)
         self.node_time = TimeConvolution(config, seen + wide, wide)
         self.edge_time = TimeConvolution(config, 2 * seen + wide, wide)
@@ -111,23 +109,7 @@ class PaperNetwork(nn.Module):
         after = self.decode(pairs, torch.cat([node, seen], -1), torch.cat([edge, acting], -1), related)[0]
         return after + frames.states[..., :CHANNELS] if self.config.residual else after
 
-    def actions(self, frames: Frames) -> Tensor:
-        """Each node's embedded action, (M, F, 256): that of zeros where it is not acted on."""
-        still = self.action(frames.actions.new_zeros(ACTION))
-        embedded = still.expand(*frames.states.shape[:2], -1).clone()
-        board, frame = torch.nonzero(frames.actors >= 0, as_tuple=True)
-        embedded[frames.actors[board, frame], frame] = self.action(frames.actions[board, frame])
-        return embedded
-
 
 def drawn(logits: Tensor, noise: Tensor | None, temperature: float) -> Tensor:
     """Weights of the types: drawn by Gumbel-softmax, or their probabilities."""
     return logits.softmax(-1) if noise is None else ((logits + noise) / temperature).softmax(-1)
-
-
-def _perceptron(widths: tuple[int, ...]) -> nn.Sequential:
-    """Linear layers with ReLUs between them."""
-    layers: list[nn.Module] = []
-    for a, b in pairwise(widths):
-        layers += [nn.Linear(a, b), nn.ReLU()]
-    return nn.Sequential(*layers[:-1])

@@ -10,11 +10,32 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from busybot.reason.paper_boards import ACTION, Frames
 from busybot.reason.paper_config import PaperNetworkConfig
 from busybot.reason.paper_pairs import Pairs
 
 KINDS = 2
 """Types of edges: 0 no relation, 1 relation."""
+
+
+class Actions(nn.Module):
+    """Embeds the action on each node: three linear layers with ReLUs between them.
+
+    A node that is not acted on has an action of zeros. It is embedded once for all.
+    """
+
+    def __init__(self, config: PaperNetworkConfig):
+        super().__init__()
+        first, *rest = (nn.Linear(a, b) for a, b in pairwise((ACTION, *[config.action] * 3)))
+        self.layers = nn.Sequential(first, *(part for layer in rest for part in (nn.ReLU(), layer)))
+
+    def forward(self, frames: Frames) -> Tensor:
+        """(M, F, 256), for every node and frame."""
+        still = self.layers(frames.actions.new_zeros(ACTION))
+        embedded = still.expand(*frames.states.shape[:2], -1).clone()
+        board, frame = torch.nonzero(frames.actors >= 0, as_tuple=True)
+        embedded[frames.actors[board, frame], frame] = self.layers(frames.actions[board, frame])
+        return embedded
 
 
 class Normalise(nn.BatchNorm1d):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from busybot.reason.paper_boards import Boards, Frames, boards_of, states_of
 from busybot.reason.paper_networks import PaperNetwork
@@ -27,7 +27,7 @@ class PaperReasoner:
     @torch.no_grad()
     def graph(self, seen: Sequence) -> InferredGraph:
         """Edge probabilities after each step, and from the first frame alone: the prior. Zeros but for candidates."""
-        boards = self._boards(seen)
+        boards = board_of(seen, self.network)
         beliefs = np.zeros((seen.steps + 1, *seen.candidates.shape))
         if len(boards.receivers):
             frames = boards.observed(seen.steps + 1)
@@ -35,36 +35,47 @@ class PaperReasoner:
             for step in range(seen.steps + 1):
                 known = slice(0, step + 1)
                 relations = self.network.relate(boards.pairs, frames.first(step + 1), nodes[:, known], edges[:, known])
-                beliefs[step] = self._matrix(boards, relations.probabilities, seen)
+                beliefs[step] = _matrix(boards, relations.probabilities, seen)
         return InferredGraph(self.name, beliefs[1:] if seen.steps else beliefs, self.threshold, beliefs[0])
 
     @torch.no_grad()
     def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """Features after each of S steps, as `Reasoner.predict`; what is no responder stays as it is."""
-        boards = self._boards(seen)
-        after = np.array(current, np.float32)
+        boards = board_of(seen, self.network)
         if not len(boards.receivers) or not len(actions):
-            return after
-        on = boards.features.device
-        features = boards.features.new_zeros(len(boards.positions), *current.shape[::2])
-        features[: current.shape[1]] = torch.from_numpy(after).to(on).transpose(0, 1)
-        frames = Frames(
-            states_of(features, boards.positions),
-            torch.from_numpy(np.asarray(actions, np.float32)).to(on)[None],
-            torch.from_numpy(np.asarray(acted, np.int64)).to(on)[None],
-        )
+            return np.array(current, np.float32)
+        frames = imagined(boards, current, actions, acted)
         relations = self.network.infer(boards.pairs, boards.observed(seen.steps + 1))
-        predicted = self.network.predict(boards.pairs, frames, relations).transpose(0, 1).cpu().numpy()
-        after[:, seen.responders] = predicted[:, : current.shape[1]][:, seen.responders]
-        return after
+        return merged(seen, current, self.network.predict(boards.pairs, frames, relations))
 
-    def _boards(self, seen: Sequence) -> Boards:
-        return boards_of([seen], self.network.config).to(next(self.network.parameters()).device)
 
-    @staticmethod
-    def _matrix(boards: Boards, values: Tensor, seen: Sequence) -> np.ndarray:
-        """(P,) as (N, N), trigger in the row, responder in the column."""
-        count = sum(boards.sizes)
-        matrix = np.zeros((count, count))
-        matrix[boards.senders.cpu().numpy(), boards.receivers.cpu().numpy()] = values.cpu().numpy()
-        return np.where(seen.candidates, matrix[: len(seen.positions), : len(seen.positions)], 0)
+def board_of(seen: Sequence, network: nn.Module) -> Boards:
+    """One board, where the network is."""
+    return boards_of([seen], network.config).to(next(network.parameters()).device)  # type: ignore[arg-type]
+
+
+def imagined(boards: Boards, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> Frames:
+    """Steps on one board: features before each (S, N, 256), actions (S, 6) and what is acted on (S,)."""
+    on = boards.features.device
+    features = boards.features.new_zeros(len(boards.positions), len(actions), current.shape[-1])
+    features[: current.shape[1]] = torch.from_numpy(np.array(current, np.float32)).to(on).transpose(0, 1)
+    return Frames(
+        states_of(features, boards.positions),
+        torch.from_numpy(np.array(actions, np.float32)).to(on)[None],
+        torch.from_numpy(np.array(acted, np.int64)).to(on)[None],
+    )
+
+
+def merged(seen: Sequence, current: np.ndarray, predicted: Tensor) -> np.ndarray:
+    """Predictions (M, S, 256) of responders, everything else as it is in `current` (S, N, 256)."""
+    after = np.array(current, np.float32)
+    after[:, seen.responders] = predicted.transpose(0, 1).cpu().numpy()[:, np.flatnonzero(seen.responders)]
+    return after
+
+
+def _matrix(boards: Boards, values: Tensor, seen: Sequence) -> np.ndarray:
+    """(P,) of one board as (N, N), trigger in the row and responder in the column; zeros but for candidates."""
+    count = len(seen.positions)
+    matrix = np.zeros((len(boards.positions), len(boards.positions)))
+    matrix[boards.senders.cpu().numpy(), boards.receivers.cpu().numpy()] = values.cpu().numpy()
+    return np.where(seen.candidates, matrix[:count, :count], 0)

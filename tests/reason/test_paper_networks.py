@@ -69,8 +69,8 @@ def test_a_board_has_ten_nodes_the_vacant_ones_zeros() -> None:
 
 
 def test_an_action_is_embedded_by_three_layers_of_256(paper: PaperNetwork) -> None:
-    assert linear(paper.action) == [(6, 256), (256, 256), (256, 256)]
-    assert [type(part) for part in paper.action] == [nn.Linear, nn.ReLU, nn.Linear, nn.ReLU, nn.Linear]
+    assert linear(paper.actions) == [(6, 256), (256, 256), (256, 256)]
+    assert [type(part) for part in paper.actions.layers] == [nn.Linear, nn.ReLU, nn.Linear, nn.ReLU, nn.Linear]
 
 
 def test_the_object_acted_on_has_the_action_the_others_zeros() -> None:
@@ -78,11 +78,11 @@ def test_the_object_acted_on_has_the_action_the_others_zeros() -> None:
     seen.acted[1] = -1
     frames = boards_of([watched(4), seen], SMALL).observed(5)
     embedded = network.actions(frames)
-    still = network.action(torch.zeros(6))
+    still = network.actions.layers(torch.zeros(6))
     for node in range(6):
         for frame in range(5):
             here = frame < 4 and frame != 1 and node == seen.acted[frame]
-            expected = network.action(torch.from_numpy(seen.actions[frame])) if here else still
+            expected = network.actions.layers(torch.from_numpy(seen.actions[frame])) if here else still
             torch.testing.assert_close(embedded[6 + node, frame], expected)
 
 

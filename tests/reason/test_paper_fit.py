@@ -68,9 +68,7 @@ def test_the_loss_is_the_mean_squared_error_of_the_responders_in_all_predicted_s
     for number in range(4):
         seen = watched(number, 2, 3, 8)
         for node in np.flatnonzero(seen.responders):
-            expected += [
-                predicted[6 * number + node, k] - torch.from_numpy(seen.features[5 + k, node]) for k in range(4)
-            ]
+            expected.append(predicted[6 * number + node] - torch.from_numpy(seen.features[5:, node]))
     assert len(expected) == 4 * 3 and expected[0].shape == (4, 256)
     assert error.item() == pytest.approx((torch.stack(expected) ** 2).mean().item())
 
@@ -81,16 +79,8 @@ def test_both_networks_learn_from_the_error_of_the_prediction() -> None:
     outcome = step(network)
     assert outcome.taken and outcome.loss == outcome.error > 0
     after = weights(network)
-    for part in (
-        "action",
-        "spatial",
-        "edge_time",
-        "edge_types",
-        "edge_embeddings",
-        "dynamic",
-        "edge_recurrent",
-        "decode",
-    ):
+    inference = ("actions", "spatial", "node_time", "edge_time", "edge_types", "edge_embeddings")
+    for part in (*inference, "dynamic", "node_recurrent", "edge_recurrent", "decode"):
         changed = [not torch.equal(after[name], value) for name, value in before.items() if name.startswith(part + ".")]
         assert any(changed), part
 

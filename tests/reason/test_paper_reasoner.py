@@ -6,7 +6,7 @@ import torch
 
 from busybot.reason.paper_config import PaperNetworkConfig
 from busybot.reason.paper_networks import PaperNetwork
-from busybot.reason.paper_reasoner import PaperReasoner
+from busybot.reason.paper_reasoner import PaperReasoner, board_of
 from busybot.reason.reasoner import Reasoner
 from busybot.reason.sequence import Sequence
 from tests.reason.paper_scenes import SMALL, watched
@@ -52,7 +52,7 @@ def test_what_is_believed_after_a_step_is_what_a_shorter_sequence_says(reasoner:
 
 def test_probabilities_are_those_of_the_network(reasoner: PaperReasoner) -> None:
     seen = watched(triggers=2, responders=3, steps=6)
-    boards = reasoner._boards(seen)
+    boards = board_of(seen, reasoner.network)
     with torch.no_grad():
         relations = reasoner.network.infer(boards.pairs, boards.observed(7))
     matrix = reasoner.graph(seen).after(6)
@@ -79,7 +79,7 @@ def test_steps_are_predicted_each_on_its_own_and_for_responders_only(reasoner: P
 def test_predictions_are_those_of_the_training(reasoner: PaperReasoner) -> None:
     seen = watched(triggers=2, responders=3, steps=8)
     with torch.no_grad():
-        expected = reasoner.network(reasoner._boards(seen), 5)[0].transpose(0, 1).numpy()
+        expected = reasoner.network(board_of(seen, reasoner.network), 5)[0].transpose(0, 1).numpy()
     after = reasoner.predict(seen.first(5), *ahead(seen, 5))
     responders = np.flatnonzero(seen.responders)
     assert np.allclose(after[:, responders], expected[:, responders], atol=1e-5)

@@ -29,7 +29,7 @@ import torch
 
 from busybot import __version__
 from busybot.files import write_atomically
-from busybot.interact.networks import KINDS, Kind, parameters_of
+from busybot.interact.networks import KINDS, Kind
 from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_train import PaperTraining
 from busybot.interact.rounds import Recorder, Told
@@ -37,6 +37,7 @@ from busybot.interact.samples import Samples
 from busybot.objects.library import Library, find
 from busybot.rng import generator
 from busybot.training.device import device
+from busybot.training.weights import parameters_of
 
 WARM_UP = 2
 

@@ -13,13 +13,14 @@ from pydantic import ValidationError
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.interact.explore import ExploreConfig, GuidedExplorer, UnguidedExplorer
-from busybot.interact.model import INFO_FILE, Model, ModelInfo, find_model
+from busybot.interact.model import Model, ModelInfo, find_model
 from busybot.interact.paper_policy import PaperPolicy, PaperRules
 from busybot.interact.policy import LearnedPolicy, Mode, policy_name
 from busybot.interact.policy_config import PolicyConfig
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policies import Policy
 from busybot.sim.scene import BoardScene
+from busybot.training.model_folder import INFO_FILE
 
 DEFAULT_MODEL = "procedural"
 """The shipped model that commands use when none is named."""

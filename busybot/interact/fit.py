@@ -20,7 +20,7 @@ from torch.nn import functional
 from busybot.interact.batches import Batch, cut_batch, draw_batch
 from busybot.interact.features import Inputs
 from busybot.interact.fit_config import FitConfig
-from busybot.interact.networks import HIDDEN, DirectionNet, Kind, initialise, make_network
+from busybot.interact.networks import HIDDEN, DirectionNet, Kind, make_network
 from busybot.interact.ranking import direction_figures, position_figures
 from busybot.interact.replay import Priorities
 from busybot.interact.samples import open_samples
@@ -28,6 +28,7 @@ from busybot.rng import generator
 from busybot.training.checkpoint import restore_training, save_tensors, training_tensors
 from busybot.training.device import device, repeat_exactly
 from busybot.training.metrics_file import Metrics
+from busybot.training.weights import initialise
 
 VALIDATION_BATCH = 128
 

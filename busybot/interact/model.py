@@ -9,20 +9,20 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 from torch import Tensor, nn
 from torch.nn import functional
 
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.files import read_json, write_json
+from busybot.files import write_json
 from busybot.interact.features import ELEVATED, Inputs, Pinhole, colour_features, heights_of, picture_features
 from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.device import device
+from busybot.training.model_folder import INFO_FILE, find_folder, read_info
 
-INFO_FILE = "model.json"
 SHIPPED = Path(__file__).with_name("models")
 
 NOT_ELEVATED = -20.0
@@ -88,12 +88,7 @@ class Model:
             BusybotError: there is no such model, or its files are damaged or do not belong together.
         """
         folder = find_model(name_or_path)
-        try:
-            info = ModelInfo.model_validate(read_json(folder / INFO_FILE))
-        except ValidationError as error:
-            first = error.errors()[0]
-            place = ".".join(map(str, first["loc"]))
-            raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
+        info = read_info(folder, ModelInfo)
         variant: type[Model] = cls
         if info.variant == "paper":
             from busybot.interact.paper_model import PaperModel  # a subclass of this one
@@ -166,18 +161,7 @@ class Model:
 
 def find_model(name_or_path: str | Path) -> Path:
     """The folder that a name or a path means."""
-    given = Path(name_or_path)
-    for folder in (given, given / "model"):
-        if (folder / INFO_FILE).is_file():
-            return folder
-    shipped = sorted(path.parent.name for path in SHIPPED.glob(f"*/{INFO_FILE}"))
-    if str(name_or_path) in shipped:
-        return SHIPPED / str(name_or_path)
-    known = f"the shipped models are {', '.join(shipped)}; " if shipped else ""
-    raise BusybotError(
-        f"{name_or_path}: no model of that name, and no folder with {INFO_FILE}",
-        f"{known}`busybot train interact --out DIR` makes one",
-    )
+    return find_folder(name_or_path, SHIPPED, "interact")
 
 
 def weights_file(folder: Path, kind: Kind) -> Path:

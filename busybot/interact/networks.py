@@ -124,24 +124,3 @@ def make_network(kind: Kind, inputs: Inputs) -> nn.Module:
     """An untrained network in the memory layout in which convolutions are fastest."""
     network: nn.Module = (PositionNet if kind == "position" else DirectionNet)(CHANNELS[inputs])
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
-
-
-def initialise(network: nn.Module, generator: torch.Generator, biases: bool = False) -> None:
-    """Draw all weights from the generator, uniform with variance 1 / (3 fan_in) as torch does; biases become zero.
-
-    Args:
-        biases: draw them, too, from the same distribution, as torch does.
-    """
-    for module in network.modules():
-        if isinstance(module, nn.Conv2d | nn.Linear):
-            nn.init.kaiming_uniform_(module.weight, a=5**0.5, generator=generator)
-            if module.bias is not None and biases:
-                limit = module.weight[0].numel() ** -0.5
-                nn.init.uniform_(module.bias, -limit, limit, generator=generator)
-            elif module.bias is not None:
-                nn.init.zeros_(module.bias)
-
-
-def parameters_of(network: nn.Module) -> int:
-    """Number of trained values."""
-    return sum(parameter.numel() for parameter in network.parameters())

@@ -21,7 +21,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from busybot.interact.features import Inputs
-from busybot.interact.networks import Kind, initialise
+from busybot.interact.networks import Kind
 from busybot.interact.paper_config import LearnConfig
 from busybot.interact.paper_inputs import recorded_pictures, with_positions
 from busybot.interact.paper_networks import Size, make_paper_network
@@ -30,6 +30,7 @@ from busybot.rng import generator
 from busybot.training.checkpoint import restore_training, save_tensors, training_tensors
 from busybot.training.device import device
 from busybot.training.metrics_file import Metrics
+from busybot.training.weights import initialise
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ from typing import Any
 
 from busybot.episodes.dataset import INFO_FILE, Dataset
 from busybot.interact.fit import FitJob, make_fit
-from busybot.interact.model import INFO_FILE as MODEL_FILE
 from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, Kind, make_network
 from busybot.interact.plots import plot_training
@@ -30,6 +29,7 @@ from busybot.interact.run_folder import BEFORE, describe, network_of, schedule_f
 from busybot.interact.samples import cache_samples
 from busybot.interact.train_config import TrainConfig
 from busybot.objects.library import Library
+from busybot.training.model_folder import INFO_FILE as MODEL_FILE
 from busybot.training.run_folder import begin_folder
 from busybot.workers import run_tasks
 

@@ -24,6 +24,9 @@ SMALL = 0.05
 NEAR = (0.02, 0.05, 0.12)
 """Distances between contacts that tell links apart, board units: the same link is 0.045 away in the median, another one
 0.123."""
+UNSEEN = -0.85
+"""Logit that a responder changes when its trigger is acted on, though it never did: with probability 0.3 this is a link
+that was not touched before. If this were learnt, too, nothing would tell rare changes from improbable edges."""
 FAR = 0.5
 """Contacts farther apart are equally far, board units."""
 
@@ -129,7 +132,8 @@ class EffectHead(nn.Module):
         pooled = torch.einsum("rqlh,rqlw->rqhw", weights, torch.cat([tokens, did.unsqueeze(-1)], -1))
         votes = pooled[..., 0, -1]
         inputs = torch.cat([pooled.flatten(2), contacts.step[board], fit.unsqueeze(-1)], -1)
-        return self.trust * (2 * votes - 1) + self.change(inputs)[..., 0]
+        learnt = self.trust * (2 * votes - 1) + self.change(inputs)[..., 0]
+        return torch.where(((did > 0.5) & usable[..., 0]).any(-1), learnt, UNSEEN)
 
     def _choice(self, seen: Seen, asked: Asked, contacts: "_Contacts") -> tuple[Tensor, Tensor, Tensor]:
         """Log probabilities and frames as in `Effects`, and how well the best candidate begins where j is, (R, Q)."""
@@ -157,7 +161,9 @@ class EffectHead(nn.Module):
         index = step[:, None, :, None].expand(-1, place.shape[1], -1, place.shape[3])
         repeated = place.gather(2, index)
         undone = repeated * contacts.reverse
-        undo = torch.cat([torch.zeros_like(near[..., : step.shape[1]]), torch.ones_like(near[..., step.shape[1] :])], -1)
+        undo = torch.cat(
+            [torch.zeros_like(near[..., : step.shape[1]]), torch.ones_like(near[..., step.shape[1] :])], -1
+        )
         looks = [torch.log(near + SMALL), near / size, torch.log(away + SMALL), away / size]
         own = torch.stack([*looks, torch.log(size).expand_as(near), undo], -1)
         return torch.cat([torch.cat([repeated, undone], 2), own], -1)
@@ -202,8 +208,10 @@ def _contacts(seen: Seen, asked: Asked) -> _Contacts:
     )
     reverse = told.new_ones(told.shape[-1])
     reverse[len(NEAR) + 1] = -1
-    closest = distance.masked_fill(~same, FAR).clamp(max=FAR).amin(-1) if distance.shape[2] else distance.new_full(
-        distance.shape[:2], FAR
+    closest = (
+        distance.masked_fill(~same, FAR).clamp(max=FAR).amin(-1)
+        if distance.shape[2]
+        else distance.new_full(distance.shape[:2], FAR)
     )
     held = seen.pos[asked.acted.clamp(min=0)]  # (B, Q, 3)
     arm = asked.actions[..., :3] - held

@@ -66,10 +66,13 @@ class OwnPixels:
         self._observed, self._config = observed, config or OwnConfig()
         self._rays = Rays(observed.camera)
         first = observed.frame(0)
-        boxes = {i: tuple(int(side) for side in box) for i, box in enumerate(observed.boxes)}
-        shown = {i: box for i, box in boxes.items() if 0 <= box[0] < box[2] and 0 <= box[1] < box[3]}
+        height, width = first.rgb.shape[:2]
+        clipped = [(u0, v0, min(u1, width), min(v1, height)) for u0, v0, u1, v1 in observed.boxes.tolist()]
+        shown: dict[int, tuple[int, ...]] = {
+            i: box for i, box in enumerate(clipped) if 0 <= box[0] < box[2] and 0 <= box[1] < box[3]
+        }
         # painted from the largest to the smallest, so the smallest box of a pixel stays on top
-        top = np.full(first.rgb.shape[:2], -1, int)
+        top = np.full((height, width), -1, int)
         for i, (u0, v0, u1, v1) in sorted(shown.items(), key=lambda item: -_size(item[1])):
             top[v0:v1, u0:u1] = i
         homes = self._homes(shown, first)

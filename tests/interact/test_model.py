@@ -10,7 +10,8 @@ from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.interact.model import NOT_ELEVATED, Model, ModelInfo, find_model
-from busybot.interact.networks import KINDS, initialise, make_network
+from busybot.interact.networks import KINDS, make_network
+from busybot.training.weights import initialise
 from tests.episodes.synthetic import make_episode
 
 NO_BOXES = np.empty((0, 4), np.int16)

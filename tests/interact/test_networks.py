@@ -3,7 +3,8 @@
 import pytest
 import torch
 
-from busybot.interact.networks import CROP, HIDDEN, KINDS, Kind, initialise, make_network, parameters_of
+from busybot.interact.networks import CROP, HIDDEN, KINDS, Kind, make_network
+from busybot.training.weights import initialise, parameters_of
 
 
 @pytest.mark.parametrize("inputs", ["depth", "rgb"])

@@ -7,9 +7,10 @@ from torch import nn
 
 from busybot.episodes.geometry import normals
 from busybot.interact.features import Inputs, Pinhole
-from busybot.interact.networks import KINDS, initialise, parameters_of
+from busybot.interact.networks import KINDS
 from busybot.interact.paper_inputs import GAUSSIAN_SIGMA, depth_and_normals, with_positions
 from busybot.interact.paper_networks import PaperDirectionNet, PaperPositionNet, make_paper_network
+from busybot.training.weights import initialise, parameters_of
 from tests.interact.scenes import BODY, HEIGHT, RAYS, WIDTH, picture
 
 

@@ -91,6 +91,18 @@ def test_triggers_and_objects_without_a_box_have_no_looks() -> None:
     assert (looks(observe(make_real_episode())).of == -1).all()
 
 
+@pytest.mark.parametrize("box", [(200, 40, 230, 70), (30, 130, 60, 140), (60, 40, 30, 70), (-5, 40, 60, 70)])
+def test_a_box_that_is_none_shows_nothing(box: tuple[int, int, int, int]) -> None:
+    """Beyond the picture of 160 x 120 pixels, turned round, or half out of it on the left."""
+    scene = Scene(("responder", "responder"), [box, RIGHT], [two(RED, RED), two(RED, GREEN)])
+    assert looks(scene.observed()).of.tolist() == [[-1, 0], [-1, 1]]
+
+
+def test_a_box_that_reaches_beyond_the_picture_ends_with_it() -> None:
+    found = looks(Scene(("responder",), [(130, 90, 190, 150)], [[Patch((130, 90, 160, 120), RED)]]).observed())
+    assert found.looks[0].own.shape == (30, 30) and found.looks[0].own.all()
+
+
 def test_the_oracle_sees_what_segmentation_names() -> None:
     episode = make_episode(steps=6)
     found, pixels = looks(observe(episode)), TruePixels(episode)

@@ -1,0 +1,47 @@
+"""A trained model is a folder: weights, and `model.json`, which says what they are."""
+
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from busybot.errors import BusybotError
+from busybot.files import read_json
+
+INFO_FILE = "model.json"
+
+Info = TypeVar("Info", bound=BaseModel)
+
+
+def find_folder(name_or_path: str | Path, shipped: Path, skill: str) -> Path:
+    """The folder that a name or a path means; a training's folder stands for its final model.
+
+    Args:
+        shipped: folder of the models that can be called by their names.
+        skill: as in `busybot train SKILL`.
+
+    Raises:
+        BusybotError: there is none.
+    """
+    given = Path(name_or_path)
+    for folder in (given, given / "model"):
+        if (folder / INFO_FILE).is_file():
+            return folder
+    names = sorted(path.parent.name for path in shipped.glob(f"*/{INFO_FILE}"))
+    if str(name_or_path) in names:
+        return shipped / str(name_or_path)
+    known = f"the shipped models are {', '.join(names)}; " if names else ""
+    raise BusybotError(
+        f"{name_or_path}: no model of that name, and no folder with {INFO_FILE}",
+        f"{known}`busybot train {skill} --out DIR` makes one",
+    )
+
+
+def read_info(folder: Path, kind: type[Info]) -> Info:
+    """What `model.json` says; errors name the file and the place."""
+    try:
+        return kind.model_validate(read_json(folder / INFO_FILE))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None

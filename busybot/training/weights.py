@@ -1,0 +1,25 @@
+"""Weights before the first iteration."""
+
+import torch
+from torch import nn
+
+
+def initialise(network: nn.Module, generator: torch.Generator, biases: bool = False) -> None:
+    """Draw all weights from the generator, uniform with variance 1 / (3 fan_in) as torch does; biases become zero.
+
+    Args:
+        biases: draw them, too, from the same distribution, as torch does.
+    """
+    for module in network.modules():
+        if isinstance(module, nn.Conv2d | nn.Linear):
+            nn.init.kaiming_uniform_(module.weight, a=5**0.5, generator=generator)
+            if module.bias is not None and biases:
+                limit = module.weight[0].numel() ** -0.5
+                nn.init.uniform_(module.bias, -limit, limit, generator=generator)
+            elif module.bias is not None:
+                nn.init.zeros_(module.bias)
+
+
+def parameters_of(network: nn.Module) -> int:
+    """Number of trained values."""
+    return sum(parameter.numel() for parameter in network.parameters())

@@ -5,44 +5,28 @@ from typing import Any
 
 from busybot.interact.networks import KINDS
 from busybot.training.metrics_file import read_metrics
-
-SIZE_INCHES = (11.0, 6.5)
+from busybot.training.plots import new_figure, save_png
 
 
 def plot_training(out: Path) -> Path:
     """Draw `training.png` from the metrics files of a training's folder."""
-    figure, panels = _figure()
+    figure, panels = new_figure(2, len(KINDS))
     for column, kind in enumerate(KINDS):
         lines = read_metrics(out / "metrics" / f"{kind}.jsonl")
         _plot_loss(panels[0][column], f"{kind} network", lines, "loss of prioritised batches")
         _plot_validation(panels[1][column], lines)
-    return _save(figure, out)
+    return save_png(figure, out / "training.png")
 
 
 def plot_paper_training(out: Path) -> Path:
     """The same for the `paper` variant: losses, and what each epoch's actions earned."""
-    figure, panels = _figure()
+    figure, panels = new_figure(2, len(KINDS))
     for column, kind in enumerate(KINDS):
         lines = read_metrics(out / "metrics" / f"{kind}.jsonl")
         _plot_loss(panels[0][column], f"{kind} network", lines, "loss of half-positive batches")
         panels[0][column].set_xlabel("iteration")
         _plot_epochs(panels[1][column], kind, read_metrics(out / "metrics" / "epochs.jsonl"))
-    return _save(figure, out)
-
-
-def _figure() -> tuple[Any, Any]:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=SIZE_INCHES, layout="constrained")
-    return figure, figure.subplots(2, len(KINDS), squeeze=False)
-
-
-def _save(figure: Any, out: Path) -> Path:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    path = out / "training.png"
-    FigureCanvasAgg(figure).print_png(str(path))
-    return path
+    return save_png(figure, out / "training.png")
 
 
 def _plot_loss(panel: Any, title: str, lines: list[dict[str, Any]], label: str) -> None:

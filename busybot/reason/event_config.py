@@ -1,8 +1,10 @@
 """Constants of the `event` model and its training."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
+
+from busybot.reason.loop_config import LoopConfig
 
 Positive = Annotated[float, Field(gt=0)]
 Weight = Annotated[float, Field(ge=0)]
@@ -41,4 +43,37 @@ class LossConfig(_Plain):
     unknown: Positive = 0.02
     floor: Positive = 1e-4
     prior: Annotated[float, Field(gt=0, lt=1)] = 0.2
-    divergence: Weight = 0.01
+    divergence: Weight = 0.001
+
+
+class EventConfig(_Plain):
+    """Training the `event` model.
+
+    Attributes:
+        encoder: which features it reads.
+        iterations: at most so many.
+        batch: boards per iteration.
+        learning_rate: at its highest; it rises over `warm_up` iterations and falls as a cosine to zero.
+        weight_decay: of AdamW.
+        clip: greatest norm of a gradient.
+        images: how many are seen before steps are predicted: in half of the iterations, and when boards are judged. The
+            other iterations draw a number.
+        questions: at most so many of the following steps are predicted.
+        noise: standard deviation of noise added to looks, drawn from 0 to this for each responder, in units of the
+            smallest change.
+    """
+
+    model: Literal["event"] = "event"
+    encoder: str = "embedded"
+    iterations: Annotated[int, Field(ge=0)] = 1200
+    batch: Annotated[int, Field(ge=1)] = 48
+    learning_rate: Positive = 3e-3
+    warm_up: Annotated[int, Field(ge=1)] = 20
+    weight_decay: Weight = 1e-3
+    clip: Positive = 1.0
+    images: Annotated[int, Field(ge=2)] = 23
+    questions: Annotated[int, Field(ge=1)] = 8
+    noise: Weight = 0.2
+    net: NetConfig = NetConfig()
+    loss: LossConfig = LossConfig()
+    loop: LoopConfig = LoopConfig()

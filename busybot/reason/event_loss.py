@@ -1,8 +1,9 @@
 """How likely the event model finds what happened: the loss, and how the two stages and the edges enter it.
 
-After a step a responder looks as before, or, if its trigger was acted on, as a past change shows it or like nothing seen
-yet. Each of these is a bell around a known look, so a step has a likelihood; a responder's steps together have one for
-each possible trigger, and the edge probabilities weigh those. The sum over triggers is exact: there are few.
+After a step a responder looks as before, or, if its trigger was acted on, as before or after a past change of it, or
+like nothing seen yet. Around each known look there is a bell, so a step has a likelihood; a responder's steps together
+have one for each possible trigger, and the edge probabilities weigh those. The sum over triggers is exact: they are
+few, so no edges need be drawn (Gumbel) as in the paper.
 """
 
 from dataclasses import dataclass
@@ -46,8 +47,8 @@ def loss_of(net: EventNet, seen: Seen, asked: Asked, outcome: Outcome, config: L
         mixed = torch.logaddexp(log_edges + gain, log_not(log_edges))
         explained = scatter(mixed, row, dim_size=len(seen.board), reduce="sum")
     surprise = -((idle * real).sum() + explained.sum()) / real.sum().clamp(min=1)
-    divergence = _divergence(net, log_edges, log_none, seen, config.prior)
-    return Loss(surprise + config.divergence * divergence, surprise, divergence)
+    apart = divergence(log_edges, log_none, row, config.prior, net.exclusive)
+    return Loss(surprise + config.divergence * apart, surprise, apart)
 
 
 def log_likelihoods(effects: Effects, outcome: Outcome, config: LossConfig) -> tuple[Tensor, Tensor]:
@@ -62,7 +63,11 @@ def log_likelihoods(effects: Effects, outcome: Outcome, config: LossConfig) -> t
     became = (choice[..., :-1] * copies).sum(-1) + choice[..., -1] * config.unknown
     change = torch.sigmoid(effects.change)
     controlled = (1 - change) * stayed + change * became
-    return torch.log(controlled + config.floor), torch.log(stayed + config.floor)
+    return _log(controlled, config.floor), _log(stayed, config.floor)
+
+
+def _log(likelihood: Tensor, floor: float) -> Tensor:
+    return torch.log(floor + (1 - floor) * likelihood)
 
 
 def log_not(log_probability: Tensor) -> Tensor:
@@ -70,17 +75,19 @@ def log_not(log_probability: Tensor) -> Tensor:
     return torch.log(-torch.expm1(log_probability.clamp(max=-1e-6)))
 
 
-def _divergence(net: EventNet, log_edges: Tensor, log_none: Tensor, seen: Seen, prior: float) -> Tensor:
-    """Kullback-Leibler divergence of the edges from edges of probability `prior` each."""
-    row, rows = seen.pairs[1], len(seen.board)
-    odds = torch.logit(torch.tensor(prior))
-    if net.exclusive:
-        none = -log_sum(odds.expand_as(log_edges), torch.zeros_like(log_none), row)
-        per_pair = log_edges.exp() * (log_edges - (odds + none[row]))
+def divergence(log_edges: Tensor, log_none: Tensor, row: Tensor, prior: float, exclusive: bool) -> Tensor:
+    """Kullback-Leibler divergence of the edges (E,) from edges of probability `prior` each, mean over responders (R,).
+
+    For exclusive edges the odds of each against "no trigger" are those of the prior.
+    """
+    odds = torch.logit(torch.tensor(prior)).expand_as(log_edges)
+    if exclusive:
+        none = -log_sum(odds, torch.zeros_like(log_none), row)
+        per_pair = log_edges.exp() * (log_edges - odds - none[row])
         per_row = log_none.exp() * (log_none - none)
     else:
         absent = log_not(log_edges)
-        per_pair = log_edges.exp() * (log_edges - functional.logsigmoid(odds))
-        per_pair = per_pair + absent.exp() * (absent - functional.logsigmoid(-odds))
+        present = log_edges.exp() * (log_edges - functional.logsigmoid(odds))
+        per_pair = present + absent.exp() * (absent - functional.logsigmoid(-odds))
         per_row = torch.zeros_like(log_none)
-    return (scatter(per_pair, row, dim_size=rows, reduce="sum") + per_row).mean()
+    return (scatter(per_pair, row, dim_size=len(log_none), reduce="sum") + per_row).mean()

@@ -3,6 +3,7 @@
 import json
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -45,9 +46,9 @@ class Metrics:
         text = f"{self._name}: {done} of {total}, loss {loss:.3f}, {1e3 * seconds:.0f} ms each, {left:.0f} s left"
         print(text, file=sys.stderr, flush=True)
 
-    def end(self, iteration: int, figures: dict[str, float | None]) -> None:
+    def end(self, iteration: int, figures: Mapping[str, float | None]) -> None:
         """Enter the figures of a round's end."""
-        self._lines.append({"iteration": iteration, "validation": figures})
+        self._lines.append({"iteration": iteration, "validation": dict(figures)})
         self.write()
         shown = ", ".join(f"{name} {value:.4f}" for name, value in figures.items() if value is not None)
         print(f"{self._name}: {shown}", file=sys.stderr, flush=True)

@@ -1,0 +1,76 @@
+"""Trained models of relations: a folder with `weights.safetensors` and `model.json`, which says what they are."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from torch import Tensor
+
+from busybot.errors import BusybotError
+from busybot.files import write_json
+from busybot.reason.reasoner import Reasoner
+from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
+from busybot.training.model_folder import INFO_FILE, find_folder, read_info
+
+SHIPPED = Path(__file__).with_name("models")
+WEIGHTS_FILE = "weights.safetensors"
+
+
+class ModelInfo(BaseModel):
+    """What `model.json` says.
+
+    Attributes:
+        model: which kind.
+        encoder: which features it reads.
+        config: of the training; the networks' part tells their size.
+        training: provenance: datasets with hashes, seed, figures; JSON values.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: Literal["1"] = "1"
+    model: Literal["event", "paper"]
+    encoder: str
+    config: dict[str, Any]
+    training: dict[str, Any] = {}
+
+
+def save_model(folder: Path, info: ModelInfo, tensors: dict[str, Tensor]) -> None:
+    """Write the folder, `model.json` last."""
+    save_tensors(folder / WEIGHTS_FILE, tensors)
+    write_json(folder / INFO_FILE, info.model_dump(mode="json"))
+
+
+def load_reasoner(name_or_path: str | Path) -> Reasoner:
+    """`lookup`, a shipped model by its name, or any by its folder (a training's folder stands for its final model).
+
+    Raises:
+        BusybotError: there is no such model, or its files are damaged or do not belong together.
+    """
+    if str(name_or_path) == "lookup":
+        from busybot.reason.lookup import Lookup
+
+        return Lookup()
+    folder = find_folder(name_or_path, SHIPPED, "reason")
+    info = read_info(folder, ModelInfo)
+    tensors = load_tensors(folder / WEIGHTS_FILE).tensors
+    try:
+        return _MAKERS[info.model](info, tensors, folder / WEIGHTS_FILE)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(["config", *map(str, first["loc"])])
+        raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
+
+
+def _event(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
+    from busybot.reason.event import EventReasoner
+    from busybot.reason.event_config import EventConfig
+    from busybot.reason.event_net import EventNet
+
+    config = EventConfig.model_validate(info.config)
+    network = EventNet(config.net)
+    load_weights(network, tensors, file)
+    return EventReasoner(network, info.encoder, config.loss.blur)
+
+
+_MAKERS = {"event": _event}

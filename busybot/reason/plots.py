@@ -1,0 +1,30 @@
+"""The course of a training of a model of relations as a picture."""
+
+from pathlib import Path
+from typing import Any
+
+from busybot.training.metrics_file import read_metrics
+from busybot.training.plots import new_figure, plot_points, save_png
+
+_NAMES = {"loss": "held out", "right": "all steps", "right_changes": "steps that changed something"}
+
+
+def plot_fit(out: Path, name: str) -> Path:
+    """Draw `training.png` from the metrics of a training's folder: losses, and shares on held-out boards."""
+    lines = read_metrics(out / "metrics" / f"{name}.jsonl")
+    judged: list[dict[str, Any]] = [line for line in lines if line.get("validation")]
+    figure, panels = new_figure(1, 2)
+    losses, shares = panels[0]
+    plot_points(losses, [(line["iteration"], line["loss"]) for line in lines if "loss" in line], "trained on")
+    for label in sorted({label for line in judged for label in line["validation"]}):
+        points = [(line["iteration"], line["validation"].get(label)) for line in judged]
+        plot_points(losses if label == "loss" else shares, points, _NAMES.get(label, label))
+    for panel, title in ((losses, f"loss of the {name} model"), (shares, "held-out steps predicted rightly")):
+        panel.set_title(title)
+        panel.set_xlabel("iteration")
+        panel.grid(alpha=0.3)
+        if panel.get_lines():
+            panel.legend(fontsize="small")
+    if losses.get_lines():
+        losses.set_yscale("log")
+    return save_png(figure, out / "training.png")

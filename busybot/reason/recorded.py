@@ -1,0 +1,68 @@
+"""The boards of several datasets that a model of relations is trained on, and those that it is held back from.
+
+Boards of one appearance group look alike, so a group is trained on or held out as a whole.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from collections.abc import Sequence as Several
+from dataclasses import dataclass
+from typing import Any
+
+from busybot.episodes.dataset import Dataset
+from busybot.errors import BusybotError
+from busybot.reason.features import Features
+from busybot.reason.sequence import Sequence
+from busybot.rng import generator
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """Boards that are read when they are asked for.
+
+    Attributes:
+        features: of each dataset.
+        places: for each board the number of its dataset and its episode.
+    """
+
+    features: tuple[Features, ...]
+    places: tuple[tuple[int, int], ...]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __getitem__(self, index: int) -> Sequence:
+        dataset, episode = self.places[index]
+        return self.features[dataset].sequence(episode)
+
+    def __iter__(self) -> Iterator[Sequence]:
+        return (self[index] for index in range(len(self)))
+
+
+def held_apart(
+    datasets: Several[Dataset], features: Iterable[Features], share: float, seed: int
+) -> tuple[Recorded, Recorded]:
+    """Boards to train on, and boards of other appearance groups to judge by.
+
+    Args:
+        share: of the groups that is held out, rounded up; 0 for none. With a single group none is.
+
+    Raises:
+        BusybotError: there is no recorded board.
+    """
+    known = tuple(features)
+    group_of = {}
+    for number, (dataset, found) in enumerate(zip(datasets, known, strict=True)):
+        boards = dataset.boards()
+        for episode in found:
+            board = boards[episode]
+            group_of[number, episode] = (board.seed, board.split, board.appearance_group)
+    groups = sorted(set(group_of.values()))
+    if not groups:
+        raise BusybotError("no board has an episode to train on", "busybot collect DATASET")
+    order = generator(seed, "train", 0, "reason/held out").permutation(len(groups))
+    count = math.ceil(share * len(groups)) if len(groups) > 1 else 0
+    held: set[Any] = {groups[place] for place in order[:count]}
+    train = tuple(place for place, group in group_of.items() if group not in held)
+    judge = tuple(place for place, group in group_of.items() if group in held)
+    return Recorded(known, train), Recorded(known, judge)

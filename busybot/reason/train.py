@@ -1,0 +1,102 @@
+"""`busybot train reason`: learn which trigger controls what, from recorded episodes alone (paper section 3.2).
+
+A training is a folder:
+
+train.json                  what was asked for; the same command continues, another one is refused
+model/                      the trained model, with provenance and figures
+metrics.csv, metrics.json   losses, and figures on boards of appearance groups that were held out
+training.png                the same as a picture
+checkpoints/, metrics/      to go on from where a killed training stopped
+
+Relations, states and what the gripper truly held are never read (`observed`).
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from busybot.episodes.dataset import Dataset
+from busybot.errors import BusybotError
+from busybot.reason.event_config import EventConfig
+from busybot.reason.features import Progress, features_of
+from busybot.reason.fit import Learner, fit
+from busybot.reason.models import ModelInfo, save_model
+from busybot.reason.plots import plot_fit
+from busybot.reason.recorded import Recorded, held_apart
+from busybot.training.model_folder import INFO_FILE, read_info
+from busybot.training.run_folder import begin_folder, learner_versions
+
+CONFIGS = {"event": EventConfig}
+"""Parameters by model."""
+
+Config = EventConfig
+Told = Callable[[str], AbstractContextManager[Progress]]
+"""Opens a progress display of this name."""
+
+
+def train_reason(
+    out: Path, config: Config, data: tuple[Path, ...], seed: int, told: Told, workers: int | None = None
+) -> ModelInfo:
+    """Train, or continue a training that was interrupted; returns what the model's `model.json` says.
+
+    Args:
+        data: datasets with episodes.
+        workers: processes that compute missing features.
+
+    Raises:
+        BusybotError: the folder holds another training, or a dataset cannot be trained on.
+    """
+    datasets = [Dataset.open(path) for path in data]
+    origin = [_origin(dataset) for dataset in datasets]
+    begin_folder(out, config, seed, data=origin)
+    if (out / "model" / INFO_FILE).exists():
+        return read_info(out / "model", ModelInfo)
+    features = []
+    for dataset in datasets:
+        with told(f"features of {dataset.path.name}") as progress:
+            features.append(features_of(dataset, config.encoder, workers=workers, progress=progress))
+    boards, held_out = held_apart(datasets, features, config.loop.held_out, seed)
+    learner = make_learner(config, boards, held_out, seed)
+    figures = fit(learner, out, config.loop)
+    plot_fit(out, learner.name)
+    info = ModelInfo(
+        model=config.model,
+        encoder=config.encoder,
+        config=config.model_dump(mode="json"),
+        training={
+            "seed": seed,
+            "data": origin,
+            "features": features[0].key,
+            "oracle": any(found.oracle for found in features),
+            "boards": len(boards),
+            "boards_held_out": len(held_out),
+            **figures,
+            "versions": learner_versions(),
+        },
+    )
+    save_model(out / "model", info, learner.network.state_dict())
+    return info
+
+
+def make_learner(config: Config, boards: Recorded, held_out: Recorded, seed: int) -> Learner:
+    """The learner of the model whose parameters these are."""
+    from busybot.reason.event_fit import EventLearner
+
+    return EventLearner(config, boards, held_out, seed)
+
+
+def _origin(dataset: Dataset) -> dict[str, Any]:
+    """What a training depends on, wherever the dataset lies."""
+    if not dataset.finished():
+        raise BusybotError(f"{dataset.path}: no board has an episode", f"busybot collect {dataset.path}")
+    hashes = dataset.hashes()
+    return {
+        "name": dataset.info.name,
+        "split": dataset.info.split,
+        "seed": dataset.info.seed,
+        "assets": dataset.info.assets.name,
+        "episodes": len(dataset.finished()),
+        "board_hash": hashes.board,
+        "content_hash": hashes.content,
+    }

@@ -1,0 +1,30 @@
+"""Figures of trainings, drawn without a display."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+WIDTH_INCHES, ROW_INCHES = 11.0, 3.25
+
+
+def new_figure(rows: int, columns: int) -> tuple[Any, Any]:
+    """A figure and its panels [row][column]."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH_INCHES, ROW_INCHES * rows), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def plot_points(panel: Any, points: Iterable[tuple[float, float | None]], label: str) -> None:
+    """A line through the points that have a value; nothing without any."""
+    known = [(x, y) for x, y in points if y is not None]
+    if known:
+        panel.plot(*zip(*known, strict=True), marker="." if len(known) < 60 else None, linewidth=1, label=label)
+
+
+def save_png(figure: Any, path: Path) -> Path:
+    """Write the picture."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    FigureCanvasAgg(figure).print_png(str(path))
+    return path

@@ -18,6 +18,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from busybot.reason.loop_config import LoopConfig
+
 Width = Annotated[int, Field(ge=1, le=65_536)]
 
 
@@ -69,11 +71,25 @@ class PaperNetworkConfig(BaseModel):
         return kernel
 
 
+class PaperLoopConfig(LoopConfig):
+    """The paper trains on all boards to the end of the schedule. Iterations take seconds, so fewer lie between reports.
+
+    A share held out gives a curve on boards that were not trained on, and keeps the best weights instead of the last.
+    """
+
+    held_out: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    report: Annotated[int, Field(ge=1)] = 5
+    judge: Annotated[int, Field(ge=1)] = 20
+    patience: Annotated[int, Field(ge=0)] = 0
+
+
 class PaperReasonConfig(BaseModel):
     """A whole training of the `paper` model.
 
     Attributes:
-        model: which model.
+        encoder: which features it reads; `resnet50` are the paper's.
+        threads: of PyTorch on a CPU; the order of sums, and so the last bits of the weights, depend on it.
+        loop: how the schedule is reported and judged.
         network: the graph networks.
         inference: False is the ablation "w/o inference" (`paper_history`).
         images: the graph is inferred from so many first frames; the steps after the last of them are predicted.
@@ -89,6 +105,7 @@ class PaperReasonConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     model: Literal["paper"] = "paper"
+    encoder: str = "embedded"
     network: PaperNetworkConfig = PaperNetworkConfig()
     inference: bool = True
     images: Annotated[int, Field(ge=2, le=10_000)] = 23
@@ -99,3 +116,5 @@ class PaperReasonConfig(BaseModel):
     prior: Annotated[float, Field(gt=0, lt=1)] = 0.2
     prior_weight: Annotated[float, Field(ge=0)] = 0.0
     bfloat16: bool = False
+    threads: Annotated[int, Field(ge=1, le=1024)] = 2
+    loop: PaperLoopConfig = PaperLoopConfig()

@@ -1,71 +1,78 @@
-"""A training of the `paper` model that can be stopped after any iteration and goes on exactly where it was."""
+"""Training the `paper` model as `fit` does it with any model (see `fit.Learner`)."""
 
 import math
+from collections.abc import Mapping
 from collections.abc import Sequence as Several
-from pathlib import Path
+from typing import Any
 
 import numpy as np
+import torch
 
+from busybot.errors import BusybotError
 from busybot.reason.paper_boards import boards_of
 from busybot.reason.paper_config import PaperReasonConfig
-from busybot.reason.paper_fit import Outcome, batches, iterate, make_network, make_optimizer
-from busybot.reason.paper_history import PaperHistoryReasoner
-from busybot.reason.paper_networks import PaperNetwork
-from busybot.reason.paper_reasoner import PaperReasoner
-from busybot.reason.reasoner import Reasoner
+from busybot.reason.paper_fit import batches, iterate, losses, make_network, make_optimizer
+from busybot.reason.recorded import Recorded
 from busybot.reason.sequence import Sequence
 from busybot.rng import generator
-from busybot.training.checkpoint import restore_training, save_tensors, training_tensors
-from busybot.training.device import device
+from busybot.training.device import device, repeat_exactly
+
+Known = Recorded | Several[Sequence]
 
 
 class PaperLearner:
-    """Networks, optimizer and the place in the schedule.
+    """See `fit.Learner`. Boards are read when an iteration needs them.
 
     Args:
-        boards: how many there are to train on.
-        checkpoint: file in which the training is kept; it goes on from there if the file exists.
-
-    Attributes:
-        iteration: how many are done.
-        iterations: of the whole schedule.
-
-    Raises:
-        BusybotError: the checkpoint is damaged, or one of other networks.
+        boards: to train on.
+        held_out: to judge by; the paper holds none out.
     """
 
-    def __init__(self, config: PaperReasonConfig, seed: int, boards: int, checkpoint: Path):
-        self.config, self.seed, self.boards, self.checkpoint = config, seed, boards, checkpoint
-        self.iterations = config.epochs * math.ceil(boards / config.batch)
+    name = "paper"
+
+    def __init__(self, config: PaperReasonConfig, boards: Known, held_out: Known, seed: int):
+        torch.set_num_threads(config.threads)
+        repeat_exactly()
+        if not len(boards):
+            raise BusybotError("no board to train on", "hold fewer out: --set loop.held_out=0")
+        self.config, self.seed, self.boards, self.held_out = config, seed, boards, held_out
+        self.batches = math.ceil(len(boards) / config.batch)
+        self.iterations = config.epochs * self.batches
         self.network = make_network(config, seed).to(device())
         self.optimizer = make_optimizer(self.network, config)
-        self.iteration, self.last = 0, math.inf
-        if checkpoint.exists():
-            values = restore_training(checkpoint, self.network, self.optimizer).values
-            self.iteration, self.last = int(values["iteration"]), float(values["last"])
+        self.last = math.inf
 
-    def chosen(self) -> np.ndarray:
-        """Which boards the next iteration sees, int (batch,)."""
-        epoch, place = divmod(self.iteration, math.ceil(self.boards / self.config.batch))
-        return batches(self.boards, self.config.batch, self.seed, epoch)[place]
-
-    def iterate(self, sequences: Several[Sequence]) -> Outcome:
-        """The next iteration, on the boards that it chose."""
-        boards = boards_of(sequences, self.config.network).to(device())
-        rng = generator(self.seed, "train", self.iteration, "iteration/paper")
+    def iterate(self, iteration: int) -> tuple[float, float]:
+        """One iteration of the schedule: an epoch's next batch."""
+        epoch, place = divmod(iteration, self.batches)
+        chosen = batches(len(self.boards), self.config.batch, self.seed, epoch)[place]
+        boards = boards_of([self.boards[index] for index in chosen], self.config.network).to(device())
+        rng = generator(self.seed, "train", iteration, "reason/paper")
         outcome = iterate(self.network, self.optimizer, boards, self.config, rng, self.last)
         if outcome.taken:
             self.last = outcome.loss
-        self.iteration += 1
-        return outcome
+        return outcome.loss, self.config.learning_rate
 
-    def save(self) -> None:
-        """Write the checkpoint, whole or not at all."""
-        values = {"iteration": self.iteration, "last": self.last}
-        save_tensors(self.checkpoint, training_tensors(self.network, self.optimizer), values)
+    @torch.no_grad()
+    def judge(self) -> Mapping[str, float]:
+        """Mean squared error of the predictions, and that of predicting that nothing changes."""
+        self.network.eval()
+        sums, answers = np.zeros(2), 0
+        for start in range(0, len(self.held_out), self.config.batch):
+            end = min(start + self.config.batch, len(self.held_out))
+            boards = boards_of([self.held_out[i] for i in range(start, end)], self.config.network).to(device())
+            error, _ = losses(self.network, boards, self.config)
+            frames, after = boards.predicted(min(self.config.images, boards.steps))
+            still = (frames.states[..., : after.shape[-1]] - after)[boards.responders].square().mean()
+            weight = int(boards.responders.sum())
+            sums += weight * np.array([float(error), float(still)])
+            answers += weight
+        return dict(zip(("loss", "loss_of_no_change"), sums / answers, strict=True)) if answers else {}
 
-    def reasoner(self, encoder: str) -> Reasoner:
-        """The networks as they are now."""
-        if isinstance(self.network, PaperNetwork):
-            return PaperReasoner(self.network, encoder)
-        return PaperHistoryReasoner(self.network, encoder)
+    def values(self) -> dict[str, Any]:
+        """The loss below twice of which the next one must stay."""
+        return {"last": None if math.isinf(self.last) else self.last}
+
+    def restore(self, values: dict[str, Any]) -> None:
+        """Put back what `values` returned."""
+        self.last = math.inf if values["last"] is None else float(values["last"])

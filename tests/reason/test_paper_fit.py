@@ -11,7 +11,16 @@ from busybot.config import build
 from busybot.errors import BusybotError
 from busybot.reason.paper_boards import Boards, boards_of
 from busybot.reason.paper_config import PaperReasonConfig
-from busybot.reason.paper_fit import Outcome, batches, divergence_from, iterate, losses, make_network, make_optimizer
+from busybot.reason.paper_fit import (
+    Network,
+    Outcome,
+    batches,
+    divergence_from,
+    iterate,
+    losses,
+    make_network,
+    make_optimizer,
+)
 from busybot.reason.paper_networks import PaperNetwork, Relations
 from busybot.rng import generator
 from tests.reason.paper_scenes import SMALL, watched
@@ -24,11 +33,11 @@ def boards(count: int = 4, steps: int = 8) -> Boards:
     return boards_of([watched(seed, 2, 3, steps) for seed in range(count)], SMALL)
 
 
-def weights(network: PaperNetwork) -> dict[str, Tensor]:
+def weights(network: Network) -> dict[str, Tensor]:
     return {name: value.clone() for name, value in network.state_dict().items()}
 
 
-def step(network: PaperNetwork, config: PaperReasonConfig = QUICK, number: int = 0, last: float = math.inf) -> Outcome:
+def step(network: Network, config: PaperReasonConfig = QUICK, number: int = 0, last: float = math.inf) -> Outcome:
     optimizer = make_optimizer(network, config)
     return iterate(network, optimizer, boards(), config, generator(0, "train", number, "test"), last)
 
@@ -138,6 +147,7 @@ def test_the_prior_is_an_option_that_makes_edges_rarer() -> None:
     config = QUICK.model_copy(update={"prior": 0.05, "prior_weight": 10.0})
     network, joined = make_network(config, 0), boards(2)
     optimizer, outcomes = make_optimizer(network, config), []
+    assert isinstance(network, PaperNetwork)
     before = network.infer(joined.pairs, joined.observed(5)).probabilities.mean()
     for number in range(12):
         outcomes.append(iterate(network, optimizer, joined, config, generator(0, "train", number, "test")))

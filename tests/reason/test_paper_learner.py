@@ -1,5 +1,7 @@
-"""A training that is stopped and goes on ends in the weights of one that is not."""
+"""The schedule of the paper's training, and that a stopped training ends in the weights of one that is not."""
 
+import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -7,69 +9,104 @@ import pytest
 import torch
 
 from busybot.errors import BusybotError
-from busybot.reason.paper_config import PaperReasonConfig
+from busybot.reason.fit import fit
+from busybot.reason.models import ModelInfo, load_reasoner, save_model
+from busybot.reason.paper_config import PaperLoopConfig, PaperReasonConfig
+from busybot.reason.paper_history import PaperHistoryReasoner
 from busybot.reason.paper_learner import PaperLearner
-from busybot.reason.sequence import Sequence
+from busybot.reason.paper_reasoner import PaperReasoner
 from tests.reason.paper_scenes import SMALL, watched
 
 CONFIG = PaperReasonConfig(
-    network=SMALL.model_copy(update={"dropout": 0.2, "pairs": "candidates"}), images=4, epochs=3, batch=2
+    network=SMALL.model_copy(update={"dropout": 0.2, "pairs": "candidates"}),
+    images=4,
+    epochs=3,
+    batch=2,
+    threads=1,
+    loop=PaperLoopConfig(judge=2, report=1),
 )
 BOARDS = [watched(seed, steps=5) for seed in range(3)]
+HELD_OUT = [watched(seed, steps=5) for seed in range(10, 13)]
 
 
-def learner(folder: Path, config: PaperReasonConfig = CONFIG) -> PaperLearner:
-    return PaperLearner(config, 0, len(BOARDS), folder / "checkpoint.safetensors")
+@pytest.fixture(autouse=True)
+def threads() -> Iterator[None]:
+    before = torch.get_num_threads()
+    yield
+    torch.set_num_threads(before)
 
 
-def go_on(learner: PaperLearner, until: int) -> list[float]:
-    """Iterate; the losses."""
-    losses = []
-    while learner.iteration < until:
-        sequences: list[Sequence] = [BOARDS[board] for board in learner.chosen()]
-        losses.append(learner.iterate(sequences).loss)
-    return losses
+class Killed(PaperLearner):
+    """Dies in its fourth iteration."""
+
+    def iterate(self, iteration: int) -> tuple[float, float]:
+        if iteration == 3:
+            raise KeyboardInterrupt
+        return super().iterate(iteration)
 
 
-def test_the_schedule_is_so_many_epochs_over_all_boards(tmp_path: Path) -> None:
-    whole = learner(tmp_path)
-    assert whole.iterations == 3 * 2
-    seen = []
-    for whole.iteration in range(6):
-        seen.append(list(whole.chosen()))
-    assert [len(batch) for batch in seen] == [2, 1] * 3
-    assert all(sorted(seen[2 * epoch] + seen[2 * epoch + 1]) == [0, 1, 2] for epoch in range(3))
-    paper = PaperReasonConfig(network=SMALL)
-    assert PaperLearner(paper, 0, 10_000, tmp_path / "none").iterations == 200 * 157
+def test_the_schedule_is_200_epochs_over_all_boards() -> None:
+    paper = PaperLearner(PaperReasonConfig(network=SMALL, threads=1), BOARDS * 50, [], 0)
+    assert paper.iterations == 200 * 3  # 150 boards, 64 at once
+    assert PaperReasonConfig().loop.patience == PaperReasonConfig().loop.held_out == 0
+
+
+def test_an_epoch_sees_every_board(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+
+    class Watching(list):  # type: ignore[type-arg]
+        def __getitem__(self, index: int) -> object:
+            asked.append(index)
+            return super().__getitem__(index)
+
+    learner = PaperLearner(CONFIG, Watching(BOARDS), [], 0)
+    for iteration in range(4):
+        learner.iterate(iteration)
+    assert sorted(asked[:3]) == sorted(asked[3:]) == [0, 1, 2]
 
 
 @pytest.mark.parametrize("inference", [True, False])
-def test_a_stopped_training_goes_on_exactly(tmp_path: Path, inference: bool) -> None:
+def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, inference: bool) -> None:
     config = CONFIG.model_copy(update={"inference": inference})
-    whole = learner(tmp_path, config)
-    losses = go_on(whole, 6)
-    first = learner(tmp_path, config)
-    assert first.iteration == 0
-    begun = go_on(first, 3)
-    first.save()
-    second = learner(tmp_path, config)
-    assert second.iteration == 3 and second.last == begun[-1]
-    assert begun + go_on(second, 6) == losses
-    for one, other in zip(whole.network.state_dict().values(), second.network.state_dict().values(), strict=True):
+    straight, continued = (PaperLearner(config, BOARDS, [], 0) for _ in range(2))
+    fit(straight, tmp_path / "straight", config.loop)
+    with pytest.raises(KeyboardInterrupt):
+        fit(Killed(config, BOARDS, [], 0), tmp_path / "killed", config.loop)
+    fit(continued, tmp_path / "killed", config.loop)
+    assert continued.last == straight.last
+    for one, other in zip(straight.network.state_dict().values(), continued.network.state_dict().values(), strict=True):
         assert torch.equal(one, other)
+    other_seed = PaperLearner(config, BOARDS, [], 1).network.state_dict()
+    assert not torch.equal(
+        other_seed["spatial.encode_node.first.weight"], straight.network.spatial.encode_node.first.weight
+    )
 
 
-def test_what_is_learnt_can_be_asked(tmp_path: Path) -> None:
-    trained = learner(tmp_path)
-    go_on(trained, 1)
-    reasoner = trained.reasoner("embedded")
-    assert reasoner.encoder == "embedded" and reasoner.graph(BOARDS[0]).probabilities[:, BOARDS[0].candidates].all()
-    after = reasoner.predict(BOARDS[0].first(4), BOARDS[0].features[3:5], BOARDS[0].actions[3:], np.array([0, 1]))
-    assert after.shape == (2, 5, 256)
+def test_the_last_weights_are_kept_unless_boards_are_held_out(tmp_path: Path) -> None:
+    figures = fit(PaperLearner(CONFIG, BOARDS, [], 0), tmp_path / "all", CONFIG.loop)
+    assert figures["best_iteration"] == figures["iterations"] == 6 and figures["held_out"] == {}
+    judged = fit(PaperLearner(CONFIG, BOARDS, HELD_OUT, 0), tmp_path / "some", CONFIG.loop)
+    looks = [(seen.features[3:5] - seen.features[4:6])[:, seen.responders] for seen in HELD_OUT]
+    assert judged["held_out"]["loss_of_no_change"] == pytest.approx(np.mean(np.square(looks)), rel=1e-5)
+    assert judged["held_out"]["loss"] > 0
+    assert json.loads((tmp_path / "some" / "metrics.json").read_text()) == judged
 
 
-def test_a_checkpoint_of_other_networks_is_refused(tmp_path: Path) -> None:
-    learner(tmp_path).save()
-    other = CONFIG.model_copy(update={"network": SMALL.model_copy(update={"hidden": 9})})
-    with pytest.raises(BusybotError, match=r"checkpoint\.safetensors: not the weights of this network"):
-        learner(tmp_path, other)
+@pytest.mark.parametrize(("inference", "kind"), [(True, PaperReasoner), (False, PaperHistoryReasoner)])
+def test_a_saved_model_is_loaded_again(tmp_path: Path, inference: bool, kind: type) -> None:
+    config = CONFIG.model_copy(update={"inference": inference})
+    learner = PaperLearner(config, BOARDS, [], 0)
+    learner.iterate(0)
+    info = ModelInfo(model="paper", encoder="random", config=config.model_dump(mode="json"))
+    save_model(tmp_path / "model", info, learner.network.state_dict())
+    reasoner = load_reasoner(tmp_path)
+    assert isinstance(reasoner, kind) and reasoner.encoder == "random"
+    seen = BOARDS[0]
+    asked = (seen.first(4), seen.features[3:5], seen.actions[3:], seen.acted[3:])
+    expected = kind(learner.network, "random").predict(*asked)
+    assert np.array_equal(reasoner.predict(*asked), expected)
+
+
+def test_without_boards_there_is_nothing_to_train() -> None:
+    with pytest.raises(BusybotError, match="no board to train on"):
+        PaperLearner(CONFIG, [], HELD_OUT, 0)

@@ -11,10 +11,12 @@ import torch
 from busybot.errors import BusybotError
 from busybot.reason.fit import fit
 from busybot.reason.models import ModelInfo, load_reasoner, save_model
-from busybot.reason.paper_config import PaperLoopConfig, PaperReasonConfig
+from busybot.reason.paper_boards import Boards, boards_of
+from busybot.reason.paper_config import PaperLoopConfig, PaperNetworkConfig, PaperReasonConfig
 from busybot.reason.paper_history import PaperHistoryReasoner
 from busybot.reason.paper_learner import PaperLearner
 from busybot.reason.paper_reasoner import PaperReasoner
+from busybot.reason.sequence import Sequence
 from tests.reason.paper_scenes import SMALL, watched
 
 CONFIG = PaperReasonConfig(
@@ -52,17 +54,17 @@ def test_the_schedule_is_200_epochs_over_all_boards() -> None:
 
 
 def test_an_epoch_sees_every_board(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[int] = []
+    seen: list[int] = []
 
-    class Watching(list):  # type: ignore[type-arg]
-        def __getitem__(self, index: int) -> object:
-            asked.append(index)
-            return super().__getitem__(index)
+    def watching(sequences: list[Sequence], config: PaperNetworkConfig) -> Boards:
+        seen.extend([sequence is board for board in BOARDS].index(True) for sequence in sequences)
+        return boards_of(sequences, config)
 
-    learner = PaperLearner(CONFIG, Watching(BOARDS), [], 0)
+    monkeypatch.setattr("busybot.reason.paper_learner.boards_of", watching)
+    learner = PaperLearner(CONFIG, BOARDS, [], 0)
     for iteration in range(4):
         learner.iterate(iteration)
-    assert sorted(asked[:3]) == sorted(asked[3:]) == [0, 1, 2]
+    assert sorted(seen[:3]) == sorted(seen[3:]) == [0, 1, 2]
 
 
 @pytest.mark.parametrize("inference", [True, False])

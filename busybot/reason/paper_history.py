@@ -13,7 +13,7 @@ from busybot.reason.paper_boards import STATE, Boards, Frames
 from busybot.reason.paper_config import PaperNetworkConfig
 from busybot.reason.paper_pairs import Pairs
 from busybot.reason.paper_parts import Actions, GraphNet, Recurrent, TimeConvolution
-from busybot.reason.paper_reasoner import board_of, imagined, merged
+from busybot.reason.paper_reasoner import foreseen
 from busybot.reason.result import InferredGraph
 from busybot.reason.sequence import CHANNELS, Sequence
 
@@ -35,9 +35,9 @@ class PaperHistoryNetwork(nn.Module):
 
     def forward(self, boards: Boards, images: int, noise: Tensor | None = None) -> tuple[Tensor, None]:
         """Predict each of the steps that follow the first `images` frames, (M, S, 256); there is no graph."""
-        return self.predict(boards.pairs, boards.observed(images), boards.predicted(images)[0]), None
+        return self.foresee(boards.pairs, boards.observed(images), boards.predicted(images)[0]), None
 
-    def predict(self, pairs: Pairs, observed: Frames, frames: Frames) -> Tensor:
+    def foresee(self, pairs: Pairs, observed: Frames, frames: Frames) -> Tensor:
         """Features after each frame's action, (M, S, 256), every frame on its own."""
         count = observed.states.shape[1]
         states = torch.cat([observed.states, frames.states], 1)
@@ -74,9 +74,4 @@ class PaperHistoryReasoner:
     @torch.no_grad()
     def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """Features after each of S steps, as `Reasoner.predict`; what is no responder stays as it is."""
-        boards = board_of(seen, self.network)
-        if not len(boards.receivers) or not len(actions):
-            return np.array(current, np.float32)
-        frames = imagined(boards, current, actions, acted)
-        predicted = self.network.predict(boards.pairs, boards.observed(seen.steps + 1), frames)
-        return merged(seen, current, predicted)
+        return foreseen(self.network, seen, current, actions, acted)

@@ -78,6 +78,10 @@ class PaperNetwork(nn.Module):
         relations = self.infer(pairs, boards.observed(images), noise)
         return self.predict(pairs, boards.predicted(images)[0], relations), relations
 
+    def foresee(self, pairs: Pairs, observed: Frames, frames: Frames) -> Tensor:
+        """Features after each frame's action, (M, S, 256), with the graph of the observed frames."""
+        return self.predict(pairs, frames, self.infer(pairs, observed))
+
     def infer(self, pairs: Pairs, frames: Frames, noise: Tensor | None = None) -> Relations:
         """Relations from observed frames.
 

@@ -1,11 +1,16 @@
 """The trained `paper` networks as a `Reasoner`."""
 
+from collections.abc import Iterator
+from typing import Protocol
+
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from busybot.reason.paper_boards import Boards, Frames, boards_of, states_of
+from busybot.reason.paper_config import PaperNetworkConfig
 from busybot.reason.paper_networks import PaperNetwork
+from busybot.reason.paper_pairs import Pairs
 from busybot.reason.result import InferredGraph
 from busybot.reason.sequence import Sequence
 
@@ -41,36 +46,52 @@ class PaperReasoner:
     @torch.no_grad()
     def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """Features after each of S steps, as `Reasoner.predict`; what is no responder stays as it is."""
-        boards = board_of(seen, self.network)
-        if not len(boards.receivers) or not len(actions):
-            return np.array(current, np.float32)
-        frames = imagined(boards, current, actions, acted)
-        relations = self.network.infer(boards.pairs, boards.observed(seen.steps + 1))
-        return merged(seen, current, self.network.predict(boards.pairs, frames, relations))
+        return foreseen(self.network, seen, current, actions, acted)
 
 
-def board_of(seen: Sequence, network: nn.Module) -> Boards:
+class Foreseeing(Protocol):
+    """A network that predicts steps (S of them on one board) from what was observed and the frames before them."""
+
+    config: PaperNetworkConfig
+
+    def foresee(self, pairs: Pairs, observed: Frames, frames: Frames) -> Tensor:
+        """Features after each frame's action, (M, S, 256)."""
+        ...
+
+    def parameters(self) -> Iterator[nn.Parameter]:
+        """As every module has them."""
+        ...
+
+
+def foreseen(
+    network: Foreseeing, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray
+) -> np.ndarray:
+    """What `Reasoner.predict` returns: predictions for responders, everything else as it is in `current`."""
+    after = np.array(current, np.float32)
+    boards = board_of(seen, network)
+    if not len(boards.receivers) or not len(actions):
+        return after
+    frames = imagined(boards, after, actions, acted)
+    predicted = network.foresee(boards.pairs, boards.observed(seen.steps + 1), frames)  # (M, S, 256)
+    after[:, seen.responders] = predicted.transpose(0, 1).cpu().numpy()[:, np.flatnonzero(seen.responders)]
+    return after
+
+
+def board_of(seen: Sequence, network: Foreseeing) -> Boards:
     """One board, where the network is."""
-    return boards_of([seen], network.config).to(next(network.parameters()).device)  # type: ignore[arg-type]
+    return boards_of([seen], network.config).to(next(network.parameters()).device)
 
 
 def imagined(boards: Boards, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> Frames:
-    """Steps on one board: features before each (S, N, 256), actions (S, 6) and what is acted on (S,)."""
+    """Steps on one board: features before each, float32 (S, N, 256), actions (S, 6) and what is acted on (S,)."""
     on = boards.features.device
     features = boards.features.new_zeros(len(boards.positions), len(actions), current.shape[-1])
-    features[: current.shape[1]] = torch.from_numpy(np.array(current, np.float32)).to(on).transpose(0, 1)
+    features[: current.shape[1]] = torch.from_numpy(current).to(on).transpose(0, 1)
     return Frames(
         states_of(features, boards.positions),
         torch.from_numpy(np.array(actions, np.float32)).to(on)[None],
         torch.from_numpy(np.array(acted, np.int64)).to(on)[None],
     )
-
-
-def merged(seen: Sequence, current: np.ndarray, predicted: Tensor) -> np.ndarray:
-    """Predictions (M, S, 256) of responders, everything else as it is in `current` (S, N, 256)."""
-    after = np.array(current, np.float32)
-    after[:, seen.responders] = predicted.transpose(0, 1).cpu().numpy()[:, np.flatnonzero(seen.responders)]
-    return after
 
 
 def _matrix(boards: Boards, values: Tensor, seen: Sequence) -> np.ndarray:

@@ -2,23 +2,20 @@
 
 import hashlib
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.episode import Episode
+from busybot.episodes.mcap_file import read_episode
 from busybot.reason.features import features_of
 from busybot.reason.models import load_reasoner
 from busybot.reason.recorded import held_apart
-from busybot.training.metrics_file import read_metrics
+from tests.cli.killing import kill_once_it_learns
 from tests.episodes.folders import make_dataset
 from tests.reason.test_observed import garbled
 
@@ -60,16 +57,19 @@ def test_a_training_leaves_a_model_metrics_and_a_picture(tmp_path: Path, data: P
     assert refused.exit_code == 1 and "seed 0, now 1" in refused.stderr
 
 
-def test_the_truth_makes_no_difference_to_the_weights(tmp_path: Path, data: Path) -> None:
-    assert run(*arguments(tmp_path / "one", data)).exit_code == 0
-    dataset = Dataset.open(data)
-    for index in dataset.finished():
-        episode = read_episode(dataset.episode_path(index))
-        wrong = garbled(episode)
-        wrong.board = episode.board  # an episode of another board is refused
-        write_episode(dataset.episode_path(index), wrong)
-    dataset.write_tables()
-    assert run(*arguments(tmp_path / "other", data)).exit_code == 0
+def test_the_truth_makes_no_difference_to_the_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Features and sequences of recordings with everything wrong that must not be read."""
+    straight, wrong = (make_dataset(tmp_path / name).path for name in ("straight", "wrong"))
+    assert run(*arguments(tmp_path / "one", straight)).exit_code == 0
+    read: list[Path] = []
+
+    def read_garbled(path: Path, decoding: Literal["lazy"]) -> Episode:
+        read.append(path)
+        return garbled(read_episode(path))
+
+    monkeypatch.setattr("busybot.reason.features.read_episode", read_garbled)
+    assert run(*arguments(tmp_path / "other", wrong)).exit_code == 0
+    assert len(read) == 6, "once for the features, once for the actions"
     assert weights(tmp_path / "one") == weights(tmp_path / "other")
 
 
@@ -111,13 +111,7 @@ def test_a_dataset_without_episodes_is_refused(tmp_path: Path) -> None:
 def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, data: Path) -> None:
     straight, killed = tmp_path / "straight", tmp_path / "killed"
     assert run(*arguments(straight, data), "--set", "iterations=60").exit_code == 0
-    command = [sys.executable, "-m", "busybot", *arguments(killed, data), "--set", "iterations=60"]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
-    metrics, deadline = killed / "metrics" / "event.jsonl", time.monotonic() + 300
-    while process.poll() is None and len(read_metrics(metrics)) < 2 and time.monotonic() < deadline:
-        time.sleep(0.005)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    assert metrics.exists() and not (killed / "model").exists()
+    kill_once_it_learns([*arguments(killed, data), "--set", "iterations=60"], killed / "metrics" / "event.jsonl")
+    assert not (killed / "model").exists()
     assert run(*arguments(killed, data), "--set", "iterations=60").exit_code == 0
     assert weights(killed) == weights(straight)

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from busybot.cli import train_reason
 from busybot.cli.common import CONTEXT, JsonOption, SeedOption, WorkersOption, episode_progress, print_json, say
-from busybot.cli.train_reason import reason
 from busybot.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, no_args_is_help=True, context_settings=CONTEXT, help="Learn a skill.")
 
 
-app.command()(reason)
-
-
 @app.callback()
 def _root() -> None:
     pass
+
+
+reason = app.command()(train_reason.reason)
 
 
 @app.command()

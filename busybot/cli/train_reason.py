@@ -18,7 +18,9 @@ def reason(
     ] = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file with parameters (EventConfig).")] = None,
+    config: Annotated[
+        Path | None, typer.Option(help="YAML file with parameters (EventConfig, PaperReasonConfig).")
+    ] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as net.width=64.")] = None,
     json: JsonOption = False,
 ) -> None:

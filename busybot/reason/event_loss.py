@@ -47,8 +47,8 @@ def loss_of(net: EventNet, seen: Seen, asked: Asked, outcome: Outcome, config: L
         mixed = torch.logaddexp(log_edges + gain, log_not(log_edges))
         explained = scatter(mixed, row, dim_size=len(seen.board), reduce="sum")
     surprise = -((idle * real).sum() + explained.sum()) / real.sum().clamp(min=1)
-    divergence = _divergence(net, log_edges, log_none, seen, config.prior)
-    return Loss(surprise + config.divergence * divergence, surprise, divergence)
+    apart = divergence(log_edges, log_none, row, config.prior, net.exclusive)
+    return Loss(surprise + config.divergence * apart, surprise, apart)
 
 
 def log_likelihoods(effects: Effects, outcome: Outcome, config: LossConfig) -> tuple[Tensor, Tensor]:
@@ -75,17 +75,19 @@ def log_not(log_probability: Tensor) -> Tensor:
     return torch.log(-torch.expm1(log_probability.clamp(max=-1e-6)))
 
 
-def _divergence(net: EventNet, log_edges: Tensor, log_none: Tensor, seen: Seen, prior: float) -> Tensor:
-    """Kullback-Leibler divergence of the edges from edges of probability `prior` each."""
-    row, rows = seen.pairs[1], len(seen.board)
-    odds = torch.logit(torch.tensor(prior))
-    if net.exclusive:
-        none = -log_sum(odds.expand_as(log_edges), torch.zeros_like(log_none), row)
-        per_pair = log_edges.exp() * (log_edges - (odds + none[row]))
+def divergence(log_edges: Tensor, log_none: Tensor, row: Tensor, prior: float, exclusive: bool) -> Tensor:
+    """Kullback-Leibler divergence of the edges (E,) from edges of probability `prior` each, mean over responders (R,).
+
+    For exclusive edges the odds of each against "no trigger" are those of the prior.
+    """
+    odds = torch.logit(torch.tensor(prior)).expand_as(log_edges)
+    if exclusive:
+        none = -log_sum(odds, torch.zeros_like(log_none), row)
+        per_pair = log_edges.exp() * (log_edges - odds - none[row])
         per_row = log_none.exp() * (log_none - none)
     else:
         absent = log_not(log_edges)
-        per_pair = log_edges.exp() * (log_edges - functional.logsigmoid(odds))
-        per_pair = per_pair + absent.exp() * (absent - functional.logsigmoid(-odds))
+        present = log_edges.exp() * (log_edges - functional.logsigmoid(odds))
+        per_pair = present + absent.exp() * (absent - functional.logsigmoid(-odds))
         per_row = torch.zeros_like(log_none)
-    return (scatter(per_pair, row, dim_size=rows, reduce="sum") + per_row).mean()
+    return (scatter(per_pair, row, dim_size=len(log_none), reduce="sum") + per_row).mean()

@@ -27,6 +27,7 @@ NEAR = (0.02, 0.05, 0.12)
 UNSEEN = -0.85
 """Logit that a responder changes when its trigger is acted on, though it never did: with probability 0.3 this is a link
 that was not touched before. If this were learnt, too, nothing would tell rare changes from improbable edges."""
+CONTACT_FACTS, PAST_FACTS, LOOK_FACTS, STEP_FACTS = len(NEAR) + 5, 5, 6, 7
 FAR = 0.5
 """Contacts farther apart are equally far, board units."""
 
@@ -95,14 +96,14 @@ class EffectHead(nn.Module):
     def __init__(self, config: NetConfig):
         super().__init__()
         width, heads = config.width, config.heads
-        self.place = nn.Linear(len(NEAR) + 5, width)
-        self.past = nn.Linear(5, width, bias=False)
+        self.place = nn.Linear(CONTACT_FACTS, width)
+        self.past = nn.Linear(PAST_FACTS, width, bias=False)
         self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU())
         self.attend = nn.Linear(width, heads)
-        self.change = mlp(heads * (width + 1) + 8, width, 1)
+        self.change = mlp(heads * (width + 1) + STEP_FACTS + 1, width, 1)
         self.sharpness = nn.Parameter(torch.tensor([1.5] + [0.0] * (heads - 1)))
         self.trust = nn.Parameter(torch.tensor(3.0))
-        self.candidate = mlp(len(NEAR) + 11, width, width, 1)
+        self.candidate = mlp(CONTACT_FACTS + LOOK_FACTS, width, width, 1)
         self.match = nn.Parameter(torch.tensor(6.0))
         self.unknown = nn.Parameter(torch.tensor(-4.0))
         self.start_as_lookup()
@@ -128,9 +129,8 @@ class EffectHead(nn.Module):
         before, after = asked.current[..., :-1], asked.current[..., 1:]
         told = torch.stack([did, worked, torch.exp(-before), torch.exp(-after), did * torch.exp(-before)], -1)
         tokens = self.token(self.place(contacts.told)[board] + self.past(told))  # (R, Q, L, width)
-        logits = self.attend(tokens) + self.sharpness * (
-            4 * worked - contacts.distance[board].clamp(max=FAR) / NEAR[0]
-        ).unsqueeze(-1)
+        nearness = 4 * worked - contacts.distance[board].clamp(max=FAR) / NEAR[0]
+        logits = self.attend(tokens) + self.sharpness * nearness.unsqueeze(-1)  # (R, Q, L, heads)
         usable = contacts.same[board].unsqueeze(-1)
         weights = torch.softmax(logits.masked_fill(~usable, NEVER), 2) * usable if logits.shape[2] else logits
         pooled = torch.einsum("rqlh,rqlw->rqhw", weights, torch.cat([tokens, did.unsqueeze(-1)], -1))
@@ -183,11 +183,11 @@ class _Contacts:
     """The steps asked for beside the known ones.
 
     Attributes:
-        told: (B, Q, L, ...), nearness, directions and age of each known contact.
-        reverse: (...), -1 where undoing a change turns the sign.
+        told: (B, Q, L, CONTACT_FACTS), how near each known contact was and how its direction relates to this one.
+        reverse: (CONTACT_FACTS,), -1 where undoing a change turns the sign, else 1.
         distance: (B, Q, L), board units.
         same: bool (B, Q, L), both on the same trigger.
-        step: (B, Q, 7), the action itself.
+        step: (B, Q, STEP_FACTS), the action itself.
     """
 
     told: Tensor
@@ -206,27 +206,21 @@ def _contacts(seen: Seen, asked: Asked) -> _Contacts:
     # a link that has moved is touched elsewhere: along the action or against it
     along = (offset * here[..., 3:]).sum(-1).clamp(-FAR, FAR) / NEAR[1]
     nearness = [torch.exp(-((distance / scale) ** 2)) for scale in NEAR]
-    told = torch.stack(
-        [*nearness, distance.clamp(max=FAR) / NEAR[2], alike, alike.abs(), along, same.float()],
-        -1,
-    )
-    reverse = told.new_ones(told.shape[-1])
-    reverse[len(NEAR) + 1] = -1
-    closest = (
-        distance.masked_fill(~same, FAR).clamp(max=FAR).amin(-1)
-        if distance.shape[2]
-        else distance.new_full(distance.shape[:2], FAR)
-    )
-    held = seen.pos[asked.acted.clamp(min=0)]  # (B, Q, 3)
-    arm = asked.actions[..., :3] - held
+    told = torch.stack([*nearness, distance.clamp(max=FAR) / NEAR[2], alike, alike.abs(), along, same.float()], -1)
+    reverse = told.new_ones(CONTACT_FACTS)
+    reverse[len(NEAR) + 1] = -1  # of `alike`
+    return _Contacts(told, reverse, distance, same, _step_facts(seen, asked, distance, same))
+
+
+def _step_facts(seen: Seen, asked: Asked, distance: Tensor, same: Tensor) -> Tensor:
+    """The action relative to its trigger, whatever way the board is turned: (B, Q, STEP_FACTS)."""
+    nowhere = distance.new_full((*distance.shape[:2], 1), FAR)
+    closest = torch.cat([distance.masked_fill(~same, FAR), nowhere], -1).amin(-1)
+    arm = asked.actions[..., :3] - seen.pos[asked.acted.clamp(min=0)]
     direction = asked.actions[..., 3:]
-    reach = arm[..., :2].norm(dim=-1)
-    outward = (arm[..., :2] * direction[..., :2]).sum(-1) / (reach + SMALL)
-    count = torch.log1p(same.sum(-1).float())
-    step = torch.stack(
-        [direction[..., 2], direction[..., 2].abs(), outward, outward.abs(), arm[..., 2], closest / NEAR[2], count], -1
-    )
-    return _Contacts(told, reverse, distance, same, step)
+    outward = (arm[..., :2] * direction[..., :2]).sum(-1) / (arm[..., :2].norm(dim=-1) + SMALL)
+    upward, count = direction[..., 2], torch.log1p(same.sum(-1).float())
+    return torch.stack([upward, upward.abs(), outward, outward.abs(), arm[..., 2], closest / NEAR[2], count], -1)
 
 
 class EventNet(nn.Module):
@@ -257,7 +251,6 @@ class EventNet(nn.Module):
 
 def log_sum(values: Tensor, base: Tensor, row: Tensor) -> Tensor:
     """log(exp(base) + sum of exp(values) by row), (R,), for values (E,) and base (R,)."""
-    top = scatter(values, row, dim_size=len(base), reduce="max").maximum(base).detach() if len(values) else base
-    top = torch.maximum(top, base.detach())
+    top = scatter(values, row, dim_size=len(base), reduce="max").maximum(base).detach()
     total = scatter(torch.exp(values - top[row]), row, dim_size=len(base), reduce="sum")
     return top + torch.log(total + torch.exp(base - top))

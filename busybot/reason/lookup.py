@@ -11,6 +11,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from busybot.reason.clusters import THRESHOLDS, threshold_of
 from busybot.reason.count import CountConfig, count_changes
 from busybot.reason.result import InferredGraph
 from busybot.reason.sequence import Sequence
@@ -32,7 +33,7 @@ class LookupConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    changed: Positive = 1.0
+    changed: Positive = THRESHOLDS["embedded"]
     reach: Positive = 0.2
     fit: Positive = 0.5
     direction: Annotated[float, Field(ge=0)] = 0.1
@@ -43,13 +44,14 @@ class Lookup:
     """The reasoner without training.
 
     Args:
-        encoder: whose features it is given; `config.changed` belongs to them.
+        encoder: whose features it is given.
+        config: its `changed` belongs to the encoder; by default the threshold that was fixed for it.
     """
 
     name = "lookup"
 
     def __init__(self, encoder: str = "embedded", config: LookupConfig | None = None):
-        self.encoder, self.config = encoder, config or LookupConfig()
+        self.encoder, self.config = encoder, config or LookupConfig(changed=threshold_of(encoder))
 
     def graph(self, seen: Sequence) -> InferredGraph:
         """Counted, as `count` does it, with changes told by features."""

@@ -69,4 +69,18 @@ def _event(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
     return EventReasoner(network, info.encoder, config.loss.blur)
 
 
-_MAKERS = {"event": _event}
+def _paper(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
+    from busybot.reason.paper_config import PaperReasonConfig
+    from busybot.reason.paper_history import PaperHistoryNetwork, PaperHistoryReasoner
+    from busybot.reason.paper_networks import PaperNetwork
+    from busybot.reason.paper_reasoner import PaperReasoner
+
+    config = PaperReasonConfig.model_validate(info.config)
+    network = PaperNetwork(config.network) if config.inference else PaperHistoryNetwork(config.network)
+    load_weights(network, tensors, file)
+    if isinstance(network, PaperNetwork):
+        return PaperReasoner(network, info.encoder)
+    return PaperHistoryReasoner(network, info.encoder)
+
+
+_MAKERS = {"event": _event, "paper": _paper}

@@ -6,7 +6,12 @@ from typing import Any
 from busybot.training.metrics_file import read_metrics
 from busybot.training.plots import new_figure, plot_points, save_png
 
-_NAMES = {"loss": "held out", "right": "all steps", "right_changes": "steps that changed something"}
+_NAMES = {
+    "loss": "held out",
+    "loss_of_no_change": "held out, if nothing changed",
+    "right": "all steps",
+    "right_changes": "steps that changed something",
+}
 
 
 def plot_fit(out: Path, name: str) -> Path:
@@ -18,7 +23,7 @@ def plot_fit(out: Path, name: str) -> Path:
     plot_points(losses, [(line["iteration"], line["loss"]) for line in lines if "loss" in line], "trained on")
     for label in sorted({label for line in judged for label in line["validation"]}):
         points = [(line["iteration"], line["validation"].get(label)) for line in judged]
-        plot_points(losses if label == "loss" else shares, points, _NAMES.get(label, label))
+        plot_points(losses if label.startswith("loss") else shares, points, _NAMES.get(label, label))
     for panel, title in ((losses, f"loss of the {name} model"), (shares, "held-out steps predicted rightly")):
         panel.set_title(title)
         panel.set_xlabel("iteration")

@@ -22,15 +22,16 @@ from busybot.reason.event_config import EventConfig
 from busybot.reason.features import Progress, features_of
 from busybot.reason.fit import Learner, fit
 from busybot.reason.models import ModelInfo, save_model
+from busybot.reason.paper_config import PaperReasonConfig
 from busybot.reason.plots import plot_fit
 from busybot.reason.recorded import Recorded, held_apart
 from busybot.training.model_folder import INFO_FILE, read_info
 from busybot.training.run_folder import begin_folder, learner_versions
 
-CONFIGS = {"event": EventConfig}
+Config = EventConfig | PaperReasonConfig
+CONFIGS: dict[str, type[EventConfig] | type[PaperReasonConfig]] = {"event": EventConfig, "paper": PaperReasonConfig}
 """Parameters by model."""
 
-Config = EventConfig
 Told = Callable[[str], AbstractContextManager[Progress]]
 """Opens a progress display of this name."""
 
@@ -81,6 +82,10 @@ def train_reason(
 
 def make_learner(config: Config, boards: Recorded, held_out: Recorded, seed: int) -> Learner:
     """The learner of the model whose parameters these are."""
+    if isinstance(config, PaperReasonConfig):
+        from busybot.reason.paper_learner import PaperLearner
+
+        return PaperLearner(config, boards, held_out, seed)
     from busybot.reason.event_fit import EventLearner
 
     return EventLearner(config, boards, held_out, seed)

@@ -1,12 +1,7 @@
 """`busybot train interact`, as a user runs it, on rounds that were recorded before."""
 
 import json
-import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -18,6 +13,7 @@ from busybot.interact.model import Model
 from busybot.interact.paper_fit import Learner
 from busybot.interact.samples import Samples
 from busybot.training.metrics_file import read_metrics
+from tests.cli.killing import kill_once_it_learns
 from tests.interact.trainings import SMALL, make_rounds, weights
 
 SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
@@ -57,14 +53,7 @@ def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: 
 def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, rounds: list[Path]) -> None:
     straight, killed = tmp_path / "straight", tmp_path / "killed"
     assert run(*arguments(straight, rounds)).exit_code == 0
-    command = [sys.executable, "-m", "busybot", *arguments(killed, rounds)]
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
-    metrics, deadline = killed / "metrics" / "position.jsonl", time.monotonic() + 120
-    while process.poll() is None and len(read_metrics(metrics)) < 2 and time.monotonic() < deadline:
-        time.sleep(0.005)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-    assert metrics.exists()
+    kill_once_it_learns(arguments(killed, rounds), killed / "metrics" / "position.jsonl")
     assert not (killed / "model").exists()
     assert run(*arguments(killed, rounds)).exit_code == 0
     assert weights(killed) == weights(straight)

@@ -1,0 +1,78 @@
+"""Training the `paper` model as `fit` does it with any model (see `fit.Learner`)."""
+
+import math
+from collections.abc import Mapping
+from collections.abc import Sequence as Several
+from typing import Any
+
+import numpy as np
+import torch
+
+from busybot.errors import BusybotError
+from busybot.reason.paper_boards import boards_of
+from busybot.reason.paper_config import PaperReasonConfig
+from busybot.reason.paper_fit import batches, iterate, losses, make_network, make_optimizer
+from busybot.reason.recorded import Recorded
+from busybot.reason.sequence import Sequence
+from busybot.rng import generator
+from busybot.training.device import device, repeat_exactly
+
+Known = Recorded | Several[Sequence]
+
+
+class PaperLearner:
+    """See `fit.Learner`. Boards are read when an iteration needs them.
+
+    Args:
+        boards: to train on.
+        held_out: to judge by; the paper holds none out.
+    """
+
+    name = "paper"
+
+    def __init__(self, config: PaperReasonConfig, boards: Known, held_out: Known, seed: int):
+        torch.set_num_threads(config.threads)
+        repeat_exactly()
+        if not len(boards):
+            raise BusybotError("no board to train on", "hold fewer out: --set loop.held_out=0")
+        self.config, self.seed, self.boards, self.held_out = config, seed, boards, held_out
+        self.batches = math.ceil(len(boards) / config.batch)
+        self.iterations = config.epochs * self.batches
+        self.network = make_network(config, seed).to(device())
+        self.optimizer = make_optimizer(self.network, config)
+        self.last = math.inf
+
+    def iterate(self, iteration: int) -> tuple[float, float]:
+        """One iteration of the schedule: an epoch's next batch."""
+        epoch, place = divmod(iteration, self.batches)
+        chosen = batches(len(self.boards), self.config.batch, self.seed, epoch)[place]
+        boards = boards_of([self.boards[index] for index in chosen], self.config.network).to(device())
+        rng = generator(self.seed, "train", iteration, "reason/paper")
+        outcome = iterate(self.network, self.optimizer, boards, self.config, rng, self.last)
+        if outcome.taken:
+            self.last = outcome.loss
+        return outcome.loss, self.config.learning_rate
+
+    @torch.no_grad()
+    def judge(self) -> Mapping[str, float]:
+        """Mean squared error of the predictions, and that of predicting that nothing changes."""
+        self.network.eval()
+        sums, answers = np.zeros(2), 0
+        for start in range(0, len(self.held_out), self.config.batch):
+            end = min(start + self.config.batch, len(self.held_out))
+            boards = boards_of([self.held_out[i] for i in range(start, end)], self.config.network).to(device())
+            error, _ = losses(self.network, boards, self.config)
+            frames, after = boards.predicted(min(self.config.images, boards.steps))
+            still = (frames.states[..., : after.shape[-1]] - after)[boards.responders].square().mean()
+            weight = int(boards.responders.sum())
+            sums += weight * np.array([float(error), float(still)])
+            answers += weight
+        return dict(zip(("loss", "loss_of_no_change"), sums / answers, strict=True)) if answers else {}
+
+    def values(self) -> dict[str, Any]:
+        """The loss below twice of which the next one must stay."""
+        return {"last": None if math.isinf(self.last) else self.last}
+
+    def restore(self, values: dict[str, Any]) -> None:
+        """Put back what `values` returned."""
+        self.last = math.inf if values["last"] is None else float(values["last"])

@@ -1,0 +1,119 @@
+"""The `paper` model of relations: inference and dynamics networks (paper section 3.2, appendix A.1).
+
+Inference, from the first frames and the actions between them:
+
+1. the first graph network embeds nodes and edges in every frame (128-d);
+2. with the frame's states and the embedded actions these go through a convolution over time;
+3. the second graph network tells each edge's type: no relation, or a relation;
+4. conditioned on the types, the third one gives each edge a 32-d embedding of how it acts.
+
+Dynamics, from one frame, the action and the edges: a graph network embeds nodes and edges of related pairs, a recurrent
+network takes in the action, and a last graph network decodes the features after the action.
+
+What the paper leaves open, and what is chosen here (see also `paper_config`):
+
+- An edge is a pair of two nodes: none leads from a node to itself.
+- The second graph network propagates twice, the others once; only node outputs of the last one and edge outputs of the
+  second and third are used. V-CDN has it so.
+- "4 layers for edges" is one perceptron of four layers; V-CDN has two of two layers where there are two types.
+- Edges of the type "no relation" carry no messages in the dynamics network.
+- Training draws edge types with Gumbel-softmax noise; otherwise an edge's types are their probabilities.
+- What follows the last observed frame is not known to the inference network: zeros, as where nothing is acted on.
+- Networks begin with torch's default weights.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from busybot.reason.paper_boards import STATE, Boards, Frames
+from busybot.reason.paper_config import PaperNetworkConfig
+from busybot.reason.paper_pairs import Pairs
+from busybot.reason.paper_parts import KINDS, Actions, GraphNet, Recurrent, TimeConvolution
+from busybot.reason.sequence import CHANNELS
+
+
+@dataclass(frozen=True)
+class Relations:
+    """The inferred graph.
+
+    Attributes:
+        logits: (P, 2), of "no relation" and "relation".
+        types: (P, 2), weights of the two types, which add up to 1.
+        embeddings: (P, 1, 32), how each edge acts.
+    """
+
+    logits: Tensor
+    types: Tensor
+    embeddings: Tensor
+
+    @property
+    def probabilities(self) -> Tensor:
+        """(P,), of a relation."""
+        return self.logits.softmax(-1)[:, 1]
+
+
+class PaperNetwork(nn.Module):
+    """Inference and dynamics networks; 18.4 M parameters as the paper has them."""
+
+    def __init__(self, config: PaperNetworkConfig):
+        super().__init__()
+        self.config = config
+        wide, edge, seen = config.embedding, config.edge_embedding, STATE + config.action
+        self.actions = Actions(config)
+        self.spatial = GraphNet(config, STATE, 0, wide, wide)
+        self.node_time = TimeConvolution(config, seen + wide, wide)
+        self.edge_time = TimeConvolution(config, 2 * seen + wide, wide)
+        self.edge_types = GraphNet(config, wide, wide, 0, KINDS, steps=2)
+        self.edge_embeddings = GraphNet(config, wide, wide, 0, edge, types=KINDS)
+        self.dynamic = GraphNet(config, STATE, edge, wide, wide)
+        self.node_recurrent = Recurrent(config, seen + wide, wide)
+        self.edge_recurrent = Recurrent(config, 2 * seen + wide + edge, wide)
+        self.decode = GraphNet(config, seen + wide, wide + edge, CHANNELS, 0)
+
+    def forward(self, boards: Boards, images: int, noise: Tensor | None = None) -> tuple[Tensor, Relations]:
+        """Infer the graph from the first `images` frames and predict each of the following steps, (M, S, 256)."""
+        pairs = boards.pairs
+        relations = self.infer(pairs, boards.observed(images), noise)
+        return self.predict(pairs, boards.predicted(images)[0], relations), relations
+
+    def foresee(self, pairs: Pairs, observed: Frames, frames: Frames) -> Tensor:
+        """Features after each frame's action, (M, S, 256), with the graph of the observed frames."""
+        return self.predict(pairs, frames, self.infer(pairs, observed))
+
+    def infer(self, pairs: Pairs, frames: Frames, noise: Tensor | None = None) -> Relations:
+        """Relations from observed frames.
+
+        Args:
+            noise: (P, 2), Gumbel noise with which the types are drawn; None for their probabilities.
+        """
+        nodes, edges = self.spatial(pairs, frames.states, None)
+        return self.relate(pairs, frames, nodes, edges, noise)
+
+    def relate(
+        self, pairs: Pairs, frames: Frames, nodes: Tensor, edges: Tensor, noise: Tensor | None = None
+    ) -> Relations:
+        """Relations from spatial embeddings: nodes (M, F, 128) and edges (P, F, 128)."""
+        seen = torch.cat([frames.states, self.actions(frames)], -1)
+        node = self.node_time(torch.cat([nodes, seen], -1))
+        edge = self.edge_time.of_pairs(pairs, seen, edges)
+        logits = self.edge_types(pairs, node, edge)[1][:, 0]
+        types = drawn(logits, noise, self.config.temperature)
+        return Relations(logits, types, self.edge_embeddings(pairs, node, edge, types)[1])
+
+    def predict(self, pairs: Pairs, frames: Frames, relations: Relations) -> Tensor:
+        """Features after each frame's action, (M, F, 256), every frame on its own."""
+        related = relations.types[:, 1:]
+        acting = relations.embeddings.expand(-1, frames.states.shape[1], -1)
+        node, edge = self.dynamic(pairs, frames.states, acting, related)
+        seen = torch.cat([frames.states, self.actions(frames)], -1)
+        node = self.node_recurrent(torch.cat([node, seen], -1))
+        edge = self.edge_recurrent.of_pairs(pairs, seen, torch.cat([edge, acting], -1))
+        after = self.decode(pairs, torch.cat([node, seen], -1), torch.cat([edge, acting], -1), related)[0]
+        return after + frames.states[..., :CHANNELS] if self.config.residual else after
+
+
+def drawn(logits: Tensor, noise: Tensor | None, temperature: float) -> Tensor:
+    """Weights of the types: drawn by Gumbel-softmax, or their probabilities."""
+    return logits.softmax(-1) if noise is None else ((logits + noise) / temperature).softmax(-1)

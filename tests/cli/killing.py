@@ -1,0 +1,22 @@
+"""Commands that are killed while they work."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from busybot.training.metrics_file import read_metrics
+
+
+def kill_once_it_learns(arguments: list[str], metrics: Path, seconds: float = 300) -> None:
+    """Start `busybot ARGUMENTS` and kill it when its metrics file has lines."""
+    command = [sys.executable, "-m", "busybot", *arguments]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, start_new_session=True)
+    deadline = time.monotonic() + seconds
+    while process.poll() is None and len(read_metrics(metrics)) < 2 and time.monotonic() < deadline:
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert metrics.exists()

@@ -33,10 +33,6 @@ def test_a_loaded_model_is_the_saved_one(folder: Path) -> None:
     np.testing.assert_array_equal(reasoner.graph(seen).probabilities, again.graph(seen).probabilities)
 
 
-def test_the_lookup_needs_no_folder() -> None:
-    assert load_reasoner("lookup").name == "lookup"
-
-
 def test_a_model_that_does_not_exist() -> None:
     with pytest.raises(BusybotError, match="nowhere: no model of that name(.|\n)*busybot train reason"):
         load_reasoner("nowhere")

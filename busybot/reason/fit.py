@@ -109,7 +109,9 @@ def fit(learner: Learner, out: Path, config: LoopConfig) -> dict[str, Any]:
             figures = dict(learner.judge())
             if _better(progress, figures.get("loss")):
                 best = {name: tensor.detach().clone() for name, tensor in learner.network.state_dict().items()}
-            metrics.end(progress.iteration, figures)
+            if figures:
+                metrics.end(progress.iteration, figures)
+            metrics.write()
             _save(learner, file, progress, best)
     last = dict(learner.judge())
     if best:

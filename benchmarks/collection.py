@@ -151,7 +151,7 @@ def memory(library: Library, boards: int) -> dict[str, Any]:
     return {
         "assets": library.name,
         "memory": trace,
-        # until then objects are still met for the first time, and kept
+        # until then caches fill
         "growth_mb_over_second_half": trace[-1]["rss_mb"] - trace[len(trace) // 2 - 1]["rss_mb"],
         "peak_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3),
         "more_open_files_over_second_half": trace[-1]["open_files"] - trace[len(trace) // 2 - 1]["open_files"],

@@ -23,7 +23,7 @@ HELD_OUT = {
 }
 """One of two sliders, one of two levers that are annotated as buttons, six drawn switches, a drawn lamp, two doors."""
 VALUES: dict[str, tuple[float, ...]] = {
-    "explore": (0.35, 0.65),
+    "explore": (0.2, 0.5),
     "caution": (0.0, 3.0),
     "insist": (0.05, 0.5),
     "temperature": (1.0, 2.0, 5.0),

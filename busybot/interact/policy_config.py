@@ -61,9 +61,9 @@ class PolicyConfig(BaseModel):
     blur: Annotated[int, Field(ge=1, le=31)] = 3
     region_logit: Logit = 0.0
     opening: Annotated[int, Field(ge=1, le=31)] = 5
-    dense_weight: Share = 0.8
+    dense_weight: Share = 0.65
     prior: Inner = 0.15
-    caution: Logit = 1.5
+    caution: Logit = 1.25
     temperature: Annotated[float, Field(ge=0.1, le=100)] = 3.0
     after_failure: PairTable | None = None
     change: Annotated[float, Field(gt=0)] = 2e-4
@@ -74,7 +74,7 @@ class PolicyConfig(BaseModel):
     failure_penalty: Logit = 0.7
     failure_sigma: Annotated[float, Field(gt=0)] = 6.0
     known_pair: Share = 0.97
-    explore: Share = 0.5
+    explore: Share = 0.35
     insist: Share = 0.1
     collect: Share = 0.5
     ucb_c: Annotated[float, Field(ge=0)] = 0.5

@@ -1,6 +1,6 @@
 """The constants of the learned policy, one varied at a time, on training objects that the model has not seen.
 
-    python benchmarks/policy_constants.py --assets DIR --work FOLDER --out benchmarks/results/policy-constants.json
+    python -m benchmarks.policy_constants --assets DIR --work FOLDER --out benchmarks/results/policy-constants.json
 
 Of the training objects some are held out: a copy of the library calls them novel and has no real novel object at all. A
 strict model is trained on the others and judged, under the veto, on boards of those that were held out, where it makes
@@ -10,10 +10,11 @@ the mistakes that the constants are for. Run it again with the same FOLDER after
 import argparse
 import json
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+
+from benchmarks.commands import busybot, told_rows, write_result
 
 SEED = 78
 HELD_OUT = {
@@ -40,12 +41,6 @@ BEFORE = ("explore=0.35", "insist=0.35", "caution=0", "temperature=1", "after_fa
 """What was there before doubt on new objects was: one row varies them together."""
 KEYS = ("precision", "recall", "precision_exploring", "failures_by_object", "missed_links")
 TRAIN = ("--strict",)
-
-
-def busybot(*arguments: str) -> dict[str, Any]:
-    """Run a command with --json and return what it printed."""
-    command = [sys.executable, "-m", "busybot", *arguments, "--json"]
-    return dict(json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout))
 
 
 def held_out_library(assets: Path, folder: Path) -> Path:
@@ -86,7 +81,8 @@ def main() -> None:
     rows: dict[str, tuple[str, ...]] = {"defaults": (), "before": BEFORE}
     for name in arguments.constants.split(","):
         rows |= {f"{name}={value}": (f"{name}={value}",) for value in VALUES[name]}
-    result: dict[str, Any] = {"seed": SEED, "held_out": HELD_OUT, "train": " ".join(TRAIN), "rows": {}}
+    result: dict[str, Any] = {"seed": SEED, "held_out": HELD_OUT, "train": " ".join(TRAIN)}
+    result["rows"] = told_rows(arguments.out)
     for row, settings in rows.items():
         words = [word for setting in settings for word in ("--set", f"learned.{setting}")]
         options = ("--model", model, "--assets", library, "--strict", *words)
@@ -94,7 +90,7 @@ def main() -> None:
         result |= {key: told["dataset"][key] for key in ("boards", "board_hash") if key in told["dataset"]}
         result["rows"][row] = {key: told[key] for key in KEYS}
         print(f"{row:24} P {100 * told['precision']:5.1f} R {100 * told['recall']:5.1f}", file=sys.stderr, flush=True)
-        arguments.out.write_text(json.dumps(result, indent=1) + "\n")
+        write_result(arguments.out, result)
 
 
 if __name__ == "__main__":

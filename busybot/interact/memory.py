@@ -118,7 +118,7 @@ class Memory:
     def tried(self, pixels: np.ndarray) -> np.ndarray:
         """Which of the pixels (K, 2) lie where a pair has failed, bool (K,)."""
         nears = [self._near(failure, pixels) for failure in self.failures]
-        return np.max(nears, axis=0, initial=0) > 0.5 if nears else np.zeros(len(pixels), bool)
+        return np.max([np.zeros(len(pixels)), *nears], axis=0) > 0.5
 
     def _near(self, failure: Failure, pixels: np.ndarray) -> np.ndarray:
         """How much a failure says about what is at the pixels (K, 2) itself, (K,) from 0 to 1."""
@@ -128,10 +128,8 @@ class Memory:
 
     def _without(self, pairs: np.ndarray, failed: int, near: np.ndarray) -> np.ndarray:
         """Beliefs (K, 9) after a pair failed so near: in training, some pairs worked where that one had failed."""
-        remaining = pairs.copy()
-        if self._config.after_failure is not None:
-            gained = near[:, None] * np.array(self._config.after_failure[failed])
-            remaining = np.where(near[:, None] > 0, sigmoid(logit(pairs) + gained), pairs)
+        table = self._config.after_failure
+        remaining = pairs.copy() if table is None else sigmoid(logit(pairs) + near[:, None] * np.array(table[failed]))
         remaining[:, failed] = pairs[:, failed] * (1 - near)
         return remaining
 

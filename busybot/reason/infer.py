@@ -6,6 +6,7 @@ predict, too.
 
 from collections.abc import Callable
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -72,6 +73,8 @@ def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
     try:
         return load_reasoner(model)
     except BusybotError as error:
+        if Path(model).exists():
+            raise
         raise BusybotError(error.what, f"{error.mend}; without training: {', '.join((*GRAPHS, *REASONERS))}") from None
 
 

@@ -32,4 +32,5 @@ def plot_fit(out: Path, name: str) -> Path:
             panel.legend(fontsize="small")
     if losses.get_lines():
         losses.set_yscale("log")
+    shares.set_ylim(0, 1.02)
     return save_png(figure, out / "training.png")

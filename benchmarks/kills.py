@@ -41,7 +41,8 @@ SMALL = ["--set", "render.width=160", "--set", "render.height=120"]
 COLLECT = ["collect", "{}", "--policy", "scripted", "--steps", "4", "--workers", "2", *SMALL]
 BOARDS = 8
 ROUNDS = "[{boards: 2, steps: 6, position: 30, direction: 30}, {boards: 2, steps: 6, position: 30, direction: 30}]"
-TRAIN = ["train", "interact", "--out", "{}", "--workers", "2", "--set", f"rounds={ROUNDS}", "--set", "validation=0"]
+SMALL_TRAINING = ["--set", f"rounds={ROUNDS}", "--set", "validation=0", "--set", "members=2"]
+TRAIN = ["train", "interact", "--out", "{}", "--workers", "2", *SMALL_TRAINING]
 POLL_SECONDS = 0.005
 LONGEST_SECONDS = 600
 Facts = dict[str, str]

@@ -45,6 +45,7 @@ class FitJob:
         window: only the last so many samples are used.
         start, until: iterations of this round; earlier rounds ended at `start`.
         checkpoint, metrics: files that this training writes.
+        member: number in an ensemble; each has weights and draws of its own.
     """
 
     name: str
@@ -59,6 +60,12 @@ class FitJob:
     until: int
     checkpoint: Path
     metrics: Path
+    member: int = 0
+
+    @property
+    def purpose(self) -> str:
+        """Of this training's draws."""
+        return f"{self.kind}-{self.member}" if self.member else self.kind
 
 
 @dataclass
@@ -77,7 +84,7 @@ def begin(job: FitJob) -> State:
     optimizer = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     state = State(network, optimizer, Priorities(config.replay))
     if not job.checkpoint.exists():
-        draws = generator(job.seed, "train", 0, f"initial weights/{job.kind}")
+        draws = generator(job.seed, "train", 0, f"initial weights/{job.purpose}")
         initialise(network.cpu(), torch.Generator().manual_seed(int(draws.integers(2**63))))
         network.to(device())
         return state
@@ -105,7 +112,7 @@ def fit(job: FitJob) -> dict[str, float | None]:
     reward = samples.reward
     weights = np.where(samples.dataset > 0, job.config.replay.later_rounds, 1.0)
     while state.iteration < job.until:
-        rng = generator(job.seed, "train", state.iteration, job.kind)
+        rng = generator(job.seed, "train", state.iteration, job.purpose)
         chosen = state.priorities.draw(reward, weights, samples.first, job.config.batch, rng)
         batch = draw_batch(samples, chosen, job.config, rng)
         rate = learning_rate(job.config, state.iteration - job.start, job.until - job.start)

@@ -18,7 +18,7 @@ from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.files import write_json
 from busybot.interact.features import ELEVATED, Inputs, Pinhole, colour_features, heights_of, picture_features
-from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network
+from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network, members_of
 from busybot.interact.policy_config import PairTable
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.device import device
@@ -108,7 +108,7 @@ class Model:
     @staticmethod
     def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
         """An untrained network that these weights fit, if they are of this variant."""
-        return make_network(kind, inputs)
+        return make_network(kind, inputs, members_of(tensors))
 
     def save(self, folder: Path) -> None:
         """Write the folder, `model.json` last."""

@@ -10,6 +10,7 @@ from torch import nn
 from busybot.episodes.dataset import Dataset
 from busybot.errors import BusybotError
 from busybot.interact.fit import FitJob
+from busybot.interact.networks import Ensemble, make_network
 from busybot.interact.samples import open_samples
 from busybot.interact.train_config import Round, TrainConfig
 from busybot.training.checkpoint import load_tensors, load_weights, network_tensors
@@ -31,10 +32,13 @@ def schedule_for(config: TrainConfig, datasets: int) -> tuple[Round, ...]:
     return (*config.rounds[: datasets - 1], config.rounds[-1])
 
 
-def network_of(job: FitJob, network: nn.Module) -> nn.Module:
-    """The network with the weights of the job's checkpoint."""
-    load_weights(network, network_tensors(load_tensors(job.checkpoint).tensors), job.checkpoint)
-    return network
+def network_of(jobs: Sequence[FitJob]) -> nn.Module:
+    """The network with the weights of the job's checkpoint; of several jobs, their ensemble."""
+    members = []
+    for job in jobs:
+        members.append(make_network(job.kind, job.inputs))
+        load_weights(members[-1], network_tensors(load_tensors(job.checkpoint).tensors), job.checkpoint)
+    return members[0] if len(members) == 1 else Ensemble(members)
 
 
 def describe(

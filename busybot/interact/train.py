@@ -22,7 +22,7 @@ from typing import Any
 from busybot.episodes.dataset import INFO_FILE, Dataset
 from busybot.interact.fit import FitJob, make_fit
 from busybot.interact.model import Model, ModelInfo
-from busybot.interact.networks import KINDS, Kind, make_network
+from busybot.interact.networks import KINDS, Kind
 from busybot.interact.plots import plot_training
 from busybot.interact.redirection import after_failure
 from busybot.interact.rounds import Explorer, Recorder, Told, finished
@@ -107,9 +107,10 @@ class Training:
         inputs, cache = self.config.inputs, self.out / "cache"
         caches = tuple(cache_samples(dataset, cache, inputs) for dataset in datasets)
         held_out = cache_samples(validation, cache, inputs) if validation else None
-        jobs = [self._job(kind, number, caches, held_out) for kind in KINDS]
+        members = range(self.config.members if number == len(self.schedule) - 1 else 1)
+        jobs = [self._job(kind, number, caches, held_out, member) for member in members for kind in KINDS]
         results = dict(run_tasks(range(len(jobs)), make_fit, (jobs,), self.workers, task_seconds=FIT_SECONDS))
-        figures: dict[str, Any] = {kind: results[place] for place, kind in enumerate(KINDS)}
+        figures: dict[str, Any] = {job.purpose: results[place] for place, job in enumerate(jobs)}
         samples = open_samples(caches, inputs, self.config.window)
         info = ModelInfo(
             variant=self.config.variant,
@@ -117,15 +118,19 @@ class Training:
             after_failure=after_failure(samples.executed, samples.worked),
             training=describe(self.config, self.seed, datasets, caches, figures),
         )
-        networks = {kind: network_of(job, make_network(kind, inputs)) for kind, job in zip(KINDS, jobs, strict=True)}
+        networks = {kind: network_of([job for job in jobs if job.kind == kind]) for kind in KINDS}
         Model(info, networks).save(self._model_folder(number))
 
-    def _job(self, kind: Kind, number: int, caches: tuple[Path, ...], validation: Path | None) -> FitJob:
+    def _job(
+        self, kind: Kind, number: int, caches: tuple[Path, ...], validation: Path | None, member: int = 0
+    ) -> FitJob:
+        """The first member goes on from the round before; the others begin in the last one, with all that is there."""
         ends = [0]
         for plan in self.schedule:
             ends.append(ends[-1] + getattr(plan, kind))
+        file = f"{kind}-{member}" if member else kind
         return FitJob(
-            name=f"round {number}: {kind} network",
+            name=f"round {number}: {kind} network" + (f", member {member}" if member else ""),
             kind=kind,
             inputs=self.config.inputs,
             config=getattr(self.config, kind),
@@ -133,8 +138,9 @@ class Training:
             caches=caches,
             validation=validation,
             window=self.config.window,
-            start=ends[number],
+            start=0 if member else ends[number],
             until=ends[number + 1],
-            checkpoint=self.out / "checkpoints" / f"{kind}.safetensors",
-            metrics=self.out / "metrics" / f"{kind}.jsonl",
+            checkpoint=self.out / "checkpoints" / f"{file}.safetensors",
+            metrics=self.out / "metrics" / f"{file}.jsonl",
+            member=member,
         )

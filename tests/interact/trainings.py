@@ -14,6 +14,7 @@ ROUND = "{boards: 1, steps: 1, position: 8, direction: 8}"
 SMALL = (
     f"rounds=[{ROUND}, {ROUND}]",
     "validation=0",
+    "members=2",
     "position.batch=4",
     "position.side=32",
     "position.report=2",

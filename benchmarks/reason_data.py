@@ -1,0 +1,64 @@
+"""The recorded boards of Table 2, by the commands that a user types.
+
+    python -m benchmarks.reason_data --model MODEL --assets FOLDER --data FOLDER [--only train,random/train]
+
+`--model` is the interaction policy that records (`busybot train interact`). Beneath `random` lie recordings of the same
+boards without exploration. Every command resumes, so this one does.
+"""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.commands import busybot
+
+STEPS = 30
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Boards of one split.
+
+    Attributes:
+        split: of `busybot generate`.
+        seed: no two recordings share boards, but with and without exploration.
+        group: boards that share an appearance. Judged boards have one each: 300 appearances tell more than 15.
+    """
+
+    split: str
+    boards: int
+    seed: int
+    group: int = 1
+
+
+JUDGED = {
+    "novel-object": Recording("novel-object", 300, 604),
+    "novel-config": Recording("novel-config", 300, 603),
+    "validation": Recording("train", 300, 602),
+}
+LEARNED = {**JUDGED, "train": Recording("train", 1000, 601, group=20)}
+RANDOM = {**JUDGED, "train": Recording("train", 400, 601, group=20)}
+
+
+def record(folder: Path, recording: Recording, assets: str, *policy: str) -> None:
+    """Generate the boards and act on them; what is there is left alone."""
+    seed = ("--seed", str(recording.seed))
+    boards = ("--split", recording.split, "--boards", str(recording.boards), "--group-size", str(recording.group))
+    busybot("generate", str(folder), *boards, *seed, "--assets", assets)
+    busybot("collect", str(folder), "--steps", str(STEPS), "--policy", *policy, *seed, "--assets", assets)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--model", required=True)
+    parser.add_argument("--assets", default="procedural")
+    parser.add_argument("--data", type=Path, required=True)
+    parser.add_argument("--only", help="names, comma-separated; all by default")
+    arguments = parser.parse_args()
+    named = arguments.only.split(",") if arguments.only else None
+    for name, recording in LEARNED.items():
+        if named is None or name in named:
+            record(arguments.data / name, recording, arguments.assets, "learned", "--model", arguments.model)
+    for name, recording in RANDOM.items():
+        if named is None or f"random/{name}" in named:
+            record(arguments.data / "random" / name, recording, arguments.assets, "random")

@@ -76,9 +76,12 @@ class Row:
 
 
 EVENT, PAPER = ("--model", "event"), ("--model", "paper")
+BOARDS = (20, 100, 300)
+"""Smaller trainings of `event`, for the curve over their number of boards."""
 ROWS = {
     "event": Row(train=EVENT),
     "event-without-exploration": Row(train=EVENT, data="random"),
+    **{f"event-{count}": Row(train=(*EVENT, "--set", f"loop.boards={count}")) for count in BOARDS},
     "lookup": Row("lookup"),
     "count": Row("count"),
     "persistence": Row("persistence"),

@@ -20,6 +20,9 @@ PAPER = {
 """P, R, Pred-A on training boards, new configurations, new objects (the paper's Table 2)."""
 ROWS = (
     ("event", "**`event`**"),
+    ("event-300", "`event`, 300 boards"),
+    ("event-100", "`event`, 100 boards"),
+    ("event-20", "`event`, 20 boards"),
     ("event-without-exploration", "`event`, random actions"),
     ("lookup", "lookup of the nearest past contact"),
     ("count", "counting"),

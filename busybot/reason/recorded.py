@@ -40,12 +40,13 @@ class Recorded:
 
 
 def held_apart(
-    datasets: Several[Dataset], features: Iterable[Features], share: float, seed: int
+    datasets: Several[Dataset], features: Iterable[Features], share: float, seed: int, most: int | None = None
 ) -> tuple[Recorded, Recorded]:
     """Boards to train on, and boards of other appearance groups to judge by.
 
     Args:
         share: of the groups that is held out, rounded up; 0 for none. With a single group none is.
+        most: train on the first so many of the other boards; None for all.
 
     Raises:
         BusybotError: there is no recorded board.
@@ -65,4 +66,4 @@ def held_apart(
     held: set[Any] = {groups[place] for place in order[:count]}
     train = tuple(place for place, group in group_of.items() if group not in held)
     judge = tuple(place for place, group in group_of.items() if group in held)
-    return Recorded(known, train), Recorded(known, judge)
+    return Recorded(known, train[:most]), Recorded(known, judge)

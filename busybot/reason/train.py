@@ -57,7 +57,7 @@ def train_reason(
     for dataset in datasets:
         with told(f"features of {dataset.path.name}") as progress:
             features.append(features_of(dataset, config.encoder, workers=workers, progress=progress))
-    boards, held_out = held_apart(datasets, features, config.loop.held_out, seed)
+    boards, held_out = held_apart(datasets, features, config.loop.held_out, seed, config.loop.boards)
     learner = make_learner(config, boards, held_out, seed)
     figures = fit(learner, out, config.loop)
     plot_fit(out, learner.name)

@@ -85,6 +85,8 @@ def test_groups_that_look_alike_are_held_out_as_a_whole(tmp_path: Path) -> None:
     assert len(train) + len(held) == 8
     assert not groups(train.places) & groups(held.places)
     assert len(held_apart(datasets, known, 0.0, 0)[1]) == 0
+    fewer, same = held_apart(datasets, known, 0.5, 0, most=2)
+    assert fewer.places == train.places[:2] and same.places == held.places
     assert next(iter(train)).steps == len(read_episode(datasets[0].episode_path(train.places[0][1])).steps)
 
 

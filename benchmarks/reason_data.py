@@ -7,7 +7,7 @@ boards without exploration. Every command resumes, so this one does.
 """
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.commands import busybot
@@ -21,7 +21,7 @@ class Recording:
 
     Attributes:
         split: of `busybot generate`.
-        seed: no two recordings share boards, but with and without exploration.
+        seed: no two recordings share boards, except with and without exploration.
         group: boards that share an appearance. Judged boards have one each: 300 appearances tell more than 15.
     """
 
@@ -37,7 +37,9 @@ JUDGED = {
     "validation": Recording("train", 300, 602),
 }
 LEARNED = {**JUDGED, "train": Recording("train", 1000, 601, group=20)}
-RANDOM = {**JUDGED, "train": Recording("train", 400, 601, group=20)}
+RANDOM = {name: replace(recording, boards=min(150, recording.boards)) for name, recording in JUDGED.items()}
+RANDOM["train"] = replace(LEARNED["train"], boards=300)
+"""The first of the same boards: without exploration there is little to find, and fewer boards tell it."""
 
 
 def record(folder: Path, recording: Recording, assets: str, *policy: str) -> None:

@@ -1,6 +1,6 @@
 """The recorded boards of Table 2, by the commands that a user types.
 
-    python -m benchmarks.reason_data --model MODEL --assets FOLDER --data FOLDER [--only train,random/train]
+    python -m benchmarks.reason_data --model MODEL --assets FOLDER --data FOLDER [--only train,random/train] [--most N]
 
 `--model` is the interaction policy that records (`busybot train interact`). Beneath `random` lie recordings of the same
 boards without exploration. Every command resumes, so this one does.
@@ -42,10 +42,10 @@ RANDOM["train"] = replace(LEARNED["train"], boards=300)
 """The first of the same boards: without exploration there is little to find, and fewer boards tell it."""
 
 
-def record(folder: Path, recording: Recording, assets: str, *policy: str) -> None:
+def record(folder: Path, recording: Recording, most: int, assets: str, *policy: str) -> None:
     """Generate the boards and act on them; what is there is left alone."""
-    seed = ("--seed", str(recording.seed))
-    boards = ("--split", recording.split, "--boards", str(recording.boards), "--group-size", str(recording.group))
+    seed, count = ("--seed", str(recording.seed)), str(min(most, recording.boards))
+    boards = ("--split", recording.split, "--boards", count, "--group-size", str(recording.group))
     busybot("generate", str(folder), *boards, *seed, "--assets", assets)
     busybot("collect", str(folder), "--steps", str(STEPS), "--policy", *policy, *seed, "--assets", assets)
 
@@ -56,11 +56,13 @@ if __name__ == "__main__":
     parser.add_argument("--assets", default="procedural")
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--only", help="names, comma-separated; all by default")
+    parser.add_argument("--most", type=int, default=10_000, help="boards per recording")
     arguments = parser.parse_args()
     named = arguments.only.split(",") if arguments.only else None
     for name, recording in LEARNED.items():
         if named is None or name in named:
-            record(arguments.data / name, recording, arguments.assets, "learned", "--model", arguments.model)
+            policy = ("learned", "--model", arguments.model)
+            record(arguments.data / name, recording, arguments.most, arguments.assets, *policy)
     for name, recording in RANDOM.items():
         if named is None or f"random/{name}" in named:
-            record(arguments.data / "random" / name, recording, arguments.assets, "random")
+            record(arguments.data / "random" / name, recording, arguments.most, arguments.assets, "random")

@@ -19,6 +19,8 @@ from busybot.reason.truth import NOTHING_HELD, StateTruth, states_of
 HAND: tuple[int, int, int] = (205, 160, 130)
 HAND_WIDTH = 70
 """Pixels; a box is 40 to 130 pixels wide."""
+RECORDED = 90
+"""JPEG quality of recordings."""
 HAND_NEAR = 0.8
 """The hand is nearer than everything on the board: its depth as a share of the smallest depth."""
 
@@ -164,9 +166,7 @@ def _with_failures(
     while len(told) < length:
         extra = failing(step) if rng.random() < share else None
         if extra is None:
-            told.append(
-                (observed.actions[step], int(truth.links[step]), bool(truth.success[step]), truth.kinds[step])
-            )
+            told.append((observed.actions[step], int(truth.links[step]), bool(truth.success[step]), truth.kinds[step]))
             step += 1
         else:
             action, holds = extra
@@ -203,7 +203,7 @@ def swapped_boxes(recording: Recording, strength: float, rng: np.random.Generato
 def compressed(recording: Recording, strength: float, rng: np.random.Generator) -> Recording:
     images = []
     for image in recording.observed.images:
-        quality = [cv2.IMWRITE_JPEG_QUALITY, round(100 - strength)]
+        quality = [cv2.IMWRITE_JPEG_QUALITY, round(RECORDED - strength)]
         _, data = cv2.imencode(".jpg", np.ascontiguousarray(image.rgb[..., ::-1]), quality)
         rgb = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1]
         images.append(Image(np.ascontiguousarray(rgb), image.depth, None, NO_BOXES))

@@ -31,7 +31,7 @@ DISTURBANCES = {
         "noise on features",
         "Gaussian noise on the features of every responder in every frame, of this length",
         "smallest changes",
-        (0.1, 0.2, 0.4, 0.8),
+        (0.2, 0.4, 0.8),
         None,
     ),
     "camera": Disturbance(
@@ -95,9 +95,9 @@ DISTURBANCES = {
     ),
     "jpeg": Disturbance(
         "JPEG",
-        "every picture, recorded as JPEG of quality 90, is encoded again with a quality of 100 less this",
-        "less than 100",
-        (30, 60, 90),
+        "every picture, recorded as JPEG of quality 90, is encoded again with less quality",
+        "quality lost",
+        (20, 50, 80),
         disturb.compressed,
     ),
 }

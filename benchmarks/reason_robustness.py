@@ -16,7 +16,7 @@ their defaults and with the best of several settings, chosen for every row *with
 import argparse
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ import numpy as np
 from benchmarks.commands import machine, told_rows, write_result
 from benchmarks.disturb import Recording, noisy, recording_of
 from benchmarks.disturbances import DISTURBANCES
+from benchmarks.robustness_scores import Told, told_row
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.mcap_file import read_episode
 from busybot.reason.appearance import ChangeConfig, changes
@@ -41,7 +42,7 @@ from busybot.reason.observed import acted_objects
 from busybot.reason.reasoner import Reasoner
 from busybot.reason.result import InferredGraph
 from busybot.reason.sequence import sequence_of
-from busybot.reason.summary import Judged, summarise
+from busybot.reason.summary import Judged
 from busybot.reason.truth import truth_of
 from busybot.rng import generator
 from busybot.training.model_folder import find_folder, read_info
@@ -49,7 +50,6 @@ from busybot.workers import share
 
 ENCODER = "embedded"
 UNDISTURBED, PNG = "undisturbed", "png"
-SCORES = ("edge_p", "edge_r", "edge_r_bound", "pred_a", "pred_a_successful", "pred_a_bound", "ece", "failing")
 NOISE = {"": (1.0, 5000.0), "one change in 20 is none": (1.0, 20.0)}
 """Priors of false changes."""
 TOLERANCES, THRESHOLDS = (10, 30), (0.5, 1.0)
@@ -57,26 +57,6 @@ TOLERANCES, THRESHOLDS = (10, 30), (0.5, 1.0)
 
 Row = tuple[str, float]
 """Name of a disturbance, and strength."""
-
-
-@dataclass
-class Told:
-    """Of one row: what the models said of each board, and how much of what they predict from could be read.
-
-    Attributes:
-        judged: by model.
-        known: bool (S,) for each board: steps that the bound gets right and before which every responder is read
-            rightly from the disturbed picture.
-    """
-
-    judged: dict[str, list[Judged]] = field(default_factory=dict)
-    known: list[np.ndarray] = field(default_factory=list)
-
-    def add(self, other: "Told") -> None:
-        """Another board."""
-        for model, judged in other.judged.items():
-            self.judged.setdefault(model, []).extend(judged)
-        self.known.extend(other.known)
 
 
 @dataclass(frozen=True)
@@ -119,7 +99,10 @@ def rows_of(index: int, path: Path, asked: Asked) -> list[tuple[Row, Told]]:
         if name == "features":
             features = noisy(features, strength * unit, rng)
         moved = not np.array_equal(other.observed.boxes, recording.observed.boxes)
-        told.append(((name, strength), _judge(other, features, features if moved else looks, recording, asked)))
+        judged = _judge(other, features, features if moved else looks, recording, asked)
+        if name != "features":  # counting reads pixels
+            judged.judged |= {n: [_judged(other, graph, None)] for n, graph in _counted(other)}
+        told.append(((name, strength), judged))
     return told
 
 
@@ -137,10 +120,8 @@ def _unit(asked: Asked) -> float:
     return float(reasoner.network.scale)
 
 
-def _judge(
-    recording: Recording, features: np.ndarray, looks: np.ndarray, undisturbed: Recording, asked: Asked
-) -> Told:
-    """What all models say of a recording.
+def _judge(recording: Recording, features: np.ndarray, looks: np.ndarray, undisturbed: Recording, asked: Asked) -> Told:
+    """What all that predict say of a recording.
 
     Args:
         looks: by which predictions are read, (T + 1, N, C) of the undisturbed pictures.
@@ -157,8 +138,6 @@ def _judge(
         told.judged[name] = [_judged(recording, reasoner.graph(seen), predicted)]
         if not told.known:
             told.known = [_known(predicted)]
-    for name, graph in _counted(recording):
-        told.judged[name] = [_judged(recording, graph, None)]
     return told
 
 
@@ -199,37 +178,6 @@ def _known(predicted: Forecast) -> np.ndarray:
     steps = len(predicted.successful)
     legible = predicted.reads[NEAREST][-1 - steps : -1]
     return np.asarray((legible & predicted.right[BOUND])[:, predicted.judged].all(axis=1))
-
-
-def told_row(told: Told, seed: int) -> dict[str, Any]:
-    """JSON values: scores by model, for baselines those of the defaults and of the best setting."""
-    scores = {name: _scores(judged, seed) for name, judged in told.judged.items()}
-    row: dict[str, Any] = {"boards": len(told.known), "known": float(np.concatenate(told.known).mean()), "models": {}}
-    for name, score in scores.items():
-        base = name.split(",")[0]
-        if base not in ("lookup", "count"):
-            row["models"][name] = score
-        elif name == base:
-            settings = [other for other in scores if other.split(",")[0] == base]
-            best = max(settings, key=lambda other: _worth(scores[other]))
-            row["models"] |= {base: score, f"{base} at best": {**scores[best], "setting": best}}
-    return row
-
-
-def _scores(judged: list[Judged], seed: int) -> dict[str, Any]:
-    result = summarise(judged, IMAGES, seed)
-    kept = {key: result[key] for key in (*SCORES, "predicted_steps")}
-    return {**kept, "edge_f1": f1(kept), "intervals": {"pred_a": result["intervals"]["pred_a"]}}
-
-
-def f1(scores: dict[str, Any]) -> float:
-    """Harmonic mean of Edge-P and Edge-R, 0 where nothing is claimed."""
-    precision, recall = scores["edge_p"] or 0.0, scores["edge_r"] or 0.0
-    return 2 * precision * recall / (precision + recall) if precision + recall else 0.0
-
-
-def _worth(scores: dict[str, Any]) -> float:
-    return float(scores["edge_f1"] + (scores["pred_a"] or 0))
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """Quality against strength for every disturbance, as a figure: edges above, predictions below.
 
-    python -m benchmarks.robustness_figure benchmarks/results/reason_robustness.json F.png
+python -m benchmarks.robustness_figure benchmarks/results/reason_robustness.json F.png
 """
 
 import argparse
@@ -81,6 +81,7 @@ def _draw(axes: Any, name: str, result: dict[str, Any], score: str, styles: dict
         axes.set_title(disturbance.title, loc="left", fontsize=8, fontweight="bold", color=unit(INK), pad=4)
         axes.tick_params(labelbottom=False)
     axes.set_xticks([row["strength"] for row in rows])
+    axes.xaxis.set_major_formatter("{x:g}")
     if share:
         axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
 

@@ -7,6 +7,7 @@ The place is between `<!-- robustness -->` and `<!-- end of robustness -->`.
 
 from typing import Any
 
+from benchmarks.disturb import RECORDED
 from benchmarks.disturbances import DISTURBANCES
 from benchmarks.pages import put, write_page
 
@@ -15,7 +16,7 @@ TITLES = {"undisturbed": "undisturbed", "png": "PNG instead of JPEG"}
 
 
 def table(result: dict[str, Any]) -> str:
-    """Percent: Edge-P / Edge-R, and Pred-A behind a comma of those that predict."""
+    """Percent: Edge-P / Edge-R, and Pred-A behind a comma of those that predict; "-" for who does not see it."""
     trained = list(result["models"])
     columns = [*trained, *BASELINES]
     lines = ["| | | " + " | ".join(f"`{name}`" if name in trained else name for name in columns) + " | known |"]
@@ -34,7 +35,7 @@ def strength(name: str, row: dict[str, Any]) -> str:
         return f"{row['boards']} boards"
     value, unit = row["strength"], DISTURBANCES[name].unit
     if name == "jpeg":
-        return f"quality {100 - value:g}"
+        return f"quality {RECORDED - value:g}"
     if unit in ("of frames", "of actions", "of boards"):
         return f"{100 * value:g} % {unit}"
     return f"{value:g} {unit}"
@@ -42,7 +43,7 @@ def strength(name: str, row: dict[str, Any]) -> str:
 
 def _cell(scores: dict[str, Any] | None) -> str:
     if scores is None:
-        return "missing"
+        return "-"
     told = " / ".join("-" if scores[key] is None else f"{100 * scores[key]:.1f}" for key in ("edge_p", "edge_r"))
     return told if scores["pred_a"] is None else f"{told}, {100 * scores['pred_a']:.1f}"
 

@@ -205,8 +205,8 @@ def compressed(recording: Recording, strength: float, rng: np.random.Generator) 
     for image in recording.observed.images:
         quality = [cv2.IMWRITE_JPEG_QUALITY, round(RECORDED - strength)]
         _, data = cv2.imencode(".jpg", np.ascontiguousarray(image.rgb[..., ::-1]), quality)
-        rgb = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1]
-        images.append(Image(np.ascontiguousarray(rgb), image.depth, None, NO_BOXES))
+        rgb = np.ascontiguousarray(np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))[..., ::-1], np.uint8)
+        images.append(Image(rgb, image.depth, None, NO_BOXES))
     return replace(recording, observed=replace(recording.observed, images=images))
 
 

@@ -4,11 +4,11 @@
         [--png DATASET] [--boards 150] [--only boxes,jpeg] [--figure F.png]
 
 Recorded episodes are disturbed (`benchmarks/disturbances.py`) in all that a reasoner sees: the first 23 pictures and
-those from which the later steps are predicted. The truth is left alone. Predictions are read by who knows each state's
-look in the undisturbed pictures: its mean over the frames that truly show it, within the boxes that were given.
+those from which the later steps are predicted. The truth is left alone. Predictions are read by who knows each
+state's look in the undisturbed pictures: its mean over the frames that truly show it, within the boxes that were given.
 
 Trained models (`--model`, several times) were trained on what they were trained on. The baselines are judged with
-their defaults and with the best of several settings, chosen for every row *with the truth*: nobody can tune them better.
+their defaults and with the best of several settings, chosen for every row *with the truth*: nobody tunes better.
 
 `--png` names the same boards recorded with lossless pictures. `--only` renews a part of a result.
 """
@@ -211,14 +211,14 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     gathered: dict[Row, Told] = {}
     tasks = [(index, dataset.episode_path(index)) for index in indices]
     for number, told in enumerate(share(work, tasks, arguments.workers), start=1):
-        for row, one in told:
-            gathered.setdefault(row, Told()).add(one)
+        for row, of_board in told:
+            gathered.setdefault(row, Told()).add(of_board)
         print(f"{number} of {len(indices)} boards", flush=True)
     rows: dict[str, Any] = told_rows(arguments.out)
     for name in only:
         rows.pop(name, None)
-    for (name, strength), told in gathered.items():
-        rows.setdefault(name, []).append({"strength": strength, **told_row(told, arguments.seed)})
+    for (name, strength), one in gathered.items():
+        rows.setdefault(name, []).append({"strength": strength, **told_row(one, arguments.seed)})
     return {
         "machine": machine(),
         "dataset": origin(dataset),

@@ -45,7 +45,7 @@ def robustness_figure(path: Path, result: dict[str, Any]) -> Path:
                     axes.set_ylabel(SCORES[score], fontsize=8, color=unit(MUTED))
             else:
                 axes.set_axis_off()
-    handles = [Line2D([], [], color=unit(color), linestyle=line, label=name) for name, (color, line) in styles.items()]
+    handles = [Line2D([], [], color=unit(color), ls=line, label=name) for name, (color, line) in styles.items()]
     handles.append(Line2D([], [], color=unit(INK), linestyle=":", linewidth=1, label="could be known"))
     figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=8, labelcolor=unit(INK))
     return save(figure, path)

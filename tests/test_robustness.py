@@ -177,7 +177,7 @@ def test_the_table() -> None:
 
 
 def test_the_figure(tmp_path: Path) -> None:
-    drawn = cv2.imread(str(robustness_figure(tmp_path / "f.png", result())))
+    drawn = np.asarray(cv2.imread(str(robustness_figure(tmp_path / "f.png", result()))))
     assert drawn.shape[1] > 1200 and (drawn < 200).any()
 
 

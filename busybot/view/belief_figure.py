@@ -36,7 +36,7 @@ LEAST = 0.05
 WIDEST, HEAD = 3.4, 9.0
 """A certain relation's line, and an arrow's head, points."""
 CURVES = (0.13, 0.13, 0.85, 0.84)
-"""Left, bottom, width and height of the curves as shares of a board's picture, so that they leave the pictures alone."""
+"""Left, bottom, width and height of the curves as shares of a board's picture."""
 DOUBT = 0.55
 """How much of the paper's colour is in a relation that is thought of and not claimed."""
 

@@ -129,7 +129,8 @@ def draw_arc(
     """A bent arrow over the picture; width of the line and size of the head in points."""
     arrow = FancyArrowPatch(
         _pair(start), _pair(end), connectionstyle=f"arc3,rad={bend}", arrowstyle="-|>", mutation_scale=head,
-        linewidth=width, linestyle=(0, (3, 2)) if dashed else "solid", color=unit(color), shrinkA=5, shrinkB=7, zorder=7,
+        linewidth=width, linestyle=(0, (3, 2)) if dashed else "solid", color=unit(color), shrinkA=5, shrinkB=7,
+        zorder=7,
     )  # fmt: skip
     arrow.set_path_effects([withStroke(linewidth=width + 2, foreground=unit(PAPER))])
     axes.add_patch(arrow)

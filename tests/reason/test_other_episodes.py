@@ -1,8 +1,9 @@
-"""Episodes that others recorded in our schema: no segmentation, no depth, fewer objects, fewer steps, in one dataset."""
+"""Episodes that others recorded in our schema: no segmentation, no depth, fewer objects, fewer steps, beside ours."""
 
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ KEPT = (0, 1, 4)
 
 def without(episode: Episode, *what: str) -> Episode:
     """Pictures without `depth` or `segmentation`, or boxes in the first frame alone (`boxes`)."""
-    gone = dict.fromkeys(name for name in what if name != "boxes")
+    gone: dict[str, Any] = dict.fromkeys(name for name in what if name != "boxes")
     images = [replace(image, **gone) for image in episode.images]
     if "boxes" in what:
         images[1:] = [replace(image, boxes=np.full_like(image.boxes, -1)) for image in images[1:]]

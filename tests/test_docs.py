@@ -47,3 +47,15 @@ def test_table_1_is_that_of_the_results() -> None:
     written = (ROOT / "docs" / "interact.md").read_text(encoding="utf-8")
     result = json.loads((ROOT / "benchmarks" / "results" / "table1.json").read_text(encoding="utf-8"))
     assert page(written, result) == written, "python -m benchmarks.table1_page"
+
+
+def test_the_table_of_robustness_is_that_of_the_results() -> None:
+    from benchmarks.robustness_page import page
+
+    written = (ROOT / "docs" / "reason.md").read_text(encoding="utf-8")
+    result = ROOT / "benchmarks" / "results" / "reason_robustness.json"
+    if result.exists():
+        expected = page(written, json.loads(result.read_text(encoding="utf-8")))
+        assert expected == written, "python -m benchmarks.robustness_page"
+    else:
+        assert "<!-- robustness -->\n<!-- end of robustness -->" in written, "a table without its result"

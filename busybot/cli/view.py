@@ -15,6 +15,9 @@ def view(
     screenshot: Annotated[
         Path | None, typer.Option(help="Write a picture of the viewer, F.png; needs no screen.")
     ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw the graph inferred after 1, 3, 6, 12 and 22 steps into this file, F.png.")
+    ] = None,
     step: Annotated[int | None, typer.Option(min=0, help="Step to show, 0 is the start; the last by default.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve to browsers on this machine, until Ctrl-C.")] = False,
     model: Annotated[
@@ -33,14 +36,15 @@ def view(
     from busybot.episodes.carried import library_of_file
     from busybot.view.show import Wanted, episode_file, show
 
-    if step is not None and not screenshot and (save or web):
+    if step is not None and not screenshot and (save or web or figure):
         raise typer.BadParameter("it needs --screenshot or the viewer's window", param_hint="--step")
     objects = library_of_file(episode_file(source, episode), assets) if replay else None
-    show(source, episode, Wanted(save, screenshot, step, web, model, objects, reasoner), print_json if json else _tell)
+    wanted = Wanted(save, screenshot, figure, step, web, model, objects, reasoner)
+    show(source, episode, wanted, print_json if json else _tell)
 
 
 def _tell(shown: Any) -> None:
-    for path in filter(None, (shown.save, shown.screenshot)):
+    for path in filter(None, (shown.save, shown.screenshot, shown.figure)):
         print(path)
     if shown.save:
         say(f"open it with: rerun {shown.save}")

@@ -13,7 +13,7 @@ import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pyarrow as pa
@@ -52,6 +52,7 @@ class Dataset:
 
     path: Path
     info: DatasetInfo
+    _derived: dict[tuple[int, int], Rows] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def create(cls, path: Path, info: DatasetInfo, boards: Iterable[BoardSpec] = ()) -> "Dataset":
@@ -228,9 +229,12 @@ class Dataset:
         for shard, indices in self._finished_by_shard().items():
             stored = self._stored_rows(shard, ("episodes",))
             current = {i: stored[i] for i in indices if i in stored and self._is_current(i, stored[i])}
-            missing = [i for i in indices if i not in current]
-            current |= zip(missing, derive([(self.episode_path(i), i) for i in missing]), strict=True)
-            rows += [current[i]["episodes"] for i in indices]
+            # remembered, because a stopped collection may lack hundreds and one command asks several times
+            keys = {i: (i, self.episode_path(i).stat().st_mtime_ns) for i in indices if i not in current}
+            missing = [i for i, key in keys.items() if key not in self._derived]
+            derived = derive([(self.episode_path(i), i) for i in missing])
+            self._derived |= zip([keys[i] for i in missing], derived, strict=True)
+            rows += [(current[i] if i in current else self._derived[keys[i]])["episodes"] for i in indices]
         return pa.concat_tables(rows)
 
     def hashes(self, episodes: pa.Table | None = None) -> Digests:

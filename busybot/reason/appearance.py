@@ -59,7 +59,8 @@ def count_pixels(observed: Observed, config: ChangeConfig | None = None) -> Coun
         if observed.image_of[step] == observed.image_of[step + 1]:
             continue
         after = observed.frame(step + 1)
-        differs = cv2.absdiff(before.rgb, after.rgb).max(-1) > config.tolerance
+        most = (config.tolerance,) * 3
+        differs = cv2.inRange(cv2.absdiff(before.rgb, after.rgb), (0, 0, 0), most) == 0
         for index in pixels.regions:
             changed[step, index] = _count(pixels, index, differs, step)
         before = after

@@ -82,11 +82,17 @@ class OwnPixels:
         }
 
     def masks(self, index: int, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Of an object's box in frame `number`: pixels that show it, and that show an intruder; bool (h, w) each."""
+        """Of an object's box in frame `number`: pixels that show it, and that show an intruder; bool (h, w) each.
+
+        A picture whose depth was lost is taken to show the object where the first one did.
+        """
         region = self.regions[index]
         if region.home is None:
             return region.mine, np.zeros_like(region.mine)
-        points = _points(self._observed.frame(number), region.rows, region.columns, self._rays)
+        frame = self._observed.frame(number)
+        if frame.depth is None:
+            frame = self._observed.frame(0)
+        points = _points(frame, region.rows, region.columns, self._rays)
         raised = points[..., 2] > self._config.elevation
         inside = _within(points, region.home)
         return raised & inside, raised & ~inside

@@ -9,6 +9,7 @@ import rerun.blueprint as rrb
 from busybot.episodes.episode import Episode
 from busybot.reason.result import InferredGraph
 from busybot.view.rerun_affordance import SPACE as AFFORDANCE
+from busybot.view.rerun_camera import VIEW_MARGIN
 from busybot.view.rerun_foreseen import LANES
 from busybot.view.rerun_foreseen import SPACE as EXPECTED
 from busybot.view.rerun_graph import graph_positions
@@ -17,8 +18,6 @@ from busybot.view.rerun_series import relation_states
 from busybot.view.scene import board_bounds
 
 BACKGROUND = (13, 16, 17)
-MARGIN = 14.0
-"""Around the board in the camera's view, drawing units."""
 GRAPH_MARGIN = 44.0
 """Around the outermost nodes, graph units."""
 COLUMNS = [1, 0.95, 1.12]
@@ -61,7 +60,7 @@ def blueprint(
 
 def camera_views(episode: Episode, shown: Shown) -> Any:
     """The image, closely around the board, and depth behind it; in front of both what else was asked for."""
-    bounds = _bounds(*board_bounds(episode, MARGIN))
+    bounds = _bounds(*board_bounds(episode, VIEW_MARGIN))
     spaces = {"camera": "Camera: boxes, action, change", "depth": "Depth"}
     if shown.affordance:
         spaces = {AFFORDANCE: "Affordance before the action: candidates, known links", **spaces}

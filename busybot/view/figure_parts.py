@@ -116,13 +116,23 @@ def draw_names(axes: Any, episode: Episode, size: float = 7.0) -> None:
         axes.annotate(name, place, ha="center", va="center", fontsize=size, color=unit(PAPER), zorder=9, bbox=box)
 
 
-def draw_arc(axes: Any, start: np.ndarray, end: np.ndarray, color: Rgb, dashed: bool, bend: float) -> None:
-    """A bent arrow over the picture."""
+def draw_arc(
+    axes: Any,
+    start: np.ndarray,
+    end: np.ndarray,
+    color: Rgb,
+    dashed: bool,
+    bend: float,
+    width: float = 2.2,
+    head: float = 13,
+) -> None:
+    """A bent arrow over the picture; width of the line and size of the head in points."""
     arrow = FancyArrowPatch(
-        _pair(start), _pair(end), connectionstyle=f"arc3,rad={bend}", arrowstyle="-|>", mutation_scale=13,
-        linewidth=2.2, linestyle=(0, (3, 2)) if dashed else "solid", color=unit(color), shrinkA=5, shrinkB=7, zorder=7,
+        _pair(start), _pair(end), connectionstyle=f"arc3,rad={bend}", arrowstyle="-|>", mutation_scale=head,
+        linewidth=width, linestyle=(0, (3, 2)) if dashed else "solid", color=unit(color), shrinkA=5, shrinkB=7,
+        zorder=7,
     )  # fmt: skip
-    arrow.set_path_effects([withStroke(linewidth=4.2, foreground=unit(PAPER))])
+    arrow.set_path_effects([withStroke(linewidth=width + 2, foreground=unit(PAPER))])
     axes.add_patch(arrow)
 
 
@@ -142,6 +152,23 @@ def bend_point(start: np.ndarray, end: np.ndarray, bend: float, share: float = 0
     along = end - start
     control = (start + end) / 2 + bend * np.array([-along[1], along[0]])
     return (1 - share) ** 2 * start + 2 * share * (1 - share) * control + share**2 * end
+
+
+def clear_bend(start: np.ndarray, end: np.ndarray, others: list[np.ndarray]) -> float:
+    """The bend whose curve stays away from other objects and labels; gentle ones win ties."""
+
+    def merit(bend: float) -> float:
+        curve = np.stack([bend_point(start, end, bend, share) for share in np.linspace(0.1, 0.9, 17)])
+        return clearance(curve, others) - 12 * abs(abs(bend) - 0.2)
+
+    return max((0.2, -0.2, 0.35, -0.35, 0.05, 0.5, -0.5), key=merit)
+
+
+def clearance(points: np.ndarray, others: list[np.ndarray], enough: float = 40.0) -> float:
+    """Drawing units between points (P, 2) and the nearest of the others; more than `enough` is no better."""
+    if not others:
+        return enough
+    return min(float(np.linalg.norm(points[:, None] - np.stack(others)[None], axis=-1).min()), enough)
 
 
 def plain_axes(axes: Any) -> None:

@@ -15,6 +15,8 @@ from busybot.episodes.episode import Episode
 from busybot.reason.result import InferredGraph
 from busybot.view.figure_parts import (
     bend_point,
+    clear_bend,
+    clearance,
     draw_action,
     draw_arc,
     draw_boxes,
@@ -128,31 +130,14 @@ def _draw_edges(axes: Any, episode: Episode, edges: list[Edge]) -> None:
     for edge in edges:
         start, end = places[edge.cause], places[edge.effect]
         strangers = [p for i, p in enumerate(places) if i not in (edge.cause, edge.effect)]
-        bend = _clear_bend(start, end, [*strangers, *names, *labels])
+        bend = clear_bend(start, end, [*strangers, *names, *labels])
         draw_arc(axes, start, end, VERDICTS[edge.verdict], edge.verdict == "missed", bend)
         if edge.verdict != "missed":
             curve = [bend_point(start, end, bend, share) for share in (0.5, 0.42, 0.58, 0.34, 0.66)]
-            place = max(curve, key=lambda point: _clearance(np.stack([point]), [*strangers, *names, *labels]))
+            place = max(curve, key=lambda point: clearance(np.stack([point]), [*strangers, *names, *labels]))
             draw_label(axes, place, f"{edge.probability:.2f}", VERDICTS[edge.verdict])
             labels.append(place)
         labels += [bend_point(start, end, bend, share) for share in np.linspace(0.1, 0.9, 9)]
-
-
-def _clear_bend(start: np.ndarray, end: np.ndarray, others: list[np.ndarray]) -> float:
-    """The bend whose curve stays away from other objects and labels; gentle ones win ties."""
-
-    def merit(bend: float) -> float:
-        curve = np.stack([bend_point(start, end, bend, share) for share in np.linspace(0.1, 0.9, 17)])
-        return _clearance(curve, others) - 12 * abs(abs(bend) - 0.2)
-
-    return max((0.2, -0.2, 0.35, -0.35, 0.05, 0.5, -0.5), key=merit)
-
-
-def _clearance(points: np.ndarray, others: list[np.ndarray], enough: float = 40.0) -> float:
-    """Drawing units between points (P, 2) and the nearest of the others; more than `enough` is no better."""
-    if not others:
-        return enough
-    return min(float(np.linalg.norm(points[:, None] - np.stack(others)[None], axis=-1).min()), enough)
 
 
 def refinement_figure(

@@ -11,6 +11,8 @@ from busybot.episodes.images import EncodedImage, LazyImages
 from busybot.view.palette import ACTION, ROLES, text_on_dark
 from busybot.view.scene import changed_objects, drawing_scale, object_names, visible
 
+VIEW_MARGIN = 14.0
+"""Around the board in the camera's view, drawing units."""
 ARROW_LENGTH = 0.6
 """Of the direction arrow, board units."""
 

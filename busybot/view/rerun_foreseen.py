@@ -11,11 +11,13 @@ from busybot.episodes.episode import Episode
 from busybot.reason.foresee import Foreseen
 from busybot.view.palette import CORRECT, MUTED, STATES, WRONG, Rgb, text_on_dark
 from busybot.view.rerun_affordance import paler
-from busybot.view.rerun_camera import log_action
-from busybot.view.scene import drawing_scale, object_names, visible
+from busybot.view.rerun_camera import VIEW_MARGIN, log_action
+from busybot.view.scene import board_bounds, drawing_scale, object_names, visible
 
 SPACE = "expected"
 LANES = "expectations"
+LETTER, LINE = 6.4, 26.0
+"""Width of a label's letter and height of a label with its distance, drawing units, in a picture of the usual size."""
 MISTAKE = "not "
 """Before an expected state that did not come."""
 
@@ -74,12 +76,22 @@ def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Fore
     )
     recording.log(f"{SPACE}/objects", outlines)
     names, told = object_names(episode.board), [number for number, (_, text) in enumerate(marks) if text]
-    below = np.stack([boxes[told][:, [0, 2]].mean(1), boxes[told][:, 3]], axis=1)
     labels = [f"{names[seen[number]]}: {marks[number][1]}" for number in told]
+    below = label_places(episode, boxes[told], labels)
     tinted = [text_on_dark(marks[number][0]) for number in told]
     recording.log(f"{SPACE}/words", rr.Points2D(below, labels=labels, colors=tinted, radii=0.0, show_labels=True))
     if frame > 0:
         log_action(recording, episode, frame - 1, SPACE)
+
+
+def label_places(episode: Episode, boxes: np.ndarray, labels: list[str]) -> np.ndarray:
+    """Below the middle of each box (L, 4), moved inwards where the text would leave the view; pixels (L, 2)."""
+    low, high = board_bounds(episode, VIEW_MARGIN)
+    unit = 1 / drawing_scale(episode)
+    half = np.array([len(label) for label in labels]) * LETTER * unit / 2
+    middle = boxes[:, [0, 2]].mean(axis=1)
+    across = np.clip(middle, np.minimum(low[0] + half, high[0] - half), np.maximum(low[0] + half, high[0] - half))
+    return np.stack([across, np.minimum(boxes[:, 3], high[1] - LINE * unit)], axis=1)
 
 
 def _mark(foreseen: Foreseen, frame: int, index: int) -> tuple[Rgb, str]:

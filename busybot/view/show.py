@@ -25,17 +25,19 @@ from busybot.view.serve import require_display, serve_web, show_window
 
 @dataclass(frozen=True)
 class Wanted:
-    """What to do with an episode; with nothing of `save`, `screenshot` and `web`, a window opens.
+    """What to do with an episode; with nothing of `save`, `screenshot`, `figure` and `web`, a window opens.
 
     Attributes:
         model: an interaction model whose affordances are shown.
         step: of the screenshot and the window, the last one by default; 0 is the start.
         objects: put every step back into the simulator with these and show its picture, too.
+        figure: a picture of what the reasoner, or counting, infers step by step.
         reasoner: show what this model of relations believes and expects, beside what counting infers.
     """
 
     save: Path | None = None
     screenshot: Path | None = None
+    figure: Path | None = None
     step: int | None = None
     web: bool = False
     model: str | None = None
@@ -52,6 +54,7 @@ class Shown:
     inferred: list[str]
     save: Path | None
     screenshot: Path | None
+    figure: Path | None = None
     url: str | None = None
 
 
@@ -68,7 +71,7 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     """
     path = episode_file(source, number)
     signal.signal(signal.SIGTERM, _interrupt)
-    window = not (wanted.web or wanted.save or wanted.screenshot)
+    window = not (wanted.web or wanted.save or wanted.screenshot or wanted.figure)
     if window:
         require_display()
     episode = read_episode(path, images="lazy")
@@ -85,7 +88,9 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
         save_rrd(wanted.save, episode, inferred, layers=layers())
     if wanted.screenshot:
         picture_episode(episode, inferred, wanted.screenshot, wanted.step, layers())
-    shown = Shown(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot)
+    if wanted.figure:
+        draw_beliefs(wanted.figure, path, episode, inferred)
+    shown = Shown(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot, wanted.figure)
     if wanted.web or window:
         _show_live(episode, inferred, layers(), wanted, shown, announce)
     else:
@@ -139,6 +144,15 @@ def inferences(episode: Episode) -> list[InferredGraph]:
     if not episode.steps or not len(visible(episode.image(0))):
         return []
     return [infer(episode, "count")]
+
+
+def draw_beliefs(picture: Path, path: Path, episode: Episode, inferred: list[InferredGraph]) -> None:
+    """Write a PNG of the first of the graphs, step by step."""
+    from busybot.view.belief_figure import belief_figure
+
+    if not inferred or not episode.steps:
+        raise BusybotError(f"{path}: nothing can be inferred without boxes or steps", "leave --figure out")
+    belief_figure(picture, episode, inferred[0])
 
 
 def thoughts_of(episode: Episode, model: str | None) -> Iterator[Thought] | None:

@@ -7,7 +7,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
+from busybot.episodes.mcap_file import write_episode
 from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_real_episode
 
 
 @pytest.fixture
@@ -28,6 +30,7 @@ def test_a_dataset_shows_its_first_episode(dataset: Path, tmp_path: Path) -> Non
         "inferred": ["count"],
         "save": str(tmp_path / "new" / "e.rrd"),
         "screenshot": None,
+        "figure": None,
         "url": None,
     }
     assert (tmp_path / "new" / "e.rrd").read_bytes()[:3] == b"RRF"
@@ -91,3 +94,16 @@ def test_an_unknown_reasoner_is_named(dataset: Path, tmp_path: Path) -> None:
     result = run(dataset, "--save", tmp_path / "e.rrd", "--reasoner", "oracle")
     assert result.exit_code == 1
     assert "oracle: no model of that name" in result.stderr and "lookup" in result.stderr
+
+
+def test_a_figure_shows_how_the_graph_grew(dataset: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "new" / "beliefs.png"
+    result = run(dataset, "--reasoner", "lookup", "--figure", picture, "--json")
+    assert result.exit_code == 0
+    assert json.loads(result.stdout)["figure"] == str(picture) and picture.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_figure_of_nothing_is_refused(tmp_path: Path) -> None:
+    write_episode(tmp_path / "real.mcap", make_real_episode())
+    result = run(tmp_path / "real.mcap", "--figure", tmp_path / "f.png")
+    assert result.exit_code == 1 and "nothing can be inferred" in result.stderr

@@ -208,6 +208,28 @@ def test_hashes_depend_on_values_alone(tmp_path: Path, monkeypatch: pytest.Monke
     assert fewer.board == one.board and fewer.trace != one.trace and fewer.content != one.content
 
 
+def test_rows_that_the_tables_lack_are_derived_once_for_all_who_ask(tmp_path: Path) -> None:
+    """A collection that was killed lacks up to a shard of them."""
+    dataset = make_dataset(tmp_path / "d")
+    known = dataset.episodes_table()
+    shutil.rmtree(dataset.path / "tables")
+    asked: list[int] = []
+
+    def derive(files: list[tuple[Path, int]]) -> list[dict]:
+        asked.extend(index for _, index in files)
+        return list(module.derive_here(files))
+
+    assert dataset.episodes_table(derive).equals(known) and dataset.episodes_table(derive).equals(known)
+    assert asked == [0, 1, 3]
+    write_episode(dataset.episode_path(1), make_episode(7))
+    changed = dataset.episodes_table(derive)
+    assert (
+        asked == [0, 1, 3, 1]
+        and not changed.equals(known)
+        and changed.equals(Dataset.open(dataset.path).episodes_table())
+    )
+
+
 def test_whole_shards_without_episodes_disappear(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "EPISODES_PER_SHARD", 2)
     dataset = make_dataset(tmp_path / "d")

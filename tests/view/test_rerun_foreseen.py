@@ -8,8 +8,10 @@ from busybot.reason.foresee import Foreseen, foresee
 from busybot.reason.lookup import Lookup
 from busybot.reason.result import InferredGraph
 from busybot.view.palette import CORRECT, WRONG
-from busybot.view.rerun_foreseen import eventful, words
+from busybot.view.rerun_camera import VIEW_MARGIN
+from busybot.view.rerun_foreseen import LETTER, LINE, eventful, label_places, words
 from busybot.view.rerun_log import Layers, save_rrd
+from busybot.view.scene import board_bounds
 from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.view.test_rerun_log import entities, rows
 
@@ -59,3 +61,15 @@ def test_a_board_without_boxes_can_be_looked_at(tmp_path: Path) -> None:
     expected = foresee(episode, Lookup())
     save_rrd(tmp_path / "e.rrd", episode, [expected.graph], layers=Layers(foreseen=expected))
     assert "/expected/picture" in entities(tmp_path / "e.rrd")
+
+
+def test_words_stay_within_the_view() -> None:
+    """Rerun centres them on their place; the board's ends are those of the view."""
+    wide = make_episode(steps=1, width=640, height=480)
+    low, high = board_bounds(wide, VIEW_MARGIN)
+    boxes = np.array([[0, 100, 40, 140], [300, 440, 340, 480], [600, 100, 640, 140]], float)
+    labels = ["switch 3: 0 to 1, as expected", "lamp 1", "toy 4: still 0, expected 1"]
+    places = label_places(wide, boxes, labels)
+    half = np.array([len(label) for label in labels]) * LETTER / 2
+    assert (places[:, 0] - half >= low[0] - 1e-9).all() and (places[:, 0] + half <= high[0] + 1e-9).all()
+    assert places[1, 0] == 320 and places[0, 1] == 140 and places[1, 1] + LINE <= high[1]

@@ -46,7 +46,9 @@ class PolicyConfig(BaseModel):
         explore: new links are tried while the best one's expected success exceeds this; then known ones are repeated.
         insist: where a pair has failed already, others are tried while their expected success exceeds this: it is known
             what they have to compete with, and that the place looks right.
-        collect: least expected success of a new candidate when data for reasoning are collected.
+        collect: least expected success of a new candidate when data for reasoning are collected. Low, because a link
+            that is never touched has no relations that could be found; few other places promise as much
+            (`benchmarks/coverage.py`).
         ucb_c, ucb_window: the paper's bonus and the side of its window, pixels.
         clusters: k of the K-means candidates: no board has more movable links.
         cluster_belief: least affordance of a pixel that takes part in the clusters.
@@ -76,7 +78,7 @@ class PolicyConfig(BaseModel):
     known_pair: Share = 0.97
     explore: Share = 0.35
     insist: Share = 0.1
-    collect: Share = 0.5
+    collect: Share = 0.02
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
     ucb_window: Annotated[int, Field(ge=1, le=200)] = 10
     clusters: Annotated[int, Field(ge=1, le=100)] = 7

@@ -15,7 +15,20 @@ from typer.main import get_group as group_of
 
 from busybot.cli.common import CONTEXT, native_output_on_stderr, report_errors
 
-COMMANDS = ("doctor", "assets", "generate", "collect", "features", "train", "eval", "view", "replay", "dataset", "demo")
+COMMANDS = (
+    "doctor",
+    "assets",
+    "generate",
+    "collect",
+    "features",
+    "train",
+    "eval",
+    "view",
+    "replay",
+    "dataset",
+    "models",
+    "demo",
+)
 
 
 class LazyGroup(TyperGroup):

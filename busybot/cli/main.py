@@ -27,6 +27,7 @@ COMMANDS = (
     "replay",
     "dataset",
     "models",
+    "report",
     "demo",
 )
 

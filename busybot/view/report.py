@@ -13,12 +13,12 @@ from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
 from busybot.files import write_atomically
 from busybot.view import report_sections as sections
-from busybot.view.protocol import REASONING, TABLES, Table
+from busybot.view.protocol import TABLES, Table
 from busybot.view.report_figures import Course, courses_figure, table_figure
 from busybot.view.report_gates import Verdict, verdicts
 from busybot.view.report_page import Block, Heading, Items, Picture, Text, document, markdown
-from busybot.view.report_read import Results, read_results
-from busybot.view.report_singles import single_blocks
+from busybot.view.report_read import InteractResult, ReasonResult, Results, read_results
+from busybot.view.report_singles import single_blocks, subject
 
 TITLE = "BusyBot, measured"
 MARKDOWN, HTML, FIGURES = "report.md", "report.html", "figures"
@@ -31,6 +31,8 @@ INTRODUCTIONS = {
     3: "At most 8 actions a task; share of the affectable responders in their goal state, mean over tasks, for tasks "
     "with one-to-one and with one-to-many relations.",
 }
+MOST_COURSES = 12
+"""Panels of a figure."""
 WANTED = {"affordance": "what the policy believes", "refinement": "how the inferred graph grows"}
 
 
@@ -124,32 +126,37 @@ def _table(table: Table, results: Results, figures: Path) -> list[Block]:
 
 def _courses(results: Results, figures: Path) -> list[Block]:
     """How scores grow with actions and images, of all results that tell it."""
-    blocks: list[Block] = [Heading("How scores grow")]
-    interact, reason = [], []
-    for number, rows in results.tables.items():
-        table = TABLES[number - 1]
-        for row in table.rows:
-            if row.role == "ours" and row.name in rows:
-                told = [(split, rows[row.name].results.get(split)) for split in table.splits]
-                found = [Course(_words(row.words), table.splits[split], result) for split, result in told if result]
-                (reason if table is REASONING else interact).extend(found)
-    for result in results.singles.values():
-        course = Course(
-            getattr(result, "model", None) or getattr(result, "policy", ""), str(result.dataset.get("split")), result
-        )
-        (reason if hasattr(result, "by_images") else interact).append(course)
-    interact = [course for course in interact if getattr(course.result, "by_step", None)]
-    reason = [course for course in reason if getattr(course.result, "by_images", None)]
+    told = [*_told_by_tables(results), *_told_by_singles(results)]
+    interact = [one for one in told if isinstance(one.result, InteractResult) and one.result.by_step]
+    reason = [one for one in told if isinstance(one.result, ReasonResult) and one.result.by_images]
     captions = {
         "discovery": "Discovery: links found, and how many of the actions with this number succeed.",
         "images": "Relations and predictions after so many images; dotted: what the recordings determine.",
     }
+    blocks: list[Block] = [Heading("How scores grow")]
     for (name, caption), courses in zip(captions.items(), (interact, reason), strict=True):
         if courses:
-            blocks.append(Picture(courses_figure(figures / f"{name}.png", courses[:12]), caption))
+            blocks.append(Picture(courses_figure(figures / f"{name}.png", courses[:MOST_COURSES]), caption))
         else:
-            blocks.append(Text(f"**Missing**: {caption}"))
+            blocks.append(Text(f"**Missing**. {caption}"))
     return blocks
+
+
+def _told_by_tables(results: Results) -> list[Course]:
+    courses = []
+    for table in TABLES:
+        for row in table.rows:
+            found = results.tables.get(table.number, {}).get(row.name)
+            if row.role == "ours" and found is not None:
+                judged = [
+                    (words, found.results[split]) for split, words in table.splits.items() if split in found.results
+                ]
+                courses += [Course(_words(row.words), words, result) for words, result in judged]
+    return courses
+
+
+def _told_by_singles(results: Results) -> list[Course]:
+    return [Course(subject(result), str(result.dataset.get("split")), result) for result in results.singles.values()]
 
 
 def _words(words: str) -> str:

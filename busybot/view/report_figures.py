@@ -104,16 +104,17 @@ def courses_figure(path: Path, courses: Sequence[Course]) -> Path:
     """How scores grow: with actions, or with observed images; one panel for each result."""
     columns = min(3, len(courses))
     strips = -(-len(courses) // columns)
-    figure = page(WIDTH, 0.5 + 2.1 * strips)
+    figure = page(WIDTH if columns > 1 else 0.6 * WIDTH, 0.5 + 2.1 * strips)
     grid = figure.subplots(strips, columns, squeeze=False, sharey=True)
     for place, axes in enumerate(grid.flat):
         plain_axes(axes)
         axes.set_visible(place < len(courses))
         if place < len(courses):
             _draw_course(axes, courses[place])
-    handles, labels = grid[0, 0].get_legend_handles_labels()
+    pairs = [zip(*axes.get_legend_handles_labels(), strict=True) for axes in grid.flat]
+    named = {label: handle for panel in pairs for handle, label in panel}
     style: dict[str, Any] = {"frameon": False, "fontsize": 8, "labelcolor": unit(INK)}
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), **style)
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=len(named), **style)
     return save(figure, path)
 
 

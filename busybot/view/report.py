@@ -151,16 +151,12 @@ def _told_by_tables(results: Results) -> list[Course]:
                 judged = [
                     (words, found.results[split]) for split, words in table.splits.items() if split in found.results
                 ]
-                courses += [Course(_words(row.words), words, result) for words, result in judged]
+                courses += [Course(row.name, words, result) for words, result in judged]
     return courses
 
 
 def _told_by_singles(results: Results) -> list[Course]:
     return [Course(subject(result), str(result.dataset.get("split")), result) for result in results.singles.values()]
-
-
-def _words(words: str) -> str:
-    return words.replace("**", "").replace("`", "")
 
 
 def _beside(results: Results) -> list[Block]:

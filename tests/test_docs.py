@@ -47,3 +47,10 @@ def test_table_1_is_that_of_the_results() -> None:
     written = (ROOT / "docs" / "interact.md").read_text(encoding="utf-8")
     result = json.loads((ROOT / "benchmarks" / "results" / "table1.json").read_text(encoding="utf-8"))
     assert page(written, result) == written, "python -m benchmarks.table1_page"
+
+
+def test_the_command_reference_is_the_commands() -> None:
+    from busybot.cli.reference import page
+
+    written = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert page(written) == written, "python -m busybot.cli.reference docs/commands.md"

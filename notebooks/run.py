@@ -20,7 +20,11 @@ def execute(path: Path) -> nbformat.NotebookNode:
     """The notebook with the outputs of a new run; raises what a cell raises."""
     notebook = nbformat.read(path, as_version=4)
     client = NotebookClient(
-        notebook, timeout=SECONDS, kernel_name="python3", resources={"metadata": {"path": str(FOLDER)}}
+        notebook,
+        timeout=SECONDS,
+        kernel_name="python3",
+        coalesce_streams=True,
+        resources={"metadata": {"path": str(FOLDER)}},
     )
     client.execute()
     for cell in notebook.cells:

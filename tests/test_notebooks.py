@@ -18,7 +18,7 @@ def code_cells(path: Path) -> list[dict[str, Any]]:
 
 
 def printed(cells: list[Any]) -> list[str]:
-    """What the cells print, without the addresses of objects."""
+    """What the cells print."""
     return ["".join(out["text"]) for cell in cells for out in cell["outputs"] if out["output_type"] == "stream"]
 
 
@@ -49,4 +49,5 @@ def test_they_run_and_print_the_same(path: Path) -> None:
     pytest.importorskip("ipykernel")
     from notebooks.run import execute
 
-    assert printed([cell for cell in execute(path).cells if cell.cell_type == "code"]) == printed(code_cells(path))
+    again = [cell for cell in execute(path).cells if cell.cell_type == "code"]
+    assert printed(again) == printed(code_cells(path)), f"python notebooks/run.py {path.name}"

@@ -81,14 +81,15 @@ def _plain(value: Any) -> str:
 
 def page(text: str) -> str:
     """The page with its generated part renewed."""
-    return f"{text.split(MARK)[0]}{MARK}\n\n{reference()}"
+    from busybot.pages import renewed
+
+    return renewed(text, MARK, reference())
 
 
 def main() -> None:
-    from busybot.files import write_atomically
+    from busybot.pages import renew
 
-    path = Path(sys.argv[1])
-    write_atomically(path, page(path.read_text(encoding="utf-8")).encode())
+    renew(Path(sys.argv[1]), page)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,8 @@ from busybot.view.report_style import STYLE
 
 Tone = Literal["", "reached", "missed", "missing", "reference", "text"]
 MARKS = {"reached": " ✓", "missed": " ✗"}
+MOST_COLUMNS = 8
+"""A table of more columns is set more densely."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,8 @@ def _html_picture(picture: Picture) -> str:
 
 
 def _html_grid(grid: Grid) -> str:
-    lines = ['<div class="wide"><table>', "<thead>"]
+    dense = ' class="dense"' if len(grid.heads) > MOST_COLUMNS else ""
+    lines = [f'<div class="wide"><table{dense}>', "<thead>"]
     if grid.groups:
         spans = "".join(f'<th colspan="{count}" class="group">{inline(name)}</th>' for name, count in grid.groups)
         lines.append(f"<tr><th></th>{spans}</tr>")
@@ -184,7 +187,7 @@ def _html_grid(grid: Grid) -> str:
 def _html_entry(entry: Entry) -> str:
     small = f" <small>{inline(entry.small)}</small>" if entry.small else ""
     meaning = f' class="{entry.tone}"' if entry.tone else ""
-    return f"<td{meaning}>{inline(entry.text)}{small}</td>"
+    return f"<td{meaning}>{inline(entry.text)}{MARKS.get(entry.tone, '')}{small}</td>"
 
 
 def inline(text: str) -> str:

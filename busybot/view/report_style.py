@@ -8,7 +8,7 @@ STYLE = """\
 * { box-sizing: border-box; }
 body { margin: 0; background: var(--ground); color: var(--ink); }
 body { font: 16px/1.55 system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; }
-main { max-width: 1180px; margin: 0 auto; padding: 40px 32px 80px; }
+main { max-width: 1240px; margin: 0 auto; padding: 40px 32px 80px; }
 h1 { font-size: 34px; line-height: 1.2; margin: 0 0 8px; letter-spacing: -0.02em; }
 h2 { font-size: 24px; margin: 56px 0 8px; padding-top: 20px; border-top: 1px solid var(--faint); }
 h3 { font-size: 18px; margin: 32px 0 6px; }
@@ -37,9 +37,11 @@ td.text { text-align: left; white-space: normal; }
 tr.section th { background: #fafbfc; color: var(--muted); font-size: 12px; padding: 5px 10px; }
 tr.section th { letter-spacing: 0.05em; text-transform: uppercase; }
 td.reached { color: var(--good); }
-td.reached::after { content: " \\2713"; }
 td.missed { color: var(--bad); font-weight: 600; }
-td.missed::after { content: " \\2717"; }
+table.dense { font-size: 13px; }
+table.dense th, table.dense td { padding: 5px 6px; }
+table.dense tbody th, table.dense thead th:first-child { min-width: 120px; }
+table.dense td small { display: block; font-size: 11px; }
 td.missing { color: #a2a9b4; font-style: italic; }
 td.reference { color: var(--muted); }
 figure { margin: 18px 0; padding: 14px; }

@@ -6,12 +6,26 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from busybot.view.protocol import Table
+
 
 def put(text: str, name: str, content: str) -> str:
     """The page with the content between `<!-- NAME -->` and `<!-- end of NAME -->`."""
     begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
     before, rest = text.split(begin)
     return f"{before}{begin}\n{content}\n{end}{rest.split(end)[1]}"
+
+
+def head(table: Table) -> list[str]:
+    """The first two lines of a table as Markdown."""
+    heads = [f"{split}: {table.keys[key]}" for split, key in table.columns()]
+    return ["| | " + " | ".join(heads) + " |", "|---" * (1 + len(heads)) + "|"]
+
+
+def paper_lines(table: Table) -> list[str]:
+    """The paper's rows as Markdown."""
+    cells = {name: ["" if value is None else f"{value:g}" for value in row] for name, row in table.paper.items()}
+    return [f"| *the paper: {name}* | {' | '.join(row)} |" for name, row in cells.items()]
 
 
 def costs(training: list[dict[str, Any]], machine: dict[str, Any]) -> str:

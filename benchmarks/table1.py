@@ -29,6 +29,7 @@ KEYS = (
     "failures_by_cause",
     "failures_by_object",
     "missed_links",
+    "by_step",
 )
 
 

@@ -7,53 +7,17 @@ The place is between `<!-- table1 -->` and `<!-- end of table1 -->`. A row that 
 
 from typing import Any
 
-from benchmarks.pages import costs, put, write_page
-
-SPLITS = ("novel-config", "novel-object")
-KEYS = ("precision", "recall", "precision_exploring")
-PAPER = {
-    "oracle": (91.8, 82.4, 79.5, 90.2),
-    "rgb": (62.3, 63.1, 9.5, 17.0),
-    "without responders": (0.71, 0.65, 0.24, 0.49),
-    "greedy": (94.2, 33.7, 81.9, 38.6),
-    "ours": (90.1, 80.1, 82.6, 84.8),
-}
-"""Precision and recall on new configurations, then on new objects (the paper's Table 1)."""
-ROWS = (
-    ("free-0", "**ours**, free, seed 0"),
-    ("free-1", "**ours**, free, seed 1"),
-    ("free-2", "**ours**, free, seed 2"),
-    ("strict-0", "**ours**, strict, seed 0"),
-    ("strict-1", "**ours**, strict, seed 1"),
-    ("strict-2", "**ours**, strict, seed 2"),
-    ("oracle", "oracle: reward from joint states"),
-    ("rgb", "RGB instead of depth"),
-    ("without-responders-100", "without responders, threshold 100"),
-    ("without-responders-500", "without responders, threshold 500"),
-    ("without-responders-1000", "without responders, threshold 1000"),
-    ("greedy", "without exploration: always the highest affordance"),
-    ("ucb", "the paper's UCB bonus on our networks"),
-    ("random", "random elevated pixels and directions"),
-)
+from benchmarks.pages import costs, head, paper_lines, put, write_page
+from busybot.view.protocol import INTERACTION
 
 
 def table(result: dict[str, Any]) -> str:
     """Percent with half the width of the 95 % interval over boards; the paper's rows below."""
-    heads = ("precision", "recall", "new links", "precision", "recall", "new links")
-    lines = ["| | " + " | ".join(f"{split}: {head}" for split, head in _columns(heads)) + " |"]
-    lines.append("|---" * (1 + len(heads)) + "|")
-    for name, words in ROWS:
-        row = result["rows"].get(name)
-        cells = [_cell(row, split, key) for split in SPLITS for key in KEYS]
-        lines.append(f"| {words} | " + " | ".join(cells) + " |")
-    for name, values in PAPER.items():
-        config_p, config_r, object_p, object_r = (f"{value:g}" for value in values)
-        lines.append(f"| *the paper: {name}* | {config_p} | {config_r} | | {object_p} | {object_r} | |")
-    return "\n".join(lines)
-
-
-def _columns(heads: tuple[str, ...]) -> list[tuple[str, str]]:
-    return [(SPLITS[number // len(KEYS)], head) for number, head in enumerate(heads)]
+    lines = head(INTERACTION)
+    for row in INTERACTION.rows:
+        told = result["rows"].get(row.name)
+        lines.append(f"| {row.words} | " + " | ".join(_cell(told, *column) for column in INTERACTION.columns()) + " |")
+    return "\n".join([*lines, *paper_lines(INTERACTION)])
 
 
 def _cell(row: dict[str, Any] | None, split: str, key: str) -> str:

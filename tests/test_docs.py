@@ -59,3 +59,30 @@ def test_the_table_of_robustness_is_that_of_the_results() -> None:
         assert expected == written, "python -m benchmarks.robustness_page"
     else:
         assert "<!-- robustness -->\n<!-- end of robustness -->" in written, "a table without its result"
+
+
+def test_the_command_reference_is_the_commands() -> None:
+    from busybot.cli.reference import page
+
+    written = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert page(written) == written, "python -m busybot.cli.reference docs/commands.md"
+
+
+def test_the_tests_that_the_checklist_names_exist() -> None:
+    named = re.findall(r"(tests/[\w/]+\.py)::(test_\w+)", (ROOT / "docs" / "reproduce.md").read_text(encoding="utf-8"))
+    assert len(named) > 30
+    for file, name in named:
+        assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8"), f"{file}::{name}"
+
+
+def test_the_contents_name_every_page() -> None:
+    contents = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    assert [page.name for page in PAGES if f"]({page.name})" not in contents and page.name != "index.md"] == []
+
+
+def test_the_picture_is_that_of_its_script(tmp_path: Path) -> None:
+    images = ROOT / "docs" / "images"
+    script = tmp_path / "data_flow.py"
+    script.write_bytes((images / "data_flow.py").read_bytes())
+    subprocess.run([sys.executable, str(script)], check=True, timeout=60)
+    assert (tmp_path / "data-flow.svg").read_bytes() == (images / "data-flow.svg").read_bytes()

@@ -15,21 +15,21 @@ if TYPE_CHECKING:
 
 
 def collect(
-    dataset: Annotated[Path, typer.Argument(help="A dataset folder made by `busybot generate`.")],
-    steps: Annotated[int | None, typer.Option(min=0, help="Proposed actions per episode.")] = None,
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder made by `busybot generate`.")],
+    steps: Annotated[int | None, typer.Option(min=0, help="Actions on each board; 30 by default.")] = None,
     policy: Annotated[
-        str | None, typer.Option(help="random, learned, or scripted (an oracle that knows the joints).")
+        str | None, typer.Option(help="random (the default), learned, or scripted (an oracle that knows the joints).")
     ] = None,
     model: Annotated[
-        str | None, typer.Option(help="Of the learned policy: a shipped model's name or a folder.")
+        str | None, typer.Option(help="With --policy learned: a shipped model's name or a folder.")
     ] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Veto directions far from the annotated ones.")] = False,
-    images: Annotated[str | None, typer.Option(help="jpeg or png.")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse moves far off the annotated directions.")] = False,
+    images: Annotated[str | None, typer.Option(help="Store pictures as jpeg (the default) or png.")] = None,
     assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the policy; the dataset's by default.")] = None,
     workers: WorkersOption = None,
     engine: Annotated[str, typer.Option(help="local, or ray for the machines of a cluster.")] = "local",
-    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of CollectConfig.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters (CollectConfig).")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as interaction.delta=1000.")] = None,
     json: JsonOption = False,
 ) -> None:

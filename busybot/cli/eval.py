@@ -77,10 +77,11 @@ def interact(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset; only its boards are used.")],
     model: Annotated[str | None, typer.Option(help="Shipped model or folder; or random, scripted (an oracle).")] = None,
     mode: Annotated[
-        str | None, typer.Option(help="Of a model: evaluate (of a paper model: ucb), greedy, ucb or collect.")
+        str | None,
+        typer.Option(help="How a model chooses: evaluate, greedy, ucb or collect; evaluate, for paper models ucb."),
     ] = None,
     boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones.")] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Veto directions far from the annotated ones.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse moves far off the annotated directions.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")] = None,
     record: Annotated[Path | None, typer.Option(help="Record the episodes as a dataset in this folder.")] = None,
     figures: Annotated[int, typer.Option(min=0, help="Draw so many of the recorded boards into OUT/figures.")] = 0,

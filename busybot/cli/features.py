@@ -21,8 +21,9 @@ def features(
     workers: WorkersOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Encode the objects' looks. Training and evaluation do it themselves; Ctrl-C loses nothing: the same command
-    continues.
+    """Turn pictures into what models of relations read: 256 numbers for every responder and frame.
+
+    Training and evaluation do it themselves. Ctrl-C loses nothing: the same command continues.
     """
     import time
 

@@ -9,16 +9,18 @@ from busybot.cli.common import JsonOption, own_name, print_json, say
 
 
 def generate(
-    out: Annotated[Path, typer.Argument(help="Folder to make.")],
-    split: Annotated[str | None, typer.Option(help="train, novel-config or novel-object.")] = None,
-    boards: Annotated[int | None, typer.Option(min=1, help="Number of boards.")] = None,
-    relations: Annotated[str | None, typer.Option(help="any, one-to-one or one-to-many.")] = None,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to make.", show_default=False)],
+    split: Annotated[str | None, typer.Option(help="train (the default), novel-config or novel-object.")] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Number of boards; 100 by default.")] = None,
+    relations: Annotated[str | None, typer.Option(help="any (the default), one-to-one or one-to-many.")] = None,
     assets: Annotated[str, typer.Option(help="`procedural`, or a folder of annotated objects.")] = "procedural",
-    uniform: Annotated[bool, typer.Option("--uniform", help="Draw instances evenly, ignoring their weights.")] = False,
-    group_size: Annotated[int | None, typer.Option(min=1, help="Boards that share one appearance.")] = None,
+    uniform: Annotated[bool, typer.Option("--uniform", help="Draw all objects of a category equally often.")] = False,
+    group_size: Annotated[
+        int | None, typer.Option(min=1, help="Consecutive boards that look alike and differ in relations; 20.")
+    ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of everything that is drawn; 0 by default.")] = None,
-    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of BoardConfig.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as name=value.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters (BoardConfig).")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as lamps=[2,3].")] = None,
     json: JsonOption = False,
 ) -> None:
     """Draw boards: objects, places, colours and hidden relations. What the same command made before is left alone."""

@@ -15,7 +15,21 @@ from typer.main import get_group as group_of
 
 from busybot.cli.common import CONTEXT, native_output_on_stderr, report_errors
 
-COMMANDS = ("doctor", "assets", "generate", "collect", "features", "train", "eval", "view", "replay", "dataset", "demo")
+COMMANDS = (
+    "doctor",
+    "assets",
+    "generate",
+    "collect",
+    "features",
+    "train",
+    "eval",
+    "view",
+    "replay",
+    "dataset",
+    "models",
+    "report",
+    "demo",
+)
 
 
 class LazyGroup(TyperGroup):
@@ -55,7 +69,6 @@ def load_command(name: str) -> Any:
 
 app = typer.Typer(
     cls=LazyGroup,
-    add_completion=False,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings=CONTEXT,

@@ -35,7 +35,7 @@ def interact(
         list[Path] | None, typer.Option(help="Recorded rounds to train on instead of collecting; repeatable.")
     ] = None,
     offline: Annotated[bool, typer.Option("--offline", help="Collect nothing: train on OUT/rounds.")] = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Veto directions far from the annotated ones.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse moves far off the annotated directions.")] = False,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters (TrainConfig, PaperConfig).")] = None,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from busybot.episodes import mcap_topics as topics
 from busybot.episodes.schema import SCHEMA_VERSION, TABLES, Column
-from busybot.files import write_atomically
+from busybot.pages import renew, renewed
 
 MARK = "<!-- from here on made by `python -m busybot.episodes.reference`: change the schema, not this text -->"
 
@@ -49,12 +49,11 @@ def _channels() -> str:
 
 def page(text: str) -> str:
     """The page with its generated part renewed."""
-    return f"{text.split(MARK)[0]}{MARK}\n\n{reference()}"
+    return renewed(text, MARK, reference())
 
 
 def main() -> None:
-    path = Path(sys.argv[1])
-    write_atomically(path, page(path.read_text(encoding="utf-8")).encode())
+    renew(Path(sys.argv[1]), page)
 
 
 if __name__ == "__main__":

@@ -132,7 +132,8 @@ def fingerprint(name_or_path: str) -> dict[str, Any]:
     folder = find_model(name_or_path)
     files = sorted(path for path in folder.iterdir() if path.is_file())
     hashes = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
-    return {"name": folder.name, "sha256": hashes, "card": load_once(name_or_path).info.model_dump(mode="json")}
+    card = load_once(name_or_path).info.model_dump(mode="json", exclude={"files"})  # they are in `sha256`
+    return {"name": folder.name, "sha256": hashes, "card": card}
 
 
 def load_once(name_or_path: str) -> Model:

@@ -16,13 +16,12 @@ from torch.nn import functional
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.files import write_json
 from busybot.interact.features import ELEVATED, Inputs, Pinhole, colour_features, heights_of, picture_features
 from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network, members_of
 from busybot.interact.policy_config import PairTable
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.device import device
-from busybot.training.model_folder import INFO_FILE, find_folder, read_info
+from busybot.training.model_folder import find_folder, read_info, write_info
 
 SHIPPED = Path(__file__).with_name("models")
 
@@ -42,6 +41,7 @@ class ModelInfo(BaseModel):
         after_failure: what to try where a direction failed, see `interact.redirection`.
         thresholds: constants of the policy that go with this model.
         training: provenance: datasets with hashes, seed, configuration, figures; JSON values.
+        files: SHA-256 of the weights by name, written by saving; older folders have none.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -53,6 +53,7 @@ class ModelInfo(BaseModel):
     after_failure: PairTable | None = None
     thresholds: dict[str, float | str] = {}
     training: dict[str, Any] = {}
+    files: dict[str, str] = {}
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ class Model:
         """Write the folder, `model.json` last."""
         for kind, network in self.networks.items():
             save_tensors(weights_file(folder, kind), network.state_dict())
-        write_json(folder / INFO_FILE, self.info.model_dump(mode="json"))
+        write_info(folder, self.info, [weights_file(folder, kind) for kind in self.networks])
 
     def look(self, image: Image, rays: Rays) -> View:
         """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours."""

@@ -7,10 +7,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from torch import Tensor
 
 from busybot.errors import BusybotError
-from busybot.files import write_json
 from busybot.reason.reasoner import Reasoner
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
-from busybot.training.model_folder import INFO_FILE, find_folder, read_info
+from busybot.training.model_folder import INFO_FILE, find_folder, read_info, write_info
 
 SHIPPED = Path(__file__).with_name("models")
 WEIGHTS_FILE = "weights.safetensors"
@@ -24,6 +23,7 @@ class ModelInfo(BaseModel):
         encoder: which features it reads.
         config: of the training; the networks' part tells their size.
         training: provenance: datasets with hashes, seed, figures; JSON values.
+        files: SHA-256 of the weights by name, written by saving; older folders have none.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -33,12 +33,13 @@ class ModelInfo(BaseModel):
     encoder: str
     config: dict[str, Any]
     training: dict[str, Any] = {}
+    files: dict[str, str] = {}
 
 
 def save_model(folder: Path, info: ModelInfo, tensors: dict[str, Tensor]) -> None:
     """Write the folder, `model.json` last."""
     save_tensors(folder / WEIGHTS_FILE, tensors)
-    write_json(folder / INFO_FILE, info.model_dump(mode="json"))
+    write_info(folder, info, [folder / WEIGHTS_FILE])
 
 
 def load_reasoner(name_or_path: str | Path) -> Reasoner:

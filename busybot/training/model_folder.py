@@ -1,12 +1,13 @@
 """A trained model is a folder: weights, and `model.json`, which says what they are."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from busybot.errors import BusybotError
-from busybot.files import read_json
+from busybot.files import read_json, sha256_of, write_json
 
 INFO_FILE = "model.json"
 
@@ -45,3 +46,9 @@ def read_info(folder: Path, kind: type[Info]) -> Info:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
+
+
+def write_info(folder: Path, info: BaseModel, weights: Iterable[Path]) -> None:
+    """Write `model.json`, the last of a model's files, with the SHA-256 of its weights in `files`."""
+    hashes = {file.name: sha256_of(file) for file in weights}
+    write_json(folder / INFO_FILE, {**info.model_dump(mode="json"), "files": hashes})

@@ -1,5 +1,6 @@
 """What `busybot eval reason` found, as a picture: how scores grow with the number of observed images."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +26,7 @@ def images_figure(path: Path, result: dict[str, Any]) -> Path:
     figure = page(WIDTH, HEIGHT)
     axes = figure.subplots()
     plain_axes(axes)
-    for key, (name, line, color) in CURVES.items():
-        points = [(one["images"], one[key]) for one in result["by_images"] if one[key] is not None]
-        if points:
-            marker = "o" if len(points) < len(result["by_images"]) else None
-            axes.plot(*zip(*points, strict=True), line, marker=marker, markersize=3, color=unit(color), label=name)
+    draw_curves(axes, result["by_images"])
     axes.set_ylim(-0.02, 1.02)
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -38,3 +35,12 @@ def images_figure(path: Path, result: dict[str, Any]) -> Path:
     draw_title(axes, result["model"], f"{origin['name']} ({origin['split']}), {result['boards']} boards")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8, labelcolor=unit(INK))
     return save(figure, path)
+
+
+def draw_curves(axes: Any, by_images: Sequence[Mapping[str, float | None]]) -> None:
+    """The curves of a result's `by_images`; what is undefined is left out."""
+    for key, (name, line, color) in CURVES.items():
+        points = [(one["images"], one[key]) for one in by_images if one[key] is not None]
+        if points:
+            marker = "o" if len(points) < len(by_images) else None
+            axes.plot(*zip(*points, strict=True), line, marker=marker, markersize=3, color=unit(color), label=name)

@@ -1,0 +1,39 @@
+"""`busybot report`: results as tables and plots beside the paper's."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from busybot.cli.common import JsonOption, print_json, say
+
+
+def report(
+    results: Annotated[
+        list[Path],
+        typer.Argument(metavar="RESULT...", help="Files of `busybot eval` or benchmarks/table*.py; folders of them."),
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for report.html, report.md and figures.")],
+    episode: Annotated[
+        Path | None, typer.Option(help="An episode's .mcap file: draw affordances and the growing graph of it.")
+    ] = None,
+    model: Annotated[str | None, typer.Option(help="With --episode: interaction model, a name or a folder.")] = None,
+    reasoner: Annotated[
+        str, typer.Option(help="With --episode: who infers relations, as in `eval reason --model`.")
+    ] = "count",
+    json: JsonOption = False,
+) -> None:
+    """Tables 1 to 3 with plots, beside the paper's numbers, trivial baselines and gates, as one HTML file.
+
+    What is missing is shown as missing. Pictures in the folders are put in, too.
+    """
+    from busybot.view.report import Shown, write_report
+
+    shown = None if episode is None else Shown(episode, model, reasoner)
+    done = write_report(results, out, shown)
+    gates = {"reached": done.count(True), "missed": done.count(False), "not_measured": done.count(None)}
+    if json:
+        print_json({"html": done.html, "markdown": done.markdown, "figures": done.figures, "gates": gates})
+    else:
+        say(f"gates: {gates['reached']} reached, {gates['missed']} missed, {gates['not_measured']} not measured")
+        print(done.html)

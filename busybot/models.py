@@ -1,0 +1,227 @@
+"""Trained models as files: which there are, what their folders say about them, and whether they are whole.
+
+A model is a folder with `model.json` and weights as safetensors, whatever the skill; `interact.model` and
+`reason.models` load them. Here only `verify` needs torch: it loads the weights into the networks.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import prod
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+from safetensors import SafetensorError, safe_open
+
+from busybot.errors import BusybotError, without_name
+from busybot.files import inside, scan, sha256_of
+from busybot.training.model_folder import INFO_FILE, find_folder, read_info
+
+PACKAGE = Path(__file__).parent
+SHIPPED = {skill: PACKAGE / skill / "models" for skill in ("interact", "reason")}
+"""Where the package has the models that can be called by their names, by skill."""
+CARD_FILE = "README.md"
+WEIGHTS = ".safetensors"
+NOT_FIGURES = ("seed", "config", "rounds", "data", "versions", "validation", "figures")
+"""Keys of a card's `training` that say where a model comes from, not how good it is."""
+
+
+class Card(BaseModel):
+    """What the cards of all skills have in common; each has more, which its loader checks.
+
+    Attributes:
+        variant: which networks, of interaction models.
+        model: which networks, of models of relations.
+        files: SHA-256 by name; empty in folders from before hashes were recorded.
+        training: provenance.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+    variant: str | None = None
+    model: str | None = None
+    files: dict[str, str] = {}
+    training: dict[str, Any] = {}
+
+
+@dataclass(frozen=True)
+class About:
+    """What a model's folder tells.
+
+    Attributes:
+        name: by which commands know it: a shipped model's name, else its folder.
+        skill: interact or reason.
+        kind: which networks.
+        shipped: part of the package.
+        folder: where it lies.
+        bytes: of all its files.
+        parameters: trained values.
+        hashes: SHA-256 of the weights as `model.json` records them; empty if it records none.
+        data: the datasets it was trained on, with their hashes.
+        figures: what the training measured.
+        licence: an SPDX identifier; None if nothing is recorded.
+        card: the file to read, if there is one.
+    """
+
+    name: str
+    skill: str
+    kind: str
+    shipped: bool
+    folder: Path
+    bytes: int
+    parameters: int
+    hashes: dict[str, str]
+    seed: int | None
+    data: list[dict[str, Any]]
+    figures: dict[str, Any]
+    versions: dict[str, str]
+    licence: str | None
+    card: Path | None
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What `verify` found.
+
+    Attributes:
+        hashes: whether `model.json` records hashes to compare with.
+        problems: in words, each naming its file; empty if the model is whole.
+    """
+
+    name: str
+    skill: str
+    kind: str
+    hashes: bool
+    problems: list[str]
+
+    @property
+    def ok(self) -> bool:
+        return not self.problems
+
+
+def shipped_models() -> list[Path]:
+    """Folders of the models that are part of the package."""
+    return sorted(path.parent for place in SHIPPED.values() for path in place.glob(f"*/{INFO_FILE}"))
+
+
+def models_below(folder: Path) -> list[Path]:
+    """Folders of models in a folder, itself included; no link is followed.
+
+    Raises:
+        BusybotError: there is no such folder, or it has no model.
+    """
+    if not folder.is_dir():
+        raise BusybotError(f"{folder}: there is no such folder")
+    found = sorted(folder / name for name in scan(folder).files if Path(name).name == INFO_FILE)
+    if not found:
+        raise BusybotError(f"{folder}: no {INFO_FILE} lies in it", "`busybot train interact --out DIR` makes a model")
+    return [path.parent for path in found]
+
+
+def find(name_or_path: str) -> Path:
+    """The folder of a model of any skill, by its name or path; a training's folder stands for its final model."""
+    for folder in shipped_models():
+        if folder.name == name_or_path and not Path(name_or_path).exists():
+            return folder
+    return find_folder(name_or_path, SHIPPED["interact"], "interact")
+
+
+def about(folder: Path) -> About:
+    """Read what a model's folder says about it.
+
+    Raises:
+        BusybotError: `model.json` or a file of weights cannot be read.
+    """
+    card, skill, kind = _card(folder)
+    training, shipped = card.training, _is_shipped(folder)
+    told = {key: value for key, value in training.items() if key not in NOT_FIGURES}
+    licence = training.get("licence")
+    return About(
+        name=_name(folder),
+        skill=skill,
+        kind=kind,
+        shipped=shipped,
+        folder=folder,
+        bytes=sum(path.stat().st_size for path in folder.iterdir() if path.is_file()),
+        parameters=sum(_values(path) for path in sorted(folder.glob(f"*{WEIGHTS}"))),
+        hashes=card.files,
+        seed=training.get("seed"),
+        data=[*training.get("rounds", []), *training.get("data", [])],
+        figures={**training.get("validation", {}), **told},
+        versions=training.get("versions", {}),
+        licence=licence or ("MIT" if shipped else None),
+        card=folder / CARD_FILE if (folder / CARD_FILE).is_file() else None,
+    )
+
+
+def verify(folder: Path) -> Verdict:
+    """Compare a model's files with what `model.json` records, and load its weights into the networks.
+
+    Raises:
+        BusybotError: `model.json` cannot be read.
+    """
+    card, skill, kind = _card(folder)
+    problems = [problem for name, known in card.files.items() if (problem := _compared(folder, name, known))]
+    if card.files:
+        strangers = sorted(path.name for path in folder.glob(f"*{WEIGHTS}") if path.name not in card.files)
+        problems += [f"{folder / name}: {INFO_FILE} does not record it" for name in strangers]
+    try:
+        _LOADERS[skill](folder)
+    except BusybotError as error:
+        if not any(problem.startswith(error.what.split(": ")[0]) for problem in problems):
+            problems.append(error.what)
+    return Verdict(_name(folder), skill, kind, bool(card.files), problems)
+
+
+def _is_shipped(folder: Path) -> bool:
+    return folder.parent in SHIPPED.values()
+
+
+def _name(folder: Path) -> str:
+    return folder.name if _is_shipped(folder) else str(folder)
+
+
+def _card(folder: Path) -> tuple[Card, str, str]:
+    """The card, the skill that it belongs to, and the kind of networks."""
+    card = read_info(folder, Card)
+    if card.variant is not None:
+        return card, "interact", card.variant
+    if card.model is not None:
+        return card, "reason", card.model
+    raise BusybotError(f"{folder / INFO_FILE}: it has neither `variant` nor `model`: not a model's card")
+
+
+def _compared(folder: Path, name: str, known: str) -> str | None:
+    """What is wrong with a recorded file, if anything is."""
+    try:
+        file = inside(folder, name)
+        if not file.is_file():
+            return f"{folder / name}: it is missing"
+        found = sha256_of(file)
+    except BusybotError as error:
+        return f"{folder / INFO_FILE}: {without_name(error, folder)}"
+    return None if found == known else f"{file}: its SHA-256 is {found[:12]}..., recorded is {known[:12]}..."
+
+
+def _values(file: Path) -> int:
+    """Number of values in a file of weights."""
+    try:
+        with safe_open(file, "numpy") as tensors:
+            return sum(prod(tensors.get_slice(name).get_shape()) for name in tensors.offset_keys())
+    except (SafetensorError, OSError) as error:
+        raise BusybotError(f"{file}: damaged: {error}", "copy the model again") from None
+
+
+def _load_interact(folder: Path) -> None:
+    from busybot.interact.model import Model
+
+    Model.load(folder)
+
+
+def _load_reason(folder: Path) -> None:
+    from busybot.reason.models import load_reasoner
+
+    load_reasoner(folder)
+
+
+_LOADERS: dict[str, Callable[[Path], None]] = {"interact": _load_interact, "reason": _load_reason}

@@ -1,0 +1,212 @@
+"""The report: Tables 1 to 3 with plots, as Markdown and as one HTML file, from files of results.
+
+What is missing is shown as missing, and every gate of the protocol that is missed is named.
+"""
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from busybot import __version__
+from busybot.episodes.mcap_file import read_episode
+from busybot.errors import BusybotError
+from busybot.files import write_atomically
+from busybot.view import report_sections as sections
+from busybot.view.protocol import TABLES, Table
+from busybot.view.report_figures import Course, courses_figure, table_figure
+from busybot.view.report_gates import Verdict, verdicts
+from busybot.view.report_page import Block, Heading, Items, Picture, Text, document, markdown
+from busybot.view.report_read import InteractResult, ReasonResult, Results, read_results
+from busybot.view.report_singles import single_blocks, subject
+
+TITLE = "BusyBot, measured"
+MARKDOWN, HTML, FIGURES = "report.md", "report.html", "figures"
+INTRODUCTIONS = {
+    1: "Ten actions on each board. Precision: share of actions that moved a trigger. Recall: share of the movable "
+    "links that were moved. New links: precision of the actions that did not repeat a link. Behind ± is half the width "
+    "of the 95 % interval over boards.",
+    2: "From 23 images: which trigger controls which responder (P, R over pairs), and what every later action does "
+    "(Pred-A: all responders of the board right; successful: the same over actions that moved a trigger).",
+    3: "At most 8 actions a task; share of the affectable responders in their goal state, mean over tasks, for tasks "
+    "with one-to-one and with one-to-many relations.",
+}
+MOST_COURSES = 12
+"""Panels of a figure."""
+WANTED = {"affordance": "what the policy believes", "refinement": "how the inferred graph grows"}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An episode to draw the paper's figures of.
+
+    Attributes:
+        episode: its file.
+        model: of interaction, by name or folder; None to leave affordances out.
+        reasoner: by name or folder.
+    """
+
+    episode: Path
+    model: str | None = None
+    reasoner: str = "count"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was written, and the gates."""
+
+    markdown: Path
+    html: Path
+    figures: tuple[Path, ...]
+    verdicts: tuple[Verdict, ...]
+
+    def count(self, reached: bool | None) -> int:
+        """Gates that are reached, missed (False) or not measured (None)."""
+        return sum(one.reached is reached for one in self.verdicts)
+
+
+def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -> Report:
+    """Read results and write `report.md`, `report.html` and `figures/` into a folder; older ones are replaced.
+
+    Args:
+        paths: files of results, pictures, and folders of both.
+
+    Raises:
+        BusybotError: nothing that was given is a result, or one of them is damaged.
+    """
+    results = read_results(paths)
+    if not results.files:
+        raise BusybotError(
+            f"{', '.join(map(str, paths))}: no result lies there", "`busybot eval ... --out FILE` makes one"
+        )
+    if out.exists() and not out.is_dir():
+        raise BusybotError(f"{out}: it is a file", "name a folder")
+    judged = verdicts(results)
+    figures = out / FIGURES
+    figures.mkdir(parents=True, exist_ok=True)
+    blocks: list[Block] = [Heading(TITLE, 1), Text(_lead(results)), sections.summary_tiles(judged, results)]
+    blocks += [Heading("Gates that are missed"), *sections.gate_blocks(judged)]
+    for table in TABLES:
+        blocks += _table(table, results, figures)
+    blocks += _courses(results, figures)
+    blocks += _beside(results)
+    if results.singles:
+        blocks += [Heading("Single evaluations"), *single_blocks(results)]
+    blocks += _pictures(results, figures, shown)
+    blocks += [
+        Heading("Files"),
+        Items(tuple(f"`{name}`, SHA-256 `{digest}`" for name, digest in results.files.items())),
+    ]
+    write_atomically(out / MARKDOWN, markdown(blocks, out).encode())
+    write_atomically(out / HTML, document(TITLE, blocks).encode())
+    drawn = tuple(block.path for block in blocks if isinstance(block, Picture))
+    return Report(out / MARKDOWN, out / HTML, drawn, tuple(judged))
+
+
+def _lead(results: Results) -> str:
+    return (
+        "Agents that learn to interact, to reason about cause and effect and to plan on toy boards, beside the paper "
+        "BusyBot (Liu, Xu, Song; CoRL 2022). Every number is measured by the commands beneath its table; a gate is the "
+        f"least that is asked of us. Written by busybot {__version__} from the files [at the end](#files)."
+    )
+
+
+def _table(table: Table, results: Results, figures: Path) -> list[Block]:
+    """A table's plot, numbers and origins."""
+    rows = results.tables.get(table.number, {})
+    blocks: list[Block] = [Heading(f"Table {table.number}: {table.title}"), Text(INTRODUCTIONS[table.number])]
+    if rows:
+        caption = "Dots are ours with their intervals, diamonds the paper's, lines the gates; no dot: not run."
+        blocks.append(Picture(table_figure(figures / f"table{table.number}.png", table, rows), caption))
+    else:
+        blocks.append(Text(f"**Missing**: none of its rows was given. `{sections.RUN[table.number]}` measures them."))
+    blocks.append(sections.table_grid(table, rows))
+    return [*blocks, sections.provenance(table, results)] if rows else blocks
+
+
+def _courses(results: Results, figures: Path) -> list[Block]:
+    """How scores grow with actions and images, of all results that tell it."""
+    told = [*_told_by_tables(results), *_told_by_singles(results)]
+    interact = [one for one in told if isinstance(one.result, InteractResult) and one.result.by_step]
+    reason = [one for one in told if isinstance(one.result, ReasonResult) and one.result.by_images]
+    captions = {
+        "discovery": "Discovery: links found, and how many of the actions with this number succeed.",
+        "images": "Relations and predictions after so many images; dotted: what the recordings determine.",
+    }
+    blocks: list[Block] = [Heading("How scores grow")]
+    for (name, caption), courses in zip(captions.items(), (interact, reason), strict=True):
+        if courses:
+            blocks.append(Picture(courses_figure(figures / f"{name}.png", courses[:MOST_COURSES]), caption))
+        else:
+            blocks.append(Text(f"**Missing**. {caption}"))
+    return blocks
+
+
+def _told_by_tables(results: Results) -> list[Course]:
+    courses = []
+    for table in TABLES:
+        for row in table.rows:
+            found = results.tables.get(table.number, {}).get(row.name)
+            if row.role == "ours" and found is not None:
+                judged = [
+                    (words, found.results[split]) for split, words in table.splits.items() if split in found.results
+                ]
+                courses += [Course(row.name, words, result) for words, result in judged]
+    return courses
+
+
+def _told_by_singles(results: Results) -> list[Course]:
+    return [Course(subject(result), str(result.dataset.get("split")), result) for result in results.singles.values()]
+
+
+def _beside(results: Results) -> list[Block]:
+    """Calibration and cost."""
+    blocks: list[Block] = [Heading("Calibration")]
+    explained = "Expected calibration error and Brier score over trigger-responder pairs; 0 is best."
+    grid = sections.calibration_grid(results)
+    blocks += [Text(explained), grid] if grid else [Text("**Missing**: no row of Table 2 was given.")]
+    blocks.append(Heading("Cost of training"))
+    cost = sections.cost_grid(results)
+    return [*blocks, cost] if cost else [*blocks, Text("**Missing**: no training tells its time and memory.")]
+
+
+def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Block]:
+    """The paper's figures, drawn from an episode, and pictures that were given."""
+    blocks: list[Block] = [Heading("Pictures")]
+    drawn = _drawn(figures, shown) if shown else {}
+    for name, words in WANTED.items():
+        blocks.append(
+            drawn[name] if name in drawn else Text(f"**Missing**: {words}. `--episode FILE --model NAME` draws it.")
+        )
+    blocks.append(Text("**Missing**: planning sequences."))
+    for place, source in enumerate(results.pictures):
+        copy = figures / f"given-{place:02d}{source.suffix.lower()}"
+        shutil.copyfile(source, copy)
+        blocks.append(Picture(copy, "/".join(source.parts[-3:])))
+    return blocks
+
+
+def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
+    from busybot.interact.chooser import load_once, policy_config
+    from busybot.interact.trace import retrace
+    from busybot.reason.foresee import foresee
+    from busybot.reason.infer import GRAPHS, infer, reasoner_of
+    from busybot.view.affordance_figure import affordance_figure
+    from busybot.view.figures import refinement_figure
+
+    episode = read_episode(shown.episode, "lazy")
+    graph = (
+        infer(episode, shown.reasoner)
+        if shown.reasoner in GRAPHS
+        else foresee(episode, reasoner_of(shown.reasoner)).graph
+    )
+    growing = f"How the graph that {graph.name} infers grows with the steps; true relations are framed."
+    found: dict[str, Block] = {
+        "refinement": Picture(refinement_figure(figures / "refinement.png", episode, graph), growing)
+    }
+    if shown.model is not None:
+        loaded = load_once(shown.model)
+        thoughts = list(retrace(episode, loaded, policy_config(loaded.info, {})))
+        caption = "What the policy believed before its first actions: affordance in orange, candidates as dots."
+        found["affordance"] = Picture(affordance_figure(figures / "affordance.png", episode, thoughts), caption)
+    return found

@@ -1,0 +1,118 @@
+"""Trained models as files, and the commands about them."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from busybot.cli.main import app
+from busybot.errors import BusybotError
+from busybot.interact.model import Model
+from busybot.models import about, find, models_below, shipped_models, verify
+from busybot.reason.event_config import EventConfig, NetConfig
+from busybot.reason.event_net import EventNet
+from busybot.reason.models import ModelInfo, save_model
+
+CONFIG = EventConfig(net=NetConfig(width=8, heads=2))
+TRAINING = {"seed": 3, "data": [{"name": "d", "assets": "procedural", "seed": 1, "episodes": 4, "content_hash": "ab"}]}
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(app, words)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    info = ModelInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"), training=TRAINING)
+    save_model(tmp_path / "out" / "model", info, EventNet(CONFIG.net, 2.5).state_dict())
+    return tmp_path / "out" / "model"
+
+
+def test_all_shipped_models_are_whole() -> None:
+    done = run("models", "verify", "--json")
+    told = json.loads(done.stdout)
+    assert done.exit_code == 0 and told["ok"]
+    assert [model["name"] for model in told["models"]] == [path.name for path in shipped_models()]
+    assert all(model["hashes"] for model in told["models"])
+
+
+def test_every_shipped_model_has_a_card_a_licence_and_its_data() -> None:
+    models = json.loads(run("models", "list", "--json").stdout)["models"]
+    assert "procedural" in [model["name"] for model in models]
+    for model in models:
+        assert model["card"] and model["licence"] == "MIT" and model["seed"] is not None
+        assert all(len(entry["content_hash"]) == 64 for entry in model["data"]) and model["data"]
+
+
+def test_what_is_told_of_a_model_of_ones_own(folder: Path) -> None:
+    told = about(find(str(folder.parent)))
+    assert (told.skill, told.kind, told.seed, told.licence, told.shipped) == ("reason", "event", 3, None, False)
+    assert told.parameters == sum(value.numel() for value in EventNet(CONFIG.net).state_dict().values())
+    assert told.bytes == sum(path.stat().st_size for path in folder.iterdir())
+    printed = run("models", "info", str(folder)).stdout
+    assert "licence: not recorded" in printed
+    assert "4 boards of procedural objects, seed 1, content hash ab" in printed
+    assert models_below(folder.parent) == [folder]
+
+
+def test_saving_records_hashes_for_both_skills(folder: Path, tmp_path: Path) -> None:
+    Model.load("procedural").save(tmp_path / "copy")
+    for model in (folder, tmp_path / "copy"):
+        assert verify(model).ok and verify(model).hashes
+
+
+def test_other_weights_of_the_same_network_are_found_out(folder: Path) -> None:
+    other = folder.parent / "other"
+    info = ModelInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"))
+    save_model(other, info, EventNet(CONFIG.net, 3.5).state_dict())
+    shutil.copy(other / "weights.safetensors", folder / "weights.safetensors")
+    done = run("models", "verify", str(folder))
+    assert done.exit_code == 1
+    assert "weights.safetensors: its SHA-256 is" in done.stderr and "mend: " in done.stderr
+
+
+def test_an_older_folder_without_hashes_is_loaded_all_the_same(folder: Path) -> None:
+    card = json.loads((folder / "model.json").read_text())
+    del card["files"]
+    (folder / "model.json").write_text(json.dumps(card))
+    done = run("models", "verify", str(folder))
+    assert done.exit_code == 0 and "no hashes recorded" in done.stdout
+    assert "no hashes recorded" in run("models", "info", str(folder)).stdout
+
+
+@pytest.mark.parametrize("damage", ["truncated", "missing", "stranger"])
+def test_files_that_are_not_those_that_were_saved(folder: Path, damage: str) -> None:
+    weights = folder / "weights.safetensors"
+    if damage == "truncated":
+        weights.write_bytes(weights.read_bytes()[:100])
+    elif damage == "missing":
+        weights.unlink()
+    else:
+        shutil.copy(weights, folder / "more.safetensors")
+    verdict = verify(folder)
+    assert len(verdict.problems) == 1 and ".safetensors: " in verdict.problems[0]
+
+
+def test_weights_of_another_network_are_refused(folder: Path) -> None:
+    info = ModelInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"))
+    save_model(folder, info, EventNet(NetConfig(width=16, heads=2)).state_dict())
+    assert "not the weights of this network" in verify(folder).problems[0]
+
+
+def test_a_card_cannot_lead_out_of_its_folder(folder: Path) -> None:
+    card = json.loads((folder / "model.json").read_text())
+    card["files"]["../../secret"] = "0" * 64
+    (folder / "model.json").write_text(json.dumps(card))
+    assert any("leaves the folder" in problem for problem in verify(folder).problems)
+
+
+def test_what_is_no_model_is_told_by_name(tmp_path: Path) -> None:
+    (tmp_path / "model.json").write_text('{"surprise": 1}')
+    with pytest.raises(BusybotError, match="not a model's card"):
+        about(tmp_path)
+    (tmp_path / "empty").mkdir()
+    assert run("models", "list", str(tmp_path / "empty")).exit_code == 1
+    done = run("models", "info", "nonesuch", "--json")
+    assert done.exit_code == 1 and "nonesuch: no model of that name" in json.loads(done.stdout)["error"]

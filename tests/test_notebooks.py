@@ -1,0 +1,53 @@
+"""The notebooks run as they stand, and what they show is what a run shows, small and without places of a machine."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[1] / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+LARGEST = 150_000
+"""Of an output, characters."""
+
+
+def code_cells(path: Path) -> list[dict[str, Any]]:
+    return [cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+
+
+def printed(cells: list[Any]) -> list[str]:
+    """What the cells print."""
+    return ["".join(out["text"]) for cell in cells for out in cell["outputs"] if out["output_type"] == "stream"]
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_they_were_executed_in_order_without_errors(path: Path) -> None:
+    cells = code_cells(path)
+    assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
+    outputs = [out for cell in cells for out in cell["outputs"]]
+    assert outputs and not [out for out in outputs if out["output_type"] == "error"]
+    assert not [out for out in outputs if out.get("name") == "stderr"]
+    assert any("image/jpeg" in out.get("data", {}) for out in outputs)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_outputs_are_small_and_name_no_places(path: Path) -> None:
+    for cell in code_cells(path):
+        for out in cell["outputs"]:
+            text = json.dumps(out)
+            assert len(text) < LARGEST
+            words = re.sub(r'"image/[a-z]+": "[^"]*"', "", text)
+            assert not re.search(r"/(home|root|tmp|work|usr|Users)/", words)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_they_run_and_print_the_same(path: Path) -> None:
+    pytest.importorskip("nbclient")
+    pytest.importorskip("ipykernel")
+    from notebooks.run import execute
+
+    again = [cell for cell in execute(path).cells if cell.cell_type == "code"]
+    assert printed(again) == printed(code_cells(path)), f"python notebooks/run.py {path.name}"

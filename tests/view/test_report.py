@@ -1,0 +1,199 @@
+"""The report: what is missed is named, what is missing is shown, and nothing from a file becomes markup."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from busybot.cli.main import app
+from busybot.errors import BusybotError
+from busybot.view.protocol import INTERACTION, PLANNING, REASONING, TABLES
+from busybot.view.report import Report, Shown, write_report
+from busybot.view.report_gates import judge
+from busybot.view.report_page import Entry, Grid, Text, document, inline, markdown
+from busybot.view.report_read import Cell, read_results
+
+RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"
+TABLE1 = RESULTS / "table1.json"
+DATASET = {"name": "d", "split": "novel-config", "boards": 3, "board_hash": "ab" * 32}
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    """The report of the committed Table 1."""
+    return write_report([TABLE1], tmp_path_factory.mktemp("report"))
+
+
+def reasoned(**values: Any) -> dict[str, Any]:
+    """As `busybot eval reason` tells it."""
+    scores = {"edge_p": 1.0, "edge_r": 0.985, "edge_r_bound": 0.988, "pred_a": 0.9, "pred_a_bound": 0.915}
+    told = {"boards": 3, "intervals": {"precision": [1.0, 1.0]}, "dataset": DATASET, "model": "event", "seed": 4}
+    curve = [{"images": n, "edge_p": 1.0, "edge_r": 0.4 * n, "edge_r_bound": 0.4 * n} for n in (1, 2)]
+    by_images = [one | {"pred_a": None, "pred_a_bound": None} for one in curve]
+    return {**scores, "pred_a_successful": 0.95, "ece": 0.01, "brier": 0.02, "by_images": by_images, **told, **values}
+
+
+def table2(*seeds: dict[str, Any]) -> dict[str, Any]:
+    keys = tuple(REASONING.keys)
+    values = {key: [seed[key] for seed in seeds] for key in keys}
+    across = {
+        "mean": {key: sum(several) / len(several) for key, several in values.items()},
+        "least": {key: min(several) for key, several in values.items()},
+        "most": {key: max(several) for key, several in values.items()},
+    }
+    training = [{"seed": n, "cost": {"seconds": 90, "megabytes": 500}} for n in range(len(seeds))]
+    row = {
+        "commands": ["busybot x"],
+        "training": training,
+        "splits": {"novel-config": {**across, "seeds": list(seeds)}},
+    }
+    return {"assets": "made", "machine": {"cores": 2}, "rows": {"event": row}}
+
+
+def write(path: Path, value: Any) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(value))
+    return path
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.skill)
+def test_every_number_of_the_protocol_has_its_column(table: Any) -> None:
+    for values in (*table.paper.values(), *table.gates.values(), *table.aims.values()):
+        assert len(values) == len(table.columns())
+        assert all(value is None or 0 <= value <= 100 for value in values)
+    assert all(row.paper is None or row.paper in table.paper for row in table.rows)
+    assert all(row.gate is None or row.gate in table.gates for row in table.rows)
+    assert len({row.name for row in table.rows}) == len(table.rows)
+    assert any(row.gate for row in table.rows) and any(row.role == "trivial" for row in table.rows)
+
+
+def test_numbers_of_the_paper_stand_in_the_right_columns() -> None:
+    assert INTERACTION.at(INTERACTION.paper["BusyBot"], "novel-object", "recall") == 84.8
+    assert REASONING.at(REASONING.paper["without exploration"], "novel-config", "edge_r") == 3.1
+    assert REASONING.at(REASONING.paper["BusyBot"], "novel-object", "pred_a") == 31.0
+    assert PLANNING.at(PLANNING.paper["Relation"], "train", "one-to-many") == 61.1
+    assert PLANNING.at(PLANNING.gates["search"], "novel-object", "one-to-many") == 92
+
+
+def test_the_committed_table_1_with_its_missed_gates(first: Report) -> None:
+    done = first
+    text, page = done.markdown.read_text(), done.html.read_text()
+    rows = json.loads(TABLE1.read_text())["rows"]
+    named = text.split("## Gates that are missed")[1].split("\n## ")[0]
+    for row in (row for row in INTERACTION.rows if row.gate and row.name in rows):
+        for split, words in INTERACTION.splits.items():
+            for key in ("precision", "recall"):
+                gate, share = INTERACTION.at(INTERACTION.gates[row.gate or ""], split, key), rows[row.name][split][key]
+                place = f"| Table 1, {row.words}, {words}: {key} | {100 * share:.1f} "
+                assert gate is not None
+                assert (place in named) == (100 * share < gate), place
+    for row in INTERACTION.rows:
+        line = next(line for line in text.splitlines() if line.startswith(f"| {row.words} |"))
+        assert ("missing" in line) == (row.name not in rows)
+    assert done.count(True) + done.count(False) + done.count(None) == len(done.verdicts) == 6 * 4 + 12 + 6
+    for name in rows:
+        for split in INTERACTION.splits:
+            assert rows[name][split]["dataset"]["board_hash"][:16] in page
+    assert "**Missing**: none of its rows was given" in text
+
+
+def test_the_html_is_one_file_that_loads_nothing(first: Report) -> None:
+    page = first.html.read_text()
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert sources and all(source.startswith(("data:image/", "#")) for source in sources)
+    assert not re.search(r"url\(|@import|<script|<link", page)
+
+
+def test_markdown_links_to_pictures_that_are_there(first: Report) -> None:
+    text = first.markdown.read_text()
+    links = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text)
+    assert links and all((first.markdown.parent / link).stat().st_size > 10_000 for link in links)
+
+
+def test_a_gate_is_for_the_worst_seed(tmp_path: Path) -> None:
+    good = reasoned(pred_a=0.99, edge_r=1.0)
+    file = write(tmp_path / "table2.json", table2(good, {**good, "pred_a": 0.5}, good))
+    done = write_report([file], tmp_path / "out")
+    missed = [(one.split, one.key, one.worst) for one in done.verdicts if one.reached is False]
+    assert ("novel-config", "pred_a", 50.0) in missed and ("novel-config", "edge_r", 100.0) not in missed
+    assert "82.7 (50.0 to 99.0) ✗" in done.markdown.read_text()
+
+
+def test_what_the_recordings_do_not_determine_is_not_asked_for() -> None:
+    row = next(row for row in REASONING.rows if row.gate)
+    near = judge(REASONING, row, "novel-config", "edge_r", Cell(98.5, bound=98.9))
+    assert near is not None and near.reached and near.by_bound
+    far = judge(REASONING, row, "novel-config", "edge_r", Cell(98.3, bound=98.9))
+    assert far is not None and far.reached is False
+    other = judge(REASONING, row, "novel-config", "edge_p", Cell(98.9, bound=98.9))
+    assert other is not None and other.reached is False
+    exact = judge(REASONING, row, "novel-config", "edge_p", Cell(100 * 0.99))
+    assert exact is not None and exact.reached and not exact.by_bound
+
+
+def test_single_evaluations_and_pictures_of_a_folder(tmp_path: Path) -> None:
+    write(tmp_path / "in" / "one.json", reasoned())
+    write(tmp_path / "in" / "settings.json", {"something": "else"})
+    (tmp_path / "in" / "a.png").write_bytes((RESULTS.parents[1] / "docs/images/viewer.png").read_bytes())
+    done = write_report([tmp_path / "in"], tmp_path / "out")
+    text = done.markdown.read_text()
+    assert "### Reasoning: event on d (novel-config)" in text
+    assert "| R | 98.5 |  | 98.8 | 99.7 | 99.0 |" in text
+    assert len(read_results([tmp_path / "in"]).files) == 2
+    assert [path.name for path in done.figures] == ["images.png", "given-00.png"]
+
+
+def test_planning_has_its_place(tmp_path: Path) -> None:
+    kinds = {"one-to-one": {"success": 0.99, "interval": [0.98, 1.0]}, "one-to-many": {"success": 0.9}}
+    file = write(tmp_path / "table3.json", {"rows": {"search": {"splits": {"train": kinds}}}})
+    done = write_report([file], tmp_path / "out")
+    assert "99.0 ± 1.0 ✓ | 90.0 ✗ | missing" in done.markdown.read_text()
+
+
+@pytest.mark.long
+def test_figures_of_an_episode(tmp_path: Path, tiny: Path) -> None:
+    done = write_report([TABLE1], tmp_path, Shown(tiny / "episodes" / "000003.mcap"))
+    assert "refinement.png" in [path.name for path in done.figures]
+    assert "**Missing**: what the policy believes" in done.markdown.read_text()
+
+
+def test_nothing_from_a_file_becomes_markup(tmp_path: Path) -> None:
+    evil = "<script>alert(1)</script>"
+    file = write(tmp_path / "one.json", reasoned(model=evil, dataset={**DATASET, "name": evil}, command=f"`{evil}"))
+    assert "<script" not in write_report([file], tmp_path / "out").html.read_text()
+    assert inline('**a `b<c`** [x](javascript:alert) "') == "<b>a <code>b&lt;c</code></b> [x](javascript:alert) &quot;"
+    grid = Grid((), ("h",), (("a|b", (Entry("c|d"),)),))
+    assert markdown([grid], tmp_path).count("\\|") == 2
+    assert "<p>&amp;</p>" in document("t", [Text("&")])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"rows": {"free-0": {"novel-config": {"precision": "high"}}}}, r"bad\.json: novel-config\.precision: "),
+        ({"rows": {"event": {"splits": {"train": {"mean": {}}}}}}, r"bad\.json: splits\.train\.least: "),
+        ({"hello": 1}, r"bad\.json: it is no result"),
+        ([], r"bad\.json: it is no result"),
+    ],
+)
+def test_files_that_are_no_results(tmp_path: Path, content: Any, message: str) -> None:
+    file = write(tmp_path / "bad.json", content)
+    with pytest.raises(BusybotError, match=message):
+        write_report([file], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_without_results(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match=r"no result lies there(.|\n)*busybot eval"):
+        write_report([tmp_path], tmp_path / "out")
+
+
+def test_the_command(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["report", str(TABLE1), "--out", str(tmp_path / "r"), "--json"])
+    told = json.loads(done.stdout)
+    assert done.exit_code == 0 and Path(told["html"]).is_file()
+    assert sum(told["gates"].values()) == 42 and told["gates"]["missed"] > 0
+    assert CliRunner().invoke(app, ["report", str(tmp_path / "none.json"), "--out", str(tmp_path / "r")]).exit_code == 1

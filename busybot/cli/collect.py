@@ -18,7 +18,10 @@ def collect(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder made by `busybot generate`.")],
     steps: Annotated[int | None, typer.Option(min=0, help="Actions on each board; 30 by default.")] = None,
     policy: Annotated[
-        str | None, typer.Option(help="random (the default), learned, or scripted (an oracle that knows the joints).")
+        str | None,
+        typer.Option(
+            help="random (the default; learned with tasks), learned, or scripted (an oracle that knows the joints)."
+        ),
     ] = None,
     model: Annotated[
         str | None, typer.Option(help="With --policy learned: a shipped model's name or a folder.")
@@ -42,8 +45,9 @@ def collect(
     from busybot.workers import default_workers
 
     options = {"steps": steps, "policy": policy, "images": images, "seed": seed, "interaction.strict": strict or None}
-    parameters = build(CollectConfig, config, set_ or [], options)
     target = Dataset.open(dataset)
+    usual = {"policy": "learned"} if target.info.tasks else None
+    parameters = build(CollectConfig, config, set_ or [], options, usual)
     library = library_of(target, assets)
     chooser, provenance = _chooser(parameters.policy, model, parameters.learned)
     try:

@@ -34,7 +34,7 @@ class Recording:
 JUDGED = {
     "novel-object": Recording("novel-object", 300, 604),
     "novel-config": Recording("novel-config", 300, 603),
-    "validation": Recording("train", 300, 602),
+    "validation": Recording("train", 150, 602),
 }
 LEARNED = {**JUDGED, "train": Recording("train", 1000, 601, group=20)}
 RANDOM = {name: replace(recording, boards=min(150, recording.boards)) for name, recording in JUDGED.items()}

@@ -83,10 +83,14 @@ class OwnPixels:
 
     def masks(self, index: int, number: int) -> tuple[np.ndarray, np.ndarray]:
         """Of an object's box in frame `number`: pixels that show it, and that show an intruder; bool (h, w) each."""
+        return self.masks_of(index, self._observed.frame(number))
+
+    def masks_of(self, index: int, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+        """The same of any picture of the board."""
         region = self.regions[index]
         if region.home is None:
             return region.mine, np.zeros_like(region.mine)
-        points = _points(self._observed.frame(number), region.rows, region.columns, self._rays)
+        points = _points(frame, region.rows, region.columns, self._rays)
         raised = points[..., 2] > self._config.elevation
         inside = _within(points, region.home)
         return raised & inside, raised & ~inside

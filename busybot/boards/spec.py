@@ -8,7 +8,7 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 SCHEMA_VERSION = "1.0"
 
@@ -80,6 +80,21 @@ class Relation(Plain):
     parameters: dict[str, Any] = {}
 
 
+class Task(Plain):
+    """What is to be reached on a board from its initial states (paper section 4.3): its responders are to look as they
+    do while every trigger link rests in its goal state. `boards.task` says what follows from it.
+
+    Attributes:
+        kind: `one-to-one` or `one-to-many`, the paper's two kinds of tasks.
+        links: the board's trigger links, object by object; `PlacedObject.states` one after the other are theirs.
+        goal: goal state of each of `links`.
+    """
+
+    kind: Literal["one-to-one", "one-to-many"]
+    links: Annotated[tuple[LinkRef, ...], Field(min_length=1, max_length=1024)]
+    goal: Annotated[tuple[Annotated[int, Field(ge=0, le=15)], ...], Field(max_length=1024)]
+
+
 class BoardSpec(Plain):
     """A board: surface, objects, initial states and relations.
 
@@ -88,6 +103,8 @@ class BoardSpec(Plain):
         appearance_group: boards of one group share everything but their relations.
         texture: name of one of `boards.surface.TEXTURES`.
         color: RGB tint of the texture, 0..1.
+        task: a goal to be reached, or None. A board without one has no such key in JSON: it is written, and hashed, as
+            before there were tasks.
     """
 
     schema_version: Annotated[str, Field(pattern=r"^\d+\.\d+$")] = SCHEMA_VERSION
@@ -100,6 +117,7 @@ class BoardSpec(Plain):
     color: tuple[Unit, Unit, Unit]
     objects: Annotated[tuple[PlacedObject, ...], Field(max_length=64)]
     relations: Annotated[tuple[Relation, ...], Field(max_length=256)]
+    task: Task | None = None
 
     @model_validator(mode="after")
     def _references_exist(self) -> "BoardSpec":
@@ -110,6 +128,27 @@ class BoardSpec(Plain):
             if self.objects[relation.responder].role != "responder":
                 raise ValueError(f"the relation's responder {relation.responder} is a trigger")
         return self
+
+    @model_validator(mode="after")
+    def _task_fits(self) -> "BoardSpec":
+        if self.task is None:
+            return self
+        owners = [index for index, placed in enumerate(self.objects) for _ in placed.states]
+        if [link.object for link in self.task.links] != owners or len(self.task.goal) != len(owners):
+            raise ValueError(f"the task's links and goal do not fit the board's {len(owners)} trigger links")
+        named = {(link.object, link.link) for link in self.task.links}
+        if len(named) != len(owners):
+            raise ValueError("the task names a link twice")
+        if any((t.object, t.link) not in named for relation in self.relations for t in relation.triggers):
+            raise ValueError("a relation's trigger is none of the task's links")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _without_absent_task(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values: dict[str, Any] = handler(self)
+        if self.task is None:
+            values.pop("task", None)
+        return values
 
     def relation_matrix(self) -> list[list[int]]:
         """Object pairs: `[i][j]` is 1 when a link of object i controls object j (links collapsed)."""

@@ -111,6 +111,7 @@ class Episode:
         images: the stored images, each different from the one before.
         frame_of: index into `images` for frames 0..len(steps).
         steps: one per proposed action.
+        goals: what the board shows in the goal of its task: one image, or none. Decoded on demand like `images`.
         policy: name of the policy, e.g. "random".
         oracle: whether the policy knew what only the simulator knows.
         settings: everything else that decided the outcome (delta, strict, stop rule, physics), JSON values.
@@ -130,6 +131,12 @@ class Episode:
     settings: dict[str, Any] = field(default_factory=dict)
     renderer: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, Any] = field(default_factory=dict)
+    goals: Sequence[Image] = ()
+
+    @property
+    def goal(self) -> Image | None:
+        """The goal image, None if there is no goal."""
+        return self.goals[0] if len(self.goals) else None
 
     def image(self, frame: int) -> Image:
         """The image that shows frame `frame` (0 is the initial observation)."""

@@ -125,6 +125,12 @@ def observe(episode: Episode) -> Observed:
     )
 
 
+def goal_of(episode: Episode) -> Frame | None:
+    """What an agent may see of the goal: its picture, without segmentation and boxes; None if there is no goal."""
+    goals = _without_truth(episode.goals) if isinstance(episode.goals, LazyImages) else episode.goals
+    return Frame(goals[0].rgb, goals[0].depth) if len(goals) else None
+
+
 def _without_truth(images: LazyImages) -> LazyImages:
     """The same pictures; segmentation and boxes are left out and never decoded."""
     encoded = [EncodedImage(image.rgb, image.depth, None, NO_BOXES) for image in images.encoded]

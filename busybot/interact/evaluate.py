@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from busybot import __version__
 from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset_info import CollectInfo
 from busybot.episodes.mcap_file import write_episode
 from busybot.files import write_json
 from busybot.interact import metrics as m
@@ -79,9 +80,9 @@ def evaluate(
     """
     settings = _settings(dataset, chooser.name, config, seed, provenance or {})
     count = min(config.boards or dataset.info.boards, dataset.info.boards)
-    judged = begin(out, settings) if out is not None else {}
+    judged = begin(out, settings, m.JudgedBoard) if out is not None else {}
     with ExitStack() as stack:
-        recorded = stack.enter_context(recording(record, dataset, settings)) if record is not None else None
+        recorded = stack.enter_context(recording(record, dataset, _collected(settings))) if record else None
         done = set(judged) & recorded.finished() if recorded is not None else set(judged)
         missing = [index for index in range(count) if index not in done]
         arguments = (dataset.path, library, config, seed, chooser, record)
@@ -134,6 +135,19 @@ def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> di
         "missed_links": m.missed_links(boards),
         "by_step": m.by_step(boards),
     }
+
+
+def _collected(settings: dict[str, Any]) -> CollectInfo:
+    config = settings["config"]
+    return CollectInfo(
+        policy=settings["policy"],
+        steps=settings["actions"],
+        strict=settings["strict"],
+        delta=config["interaction"]["delta"],
+        seed=settings["seed"],
+        settings={name: config[name] for name in ("responders", "interaction", "render")}
+        | {"chooser": settings["provenance"]},
+    )
 
 
 def _settings(

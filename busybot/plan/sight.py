@@ -6,7 +6,6 @@ where something hides it.
 
 import numpy as np
 
-from busybot.episodes.episode import Image
 from busybot.reason.encoders.choose import Chosen
 from busybot.reason.looks import Watched
 from busybot.reason.observed import Frame, Observed
@@ -31,9 +30,9 @@ class Sight:
         self._known: dict[int, list[np.ndarray]] = {index: [] for index in self._watched}
         self._see(observed.frame(0))
 
-    def see(self, image: Image) -> np.ndarray:
+    def see(self, frame: Frame) -> np.ndarray:
         """Features float32 (N, 256) of the next picture; zeros for triggers and objects without a box."""
-        self._see(Frame(image.rgb, image.depth))
+        self._see(frame)
         return self._features.copy()
 
     def _see(self, frame: Frame) -> None:

@@ -1,5 +1,6 @@
 """A trained model is a folder: weights, and `model.json`, which says what they are."""
 
+import hashlib
 from pathlib import Path
 from typing import TypeVar
 
@@ -45,3 +46,9 @@ def read_info(folder: Path, kind: type[Info]) -> Info:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
+
+
+def file_hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file of a model's folder, by name."""
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}

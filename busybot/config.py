@@ -12,18 +12,25 @@ Config = TypeVar("Config", bound=BaseModel)
 MAX_BYTES = 1 << 20
 
 
-def build(model: type[Config], file: Path | None, settings: list[str], options: dict[str, Any]) -> Config:
+def build(
+    model: type[Config],
+    file: Path | None,
+    settings: list[str],
+    options: dict[str, Any],
+    usual: dict[str, Any] | None = None,
+) -> Config:
     """Make a stage's parameters.
 
     Args:
         file: YAML with (some of) the model's fields; later sources override it.
         settings: `name=value` or `outer.inner=value`, the value in YAML.
         options: values of command line options; None means that the option was not given.
+        usual: fields whose default differs here from the model's.
 
     Raises:
         BusybotError: naming the file or setting, the parameter and what is wrong with it.
     """
-    values: dict[str, Any] = _read(file) if file else {}
+    values: dict[str, Any] = (usual or {}) | (_read(file) if file else {})
     for setting in settings:
         path, separator, text = setting.partition("=")
         if not separator or not path:

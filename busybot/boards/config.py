@@ -1,6 +1,6 @@
 """How boards are drawn: every number of protocol "Boards" that the paper leaves open, with its default."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -13,6 +13,8 @@ SPLITS: dict[str, Literal["train", "novel"]] = {
     "novel-object": "novel",
 }
 """Which instances stand on the boards of each split."""
+TASK_DEFAULTS = {"boards": 50, "group_size": 1}
+"""Protocol "Planning": 50 tasks of a kind per split."""
 
 
 class BoardConfig(BaseModel):
@@ -21,10 +23,13 @@ class BoardConfig(BaseModel):
     Attributes:
         split: `train` and `novel-config` share the training objects, `novel-object` has the others.
         relations: `any`; `one-to-one` (single-link two-state triggers only); `one-to-many` (at least one
-            multi-direction and one multi-link trigger on each board).
+            multi-direction and one multi-link trigger on each board). With tasks they are of the tasks' kind.
+        tasks: give every board a task of this kind (`boards.task`); None for boards without.
         switches, lamps, responders, toys: inclusive ranges of counts; `responders` counts lamps and doors together.
         max_objects: more are never placed.
-        group_size: consecutive boards that share their appearance and differ in their relations (paper section 3.2).
+        boards: how many; 50 by default with tasks.
+        group_size: consecutive boards that share their appearance and differ in their relations (paper section 3.2);
+            1 by default with tasks, so that every task has its own board.
         uniform: draw every instance with the same probability instead of by the library's weights.
         margin: free space around an object's footprint, object units (scaled with the object).
     """
@@ -34,6 +39,7 @@ class BoardConfig(BaseModel):
     split: Literal["train", "novel-config", "novel-object"] = "train"
     boards: Annotated[int, Field(ge=1, le=10_000_000)] = 100
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    tasks: Literal["one-to-one", "one-to-many"] | None = None
     relations: Literal["any", "one-to-one", "one-to-many"] = "any"
     switches: Range = (2, 3)
     lamps: Range = (3, 5)
@@ -43,6 +49,21 @@ class BoardConfig(BaseModel):
     group_size: Annotated[int, Field(ge=1, le=10_000)] = 20
     uniform: bool = False
     margin: Annotated[float, Field(ge=0, le=2)] = 0.2
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_tasks(cls, values: Any) -> Any:
+        """What is not told follows from the kind of the tasks."""
+        if not isinstance(values, dict) or not values.get("tasks"):
+            return values
+        return {"relations": values["tasks"], **TASK_DEFAULTS, **values}
+
+    @model_validator(mode="after")
+    def _relations_of_tasks(self) -> "BoardConfig":
+        if self.tasks is not None and self.relations != self.tasks:
+            what = f"relations {self.relations!r} contradict tasks {self.tasks!r}"
+            raise ValueError(f"{what}; leave relations out, they follow from the tasks")
+        return self
 
     @model_validator(mode="after")
     def _ranges(self) -> "BoardConfig":

@@ -14,6 +14,7 @@ from busybot.boards.layout import place
 from busybot.boards.relations import draw_relations
 from busybot.boards.spec import BoardSpec, PlacedObject, Relation
 from busybot.boards.surface import COLORS, TEXTURES
+from busybot.boards.task import with_task
 from busybot.errors import BusybotError
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel
@@ -113,7 +114,7 @@ def _group(config: BoardConfig, pools: Pools, group: int, count: int, redraws: R
         texture, color = str(rng.choice(TEXTURES)), COLORS[int(rng.integers(len(COLORS)))]
         redraws.add(counted)
         for offset in range(count):
-            yield BoardSpec(
+            board = BoardSpec(
                 index=group * config.group_size + offset,
                 seed=config.seed,
                 split=config.split,
@@ -123,6 +124,7 @@ def _group(config: BoardConfig, pools: Pools, group: int, count: int, redraws: R
                 objects=objects,
                 relations=relations[offset],
             )
+            yield with_task(board, models, config.tasks) if config.tasks else board
         return
     raise BusybotError(
         f"no board of group {group} fits the configuration after {APPEARANCE_TRIES} draws: {counted.too_many} had more "

@@ -18,7 +18,8 @@ def collect(
     dataset: Annotated[Path, typer.Argument(help="A dataset folder made by `busybot generate`.")],
     steps: Annotated[int | None, typer.Option(min=0, help="Proposed actions per episode.")] = None,
     policy: Annotated[
-        str | None, typer.Option(help="random, learned, or scripted (an oracle that knows the joints).")
+        str | None,
+        typer.Option(help="random, learned, or scripted (an oracle that knows the joints); with tasks learned."),
     ] = None,
     model: Annotated[
         str | None, typer.Option(help="Of the learned policy: a shipped model's name or a folder.")
@@ -42,8 +43,9 @@ def collect(
     from busybot.workers import default_workers
 
     options = {"steps": steps, "policy": policy, "images": images, "seed": seed, "interaction.strict": strict or None}
-    parameters = build(CollectConfig, config, set_ or [], options)
     target = Dataset.open(dataset)
+    usual = {"policy": "learned"} if target.info.tasks else None
+    parameters = build(CollectConfig, config, set_ or [], options, usual)
     library = library_of(target, assets)
     chooser, provenance = _chooser(parameters.policy, model, parameters.learned)
     try:

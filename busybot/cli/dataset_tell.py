@@ -73,7 +73,8 @@ def sentence(one: "Difference") -> str:
     if not one.image.equal:
         image = one.image
         shares = f"colour {image.colour:.3%}, depth {image.depth:.3%}, links {image.links:.3%} of the pixels"
-        parts.append(f"pictures of {len(one.frames)} frames, at worst beyond the tolerance: {shares}")
+        goal = "" if one.goal else " and of the goal"
+        parts.append(f"pictures of {len(one.frames)} frames{goal}, at worst beyond the tolerance: {shares}")
     return "; ".join(parts) or "objects seen elsewhere"
 
 

@@ -13,6 +13,9 @@ def generate(
     split: Annotated[str | None, typer.Option(help="train, novel-config or novel-object.")] = None,
     boards: Annotated[int | None, typer.Option(min=1, help="Number of boards.")] = None,
     relations: Annotated[str | None, typer.Option(help="any, one-to-one or one-to-many.")] = None,
+    tasks: Annotated[
+        str | None, typer.Option(help="Give every board a goal to plan for: one-to-one or one-to-many; 50 boards.")
+    ] = None,
     assets: Annotated[str, typer.Option(help="`procedural`, or a folder of annotated objects.")] = "procedural",
     uniform: Annotated[bool, typer.Option("--uniform", help="Draw instances evenly, ignoring their weights.")] = False,
     group_size: Annotated[int | None, typer.Option(min=1, help="Boards that share one appearance.")] = None,
@@ -28,7 +31,7 @@ def generate(
     from busybot.episodes.create import create_dataset
     from busybot.objects.library import find
 
-    options = {"split": split, "boards": boards, "relations": relations, "group_size": group_size}
+    options = {"split": split, "boards": boards, "relations": relations, "tasks": tasks, "group_size": group_size}
     parameters = build(BoardConfig, config, set_ or [], options | {"seed": seed, "uniform": uniform or None})
     redraws = Redraws()
     dataset = create_dataset(out, parameters, find(assets), redraws)
@@ -36,6 +39,7 @@ def generate(
         facts = {name: getattr(dataset.info, name) for name in ("boards", "split", "seed")}
         print_json({"dataset": out, **facts, "board_hash": dataset.hashes().board, "redraws": vars(redraws)})
     else:
-        made = f"{dataset.info.boards} boards ({dataset.info.split}) in {out}"
+        goals = f" with {parameters.tasks} tasks" if parameters.tasks else ""
+        made = f"{dataset.info.boards} boards{goals} ({dataset.info.split}) in {out}"
         say(f"{made}; {sum(vars(redraws).values())} draws did not fit and were redrawn")
         say(f"next: {own_name()} collect {out}")

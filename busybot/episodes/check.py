@@ -35,6 +35,8 @@ def check_episode(episode: Episode, where: str) -> None:
     if len(episode.links) > MAX_LINKS or any(not 0 <= link.object < objects for link in episode.links):
         _refuse(where, f"a link belongs to an object that the board with its {objects} objects does not have")
     check_frames(episode.frame_of, len(episode.steps), len(episode.images), where)
+    if len(episode.goals) > 1:
+        _refuse(where, f"{len(episode.goals)} goal images, at most one is expected")
     triggers = sum(link.trigger for link in episode.links)
     for index, step in enumerate(episode.steps):
         fault = _fault_of_action(step, episode.camera) or _fault_of_truth(step, objects, triggers)

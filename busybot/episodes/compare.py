@@ -41,6 +41,10 @@ class ImageDifference:
         return ImageDifference(self.equal and other.equal, *(max(pair) for pair in pairs))
 
 
+UNLIKE = ImageDifference(False, 1.0, 1.0, 1.0)
+"""Of images that cannot be compared."""
+
+
 @dataclass(frozen=True)
 class Difference:
     """How an episode's second recording differs from its first.
@@ -53,7 +57,8 @@ class Difference:
             directions, distance. Of a state: what was held, success, veto, discrete states before and after.
         joints: the largest difference of a joint's position, radians or board units.
         frames: frames whose images differ at all.
-        image: the worst over all frames.
+        image: the worst over all frames and the goal.
+        goal: whether the goal images are equal, or both absent.
     """
 
     board: bool
@@ -66,6 +71,7 @@ class Difference:
     joints: float
     frames: list[int] = field(default_factory=list)
     image: ImageDifference = field(default_factory=ImageDifference)
+    goal: bool = True
 
     @property
     def same_states(self) -> bool:
@@ -95,14 +101,17 @@ def compare_episodes(first: Episode, second: Episode) -> Difference:
     pairs = list(zip(first.steps, second.steps, strict=False))
     frames, worst = [], ImageDifference()
     seen: dict[tuple[int, int], ImageDifference] = {}
+    goal = ImageDifference()
     if first.camera.width == second.camera.width and first.camera.height == second.camera.height:
+        goal = _compare_goals(first.goal, second.goal)
         for frame, images in enumerate(zip(first.frame_of, second.frame_of, strict=False)):
             if images not in seen:
                 seen[images] = compare_images(first.images[images[0]], second.images[images[1]])
             worst = worst.worst(seen[images])
             frames += [] if seen[images].equal else [frame]
     else:
-        frames, worst = list(range(len(first.frame_of))), ImageDifference(False, 1.0, 1.0, 1.0)
+        frames, worst = list(range(len(first.frame_of))), UNLIKE
+        goal = UNLIKE if len(first.goals) or len(second.goals) else goal
     return Difference(
         board=first.board.digest() == second.board.digest(),
         scene=_same_scene(first, second),
@@ -113,8 +122,15 @@ def compare_episodes(first: Episode, second: Episode) -> Difference:
         reward=_first(pairs, lambda step: (step.changed_pixels, step.reward)),
         joints=max((_joints(*pair) for pair in pairs), default=0.0),
         frames=frames,
-        image=worst,
+        image=worst.worst(goal),
+        goal=goal.equal,
     )
+
+
+def _compare_goals(first: Image | None, second: Image | None) -> ImageDifference:
+    if first is None or second is None:
+        return ImageDifference() if first is second else UNLIKE
+    return compare_images(first, second)
 
 
 def compare_images(first: Image, second: Image) -> ImageDifference:

@@ -80,3 +80,9 @@ class DatasetInfo(_Plain):
     generator: GeneratorInfo
     assets: AssetsInfo
     collect: CollectInfo | None = None
+
+    @property
+    def tasks(self) -> str | None:
+        """Kind of the tasks that the boards have, None if they were generated without."""
+        kind = self.generator.config.get("tasks")
+        return kind if isinstance(kind, str) else None

@@ -76,7 +76,7 @@ def trace_digest(episode: Episode) -> str:
 
 
 def content_digest(episode: Episode) -> str:
-    """Trace, rewards, joints, camera, links, positions and every stored image."""
+    """Trace, rewards, joints, camera, links, positions, every stored image and the goal image, if there is one."""
     hasher = _Hasher("content")
     hasher.text(trace_digest(episode))
     hasher.integers(episode.camera.width, episode.camera.height)
@@ -91,6 +91,9 @@ def content_digest(episode: Episode) -> str:
         hasher.numbers(step.joint_positions_after)
     hasher.integers(*episode.frame_of)
     for image in episode.images:
+        _add_image(hasher, image)
+    for image in episode.goals:
+        hasher.text("goal")  # nothing of it where there is none: older recordings keep their hash
         _add_image(hasher, image)
     return hasher.hexadecimal()
 

@@ -52,7 +52,7 @@ def decode_episode(records: Records, where: str, images: Decoding = "eager") -> 
         _refuse(where, f"not a recording of this project: {type(error).__name__}: {error}")
     check_episode(episode, where)
     if images == "eager":
-        episode.images = list(episode.images)
+        episode.images, episode.goals = list(episode.images), list(episode.goals)
     return episode
 
 
@@ -84,19 +84,25 @@ def _decode(records: Records, where: str) -> Episode:
     links = tuple(Link(int(link.object), link.name, link.trigger) for link in _one(records, topics.LINKS).links)
     positions = [list(item.position) for item in _one(records, topics.OBJECTS).objects]
     steps, frame_of = _steps(records)
+    metadata = records.metadata[topics.METADATA]
+    counts = {topics.CAMERA: int(metadata["images"]), topics.GOAL: int(metadata.get("goals", 0))}
+    images, goals = (
+        _images(records, place, count, where, camera, len(links), len(board.objects)) for place, count in counts.items()
+    )
     return Episode(
         board=board,
         camera=camera,
         links=links,
         positions=np.array(positions, np.float32).reshape(-1, 3),
-        images=_images(records, where, camera, len(links), len(board.objects)),
+        images=images,
         frame_of=frame_of,
         steps=steps,
         policy=str(recording["policy"]),
         oracle=bool(recording["oracle"]),
         settings=dict(recording["settings"]),
         renderer=dict(recording["renderer"]),
-        versions=dict(json.loads(records.metadata[topics.METADATA]["versions"])),
+        versions=dict(json.loads(metadata["versions"])),
+        goals=goals,
     )
 
 
@@ -149,17 +155,17 @@ def _step(step: Any, truth: Any) -> Step:
     )
 
 
-def _images(records: Records, where: str, camera: Camera, links: int, objects: int) -> LazyImages:
+def _images(
+    records: Records, place: topics.Pictures, count: int, where: str, camera: Camera, links: int, objects: int
+) -> LazyImages:
     metadata = records.metadata[topics.METADATA]
-    count = int(metadata["images"])
-    pictures = {topic: _pictures(records, topic, count, camera) for topic in (topics.RGB, topics.DEPTH)}
-    segmentations = _pictures(records, topics.SEGMENTATION, count, camera)
-    boxes = [np.array(message.corners, np.int16).reshape(objects, 4) for message in _own(records, topics.BOXES)]
-    rows = zip(pictures[topics.RGB], pictures[topics.DEPTH], segmentations, boxes, strict=True)
+    rgbs, depths, segmentations = (_pictures(records, topic, count, camera) for topic in place[:3])
+    boxes = [np.array(message.corners, np.int16).reshape(objects, 4) for message in _own(records, place.boxes)]
+    rows = zip(rgbs, depths, segmentations, boxes, strict=True)
     encoded = []
     for rgb, depth, segmentation, corners in rows:
         if rgb is None:
-            raise ValueError(f"no images on {topics.RGB}")
+            raise ValueError(f"no images on {place.rgb}")
         encoded.append(EncodedImage(rgb, depth, segmentation, corners))
     scale = DepthScale(float(metadata["depth_offset"]), float(metadata["depth_scale"]))
     if not (np.isfinite((scale.offset, scale.scale)).all() and 0 < scale.scale < 1e3 and abs(scale.offset) < 1e6):

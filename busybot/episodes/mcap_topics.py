@@ -3,6 +3,8 @@
 Everything under /truth is privileged: what no camera shows, or what the simulator alone knows exactly.
 """
 
+from typing import NamedTuple
+
 RGB = "/camera/rgb"
 DEPTH = "/camera/depth"
 CALIBRATION = "/camera/calibration"
@@ -17,6 +19,23 @@ LINKS = "/truth/links"
 RELATIONS = "/truth/relations"
 JOINTS = "/truth/joints"
 STEP_TRUTH = "/truth/step"
+GOAL_RGB = "/goal/rgb"
+GOAL_DEPTH = "/goal/depth"
+GOAL_SEGMENTATION = "/truth/goal/segmentation"
+GOAL_BOXES = "/truth/goal/boxes"
+
+
+class Pictures(NamedTuple):
+    """Where the parts of an image go."""
+
+    rgb: str
+    depth: str
+    segmentation: str
+    boxes: str
+
+
+CAMERA = Pictures(RGB, DEPTH, SEGMENTATION, BOXES)
+GOAL = Pictures(GOAL_RGB, GOAL_DEPTH, GOAL_SEGMENTATION, GOAL_BOXES)
 
 FOXGLOVE = {
     RGB: "CompressedImage",
@@ -27,6 +46,9 @@ FOXGLOVE = {
     LOG: "Log",
     SEGMENTATION: "CompressedImage",
     JOINTS: "JointStates",
+    GOAL_RGB: "CompressedImage",
+    GOAL_DEPTH: "CompressedImage",
+    GOAL_SEGMENTATION: "CompressedImage",
 }
 OWN = {
     OBJECTS: "Objects",
@@ -35,6 +57,7 @@ OWN = {
     LINKS: "Links",
     RELATIONS: "Relations",
     STEP_TRUTH: "StepTruth",
+    GOAL_BOXES: "Boxes",
 }
 
 BOARD_FRAME, CAMERA_FRAME = "board", "camera"

@@ -7,6 +7,7 @@ equal bytes in any process; only the library versions in header and metadata may
 import io
 import json
 import threading
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -29,11 +30,22 @@ CHUNK_BYTES = 8 << 20
 _one_at_a_time = threading.Lock()
 
 
+@dataclass(frozen=True)
+class _Encoding:
+    """How the images of a file are encoded; `links` is the number of links that segmentation may name."""
+
+    rgb: ImageFormat
+    depth: DepthScale
+    links: int
+
+
 def episode_to_mcap(episode: Episode, image_format: ImageFormat, where: str) -> bytes:
     """The whole file; `where` names it in messages. The episode must have passed `check_episode`."""
-    for image in episode.images:
+    images = [*episode.images, *episode.goals]
+    for image in images:
         check_image(image, episode.camera, len(episode.board.objects), len(episode.links), where)
-    depth_scale = DepthScale.covering([image.depth for image in episode.images if image.depth is not None])
+    depth_scale = DepthScale.covering([image.depth for image in images if image.depth is not None])
+    encoding = _Encoding(image_format, depth_scale, len(episode.links))
     context, _ = _channels()
     buffer = io.BytesIO()
     options = MCAPWriteOptions(chunk_size=CHUNK_BYTES, compression_threads=0)
@@ -44,13 +56,14 @@ def episode_to_mcap(episode: Episode, image_format: ImageFormat, where: str) -> 
             data = json.dumps(value, sort_keys=True, allow_nan=False).encode()
             file.attach(log_time=0, create_time=0, name=name, media_type="application/json", data=data)
         _write_static(episode)
-        _write_image(episode.images[0], 0, 0, image_format, depth_scale, len(episode.links))
+        _write_image(topics.CAMERA, episode.images[0], 0, 0, encoding)
+        for image in episode.goals:
+            _write_image(topics.GOAL, image, 0, 0, encoding)
         for index, step in enumerate(episode.steps):
             _write_step(episode, index, step)
             before, after = episode.frame_of[index : index + 2]
             if after != before:
-                image = episode.images[after]
-                _write_image(image, after, index + 1, image_format, depth_scale, len(episode.links))
+                _write_image(topics.CAMERA, episode.images[after], after, index + 1, encoding)
             _write_joints(episode, step.joint_positions_after, index + 1)
     return buffer.getvalue()
 
@@ -87,6 +100,7 @@ def _metadata(episode: Episode, image_format: ImageFormat, depth_scale: DepthSca
         "split": board.split,
         "steps": str(len(episode.steps)),
         "images": str(len(episode.images)),
+        "goals": str(len(episode.goals)),
         "image_format": image_format,
         "depth_offset": repr(depth_scale.offset),
         "depth_scale": repr(depth_scale.scale),
@@ -135,16 +149,14 @@ def _write_static(episode: Episode) -> None:
         _write_joints(episode, episode.steps[0].joint_positions_before, 0)
 
 
-def _write_image(
-    image: Image, index: int, frame: int, image_format: ImageFormat, depth_scale: DepthScale, links: int
-) -> None:
-    _write_picture(topics.RGB, encode_rgb(image.rgb, image_format), image_format, frame)
+def _write_image(place: topics.Pictures, image: Image, index: int, frame: int, encoding: _Encoding) -> None:
+    _write_picture(place.rgb, encode_rgb(image.rgb, encoding.rgb), encoding.rgb, frame)
     if image.depth is not None:
-        _write_picture(topics.DEPTH, encode_plain(depth_scale.quantise(image.depth)), "png", frame)
+        _write_picture(place.depth, encode_plain(encoding.depth.quantise(image.depth)), "png", frame)
     if image.segmentation is not None:
-        labels = image.segmentation.astype("uint8") if links < 256 else image.segmentation
-        _write_picture(topics.SEGMENTATION, encode_plain(labels), "png", frame)
-    _log_own(topics.BOXES, frame, image=index, frame=frame, corners=image.boxes.ravel().tolist())
+        labels = image.segmentation.astype("uint8") if encoding.links < 256 else image.segmentation
+        _write_picture(place.segmentation, encode_plain(labels), "png", frame)
+    _log_own(place.boxes, frame, image=index, frame=frame, corners=image.boxes.ravel().tolist())
 
 
 def _write_picture(topic: str, data: bytes, image_format: str, frame: int) -> None:

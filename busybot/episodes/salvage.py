@@ -174,6 +174,8 @@ def _groups(remains: _Remains) -> list[list[Message]]:
     required = first & {topics.RGB, topics.DEPTH, topics.SEGMENTATION, topics.BOXES}
     if not {topics.RGB, topics.BOXES, topics.LINKS, topics.OBJECTS} <= first:
         return []
+    if remains.metadata[topics.METADATA].get("goals", "0") != "0" and topics.GOAL_BOXES not in first:
+        return []  # a goal's boxes come last: without them a part of it is lost
     whole = groups[:1]
     for group in groups[1:]:
         step = message_class(topics.OWN[topics.STEP]).FromString(group[0].data)

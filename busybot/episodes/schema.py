@@ -14,7 +14,8 @@ from types import MappingProxyType
 
 import pyarrow as pa
 
-SCHEMA_VERSION = "1.0"
+SCHEMA_VERSION = "1.1"
+"""1.1: boards with tasks, goal images."""
 
 BOARD = "board: x right, y up in the picture, z towards the camera"
 PIXELS = "image: column u, row v from the upper left corner"

@@ -27,6 +27,7 @@ def summarise(path: Path) -> dict[str, Any]:
         "schema_version": info.schema_version,
         "frozen": is_frozen(path),
         "boards": info.boards,
+        "tasks": info.tasks,
         "episodes": rows.num_rows,
         "steps": _total(rows["steps"]),
         "bytes": _total(rows["bytes"]),

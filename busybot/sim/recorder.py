@@ -16,12 +16,13 @@ from busybot import __version__
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
 from busybot.rng import generator
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.policies import Chooser
 from busybot.sim.probe import driver_of
 from busybot.sim.render import RenderConfig
-from busybot.sim.scene import BoardScene, Simulator
+from busybot.sim.scene import BoardScene, BoardState, Simulator
 
 RECORDED_PACKAGES = ("sapien", "numpy", "opencv-python")
 
@@ -52,6 +53,7 @@ def record_episode(
         links=scene.links,
         positions=visible_centres(images[0], rays, scene.links, len(board.objects)),
         images=images,
+        goals=picture_goal(scene),
         frame_of=[0],
         steps=[],
         policy=policy.name,
@@ -73,6 +75,30 @@ def record_episode(
         policy.told(action, step.executed, step.reward, images[-1])
         episode.frame_of.append(len(images) - 1)
     return episode
+
+
+def picture_goal(scene: BoardScene) -> list[Image]:
+    """What the camera shows in the goal of the board's task, nothing without a task; the board is afterwards at rest
+    where it was.
+
+    All links are put into their goal states and have been through a step since, as in a recording
+    (`sim.replay`): the picture is that of a board on which the goal was reached by acting.
+
+    Raises:
+        BusybotError: the task's links are not those of the objects.
+    """
+    task = scene.spec.task
+    if task is None:
+        return []
+    wanted = [(link.object, link.link) for link in task.links]
+    if wanted != [(joint.object, joint.link.name) for joint in scene.triggers]:
+        what = f"board {scene.spec.index}: its task names other links than its objects have"
+        raise BusybotError(what, "use the objects with which the boards were generated")
+    now = scene.save()
+    scene.rest(BoardState(task.goal))
+    image = scene.observe()
+    scene.rest(now)
+    return [image]
 
 
 def visible_centres(image: Image, rays: Rays, links: tuple[Link, ...], objects: int) -> np.ndarray:

@@ -29,7 +29,7 @@ from busybot.errors import BusybotError, naming
 from busybot.files import write_atomically
 from busybot.objects.library import Library
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
-from busybot.sim.recorder import package_versions, renderer_fingerprint, visible_centres
+from busybot.sim.recorder import package_versions, picture_goal, renderer_fingerprint, visible_centres
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, BoardState, Simulator
 from busybot.workers import run_tasks
@@ -90,8 +90,7 @@ class Replay:
         if not 0 <= step <= len(steps):
             raise BusybotError(f"there is no step {step}", f"choose one from 0 (the start) to {len(steps)}")
         states = steps[step - 1].trigger_states_after if step else self._start()
-        self.scene.restore(BoardState(states))
-        self.scene.scene.step()
+        self.scene.rest(BoardState(states))
         last = next((s for s in reversed(steps[:step]) if s.success), None)
         number = None if last is None else held_trigger(self.scene, last)
         if number is not None:
@@ -230,7 +229,7 @@ def act_again(simulator: Simulator, board: BoardSpec, recorded: Episode) -> Epis
     assert simulator.render is not None
     image = scene.observe()
     centres = visible_centres(image, Rays(scene.camera), scene.links, len(board.objects))
-    images, frame_of, steps = [image], [0], []
+    images, goals, frame_of, steps = [image], picture_goal(scene), [0], []
     for step in recorded.steps:
         grasp = Grasp(held_trigger(scene, step), np.array(step.position), step.pixel)
         done, after = interact(scene, grasp, step.executed or (step.direction,), config, images[-1])
@@ -244,6 +243,7 @@ def act_again(simulator: Simulator, board: BoardSpec, recorded: Episode) -> Epis
         links=scene.links,
         positions=centres,
         images=images,
+        goals=goals,
         frame_of=frame_of,
         steps=steps,
         renderer=renderer_fingerprint(simulator.render, scene),

@@ -199,6 +199,11 @@ class BoardScene:
         for number, value in enumerate(state.triggers):
             self.set_trigger(number, value)
 
+    def rest(self, state: BoardState) -> None:
+        """Put the board into a state in which everything has been through a step, as in a recorded picture."""
+        self.restore(state)
+        self.scene.step()
+
     def relation_of(self, number: int) -> Relation | None:
         """The relation that a trigger joint drives. Ground truth."""
         return self._relation_of.get(number)

@@ -7,11 +7,14 @@ from busybot.episodes.dataset_info import CollectInfo
 from busybot.episodes.salvage import SALVAGED
 from busybot.episodes.tables import Rows
 
+ENDED = "ended"
+"""Among the settings of an episode that its policy ended before its last step: {"of": steps that it might have had}."""
+
 
 def faults_of(rows: Rows, index: int, board_digest: str | None, collect: CollectInfo | None) -> list[str]:
     """What speaks against it, nothing if it belongs there.
 
-    An episode that was saved in part may have fewer steps than the collection, if it says so.
+    An episode that was saved in part, or that its policy ended, may have fewer steps than the collection, if it says so.
 
     Args:
         rows: of the episode, as `tables.episode_rows` returns them.
@@ -30,8 +33,11 @@ def faults_of(rows: Rows, index: int, board_digest: str | None, collect: Collect
         for name, value in pairs
         if episode[name] is not None and episode[name] != value
     ]
-    partial = json.loads(episode["settings"]).get(SALVAGED)
+    settings = json.loads(episode["settings"])
+    partial, ended = settings.get(SALVAGED), settings.get(ENDED)
     recorded = partial.get("of") if isinstance(partial, dict) else episode["steps"]
+    if isinstance(ended, dict) and episode["steps"] <= recorded <= collect.steps:
+        recorded = ended.get("of")
     if recorded != collect.steps or episode["steps"] > collect.steps:
         faults.append(f"it has {episode['steps']} steps, the dataset says {collect.steps}")
     return faults

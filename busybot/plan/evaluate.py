@@ -63,9 +63,9 @@ def evaluate(
         BusybotError: the dataset has no tasks or histories, there is no such agent or model, `out` or `record` hold
             something else, or a worker is at fault.
     """
-    tasks = _tasks(dataset, config)
     for name in agents:
         kind_of(name)
+    tasks = _tasks(dataset, config)
     settings = _settings(dataset, agents, reasoner, policy_model, config, seed)
     features_of(dataset, reasoner_of(reasoner).encoder, episodes=tasks, workers=workers)
     judged = begin(out, settings, m.JudgedTask) if out is not None else {}

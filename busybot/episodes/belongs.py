@@ -14,7 +14,8 @@ ENDED = "ended"
 def faults_of(rows: Rows, index: int, board_digest: str | None, collect: CollectInfo | None) -> list[str]:
     """What speaks against it, nothing if it belongs there.
 
-    An episode that was saved in part, or that its policy ended, may have fewer steps than the collection, if it says so.
+    An episode that was saved in part, or that its policy ended, may have fewer steps than the collection if it says
+    so.
 
     Args:
         rows: of the episode, as `tables.episode_rows` returns them.

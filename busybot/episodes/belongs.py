@@ -34,14 +34,21 @@ def faults_of(rows: Rows, index: int, board_digest: str | None, collect: Collect
         for name, value in pairs
         if episode[name] is not None and episode[name] != value
     ]
-    settings = json.loads(episode["settings"])
-    partial, ended = settings.get(SALVAGED), settings.get(ENDED)
-    recorded = partial.get("of") if isinstance(partial, dict) else episode["steps"]
-    if isinstance(ended, dict) and episode["steps"] <= recorded <= collect.steps:
-        recorded = ended.get("of")
-    if recorded != collect.steps or episode["steps"] > collect.steps:
+    if _possible_steps(episode["steps"], json.loads(episode["settings"])) != collect.steps:
         faults.append(f"it has {episode['steps']} steps, the dataset says {collect.steps}")
     return faults
+
+
+def _possible_steps(steps: int, settings: dict[str, Any]) -> int:
+    """How many steps an episode with so many might have had, by its own account; -1 if that contradicts itself."""
+    for name in (SALVAGED, ENDED):
+        said = settings.get(name)
+        if isinstance(said, dict):
+            of = said.get("of")
+            if not isinstance(of, int) or of < steps:
+                return -1
+            steps = of
+    return steps
 
 
 def is_partial(settings: dict[str, Any]) -> bool:

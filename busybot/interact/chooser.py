@@ -1,6 +1,5 @@
 """Makers of learned policies: plain data that worker processes receive; models are loaded there at first use."""
 
-import hashlib
 import multiprocessing
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -20,7 +19,7 @@ from busybot.interact.policy_config import PolicyConfig
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policies import Policy
 from busybot.sim.scene import BoardScene
-from busybot.training.model_folder import INFO_FILE
+from busybot.training.model_folder import INFO_FILE, file_hashes
 
 DEFAULT_MODEL = "procedural"
 """The shipped model that commands use when none is named."""
@@ -130,10 +129,8 @@ def policy_config(info: ModelInfo, overrides: dict[str, Any]) -> PolicyConfig:
 def fingerprint(name_or_path: str) -> dict[str, Any]:
     """What a model is, without where it lies: hashes of its files, and its card."""
     folder = find_model(name_or_path)
-    files = sorted(path for path in folder.iterdir() if path.is_file())
-    hashes = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
     card = load_once(name_or_path).info.model_dump(mode="json", exclude={"files"})  # they are in `sha256`
-    return {"name": folder.name, "sha256": hashes, "card": card}
+    return {"name": folder.name, "sha256": file_hashes(folder), "card": card}
 
 
 def load_once(name_or_path: str) -> Model:

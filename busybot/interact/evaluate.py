@@ -4,21 +4,19 @@ The boards alone are needed: every evaluation acts on them anew. The result of a
 and the seed, so an evaluation that was stopped goes on where it was (`evaluate_folder`).
 """
 
-import platform
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from busybot import __version__
 from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset_info import CollectInfo
 from busybot.episodes.mcap_file import write_episode
 from busybot.files import write_json
 from busybot.interact import metrics as m
-from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording
+from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
 from busybot.interact.judge import judge
 from busybot.objects.library import Library
 from busybot.rng import generator
@@ -79,9 +77,9 @@ def evaluate(
     """
     settings = _settings(dataset, chooser.name, config, seed, provenance or {})
     count = min(config.boards or dataset.info.boards, dataset.info.boards)
-    judged = begin(out, settings) if out is not None else {}
+    judged = begin(out, settings, m.JudgedBoard) if out is not None else {}
     with ExitStack() as stack:
-        recorded = stack.enter_context(recording(record, dataset, settings)) if record is not None else None
+        recorded = stack.enter_context(recording(record, dataset, _collected(settings))) if record else None
         done = set(judged) & recorded.finished() if recorded is not None else set(judged)
         missing = [index for index in range(count) if index not in done]
         arguments = (dataset.path, library, config, seed, chooser, record)
@@ -136,6 +134,19 @@ def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> di
     }
 
 
+def _collected(settings: dict[str, Any]) -> CollectInfo:
+    config = settings["config"]
+    return CollectInfo(
+        policy=settings["policy"],
+        steps=settings["actions"],
+        strict=settings["strict"],
+        delta=config["interaction"]["delta"],
+        seed=settings["seed"],
+        settings={name: config[name] for name in ("responders", "interaction", "render")}
+        | {"chooser": settings["provenance"]},
+    )
+
+
 def _settings(
     dataset: Dataset, policy: str, config: EvaluateConfig, seed: int, provenance: dict[str, Any]
 ) -> dict[str, Any]:
@@ -150,9 +161,5 @@ def _settings(
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "seed": info.seed},
         "seed": seed,
-        "versions": {
-            "busybot": __version__,
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("numpy", "sapien", "torch")},
-        },
+        "versions": versions(),
     }

@@ -1,30 +1,38 @@
 """Where an evaluation's results lie, so that one that was stopped can go on, and its recorded episodes.
 
 settings.json       what is measured: another measurement is refused in the same folder
-boards.jsonl        one judged board per line, in the order in which they were finished
+boards.jsonl        what was judged, one board per line, in the order in which they were finished
 result.json         all metrics, when every board is judged
 """
 
 import json
 import os
+import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
+from busybot import __version__
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
 from busybot.errors import BusybotError
 from busybot.files import read_json, write_json
-from busybot.interact.metrics import JudgedBoard
 
 SETTINGS, BOARDS, RESULT = "settings.json", "boards.jsonl", "result.json"
 
 
-def begin(out: Path, settings: dict[str, Any]) -> dict[int, JudgedBoard]:
-    """Start or continue a folder; returns the boards that are judged already.
+J = TypeVar("J", bound=BaseModel)
+
+
+def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
+    """Start or continue a folder; returns what is judged already, by board.
+
+    Args:
+        kind: of the lines; it has the number of the board as `board`.
 
     Raises:
         BusybotError: the folder holds something else, or a measurement with other settings.
@@ -41,7 +49,13 @@ def begin(out: Path, settings: dict[str, Any]) -> dict[int, JudgedBoard]:
     if differing:
         what = f"{out}: an evaluation with other settings was begun there: {', '.join(differing)} differ"
         raise BusybotError(what, "name another folder, or repeat the command with which it was begun")
-    return dict(_judged_lines(out / BOARDS))
+    return dict(_judged_lines(out / BOARDS, kind))
+
+
+def versions() -> dict[str, str]:
+    """Of what results depend on."""
+    packages = {name: version(name) for name in ("numpy", "sapien", "torch")}
+    return {"busybot": __version__, "python": platform.python_version(), **packages}
 
 
 def plain(values: dict[str, Any]) -> dict[str, Any]:
@@ -49,7 +63,7 @@ def plain(values: dict[str, Any]) -> dict[str, Any]:
     return dict(json.loads(json.dumps(values)))
 
 
-def _judged_lines(file: Path) -> Iterator[tuple[int, JudgedBoard]]:
+def _judged_lines(file: Path, kind: type[J]) -> Iterator[tuple[int, J]]:
     """Whole lines; one that a killed evaluation left unfinished is cut off."""
     if not file.exists():
         return
@@ -59,10 +73,10 @@ def _judged_lines(file: Path) -> Iterator[tuple[int, JudgedBoard]]:
         os.truncate(file, len(whole))
     for number, line in enumerate(whole.splitlines(), start=1):
         try:
-            board = JudgedBoard.model_validate_json(line)
+            judged = kind.model_validate_json(line)
         except ValidationError as error:
             raise BusybotError(f"{file}: line {number}: {error.errors()[0]['msg']}", "remove the folder") from None
-        yield board.board, board
+        yield judged.model_dump(include={"board"})["board"], judged
 
 
 def append(out: Path, line: str) -> None:
@@ -73,7 +87,7 @@ def append(out: Path, line: str) -> None:
 
 
 @contextmanager
-def recording(path: Path, dataset: Dataset, settings: dict[str, Any]) -> Iterator[Dataset]:
+def recording(path: Path, dataset: Dataset, collected: CollectInfo) -> Iterator[Dataset]:
     """A dataset with the same boards, locked, for the episodes of an evaluation; its tables are written at the end.
 
     Raises:
@@ -86,19 +100,8 @@ def recording(path: Path, dataset: Dataset, settings: dict[str, Any]) -> Iterato
     else:
         info = dataset.info.model_copy(update={"collect": None})
         target = Dataset.create(path, info, dataset.boards())
-    config = settings["config"]
     with target.locked():
-        target.begin_collecting(
-            CollectInfo(
-                policy=settings["policy"],
-                steps=settings["actions"],
-                strict=settings["strict"],
-                delta=config["interaction"]["delta"],
-                seed=settings["seed"],
-                settings={name: config[name] for name in ("responders", "interaction", "render")}
-                | {"chooser": settings["provenance"]},
-            )
-        )
+        target.begin_collecting(collected)
         target.remove_leftovers()
         try:
             yield target

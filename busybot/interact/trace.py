@@ -3,12 +3,13 @@
 A function of the episode and the model: whoever acted, the memory is told what the recorded actions led to.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from busybot.episodes.episode import Episode
+from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.interact.beliefs import PAIR_OF, pair_scores, sigmoid
@@ -55,10 +56,24 @@ def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None
         affordance = sigmoid(view.affordance + prior_shift(config))
         known = bool(memory.links[step.pixel[1], step.pixel[0]])
         yield Thought(index, affordance, found, memory.links.copy(), known)
-        if step.reward:
-            memory.succeeded(step.pixel, step.executed[-1], before.depth, after.depth)
-            continue
-        _, directions = model.directions(view, np.array([step.pixel]))
-        believed = pair_scores(np.asarray(directions, float))[0]
-        tried = {int(PAIR_OF[one]) for one in step.executed} or {int(PAIR_OF[step.direction])}
-        memory.failed(Failure(step.pixel, {pair: float(believed[pair]) for pair in sorted(tried)}))
+        remember(memory, step, before, after, partial(_directions_at, model, view, step.pixel))
+
+
+def remember(memory: Memory, step: Step, before: Image, after: Image, directions: Callable[[], np.ndarray]) -> None:
+    """Tell a memory what came of a recorded action.
+
+    Args:
+        before, after: with depth.
+        directions: the model's probabilities (1, 18) at the action's pixel; asked for when the action failed.
+    """
+    assert before.depth is not None and after.depth is not None
+    if step.reward:
+        memory.succeeded(step.pixel, step.executed[-1], before.depth, after.depth)
+        return
+    believed = pair_scores(np.asarray(directions(), float))[0]
+    tried = {int(PAIR_OF[one]) for one in step.executed} or {int(PAIR_OF[step.direction])}
+    memory.failed(Failure(step.pixel, {pair: float(believed[pair]) for pair in sorted(tried)}))
+
+
+def _directions_at(model: ActionModel[V], view: V, pixel: tuple[int, int]) -> np.ndarray:
+    return model.directions(view, np.array([pixel]))[1]

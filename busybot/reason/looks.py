@@ -49,16 +49,20 @@ class Looks:
     of: np.ndarray
 
 
-class _Watched:
-    """One object over the frames: what its box last showed, with what hid it taken away."""
+class Watched:
+    """One object over the frames: what its box last showed, with what hid it taken away.
+
+    Attributes:
+        look: the present one.
+    """
 
     def __init__(self, region: Region):
         self._place = (region.rows, region.columns)
         self._seen: tuple[np.ndarray, np.ndarray | None] | None = None
         self._rgb = np.zeros((*region.mine.shape, 3), np.uint8)
         self._own = np.zeros(region.mine.shape, bool)
-        self.current = -1
-        self.known: dict[tuple[bytes, bytes], int] = {}
+        self.look = Look(self._rgb, self._own)
+        self._known: dict[tuple[bytes, bytes], int] = {}
 
     def unchanged(self, frame: Frame) -> bool:
         """Whether the box shows exactly what it showed last."""
@@ -69,32 +73,32 @@ class _Watched:
             return False
         return before[1] is None or depth is None or np.array_equal(before[1], depth)
 
-    def update(self, own: np.ndarray, hidden: np.ndarray) -> Look:
+    def update(self, own: np.ndarray, hidden: np.ndarray) -> int:
+        """Take in what was asked about last; returns the number of the look among this object's, from 0."""
         assert self._seen is not None
         self._rgb = np.where(hidden[..., None], self._rgb, self._seen[0])
         self._own = np.where(hidden, self._own, own)
-        return Look(self._rgb, self._own)
+        self.look = Look(self._rgb, self._own)
+        return self._known.setdefault((self._own.tobytes(), self._rgb[self._own].tobytes()), len(self._known))
 
 
 def looks_of(observed: Observed, pixels: Masks) -> Looks:
     """The looks of all responders that have a box in the first frame."""
     of = np.full((len(observed.image_of), len(observed.roles)), -1, int)
-    watched = {i: _Watched(region) for i, region in pixels.regions.items() if observed.roles[i] == "responder"}
+    watched = {i: Watched(region) for i, region in pixels.regions.items() if observed.roles[i] == "responder"}
+    places: dict[int, list[int]] = {index: [] for index in watched}
     looks: list[Look] = []
     for number, picture in enumerate(observed.image_of):
+        of[number] = of[max(0, number - 1)]
         if number and picture == observed.image_of[number - 1]:
-            of[number] = of[number - 1]
             continue
         frame = observed.frame(number)
         for index, one in watched.items():
-            if not one.unchanged(frame):
-                look = one.update(*pixels.masks(index, number))
-                one.current = one.known.setdefault((look.own.tobytes(), _own_rgb(look).tobytes()), len(looks))
-                if one.current == len(looks):
-                    looks.append(look)
-            of[number, index] = one.current
+            if one.unchanged(frame):
+                continue
+            look = one.update(*pixels.masks(index, number))
+            if look == len(places[index]):
+                places[index].append(len(looks))
+                looks.append(one.look)
+            of[number, index] = places[index][look]
     return Looks(looks, of)
-
-
-def _own_rgb(look: Look) -> np.ndarray:
-    return look.rgb[look.own]

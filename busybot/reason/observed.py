@@ -148,10 +148,11 @@ def acted_objects(observed: Observed) -> np.ndarray:
     It is the trigger whose first-frame box holds the action's pixel; of several the one with the smallest box, then the
     one whose centre is nearest. A pixel outside of all trigger boxes goes to the nearest box within `REACH`.
     """
-    return np.array([_acted(observed, action.pixel) for action in observed.actions], int)
+    return np.array([trigger_at(observed, action.pixel) for action in observed.actions], int)
 
 
-def _acted(observed: Observed, pixel: tuple[int, int]) -> int:
+def trigger_at(observed: Observed, pixel: tuple[int, int]) -> int:
+    """The trigger at a pixel (u, v) by the rule of `acted_objects`, -1 for none."""
     best: tuple[float, float, float] | None = None
     found = -1
     for index in observed.triggers:

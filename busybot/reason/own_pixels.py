@@ -82,14 +82,15 @@ class OwnPixels:
         }
 
     def masks(self, index: int, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Of an object's box in frame `number`: pixels that show it, and that show an intruder; bool (h, w) each.
+        """Of an object's box in frame `number`: pixels that show it, and that show an intruder; bool (h, w) each."""
+        return self.masks_of(index, self._observed.frame(number))
 
-        A picture whose depth was lost is taken to show the object where the first one did.
-        """
+    def masks_of(self, index: int, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+        """The same of any picture of the board. One whose depth was lost is taken to show the object where the first
+        frame did."""
         region = self.regions[index]
         if region.home is None:
             return region.mine, np.zeros_like(region.mine)
-        frame = self._observed.frame(number)
         if frame.depth is None:
             frame = self._observed.frame(0)
         points = _points(frame, region.rows, region.columns, self._rays)

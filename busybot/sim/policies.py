@@ -39,7 +39,9 @@ class Policy(Protocol):
     name: str
     oracle: bool
 
-    def choose(self, image: Image, rng: np.random.Generator) -> Action: ...
+    def choose(self, image: Image, rng: np.random.Generator) -> Action | None:
+        """The next action; None to end the episode here."""
+        ...
 
     def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
         """What the agent perceives of its own action: the directions executed, the pixel reward, the image after."""
@@ -92,7 +94,7 @@ class ScriptedPolicy(Forgetful):
 
     def choose(self, image: Image, rng: np.random.Generator) -> Action:
         assert image.segmentation is not None and image.depth is not None
-        visible = self._visible_links(image.segmentation)
+        visible = visible_links(self._scene, image.segmentation)
         if not visible:
             return RandomPolicy(self._rays).choose(image, rng)
         number, mask = visible[int(rng.integers(len(visible)))]
@@ -100,9 +102,9 @@ class ScriptedPolicy(Forgetful):
         others = [state for state in range(joint.link.states) if state != joint.state]
         wanted = others[int(rng.integers(len(others)))]
         fallback: Action | None = None
-        for pixel in _interior_pixels(mask, rng, TRIES):
+        for pixel in interior_pixels(mask, rng, TRIES):
             point = self._rays.point(image.depth, pixel)
-            direction, reached = self._direction(number, point, wanted)
+            direction, reached = direction_to(self._scene, number, point, wanted, self._config)
             if direction is not None and reached == wanted:
                 return Action(pixel, (direction,))
             if direction is not None and fallback is None:
@@ -110,29 +112,39 @@ class ScriptedPolicy(Forgetful):
             last = pixel
         return fallback or Action(last, (int(rng.integers(len(DIRECTIONS))),))
 
-    def _visible_links(self, segmentation: np.ndarray) -> list[tuple[int, np.ndarray]]:
-        """Trigger joints with enough pixels, and their masks."""
-        found = []
-        for code in np.flatnonzero(np.bincount(segmentation.ravel()) >= SMALLEST_TARGET):
-            number = self._scene.trigger_at(int(code))
-            if number is not None:
-                found.append((number, segmentation == code))
-        return found
 
-    def _direction(self, number: int, point: np.ndarray, wanted: int) -> tuple[int | None, int]:
-        """The best followed direction that reaches the wanted state, else one that reaches any other state."""
-        joint = self._scene.triggers[number]
-        motion = motion_at(joint, point) * np.sign(joint.rest(wanted) - joint.rest(joint.state))
-        any_other: tuple[int | None, int] = (None, joint.state)
-        for direction in np.argsort(-(DIRECTIONS @ motion), kind="stable")[:9]:
-            if self._config.strict and not permitted(self._scene, number, int(direction), self._config):
-                continue
-            _, reached = pull(self._scene, number, point, DIRECTIONS[direction], self._config, None)
-            if reached == wanted:
-                return int(direction), reached
-            if reached != joint.state and any_other[0] is None:
-                any_other = (int(direction), reached)
-        return any_other
+def visible_links(scene: BoardScene, segmentation: np.ndarray) -> list[tuple[int, np.ndarray]]:
+    """Trigger joints with enough pixels, and their masks, bool (H, W)."""
+    found = []
+    for code in np.flatnonzero(np.bincount(segmentation.ravel()) >= SMALLEST_TARGET):
+        number = scene.trigger_at(int(code))
+        if number is not None:
+            found.append((number, segmentation == code))
+    return found
+
+
+def direction_to(
+    scene: BoardScene, number: int, point: np.ndarray, wanted: int, config: InteractionConfig
+) -> tuple[int | None, int]:
+    """The best followed direction in which pulling at a point takes a trigger joint into the wanted state.
+
+    Directions are tried in the simulator and undone.
+
+    Returns:
+        the direction and `wanted`; else one that leads into another state, and that; else None and the present state.
+    """
+    joint = scene.triggers[number]
+    motion = motion_at(joint, point) * np.sign(joint.rest(wanted) - joint.rest(joint.state))
+    any_other: tuple[int | None, int] = (None, joint.state)
+    for direction in np.argsort(-(DIRECTIONS @ motion), kind="stable")[:9]:
+        if config.strict and not permitted(scene, number, int(direction), config):
+            continue
+        _, reached = pull(scene, number, point, DIRECTIONS[direction], config, None)
+        if reached == wanted:
+            return int(direction), reached
+        if reached != joint.state and any_other[0] is None:
+            any_other = (int(direction), reached)
+    return any_other
 
 
 def motion_at(joint: TriggerJoint, point: np.ndarray) -> np.ndarray:
@@ -145,7 +157,7 @@ def motion_at(joint: TriggerJoint, point: np.ndarray) -> np.ndarray:
     return motion / length if length > 1e-9 else np.zeros(3)
 
 
-def _interior_pixels(mask: np.ndarray, rng: np.random.Generator, count: int) -> list[tuple[int, int]]:
+def interior_pixels(mask: np.ndarray, rng: np.random.Generator, count: int) -> list[tuple[int, int]]:
     """Random pixels (u, v) of the mask away from its border."""
     rows, columns = np.nonzero(mask)
     top, left = rows.min(), columns.min()

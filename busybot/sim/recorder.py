@@ -14,6 +14,7 @@ import numpy as np
 
 from busybot import __version__
 from busybot.boards.spec import BoardSpec
+from busybot.episodes.belongs import ENDED
 from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
@@ -37,7 +38,7 @@ def grasp_at(scene: BoardScene, image: Image, rays: Rays, pixel: tuple[int, int]
 def record_episode(
     simulator: Simulator, board: BoardSpec, chooser: Chooser, steps: int, config: InteractionConfig, seed: int
 ) -> Episode:
-    """Collect one episode of `steps` proposed actions.
+    """Collect one episode of `steps` proposed actions, or fewer if the policy ends it.
 
     Args:
         seed: of the collection; with the board's split and index it determines every draw of the policy.
@@ -65,6 +66,9 @@ def record_episode(
     rng = generator(seed, board.split, board.index, f"policy/{chooser.name}")
     for _ in range(steps):
         action = policy.choose(images[-1], rng)
+        if action is None:
+            episode.settings[ENDED] = {"of": steps}
+            break
         grasp = grasp_at(scene, images[-1], rays, action.pixel)
         step, after = interact(scene, grasp, action.directions, config, images[-1])
         episode.steps.append(step)

@@ -52,3 +52,9 @@ def write_info(folder: Path, info: BaseModel, weights: Iterable[Path]) -> None:
     """Write `model.json`, the last of a model's files, with the SHA-256 of its weights in `files`."""
     hashes = {file.name: sha256_of(file) for file in weights}
     write_json(folder / INFO_FILE, {**info.model_dump(mode="json"), "files": hashes})
+
+
+def file_hashes(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file of a model's folder, by name."""
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    return {path.name: sha256_of(path) for path in files}

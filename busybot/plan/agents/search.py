@@ -1,0 +1,230 @@
+"""`search`: our agent. Closed loop, over what the links of this board are known to do.
+
+At every decision, for every responder that does not look as in the goal:
+
+1. The contacts whose nearest effective experience changed this responder are taken for its link (the nearest is the
+   right link in 98.6 % of the cases, protocol "Why the paper falls short").
+2. A contact and a direction that did something to this look before will do it again: the same look means the same
+   state of the link, so the same pull has the same effect. Of what was never done, the reasoner says what follows.
+3. The looks that follow are rated by how many steps lead from them to the look of the goal, over the changes that were
+   seen and their reverses. A choice costs the tries that it takes (1 / its probability to work) and those steps.
+4. The cheapest choice of all responders is executed. What came of it is an experience like those of the history; a
+   failure lowers the probability of this place and direction, so another one comes up.
+
+The interaction model is asked only where the history has no contact that surely works.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from busybot.plan.agent import NOBODY, Act, Briefing, Contact, Situation, Stop
+from busybot.plan.agents.paper import predicted
+from busybot.plan.agents.simple import NO_CANDIDATE, REACHED
+from busybot.plan.experience import Book, Experience
+from busybot.reason.reasoner import Reasoner
+
+
+class SearchConfig(BaseModel):
+    """Constants of the search.
+
+    Attributes:
+        sure: a seen change repeats itself with this probability.
+        moved: a contact of the history works with this probability when its link rests elsewhere than then.
+        near: a contact as near to an experience as this is on its link in half of the cases, board units.
+        rival: how much nearer the right link's experiences must be than another link's to tell them apart, board units.
+        unknown: least distance from all experiences of a contact that may be on an unknown link, board units.
+        least_share: contacts that are less probably on a link are none of its contacts.
+        after_failure: factor on the probability of what has failed.
+        undo: extra cost of a step that was only seen in the other sense.
+        untried: cost of what follows something untried where the look of the goal was never seen.
+        lost: cost of a look from which no way to the goal is known.
+        guess: extra cost of a try on a link of which nothing is known.
+        give_up: nothing that costs more is tried.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    sure: float = 0.98
+    moved: float = 0.6
+    near: float = 0.12
+    rival: float = 0.02
+    unknown: float = 0.08
+    least_share: float = 0.2
+    after_failure: float = 0.1
+    undo: float = 0.2
+    untried: float = 2.0
+    lost: float = 4.0
+    guess: float = 5.0
+    give_up: float = 5000.0
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Something to do, its cost in steps, and why."""
+
+    contact: Contact
+    direction: int
+    responder: int
+    belief: float
+    cost: float
+    why: str
+
+
+@dataclass(frozen=True)
+class _View:
+    """What there is to choose from: features (N, 256), contacts with the distances of `Book.nearest`, looks."""
+
+    features: np.ndarray
+    contacts: tuple[Contact, ...]
+    nears: list[dict[int, float]]
+    looks: dict[int, int]
+
+
+class Search:
+    """See the module."""
+
+    name = "search"
+
+    def __init__(self, reasoner: Reasoner, config: SearchConfig | None = None):
+        self._reasoner, self._config = reasoner, config or SearchConfig()
+
+    def start(self, briefing: Briefing) -> None:
+        self._briefing = briefing
+        self._edges = self._reasoner.graph(briefing.history).claimed(briefing.history.steps)
+        self._book = Book(briefing, self._edges)
+        self._known = 0
+
+    def decide(self, situation: Situation) -> Act | Stop:
+        for attempt in situation.attempts[self._known :]:
+            self._known += 1
+            self._book.add(attempt, f"action {self._known} of this task")
+        looks = self._book.numbers(situation.features)
+        differing = [index for index, look in looks.items() if look != self._book.goal[index]]
+        if not differing:
+            return Stop(REACHED)
+        best = self._best(situation, situation.repeats, differing, looks)
+        if best is None or best.belief < self._config.sure:
+            best = self._best(situation, situation.repeats + situation.candidates, differing, looks)
+        if best is None:
+            return Stop(f"{NO_CANDIDATE} that may change {_names(differing)}")
+        if best.cost > self._config.give_up:
+            return Stop(f"what might change {_names(differing)} has failed")
+        return Act(best.contact, best.direction, f"{_names(differing)} differ: {best.why}", best.responder)
+
+    def _best(
+        self, situation: Situation, contacts: tuple[Contact, ...], differing: list[int], looks: dict[int, int]
+    ) -> Choice | None:
+        """The cheapest choice for any of the responders."""
+        view = _View(situation.features, contacts, [self._book.nearest(contact) for contact in contacts], looks)
+        found: list[Choice] = []
+        for responder in differing:
+            known = any(lesson.responder == responder for lesson in self._book.lessons)
+            found += self._on_its_link(view, responder) if known else self._on_unknown_links(view, responder)
+        return min(found, key=lambda choice: choice.cost, default=None)
+
+    def _on_its_link(self, view: "_View", responder: int) -> list[Choice]:
+        """Choices at contacts that are probably on the link of a responder."""
+        mine = [
+            (contact, share)
+            for contact, near in zip(view.contacts, view.nears, strict=True)
+            if (share := self._share(near, responder)) > self._config.least_share
+        ]
+        look, costs = view.looks[responder], self._costs(responder)
+        pairs = [(contact, direction) for contact, _ in mine for direction in contact.choices]
+        shares = [share for _, share in mine for _ in range(2)]
+        lessons = [self._book.seen(contact, direction, responder, look) for contact, direction in pairs]
+        expected = self._expected(view, pairs, lessons, responder)
+        return [
+            self._choice(*pair, responder, share, look, lesson, after, costs)
+            for pair, share, lesson, after in zip(pairs, shares, lessons, expected, strict=True)
+        ]
+
+    def _choice(
+        self,
+        contact: Contact,
+        direction: int,
+        responder: int,
+        share: float,
+        look: int,
+        lesson: Experience | None,
+        after: int,
+        costs: dict[int, float],
+    ) -> Choice:
+        config = self._config
+        if lesson is not None:
+            belief, why = config.sure, f"as in {lesson.name}"
+        else:
+            works = config.moved if contact.step >= 0 else contact.belief * float(contact.pairs.max())
+            belief = share * works
+            why = f"expected to work with {belief:.0%}"
+        belief *= config.after_failure ** self._book.failed(contact, direction, responder, look)
+        ahead = costs.get(after, config.lost)
+        if after == look:
+            ahead += 1  # it is not even expected to change anything
+        if lesson is None and len(costs) == 1:
+            ahead = min(ahead, config.untried)
+        cost = 1 / max(belief, 1e-6) + ahead
+        text = f"object {responder} should take look {after} of {self._book.goal[responder]}, {why}"
+        return Choice(contact, direction, responder, belief, cost, text)
+
+    def _expected(
+        self, view: "_View", pairs: list[tuple[Contact, int]], lessons: list[Experience | None], responder: int
+    ) -> list[int]:
+        """The look that follows each choice: seen, else concluded from the opposite direction, else predicted."""
+        look = view.looks[responder]
+        after = [NOBODY] * len(pairs)
+        for number, ((contact, direction), lesson) in enumerate(zip(pairs, lessons, strict=True)):
+            turned = self._book.turned(contact, direction, responder, look)
+            after[number] = lesson.after if lesson is not None else NOBODY if turned is None else turned
+        unknown = [number for number, known in enumerate(after) if known == NOBODY]
+        if unknown:
+            asked = [pairs[number] for number in unknown]
+            features = predicted(self._reasoner, self._briefing, view.features, asked)
+            for number, row in zip(unknown, features[:, responder], strict=True):
+                after[number] = self._book.looks[responder].nearest(row)
+        return after
+
+    def _share(self, near: dict[int, float], responder: int) -> float:
+        """Probability that a contact is on the link of a responder, from the distances to what is known."""
+        own = near.get(responder, np.inf)
+        other = min((distance for index, distance in near.items() if index != responder), default=np.inf)
+        if not np.isfinite(own):
+            return 0.0
+        close = 1 / (1 + np.exp(np.clip((own - self._config.near) / (self._config.near / 4), -30, 30)))
+        closer = 1 / (1 + np.exp(np.clip((own - other) / self._config.rival, -30, 30)))
+        return float(close * closer)
+
+    def _costs(self, responder: int) -> dict[int, float]:
+        """Steps from each look of a responder to the one of the goal, over known changes and their reverses."""
+        moves = self._book.moves(responder)
+        steps = {(b, a): 1 + self._config.undo for a, b in moves} | dict.fromkeys(moves, 1.0)
+        costs = {self._book.goal[responder]: 0.0}
+        for _ in range(len(self._book.looks[responder].known)):
+            for (start, end), cost in steps.items():
+                if end in costs:
+                    costs[start] = min(costs.get(start, np.inf), cost + costs[end])
+        return costs
+
+    def _on_unknown_links(self, view: "_View", responder: int) -> list[Choice]:
+        """Choices at contacts far from all experiences, if nothing is known to change the responder."""
+        found = []
+        triggers = np.flatnonzero(self._edges[:, responder])
+        for contact, near in zip(view.contacts, view.nears, strict=True):
+            if min(near.values(), default=np.inf) < self._config.unknown or contact.step >= 0:
+                continue
+            if len(triggers) and contact.trigger not in triggers:
+                continue
+            for direction in contact.choices:
+                belief = contact.score * self._config.after_failure ** self._book.failed(
+                    contact, direction, responder, view.looks[responder]
+                )
+                why = f"nothing is known to change object {responder}; a link of which nothing is known"
+                cost = 1 / max(belief, 1e-6) + self._config.guess
+                found.append(Choice(contact, direction, responder, belief, cost, why))
+        return found
+
+
+def _names(objects: list[int]) -> str:
+    return f"object{'s' * (len(objects) > 1)} {', '.join(map(str, objects))}"

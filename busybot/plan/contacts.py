@@ -1,0 +1,156 @@
+"""Where an agent may act: what worked in the history, and what the interaction model proposes on a picture."""
+
+import time
+from collections.abc import Sequence as Several
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import partial
+from typing import Generic, Protocol
+
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS, OPPOSITE
+from busybot.episodes.episode import Episode, Image
+from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
+from busybot.interact.beliefs import PAIR_OF, pair_scores
+from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates
+from busybot.interact.memory import Failure, Memory
+from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.trace import remember
+from busybot.plan.agent import Contact
+from busybot.reason.observed import Observed, trigger_at
+
+SURE = 0.97
+"""Belief in a contact that has worked."""
+
+
+@dataclass(frozen=True)
+class Worked:
+    """An action of the history that changed the picture: its step, pixel (u, v) and the direction that did it."""
+
+    step: int
+    pixel: tuple[int, int]
+    direction: int
+
+
+class Contacts(Protocol):
+    """Offers contacts on one board, and is told what came of them."""
+
+    proposing_s: float
+    """CPU seconds that were spent in models that look at pictures."""
+
+    def repeats(self, image: Image) -> tuple[Contact, ...]:
+        """What worked in the history."""
+        ...
+
+    def propose(self, image: Image) -> tuple[Contact, ...]:
+        """What seems possible now."""
+        ...
+
+    def told(self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Image, after: Image) -> None:
+        """What came of an action."""
+        ...
+
+
+class LearnedContacts(Generic[V]):
+    """From an interaction model and a memory that has seen the history.
+
+    Args:
+        observed: the recorded interactions.
+        worked: those of them that changed the picture.
+        memory: it is copied.
+    """
+
+    def __init__(
+        self,
+        model: ActionModel[V],
+        config: PolicyConfig,
+        rays: Rays,
+        observed: Observed,
+        worked: Several[Worked],
+        memory: Memory,
+    ):
+        self._model, self._config, self._rays, self._observed = model, config, rays, observed
+        self._worked, self._memory = tuple(worked), deepcopy(memory)
+        self._seen: tuple[Image, V] | None = None
+        self.proposing_s = 0.0
+
+    def repeats(self, image: Image) -> tuple[Contact, ...]:
+        assert image.depth is not None
+        return tuple(self._again(one, image.depth) for one in self._worked)
+
+    def propose(self, image: Image) -> tuple[Contact, ...]:
+        began = time.process_time()
+        if self._seen is None or self._seen[0] is not image:
+            self._seen = (image, self._model.look(image, self._rays))
+        found = find_candidates(self._model, image, self._rays, self._memory, self._config, self._seen[1])
+        self.proposing_s += time.process_time() - began
+        return contacts_of(found.best_of_regions(), self._observed)
+
+    def told(self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Image, after: Image) -> None:
+        assert before.depth is not None and after.depth is not None
+        if reward:
+            self._memory.succeeded(contact.pixel, executed[-1], before.depth, after.depth)
+        else:
+            pair = int(PAIR_OF[executed[0]])
+            self._memory.failed(Failure(contact.pixel, {pair: float(contact.pairs[pair])}))
+
+    def _again(self, one: Worked, depth: np.ndarray) -> Contact:
+        directions = np.zeros(len(DIRECTIONS))
+        directions[one.direction], directions[OPPOSITE[one.direction]] = SURE, SURE / 2
+        u, v = one.pixel
+        return Contact(
+            pixel=one.pixel,
+            position=self._rays.point(depth, one.pixel),
+            trigger=trigger_at(self._observed, one.pixel),
+            region=int(self._memory.links[v, u]),
+            belief=SURE,
+            directions=directions,
+            pairs=pair_scores(directions),
+            step=one.step,
+        )
+
+
+def contacts_of(found: Candidates, observed: Observed) -> tuple[Contact, ...]:
+    """The candidates one by one, the most promising first."""
+    order = np.argsort(-found.scores, kind="stable")
+    pixels = [(int(u), int(v)) for u, v in found.pixels]
+    return tuple(
+        Contact(
+            pixel=pixels[i],
+            position=found.positions[i],
+            trigger=trigger_at(observed, pixels[i]),
+            region=int(found.regions[i]),
+            belief=float(found.beliefs[i]),
+            directions=found.directions[i],
+            pairs=found.pairs[i],
+        )
+        for i in order
+    )
+
+
+def worked_in(history: Episode) -> list[Worked]:
+    """The history's actions that changed the picture, as the agent itself perceived it."""
+    steps = enumerate(history.steps)
+    return [Worked(number, step.pixel, step.executed[-1]) for number, step in steps if step.reward]
+
+
+def memory_of(history: Episode, model: ActionModel[V], rays: Rays, config: PolicyConfig) -> Memory:
+    """The memory of whoever recorded the history: which links moved, what failed where.
+
+    Raises:
+        BusybotError: the history was recorded without depth.
+    """
+    pictures = [history.image(number) for number in range(len(history.steps) + 1)]
+    if any(picture.depth is None for picture in pictures):
+        what = f"board {history.board.index}: action candidates need depth images, the history has none"
+        raise BusybotError(what, "collect the history with depth")
+    memory = Memory(rays.heights(np.asarray(pictures[0].depth)), config)
+    for step, before, after in zip(history.steps, pictures, pictures[1:], strict=False):
+        remember(memory, step, before, after, partial(_asked, model, before, rays, step.pixel))
+    return memory
+
+
+def _asked(model: ActionModel[V], image: Image, rays: Rays, pixel: tuple[int, int]) -> np.ndarray:
+    return model.directions(model.look(image, rays), np.array([pixel]))[1]

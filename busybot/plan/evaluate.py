@@ -1,0 +1,179 @@
+"""Measure agents on a dataset of tasks with recorded histories (protocol "Planning", Table 3).
+
+The result of a task depends on the board, its history, the models and the seed, so an evaluation that was stopped goes
+on where it was (`interact.evaluate_folder`). Processor times differ from run to run and stand apart, under `timing`.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from busybot.boards.task import MAX_STEPS, least_steps, start_states, task_of
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset_info import CollectInfo
+from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.errors import BusybotError
+from busybot.files import write_json
+from busybot.interact.chooser import fingerprint, load_once, policy_config
+from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
+from busybot.objects.library import Library
+from busybot.plan import metrics as m
+from busybot.plan.player import PlanConfig, Player, kind_of
+from busybot.reason.features import features_of
+from busybot.reason.infer import REASONERS, config_class, reasoner_of
+from busybot.reason.models import SHIPPED
+from busybot.rng import generator
+from busybot.sim.scene import Simulator
+from busybot.training.model_folder import file_hashes, find_folder
+from busybot.workers import run_tasks
+
+Progress = Callable[[int, int], None]
+"""Told after each task: tasks judged, and tasks."""
+
+
+def evaluate(
+    dataset: Dataset,
+    library: Library,
+    agents: Sequence[str],
+    reasoner: str,
+    policy_model: str,
+    config: PlanConfig,
+    seed: int = 0,
+    workers: int = 1,
+    progress: Progress | None = None,
+    out: Path | None = None,
+    record: Path | None = None,
+) -> dict[str, Any]:
+    """Let every agent play every task and compute the metrics; JSON values, see `metrics.summarise`.
+
+    Args:
+        dataset: with tasks and recorded histories.
+        agents: names of `player.AGENTS`.
+        reasoner: one without training by its name, or a trained model's name or folder.
+        policy_model: interaction model, whose candidates agents choose from.
+        seed: of the agents' draws.
+        out: folder for the results, with which a stopped evaluation goes on.
+        record: folder for the rollouts: in it a dataset for every agent.
+
+    Raises:
+        BusybotError: the dataset has no tasks or histories, there is no such agent or model, `out` or `record` hold
+            something else, or a worker is at fault.
+    """
+    for name in agents:
+        kind_of(name)
+    tasks = _tasks(dataset, config)
+    settings = _settings(dataset, agents, reasoner, policy_model, config, seed)
+    features_of(dataset, reasoner_of(reasoner).encoder, episodes=tasks, workers=workers)
+    judged = begin(out, settings, m.JudgedTask) if out is not None else {}
+    with ExitStack() as stack:
+        done = set(judged)
+        for name in agents if record is not None else ():
+            assert record is not None
+            done &= stack.enter_context(recording(record / name, dataset, _collected(settings, name))).finished()
+        missing = [index for index in tasks if index not in done]
+        arguments = (dataset.path, library, tuple(agents), reasoner, policy_model, config, seed, record)
+        for index, text in run_tasks(missing, make_work, arguments, workers):
+            judged[index] = m.JudgedTask.model_validate_json(text)
+            if out is not None:
+                append(out, text)
+            if progress:
+                progress(len(judged), len(tasks))
+    found = [judged[index] for index in tasks]
+    rng = generator(seed, dataset.info.split, 0, "plan/bootstrap")
+    result = plain({**m.summarise(found, agents, rng), **settings, "timing": m.timing(found, agents)})
+    if out is not None:
+        write_json(out / RESULT, result)
+    return result
+
+
+def make_work(
+    path: Path,
+    library: Library,
+    agents: tuple[str, ...],
+    reasoner: str,
+    policy_model: str,
+    config: PlanConfig,
+    seed: int,
+    record: Path | None,
+) -> Callable[[int], str]:
+    """What a worker does with a board's index: all agents play its task; returns JSON."""
+    dataset, loaded, model = Dataset.open(path), reasoner_of(reasoner), load_once(policy_model)
+    simulator = Simulator(library, config.render)
+    policy = policy_config(model.info, config.learned)
+    player = Player(simulator, loaded, model, policy, config.interaction, seed)
+    stored = {name: Dataset.open(record / name) for name in agents} if record else {}
+
+    def work(index: int) -> str:
+        history = read_episode(dataset.episode_path(index))
+        task = player.prepare(history, features_of(dataset, loaded.encoder, episodes=[index], workers=1)[index])
+        rollouts = []
+        for name in agents:
+            played = player.play(task, name)
+            rollouts.append(played.judged)
+            if name in stored:
+                write_episode(stored[name].episode_path(index), played.episode, "jpeg")
+        board = history.board
+        least = least_steps(start_states(board), task_of(board).goal)
+        kind = task_of(board).kind
+        return m.JudgedTask(board=index, kind=kind, least_steps=least, rollouts=tuple(rollouts)).model_dump_json()
+
+    return work
+
+
+def _tasks(dataset: Dataset, config: PlanConfig) -> list[int]:
+    """Numbers of the boards, all of which must have a task and a history."""
+    count = min(config.boards or dataset.info.boards, dataset.info.boards)
+    boards, recorded = dataset.boards(), dataset.finished()
+    for index in range(count):
+        if boards[index].task is None:
+            mend = "make a dataset with tasks: busybot generate OUT --tasks one-to-one"
+            raise BusybotError(f"{dataset.path}: board {index} has no task", mend)
+        if index not in recorded:
+            mend = f"busybot collect {dataset.path}"
+            raise BusybotError(f"{dataset.path}: board {index} has no recorded interactions", mend)
+    return list(range(count))
+
+
+def _reasoner_provenance(reasoner: str) -> dict[str, Any]:
+    """What decides what a reasoner says, without where it lies."""
+    if reasoner in REASONERS:
+        return {"name": reasoner, "config": config_class(reasoner)().model_dump(mode="json")}
+    folder = find_folder(reasoner, SHIPPED, "reason")
+    return {"name": folder.name, "sha256": file_hashes(folder)}
+
+
+def _collected(settings: dict[str, Any], agent: str) -> CollectInfo:
+    """How an agent's rollouts are recorded."""
+    config = settings["config"]
+    return CollectInfo(
+        policy=agent,
+        steps=settings["steps"],
+        strict=config["interaction"]["strict"],
+        delta=config["interaction"]["delta"],
+        seed=settings["seed"],
+        settings={name: config[name] for name in ("interaction", "render")} | {"models": settings["provenance"]},
+    )
+
+
+def _settings(
+    dataset: Dataset, agents: Sequence[str], reasoner: str, policy_model: str, config: PlanConfig, seed: int
+) -> dict[str, Any]:
+    """What is measured; two results are comparable as far as these agree."""
+    info, hashes = dataset.info, dataset.hashes()
+    origin = {"name": info.name, "split": info.split, "boards": info.boards, "seed": info.seed}
+    policy = policy_config(load_once(policy_model).info, config.learned)
+    return {
+        "names": list(agents),
+        "oracles": [name for name in agents if kind_of(name).oracle],
+        "steps": MAX_STEPS,
+        "reasoner": reasoner_of(reasoner).name,
+        "provenance": {
+            "reasoner": _reasoner_provenance(reasoner),
+            "interaction": {"model": fingerprint(policy_model), "policy": policy.model_dump(mode="json")},
+        },
+        "config": config.model_dump(mode="json"),
+        "dataset": origin | {"assets": info.assets.name, "board_hash": hashes.board, "content_hash": hashes.content},
+        "seed": seed,
+        "versions": versions(),
+    }

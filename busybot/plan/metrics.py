@@ -1,0 +1,185 @@
+"""How well agents reach goals (protocol "Planning", Table 3), from judged rollouts; imports neither torch nor sapien.
+
+Success is the share of the affectable responders that are in their goal state at the end: by the true state, and beside
+it by features, as the paper's authors judge it. Over tasks it is averaged (macro) and pooled (micro).
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+LEVEL, DRAWS = 0.95, 2000
+
+Cause = Literal[
+    "", "no candidate", "wrong relation", "wrong prediction", "physical failure", "not noticed", "not tried"
+]
+CAUSES: tuple[Cause, ...] = (
+    "no candidate",
+    "wrong relation",
+    "wrong prediction",
+    "physical failure",
+    "not noticed",
+    "not tried",
+)
+"""Why a responder is not in its goal state: nothing was offered on its link; the inferred graph lacks its relation;
+an action on its link, or one that was meant for it, changed something else than wanted; its actions changed nothing; by
+features it looked as in the goal; none of these."""
+
+
+class _Plain(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class JudgedResponder(_Plain):
+    """An affectable responder at the end of a rollout.
+
+    Attributes:
+        object: its index.
+        key: of the object.
+        kind: of the relation that drives it.
+        asked: whether the start differs from the goal here.
+        reached: it is in its goal state.
+        looks_reached: its features are those of the goal.
+        cause: why it was not reached, empty if it was.
+    """
+
+    object: int
+    key: str
+    kind: str
+    asked: bool
+    reached: bool
+    looks_reached: bool
+    cause: Cause = ""
+
+
+class JudgedRollout(_Plain):
+    """An agent on a task.
+
+    Attributes:
+        steps: actions.
+        succeeded: of these, how many changed a trigger's state.
+        stopped: the reason that the agent gave, empty if its steps were used up.
+        cpu_ms: of each decision, the one to stop included, all but simulation and rendering.
+        model_ms: of that, the interaction model's.
+        start_ms: before the first decision.
+    """
+
+    agent: str
+    steps: int
+    succeeded: int
+    stopped: str
+    responders: tuple[JudgedResponder, ...]
+    cpu_ms: tuple[float, ...] = ()
+    model_ms: tuple[float, ...] = ()
+    start_ms: float = 0.0
+
+    @property
+    def success(self) -> float:
+        """Share of affectable responders in their goal state."""
+        return sum(one.reached for one in self.responders) / max(1, len(self.responders))
+
+
+class JudgedTask(_Plain):
+    """All agents on one task.
+
+    Attributes:
+        board: its number in the dataset.
+        kind: of the task.
+        least_steps: in which it can be solved.
+    """
+
+    board: int
+    kind: str
+    least_steps: int
+    rollouts: tuple[JudgedRollout, ...]
+
+    def of(self, agent: str) -> JudgedRollout:
+        """An agent's rollout."""
+        return next(rollout for rollout in self.rollouts if rollout.agent == agent)
+
+
+def summarise(tasks: Sequence[JudgedTask], agents: Sequence[str], rng: np.random.Generator) -> dict[str, Any]:
+    """All metrics, JSON values; shares from 0 to 1, None where there is no task.
+
+    Args:
+        rng: of the intervals; tasks are drawn with replacement, the same ones for every agent.
+    """
+    chosen = rng.integers(max(1, len(tasks)), size=(DRAWS, len(tasks)))
+    rows = {agent: _row(tasks, [task.of(agent) for task in tasks], chosen) for agent in agents}
+    kinds = sorted({task.kind for task in tasks})
+    return {
+        "success": {agent: row["success"] for agent, row in rows.items()},
+        "tasks": len(tasks),
+        "kinds": {kind: sum(task.kind == kind for task in tasks) for kind in kinds},
+        "by_kind": {
+            kind: {agent: _mean([task.of(agent).success for task in tasks if task.kind == kind]) for agent in agents}
+            for kind in kinds
+        },
+        "least_steps": _mean([task.least_steps for task in tasks]),
+        "agents": rows,
+    }
+
+
+def timing(tasks: Sequence[JudgedTask], agents: Sequence[str]) -> dict[str, Any]:
+    """Processor milliseconds per decision, by agent; apart from the metrics because it differs from run to run."""
+    return {agent: _timing([task.of(agent) for task in tasks]) for agent in agents}
+
+
+def _row(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], chosen: np.ndarray) -> dict[str, Any]:
+    responders = [one for rollout in rollouts for one in rollout.responders]
+    causes = Counter(one.cause for one in responders if not one.reached)
+    success = np.array([rollout.success for rollout in rollouts])
+    looks = [_share([one.looks_reached for one in rollout.responders]) for rollout in rollouts]
+    return {
+        "success": _mean(success),
+        "interval": _interval(success, chosen),
+        "micro": _share([one.reached for one in responders]),
+        "by_features": _mean([share for share in looks if share is not None]),
+        "asked": _share([one.reached for one in responders if one.asked]),
+        "kept": _share([one.reached for one in responders if not one.asked]),
+        "solved": _share([all(one.reached for one in rollout.responders) for rollout in rollouts]),
+        "steps": _mean([rollout.steps for rollout in rollouts]),
+        "steps_more": _mean([r.steps - task.least_steps for r, task in zip(rollouts, tasks, strict=True)]),
+        "step_success": _share([True] * sum(r.succeeded for r in rollouts) + _failed_steps(rollouts)),
+        "stopped": dict(Counter(rollout.stopped or "steps used up" for rollout in rollouts).most_common(8)),
+        "failures_by_cause": {cause: causes[cause] for cause in CAUSES},
+        "by_relation": {
+            kind: _share([one.reached for one in responders if one.kind == kind])
+            for kind in sorted({one.kind for one in responders})
+        },
+    }
+
+
+def _failed_steps(rollouts: Sequence[JudgedRollout]) -> list[bool]:
+    return [False] * sum(rollout.steps - rollout.succeeded for rollout in rollouts)
+
+
+def _timing(rollouts: Sequence[JudgedRollout]) -> dict[str, float | None]:
+    everything = [value for rollout in rollouts for value in rollout.cpu_ms]
+    model = [value for rollout in rollouts for value in rollout.model_ms]
+    return {
+        "decisions": len(everything),
+        "cpu_ms": _mean(everything),
+        "cpu_ms_without_model": _mean([a - b for a, b in zip(everything, model, strict=True)]),
+        "asked_model": _share([value > 0 for value in model]),
+        "start_ms": _mean([rollout.start_ms for rollout in rollouts]),
+    }
+
+
+def _interval(values: np.ndarray, chosen: np.ndarray) -> tuple[float, float] | None:
+    """Percentile interval of the mean."""
+    if not len(values):
+        return None
+    low, high = np.quantile(values[chosen].mean(axis=1), [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return float(low), float(high)
+
+
+def _mean(values: Sequence[float] | np.ndarray) -> float | None:
+    return float(np.mean(values)) if len(values) else None
+
+
+def _share(values: Sequence[bool]) -> float | None:
+    return sum(values) / len(values) if values else None

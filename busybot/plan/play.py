@@ -1,0 +1,108 @@
+"""An agent on a board: it sees pictures as features, its acts become actions of the simulator."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from busybot.episodes.episode import Image
+from busybot.errors import BusybotError
+from busybot.plan.agent import Act, Agent, Attempt, Briefing, Contact, Situation, Stop
+from busybot.plan.contacts import Contacts
+from busybot.plan.sight import Sight
+from busybot.reason.observed import Frame
+from busybot.sim.policies import Action
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What an agent decided, and what it took.
+
+    Attributes:
+        answer: its answer.
+        offered: pixels (u, v) of the candidates that the interaction model proposed, None if it was not asked.
+        cpu_ms: processor time from the picture to the answer, the model's part in it included.
+        model_ms: of that, the interaction model's.
+    """
+
+    answer: Act | Stop
+    offered: tuple[tuple[int, int], ...] | None
+    cpu_ms: float
+    model_ms: float
+
+
+class AgentPolicy:
+    """Lets an agent act where `sim.recorder` wants a policy.
+
+    Args:
+        agent: not started yet.
+        sight: that has seen the history's first frame only.
+        oracle: whether the agent or its contacts know what only the simulator knows.
+        name: in tables; by default the agent's.
+
+    Attributes:
+        decisions: one for each action, then perhaps the one to stop.
+        start_ms: processor time that the agent took to start.
+        features: (N, 256), of the last picture.
+    """
+
+    def __init__(
+        self,
+        agent: Agent,
+        briefing: Briefing,
+        contacts: Contacts,
+        sight: Sight,
+        oracle: bool = False,
+        name: str | None = None,
+    ):
+        self.name, self.oracle = name or agent.name, oracle
+        self._agent, self._contacts, self._sight = agent, contacts, sight
+        began = time.process_time()
+        agent.start(briefing)
+        self.start_ms = _ms_since(began)
+        self.decisions: list[Decision] = []
+        self._attempts: list[Attempt] = []
+        self._image: Image | None = None
+        self.features = briefing.history.features[0]
+
+    def choose(self, image: Image, rng: np.random.Generator) -> Action | None:
+        began, asked = time.process_time(), self._contacts.proposing_s
+        if image is not self._image:
+            self._image, self.features = image, self._sight.see(Frame(image.rgb, image.depth))
+        situation = Situation(
+            features=self.features,
+            attempts=tuple(self._attempts),
+            repeats=self._contacts.repeats(image),
+            propose=lambda: self._contacts.propose(image),
+            rng=rng,
+        )
+        answer = self._agent.decide(situation)
+        proposed: tuple[Contact, ...] | None = situation.__dict__.get("candidates")
+        if (
+            isinstance(answer, Act)
+            and not self.oracle
+            and answer.contact not in (*situation.repeats, *(proposed or ()))
+        ):
+            what = f"agent {self.name} took hold of a contact that it was not offered"
+            raise BusybotError(what, "answer with one of `repeats` or `candidates` of the same situation")
+        offered = None if proposed is None else tuple(contact.pixel for contact in proposed)
+        model_ms = 1000 * (self._contacts.proposing_s - asked)
+        self.decisions.append(Decision(answer, offered, _ms_since(began), model_ms))
+        return None if isinstance(answer, Stop) else Action(answer.contact.pixel, (answer.direction,))
+
+    def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
+        answer, before, image = self.decisions[-1].answer, self.features, self._image
+        assert isinstance(answer, Act) and image is not None
+        began = time.process_time()
+        self._contacts.told(answer.contact, executed, bool(reward), image, after)
+        if after is not image:
+            self._image, self.features = after, self._sight.see(Frame(after.rgb, after.depth))
+        self._attempts.append(Attempt(answer.contact, answer.direction, executed, bool(reward), before, self.features))
+        # what is learned from an action belongs to the decision for it
+        last = self.decisions[-1]
+        self.decisions[-1] = Decision(last.answer, last.offered, last.cpu_ms + _ms_since(began), last.model_ms)
+
+
+def _ms_since(began: float) -> float:
+    """Processor time of this process since then, milliseconds."""
+    return 1000 * (time.process_time() - began)

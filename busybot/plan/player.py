@@ -1,0 +1,211 @@
+"""Agents on the task of a recorded board: who they are by name, and letting one of them play."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from busybot.boards.task import MAX_STEPS, task_of
+from busybot.episodes.episode import Episode
+from busybot.episodes.geometry import Rays
+from busybot.errors import BusybotError
+from busybot.interact.candidates import ActionModel
+from busybot.interact.memory import Memory
+from busybot.interact.policy_config import PolicyConfig
+from busybot.plan.agent import Agent, Briefing, Stop
+from busybot.plan.agents.paper import BusyBot, Predictive, Relation
+from busybot.plan.agents.search import Search
+from busybot.plan.agents.simple import Noop, Random
+from busybot.plan.briefing import brief
+from busybot.plan.contacts import LearnedContacts, memory_of, worked_in
+from busybot.plan.judge import judge
+from busybot.plan.metrics import JudgedRollout
+from busybot.plan.oracle import Oracle, TrueContacts, TrueRelations
+from busybot.plan.play import AgentPolicy, Decision
+from busybot.plan.sight import Sight
+from busybot.reason.encoders.choose import choose
+from busybot.reason.observed import Observed, observe
+from busybot.reason.reasoner import Reasoner
+from busybot.rng import generator
+from busybot.sim.interaction import InteractionConfig
+from busybot.sim.recorder import record_episode
+from busybot.sim.render import RenderConfig
+from busybot.sim.scene import BoardScene, Simulator
+
+
+class PlanConfig(BaseModel):
+    """How agents are measured.
+
+    Attributes:
+        boards: only so many tasks, the first ones; None for all.
+        learned: constants of the interaction policy that take precedence over those on the model's card.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    boards: int | None = None
+    learned: dict[str, Any] = {}
+    interaction: InteractionConfig = InteractionConfig()
+    render: RenderConfig = RenderConfig()
+
+
+MakeAgent = Callable[[Reasoner], Agent]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """An agent by name.
+
+    Attributes:
+        make: None for the oracle, which is made of the truth.
+        relations, contacts: whether it is told the true ones.
+    """
+
+    make: MakeAgent | None
+    relations: bool = False
+    contacts: bool = False
+
+    @property
+    def oracle(self) -> bool:
+        """Whether it knows what only the simulator knows."""
+        return self.relations or self.contacts
+
+
+AGENTS: dict[str, Kind] = {
+    "noop": Kind(lambda reasoner: Noop()),
+    "random": Kind(lambda reasoner: Random()),
+    "relation": Kind(Relation),
+    "predictive": Kind(Predictive),
+    "busybot": Kind(BusyBot),
+    "search": Kind(Search),
+    "search-true-relations": Kind(Search, relations=True),
+    "search-true-contacts": Kind(Search, contacts=True),
+    "search-true-both": Kind(Search, relations=True, contacts=True),
+    "oracle": Kind(None, contacts=True),
+}
+"""The rows of Table 3 and those that attribute failures."""
+
+
+def kind_of(name: str) -> Kind:
+    """The agent of that name.
+
+    Raises:
+        BusybotError: there is none.
+    """
+    if name not in AGENTS:
+        raise BusybotError(f"there is no agent {name!r}", f"choose from {', '.join(AGENTS)}")
+    return AGENTS[name]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A recorded history with a goal, read once for all agents.
+
+    Attributes:
+        edges: bool (N, N), relations that the reasoner claims.
+    """
+
+    history: Episode
+    observed: Observed
+    briefing: Briefing
+    memory: Memory
+    rays: Rays
+    edges: np.ndarray
+
+
+@dataclass(frozen=True)
+class Played:
+    """A rollout and what it came to."""
+
+    episode: Episode
+    judged: JudgedRollout
+
+
+class Player:
+    """Lets agents play in one simulator, with one pair of models.
+
+    Args:
+        reasoner: relations and predictions.
+        model: action candidates.
+        policy: constants of the candidates.
+        seed: of the agents' draws.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        reasoner: Reasoner,
+        model: ActionModel[Any],
+        policy: PolicyConfig | None = None,
+        interaction: InteractionConfig | None = None,
+        seed: int = 0,
+    ):
+        self._simulator, self._reasoner, self._model = simulator, reasoner, model
+        self._policy, self._interaction = policy or PolicyConfig(), interaction or InteractionConfig()
+        self._seed = seed
+
+    def prepare(self, history: Episode, features: np.ndarray | None = None) -> Prepared:
+        """Read a history.
+
+        Args:
+            features: of the history, (T + 1, N, 256), if they are known already.
+
+        Raises:
+            BusybotError: it has no goal or no depth.
+        """
+        briefing = brief(history, MAX_STEPS, self._reasoner.encoder, features)
+        rays = Rays(history.camera)
+        memory = memory_of(history, self._model, rays, self._policy)
+        edges = self._reasoner.graph(briefing.history).claimed(briefing.history.steps)
+        return Prepared(history, observe(history), briefing, memory, rays, edges)
+
+    def play(self, task: Prepared, agent: str | MakeAgent, name: str | None = None) -> Played:
+        """Let an agent play.
+
+        Args:
+            agent: a name of `AGENTS`, or what makes one of a reasoner.
+            name: in the result; by default that of the agent.
+        """
+        kind = kind_of(agent) if isinstance(agent, str) else Kind(agent)
+        chooser = _Chooser(self, task, kind, name or (agent if isinstance(agent, str) else None))
+        board = task.history.board
+        episode = record_episode(self._simulator, board, chooser, MAX_STEPS, self._interaction, self._seed)
+        policy = chooser.policy
+        assert policy is not None
+        episode.settings["decisions"] = [_words(decision) for decision in policy.decisions]
+        return Played(episode, judge(episode, policy, task.briefing, task.edges))
+
+    def _sight(self, task: Prepared) -> Sight:
+        return Sight(task.observed, choose(self._reasoner.encoder))
+
+    def policy(self, task: Prepared, kind: Kind, name: str | None, scene: BoardScene) -> AgentPolicy:
+        """The agent as a policy on a scene."""
+        rng = generator(self._seed, scene.spec.split, scene.spec.index, "plan/true contacts")
+        reasoner = TrueRelations(self._reasoner, scene.spec) if kind.relations else self._reasoner
+        true = TrueContacts(scene, task.rays, self._interaction, task.observed, rng)
+        learned = LearnedContacts(
+            self._model, self._policy, task.rays, task.observed, worked_in(task.history), task.memory
+        )
+        agent = kind.make(reasoner) if kind.make else Oracle(scene, task_of(scene.spec).goal, true)
+        contacts = true if kind.contacts else learned
+        return AgentPolicy(agent, task.briefing, contacts, self._sight(task), kind.oracle, name)
+
+
+class _Chooser:
+    """What `record_episode` makes its policy of."""
+
+    def __init__(self, player: Player, task: Prepared, kind: Kind, name: str | None):
+        self._player, self._task, self._kind, self._name = player, task, kind, name
+        self.name = "plan"  # the same draws whoever plays
+        self.policy: AgentPolicy | None = None
+
+    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> AgentPolicy:
+        self.policy = self._player.policy(self._task, self._kind, self._name, scene)
+        return self.policy
+
+
+def _words(decision: Decision) -> str:
+    """A decision in words."""
+    return f"stop: {decision.answer.why}" if isinstance(decision.answer, Stop) else decision.answer.why

@@ -144,7 +144,7 @@ PLANNING = Table(
         Row("bc", "behaviour cloning", "competitor", "BC"),
         Row("ppo", "PPO", "competitor", "PPO"),
         Row("random", "random actions", "trivial"),
-        Row("no-op", "doing nothing", "trivial"),
+        Row("noop", "doing nothing", "trivial"),
         Row("oracle", "oracle", "bound"),
     ),
     paper={

@@ -1,6 +1,6 @@
 """Table 3 of the protocol: who reaches a goal picture, by the commands that a user types.
 
-    python -m benchmarks.table3 --policy-model MODEL --reasoner FOLDER FOLDER FOLDER --assets DIR --work FOLDER --out FILE
+    python -m benchmarks.table3 --policy-model MODEL --reasoner FOLDER FOLDER FOLDER --work FOLDER --out FILE
 
 For each split and each kind of relations: tasks are generated, their histories recorded with the interaction model, and
 agents play them. With the first reasoner every agent plays, with the others (trained with other seeds) only those that

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any, Literal
 
+import torch
 from pydantic import BaseModel, ConfigDict, ValidationError
 from torch import Tensor
 
@@ -60,6 +61,7 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
 
 
 def _event(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
+    torch.set_num_threads(1)  # networks so small gain nothing from threads, which wait for each other on a busy machine
     from busybot.reason.event import EventReasoner
     from busybot.reason.event_config import EventConfig
     from busybot.reason.event_net import EventNet

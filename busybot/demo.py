@@ -20,8 +20,9 @@ from busybot.files import write_atomically, write_json
 from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser, load_once, policy_config
 from busybot.interact.trace import Thought, retrace
 from busybot.objects.library import find
-from busybot.reason.evaluate import evaluate_dataset
-from busybot.reason.infer import infer
+from busybot.reason.evaluate import Judging, evaluate_dataset
+from busybot.reason.foresee import believed
+from busybot.reason.infer import DEFAULT_REASONER
 from busybot.reason.result import InferredGraph
 from busybot.sim.collect import CollectConfig, collect
 from busybot.view import figures
@@ -73,11 +74,11 @@ def run_demo(
     policy = policy_config(load_once(model).info, {})
     dataset = _collect(out / "boards", seed, workers, say, assets, model)
     say("inferring which switch controls what, from pictures and actions alone")
-    result = evaluate_dataset(dataset, seed=seed, workers=1)
+    result = evaluate_dataset(dataset, Judging(DEFAULT_REASONER), seed=seed, workers=1)
     write_json(out / "relations.json", result)
     episodes = [read_episode(dataset.episode_path(index), "lazy") for index in range(BOARDS)]
     chosen = most_telling([episode.board for episode in episodes])
-    inferred = infer(episodes[chosen])
+    inferred = believed(episodes[chosen], DEFAULT_REASONER, STEPS + 1)
     say("drawing figures")
     thoughts = list(retrace(episodes[chosen], load_once(model), policy))
     pictures = _figures(out / "figures", episodes, chosen, inferred, thoughts)

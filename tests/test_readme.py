@@ -29,7 +29,7 @@ def run(command: list[str], folder: Path) -> None:
 @pytest.mark.long
 def test_commands_and_code_run(tmp_path: Path) -> None:
     commands = [line for block in blocks("sh") for line in block.splitlines()]
-    assert len(commands) == 12
+    assert len(commands) == 17
     for command in commands:
         name, *arguments = shlex.split(command)
         assert name == "busybot"

@@ -23,7 +23,7 @@ def reason(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
     model: Annotated[
         str, typer.Option(help="Who infers relations: count, pc, lookup, persistence, or a trained model.")
-    ] = "count",
+    ] = "event",
     images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
     decoders: Annotated[
         Path | None, typer.Option(help="Judge predictions by decoders trained on this training dataset, too.")
@@ -126,7 +126,7 @@ def plan(
             "truth: search-true-relations, search-true-contacts, search-true-both."
         ),
     ] = "search,busybot,predictive,relation,random,noop,oracle",
-    model: Annotated[str, typer.Option(help="Who infers and predicts: lookup, or a trained reasoner.")] = "lookup",
+    model: Annotated[str, typer.Option(help="Who infers and predicts: lookup, or a trained reasoner.")] = "event",
     policy_model: Annotated[
         str | None, typer.Option(help="Interaction model that proposes candidates: a shipped one or a folder.")
     ] = None,

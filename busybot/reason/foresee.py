@@ -12,6 +12,7 @@ import numpy as np
 from busybot.episodes.episode import Episode
 from busybot.reason.clusters import clusters_of, threshold_of
 from busybot.reason.encoders.choose import choose
+from busybot.reason.infer import GRAPHS, infer, reasoner_of
 from busybot.reason.judge import Nearest, judged_objects
 from busybot.reason.observed import observe
 from busybot.reason.reasoner import Reasoner
@@ -46,6 +47,19 @@ class Foreseen:
         """Indices of the objects that changed in the step or were expected to."""
         before = self.states[step]
         return np.flatnonzero(self.judged & ((self.expected[step] != before) | (self.states[step + 1] != before)))
+
+
+def believed(episode: Episode, model: str, images: int = 23) -> InferredGraph:
+    """What controls what, after each step of an episode, in the eyes of a model by its name or folder.
+
+    Raises:
+        BusybotError: there is no such model, or its features cannot be computed.
+    """
+    observed = observe(episode).first(images)
+    if model in GRAPHS:
+        return infer(observed, model)
+    reasoner = reasoner_of(model)
+    return reasoner.graph(sequence_of(observed, choose(reasoner.encoder).of(observed)))
 
 
 def foresee(episode: Episode, reasoner: Reasoner, images: int = 23) -> Foreseen:

@@ -36,6 +36,8 @@ def _lookup(config: LookupConfig) -> Reasoner:
     return Lookup(config=config)
 
 
+DEFAULT_REASONER = "event"
+"""The shipped model that commands use when none is named."""
 GRAPHS: dict[str, tuple[Callable[[Observed, Any], InferredGraph], type[BaseModel]]] = {
     "count": (count, CountConfig),
     "pc": (discover, PcConfig),

@@ -189,17 +189,12 @@ def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Bloc
 def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
     from busybot.interact.chooser import load_once, policy_config
     from busybot.interact.trace import retrace
-    from busybot.reason.foresee import foresee
-    from busybot.reason.infer import GRAPHS, infer, reasoner_of
+    from busybot.reason.foresee import believed
     from busybot.view.affordance_figure import affordance_figure
     from busybot.view.figures import refinement_figure
 
     episode = read_episode(shown.episode, "lazy")
-    graph = (
-        infer(episode, shown.reasoner)
-        if shown.reasoner in GRAPHS
-        else foresee(episode, reasoner_of(shown.reasoner)).graph
-    )
+    graph = believed(episode, shown.reasoner)
     growing = f"How the graph that {graph.name} infers grows with the steps; true relations are framed."
     found: dict[str, Block] = {
         "refinement": Picture(refinement_figure(figures / "refinement.png", episode, graph), growing)

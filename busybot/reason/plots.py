@@ -11,11 +11,13 @@ _NAMES = {
     "loss_of_no_change": "held out, if nothing changed",
     "right": "all steps",
     "right_changes": "steps that changed something",
+    "success": "held out",
+    "success_trained": "trained on",
 }
 
 
-def plot_fit(out: Path, name: str) -> Path:
-    """Draw `training.png` from the metrics of a training's folder: losses, and shares on held-out boards."""
+def plot_fit(out: Path, name: str, shares_are: str = "held-out steps predicted rightly") -> Path:
+    """Draw `training.png` from the metrics of a training's folder: losses, and shares, which are of what is named."""
     lines = read_metrics(out / "metrics" / f"{name}.jsonl")
     judged: list[dict[str, Any]] = [line for line in lines if line.get("validation")]
     figure, panels = new_figure(1, 2)
@@ -24,7 +26,7 @@ def plot_fit(out: Path, name: str) -> Path:
     for label in sorted({label for line in judged for label in line["validation"]}):
         points = [(line["iteration"], line["validation"].get(label)) for line in judged]
         plot_points(losses if label.startswith("loss") else shares, points, _NAMES.get(label, label))
-    for panel, title in ((losses, f"loss of the {name} model"), (shares, "held-out steps predicted rightly")):
+    for panel, title in ((losses, f"loss of the {name} model"), (shares, shares_are)):
         panel.set_title(title)
         panel.set_xlabel("iteration")
         panel.grid(alpha=0.3)

@@ -115,6 +115,65 @@ def interact(
         print_table(result)
 
 
+@app.command()
+def plan(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with tasks and histories.")],
+    agents: Annotated[
+        str,
+        typer.Option(
+            help="Comma between them: noop, random, relation, predictive, busybot, search, oracle; told a part of the "
+            "truth: search-true-relations, search-true-contacts, search-true-both."
+        ),
+    ] = "search,busybot,predictive,relation,random,noop,oracle",
+    model: Annotated[str, typer.Option(help="Who infers and predicts: lookup, or a trained reasoner.")] = "lookup",
+    policy_model: Annotated[
+        str | None, typer.Option(help="Interaction model that proposes candidates: a shipped one or a folder.")
+    ] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Only so many tasks, the first ones.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="Record the rollouts in this folder: in it a dataset for every agent.")
+    ] = None,
+    assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of PlanConfig.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """How often agents make a board look as its goal picture: at most eight steps on each task.
+
+    Shares in JSON lie between 0 and 1, in the table they are percent. CPU ms are those of a decision, the interaction
+    model's part included, simulation and rendering left out.
+    """
+    from busybot.cli.eval_plan import evaluate_agents, print_tables
+    from busybot.config import build
+    from busybot.episodes.dataset import Dataset
+    from busybot.plan.player import PlanConfig
+
+    parameters = build(PlanConfig, config, set_ or [], {"boards": boards})
+    with episode_progress("planning") as progress:
+        result = evaluate_agents(
+            Dataset.open(dataset),
+            agents,
+            model,
+            policy_model,
+            parameters,
+            assets,
+            seed,
+            workers,
+            progress,
+            out,
+            record,
+        )
+    given = {"agents": agents, "model": model, "policy-model": policy_model, "seed": seed, "boards": boards}
+    result["command"] = _command("plan", dataset, set_, config, **given)
+    if json:
+        print_json(result)
+    else:
+        print_tables(result)
+
+
 def _command(skill: str, dataset: Path, settings: list[str] | None, config: Path | None, **options: Any) -> str:
     """The command that gives the same result; options that are None or False were not given."""
     words = ["busybot", "eval", skill, str(dataset)]

@@ -174,7 +174,6 @@ class Player:
         episode = record_episode(self._simulator, board, chooser, MAX_STEPS, self._interaction, self._seed)
         policy = chooser.policy
         assert policy is not None
-        episode.goals = task.history.goals
         episode.settings["decisions"] = [_words(decision) for decision in policy.decisions]
         return Played(episode, judge(episode, policy, task.briefing, task.edges))
 

@@ -48,12 +48,12 @@ class SearchConfig:
     near: float = 0.12
     rival: float = 0.02
     unknown: float = 0.08
-    after_failure: float = 0.05
+    after_failure: float = 0.1
     undo: float = 0.2
     untried: float = 2.0
     lost: float = 4.0
     guess: float = 5.0
-    give_up: float = 60.0
+    give_up: float = 5000.0
 
 
 @dataclass(frozen=True)

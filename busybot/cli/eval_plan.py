@@ -1,0 +1,66 @@
+"""What `busybot eval plan` does and prints."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from busybot.episodes.dataset import Dataset
+    from busybot.plan.player import PlanConfig
+
+
+def evaluate_agents(
+    dataset: "Dataset",
+    agents: str,
+    model: str,
+    policy_model: str | None,
+    config: "PlanConfig",
+    assets: str | None,
+    seed: int,
+    workers: int | None,
+    progress: Callable[[int, int], None],
+    out: Path | None,
+    record: Path | None,
+) -> dict[str, Any]:
+    """Find objects, agents and models by their names and evaluate."""
+    from busybot.episodes.carried import library_of
+    from busybot.interact.chooser import DEFAULT_MODEL
+    from busybot.plan.evaluate import evaluate
+    from busybot.workers import default_workers
+
+    names = list(dict.fromkeys(name.strip() for name in agents.split(",")))
+    library, processes = library_of(dataset, assets), workers or default_workers()
+    named = policy_model or DEFAULT_MODEL
+    return evaluate(dataset, library, names, model, named, config, seed, processes, progress, out, record)
+
+
+def print_tables(result: dict[str, Any]) -> None:
+    """Success with its 95 % interval and what stands beside it, then why responders were missed."""
+    from rich.console import Console
+    from rich.table import Table
+
+    origin, console = result["dataset"], Console()
+    kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
+    title = f"{origin['name']} ({origin['split']}): {kinds} tasks, at most {result['steps']} steps"
+    table = Table(title=title, title_justify="left")
+    table.add_column("percent", no_wrap=True)
+    for name in COLUMNS:
+        table.add_column(name, justify="right", no_wrap=True)
+    for agent, row in result["agents"].items():
+        low, high = row["interval"] or (None, None)
+        shares = (row["success"], low, high, row["micro"], row["by_features"], row["solved"])
+        cpu = result["timing"][agent]["cpu_ms"]
+        steps = "-" if row["steps"] is None else f"{row['steps']:.1f}"
+        name = f"{agent} (an oracle)" if agent in result["oracles"] and agent != "oracle" else agent
+        table.add_row(name, *map(_percent, shares), steps, "-" if cpu is None else f"{cpu:.0f}")
+    console.print(table)
+    for agent, row in result["agents"].items():
+        causes = ", ".join(f"{cause} ({count})" for cause, count in row["failures_by_cause"].items() if count)
+        console.print(f"{agent} missed because of", causes or "nothing")
+
+
+COLUMNS = ("success", "from", "to", "pooled", "features", "solved", "steps", "CPU ms")
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f}"

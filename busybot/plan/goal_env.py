@@ -35,14 +35,14 @@ class GoalEnv(gymnasium.Env[Observation, np.int64]):
     Only in `info`: `success`, and `deciding` (whether the next answer counts).
 
     ## Arguments
-    `boards`: explored boards. `reset(seed=...)` decides which boards come, `reset(options={"board": i})` takes board i
-    with its objects in their own order; otherwise that is drawn, too.
+    `boards`: explored boards; `shuffle`: whether the objects come in an order that is drawn for every episode.
+    `reset(seed=...)` decides what is drawn; `reset(options={"board": i})` takes board i, its objects as they are.
     """
 
     metadata = {"render_modes": []}
 
-    def __init__(self, boards: Sequence[Explored]):
-        self._boards = boards
+    def __init__(self, boards: Sequence[Explored], shuffle: bool = False):
+        self._boards, self._shuffle = boards, shuffle
         self._rng = generator(0, "train", 0, "plan/goal env")
         boxes: dict[str, spaces.Space[Any]] = {
             name: spaces.Box(-np.inf, np.inf, shape, np.float32) for name, shape in SHAPES.items()
@@ -59,7 +59,7 @@ class GoalEnv(gymnasium.Env[Observation, np.int64]):
         chosen = (options or {}).get("board")
         if chosen is None:
             board = self._boards[int(self._rng.integers(len(self._boards)))]
-            self._rollout = Rollout(board, self._rng.permutation(OBJECTS))
+            self._rollout = Rollout(board, self._rng.permutation(OBJECTS) if self._shuffle else None)
         else:
             self._rollout = Rollout(self._boards[chosen])
         self._history, self._at = self._rollout.history(), 0
@@ -78,9 +78,10 @@ class GoalEnv(gymnasium.Env[Observation, np.int64]):
         return len(self._history["allowed"])
 
     def _observation(self) -> Observation:
-        if self._at < self._length:
-            return {name: value[self._at] for name, value in self._history.items()}
-        return self._rollout.observation()
+        looking_on = self._at < self._length
+        seen = {name: value[self._at] for name, value in self._history.items()} if looking_on else None
+        # users keep what they are given
+        return {name: value.copy() for name, value in (seen or self._rollout.observation()).items()}
 
     def _info(self) -> dict[str, Any]:
         return {"success": self._rollout.success, "deciding": self._at >= self._length}

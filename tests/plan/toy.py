@@ -138,6 +138,4 @@ class World:
 
 def two_buttons_and_a_lever() -> World:
     """Trigger 0 has two buttons for responders 2 and 3, trigger 1 a lever for responder 4; 5 is not controlled."""
-    return World(
-        [Link(0, 2, (10, 10)), Link(0, 3, (40, 10), state=1), Link(1, 4, (200, 50), state=1, states=3)], 2, 4
-    )
+    return World([Link(0, 2, (10, 10)), Link(0, 3, (40, 10), state=1), Link(1, 4, (200, 50), state=1, states=3)], 2, 4)

@@ -48,7 +48,8 @@ class BcLearner:
         """One step of the optimizer."""
         config, rng = self.config, generator(self.seed, "train", iteration, "plan/bc")
         chosen = [self.boards[index] for index in rng.integers(len(self.boards), size=config.batch)]
-        shown = [demonstrate(board, rng, rng.permutation(OBJECTS), config.noise) for board in chosen]
+        orders = [rng.permutation(OBJECTS) if config.shuffle else None for _ in chosen]
+        shown = [demonstrate(*one, rng, config.noise) for one in zip(chosen, orders, strict=True)]
         rate = config.rate(iteration)
         for group in self.optimizer.param_groups:
             group["lr"] = rate
@@ -68,7 +69,7 @@ class BcLearner:
         figures = success_of(self.network, self.boards, self.held_out)
         if self.held_out:
             rng = generator(self.seed, "train", 0, "plan/bc/judge")
-            shown = [demonstrate(board, rng) for board in self.held_out]
+            shown = [demonstrate(board, None, rng) for board in self.held_out]
             figures["loss"] = float(imitation_loss(self.network, shown))
         return figures
 
@@ -85,9 +86,7 @@ Shown = tuple[Observation, np.ndarray]
 """A rollout's observations, and bool (D, 25): what was right at each of the D decisions at its end."""
 
 
-def demonstrate(
-    board: Explored, rng: np.random.Generator, order: np.ndarray | None = None, noise: float = 0.0
-) -> Shown:
+def demonstrate(board: Explored, order: np.ndarray | None, rng: np.random.Generator, noise: float = 0.0) -> Shown:
     """The oracle plays.
 
     Args:

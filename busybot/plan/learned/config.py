@@ -26,6 +26,7 @@ class _Common(_Plain):
         minutes: the training ends after so much time, those of interrupted runs counted as far as they are kept.
         learning_rate: at first; it falls linearly to zero.
         clip: greatest norm of a gradient.
+        shuffle: whether objects come in another order in every rollout, so that boards cannot be told by it.
         explore: how boards are explored.
     """
 
@@ -33,6 +34,7 @@ class _Common(_Plain):
     minutes: Positive = 45.0
     learning_rate: Positive
     clip: Positive
+    shuffle: bool = True
     net: NetConfig = NetConfig()
     explore: ExploreConfig = ExploreConfig()
 
@@ -52,8 +54,8 @@ class BcConfig(_Common):
     """
 
     agent: Literal["bc"] = "bc"
-    iterations: Annotated[int, Field(ge=0)] = 4000
-    learning_rate: Positive = 1e-3
+    iterations: Annotated[int, Field(ge=0)] = 8000
+    learning_rate: Positive = 2e-3
     clip: Positive = 1.0
     batch: Count = 32
     weight_decay: Weight = 1e-3

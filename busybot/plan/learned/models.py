@@ -1,5 +1,6 @@
 """Trained policies: a folder with `weights.safetensors` and `model.json`, which says what they are."""
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -43,8 +44,10 @@ def save_policy(folder: Path, info: PolicyInfo, tensors: dict[str, Tensor]) -> N
     write_json(folder / INFO_FILE, info.model_dump(mode="json"))
 
 
+@lru_cache(maxsize=4)
 def load_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, PolicyNetwork]:
-    """A shipped policy by its name, or any by its folder (a training's folder stands for its final model).
+    """A shipped policy by its name, or any by its folder (a training's folder stands for its final model);
+    loaded once in a process.
 
     Args:
         agent: that it must be of.

@@ -106,7 +106,7 @@ def _recurrent_ppo(config: PpoConfig, boards: Sequence[Explored]) -> Any:
 
     return RecurrentPPO(
         GoalPolicy,
-        DummyVecEnv([lambda: GoalEnv(boards)] * config.envs),
+        DummyVecEnv([lambda: GoalEnv(boards, config.shuffle)] * config.envs),
         learning_rate=config.learning_rate,
         n_steps=config.steps,
         batch_size=config.batch,

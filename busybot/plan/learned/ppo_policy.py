@@ -20,8 +20,9 @@ class GoalPolicy(RecurrentActorCriticPolicy):
         sizes = {"net_arch": [], "lstm_hidden_size": net.hidden, "shared_lstm": True, "enable_critic_lstm": False}
         super().__init__(observation_space, action_space, lr_schedule, **sizes, ortho_init=False, **others)
         self.network = PolicyNetwork(net)
-        # RecurrentPPO asks this one for its size
-        self.lstm_actor = self.network.lstm
+        # RecurrentPPO asks this one for its size; it is no part of its own, so that there is one copy of the weights
+        del self.lstm_actor
+        self.__dict__["lstm_actor"] = self.network.lstm
         self.action_net, self.value_net = nn.Identity(), nn.Linear(net.hidden, 1)
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
 

@@ -47,19 +47,28 @@ def print_tables(result: dict[str, Any]) -> None:
     for name in COLUMNS:
         table.add_column(name, justify="right", no_wrap=True)
     for agent, row in result["agents"].items():
-        low, high = row["interval"] or (None, None)
-        shares = (row["success"], low, high, row["micro"], row["by_features"], row["solved"])
+        interval = "-".join(f"{100 * end:.0f}" for end in row["interval"] or ())
+        shares = (row["micro"], row["by_features"], row["solved"])
         cpu = result["timing"][agent]["cpu_ms"]
         steps = "-" if row["steps"] is None else f"{row['steps']:.1f}"
-        name = f"{agent} (an oracle)" if agent in result["oracles"] and agent != "oracle" else agent
-        table.add_row(name, *map(_percent, shares), steps, "-" if cpu is None else f"{cpu:.0f}")
+        name = f"{agent}*" if agent in result["oracles"] else agent
+        cells = (
+            _percent(row["success"]),
+            interval,
+            *map(_percent, shares),
+            steps,
+            "-" if cpu is None else f"{cpu:.0f}",
+        )
+        table.add_row(name, *cells)
+    if result["oracles"]:
+        table.caption = "* knows what only the simulator knows"
     console.print(table)
     for agent, row in result["agents"].items():
         causes = ", ".join(f"{cause} ({count})" for cause, count in row["failures_by_cause"].items() if count)
         console.print(f"{agent} missed because of", causes or "nothing")
 
 
-COLUMNS = ("success", "from", "to", "pooled", "features", "solved", "steps", "CPU ms")
+COLUMNS = ("success", "95 %", "pooled", "looks", "solved", "steps", "CPU ms")
 
 
 def _percent(share: float | None) -> str:

@@ -7,11 +7,15 @@ from busybot.episodes.dataset_info import CollectInfo
 from busybot.episodes.salvage import SALVAGED
 from busybot.episodes.tables import Rows
 
+ENDED = "ended"
+"""Among the settings of an episode that its policy ended before its last step: {"of": steps that it might have had}."""
+
 
 def faults_of(rows: Rows, index: int, board_digest: str | None, collect: CollectInfo | None) -> list[str]:
     """What speaks against it, nothing if it belongs there.
 
-    An episode that was saved in part may have fewer steps than the collection, if it says so.
+    An episode that was saved in part, or that its policy ended, may have fewer steps than the collection if it says
+    so.
 
     Args:
         rows: of the episode, as `tables.episode_rows` returns them.
@@ -30,11 +34,21 @@ def faults_of(rows: Rows, index: int, board_digest: str | None, collect: Collect
         for name, value in pairs
         if episode[name] is not None and episode[name] != value
     ]
-    partial = json.loads(episode["settings"]).get(SALVAGED)
-    recorded = partial.get("of") if isinstance(partial, dict) else episode["steps"]
-    if recorded != collect.steps or episode["steps"] > collect.steps:
+    if _possible_steps(episode["steps"], json.loads(episode["settings"])) != collect.steps:
         faults.append(f"it has {episode['steps']} steps, the dataset says {collect.steps}")
     return faults
+
+
+def _possible_steps(steps: int, settings: dict[str, Any]) -> int:
+    """How many steps an episode with so many might have had, by its own account; -1 if that contradicts itself."""
+    for name in (SALVAGED, ENDED):
+        said = settings.get(name)
+        if isinstance(said, dict):
+            of = said.get("of")
+            if not isinstance(of, int) or of < steps:
+                return -1
+            steps = of
+    return steps
 
 
 def is_partial(settings: dict[str, Any]) -> bool:

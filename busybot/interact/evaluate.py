@@ -4,22 +4,19 @@ The boards alone are needed: every evaluation acts on them anew. The result of a
 and the seed, so an evaluation that was stopped goes on where it was (`evaluate_folder`).
 """
 
-import platform
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from busybot import __version__
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
 from busybot.episodes.mcap_file import write_episode
 from busybot.files import write_json
 from busybot.interact import metrics as m
-from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording
+from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
 from busybot.interact.judge import judge
 from busybot.objects.library import Library
 from busybot.rng import generator
@@ -164,9 +161,5 @@ def _settings(
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "seed": info.seed},
         "seed": seed,
-        "versions": {
-            "busybot": __version__,
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("numpy", "sapien", "torch")},
-        },
+        "versions": versions(),
     }

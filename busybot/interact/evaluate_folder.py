@@ -7,13 +7,16 @@ result.json         all metrics, when every board is judged
 
 import json
 import os
+import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from busybot import __version__
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
 from busybot.errors import BusybotError
@@ -47,6 +50,12 @@ def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
         what = f"{out}: an evaluation with other settings was begun there: {', '.join(differing)} differ"
         raise BusybotError(what, "name another folder, or repeat the command with which it was begun")
     return dict(_judged_lines(out / BOARDS, kind))
+
+
+def versions() -> dict[str, str]:
+    """Of what results depend on."""
+    packages = {name: version(name) for name in ("numpy", "sapien", "torch")}
+    return {"busybot": __version__, "python": platform.python_version(), **packages}
 
 
 def plain(values: dict[str, Any]) -> dict[str, Any]:

@@ -4,14 +4,11 @@ The result of a task depends on the board, its history, the models and the seed,
 on where it was (`interact.evaluate_folder`). Processor times differ from run to run and stand apart, under `timing`.
 """
 
-import platform
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from busybot import __version__
 from busybot.boards.task import MAX_STEPS, least_steps, start_states, task_of
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
@@ -19,7 +16,7 @@ from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.errors import BusybotError
 from busybot.files import write_json
 from busybot.interact.chooser import fingerprint, load_once, policy_config
-from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording
+from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
 from busybot.plan.learned.models import SHIPPED as POLICIES
@@ -64,12 +61,12 @@ def evaluate(
         BusybotError: the dataset has no tasks or histories, there is no such agent or model, `out` or `record` hold
             something else, or a worker is at fault.
     """
-    tasks = _tasks(dataset, config)
     for agent in agents:
         kind_of(agent)
     names = [name_of(agent) for agent in agents]
     if len(set(names)) < len(names):
         raise BusybotError("an agent is named twice", "evaluate its models one after the other")
+    tasks = _tasks(dataset, config)
     settings = _settings(dataset, agents, reasoner, policy_model, config, seed)
     features_of(dataset, reasoner_of(reasoner).encoder, episodes=tasks, workers=workers)
     judged = begin(out, settings, m.JudgedTask) if out is not None else {}
@@ -190,9 +187,5 @@ def _settings(
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "board_hash": hashes.board, "content_hash": hashes.content},
         "seed": seed,
-        "versions": {
-            "busybot": __version__,
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("numpy", "sapien", "torch")},
-        },
+        "versions": versions(),
     }

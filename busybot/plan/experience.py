@@ -34,6 +34,10 @@ class Looks:
         self.known.append(look)
         return len(self.known) - 1
 
+    def nearest(self, look: np.ndarray) -> int:
+        """Number of the known look that is nearest to a predicted one."""
+        return int(np.argmin([np.linalg.norm(look - other) for other in self.known]))
+
     def _least(self) -> float:
         """Least distance of two known looks, 0 if there are not two."""
         looks = np.array(self.known)

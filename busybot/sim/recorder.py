@@ -14,6 +14,7 @@ import numpy as np
 
 from busybot import __version__
 from busybot.boards.spec import BoardSpec
+from busybot.episodes.belongs import ENDED
 from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
@@ -66,6 +67,7 @@ def record_episode(
     for _ in range(steps):
         action = policy.choose(images[-1], rng)
         if action is None:
+            episode.settings[ENDED] = {"of": steps}
             break
         grasp = grasp_at(scene, images[-1], rays, action.pixel)
         step, after = interact(scene, grasp, action.directions, config, images[-1])

@@ -11,6 +11,7 @@ from busybot.reason.result import InferredGraph
 from busybot.view.rerun_affordance import SPACE as AFFORDANCE
 from busybot.view.rerun_foreseen import LANES
 from busybot.view.rerun_foreseen import SPACE as EXPECTED
+from busybot.view.rerun_goal import SPACE as GOAL
 from busybot.view.rerun_graph import graph_positions
 from busybot.view.rerun_replay import SPACE as SIMULATOR
 from busybot.view.rerun_series import relation_states
@@ -22,6 +23,7 @@ MARGIN = 14.0
 GRAPH_MARGIN = 44.0
 """Around the outermost nodes, graph units."""
 COLUMNS = [1, 0.95, 1.12]
+GOAL_COLUMN = 1
 LEGEND_SHARE = 0.38
 """Of a plot's width, kept free for its legend."""
 
@@ -41,15 +43,17 @@ def blueprint(
     """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
     shown = shown or Shown()
     names = [graph.name for graph in inferred]
-    upper = rrb.Horizontal(
-        camera_views(episode, shown), graph_views(episode, names), board_view(), column_shares=COLUMNS
-    )
+    upper = [camera_views(episode, shown), graph_views(episode, names), board_view()]
+    shares = [*COLUMNS]
+    if episode.goal is not None:
+        upper.insert(1, goal_view(episode))
+        shares.insert(1, GOAL_COLUMN)
     beliefs = [belief_views(episode, names)] if names else []
     parts = [signal_views(episode), *beliefs, account_views(episode, shown.foreseen)]
     lower = rrb.Horizontal(*parts, column_shares=COLUMNS if names else [1, 1])
     panel: Literal["collapsed", "hidden"] = "collapsed" if menus else "hidden"
     return rrb.Blueprint(
-        rrb.Vertical(upper, lower, row_shares=[1.6, 1]),
+        rrb.Vertical(rrb.Horizontal(*upper, column_shares=shares), lower, row_shares=[1.6, 1]),
         rrb.TopPanel(state=panel),
         rrb.BlueprintPanel(state=panel),
         rrb.SelectionPanel(state=panel),
@@ -61,7 +65,6 @@ def blueprint(
 
 def camera_views(episode: Episode, shown: Shown) -> Any:
     """The image, closely around the board, and depth behind it; in front of both what else was asked for."""
-    bounds = _bounds(*board_bounds(episode, MARGIN))
     spaces = {"camera": "Camera: boxes, action, change", "depth": "Depth"}
     if shown.affordance:
         spaces = {AFFORDANCE: "Affordance before the action: candidates, known links", **spaces}
@@ -69,11 +72,17 @@ def camera_views(episode: Episode, shown: Shown) -> Any:
         spaces = {EXPECTED: "Expected and seen: red is wrong", **spaces}
     if shown.replayed:
         spaces = {SIMULATOR: "Simulator, the step put back: violet differs", **spaces}
-    views = (
-        rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, background=BACKGROUND)
-        for origin, name in spaces.items()
-    )
-    return rrb.Tabs(*views)
+    return rrb.Tabs(*(_picture_view(episode, origin, name) for origin, name in spaces.items()))
+
+
+def goal_view(episode: Episode) -> Any:
+    """The goal, closely around the board as the camera's view."""
+    return _picture_view(episode, GOAL, "Goal: red differs still")
+
+
+def _picture_view(episode: Episode, origin: str, name: str) -> Any:
+    bounds = _bounds(*board_bounds(episode, MARGIN))
+    return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, background=BACKGROUND)
 
 
 def _bounds(low: np.ndarray, high: np.ndarray) -> rrb.VisualBounds2D:

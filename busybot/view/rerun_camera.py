@@ -1,5 +1,7 @@
 """Rerun, the camera's side: image, boxes in the roles' colours, the action, what changed, depth."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import rerun as rr
 
@@ -7,8 +9,8 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.codec import DepthScale, encode_plain, encode_rgb
 from busybot.episodes.episode import Episode, Image
 from busybot.episodes.geometry import project
-from busybot.episodes.images import EncodedImage, LazyImages
-from busybot.view.palette import ACTION, ROLES, text_on_dark
+from busybot.episodes.images import LazyImages
+from busybot.view.palette import ACTION, ROLES, Rgb, text_on_dark
 from busybot.view.scene import changed_objects, drawing_scale, object_names, visible
 
 ARROW_LENGTH = 0.6
@@ -27,16 +29,15 @@ def log_camera_frame(recording: rr.RecordingStream, episode: Episode, frame: int
 
 
 def log_image(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
-    """The RGB image, as it lies in the file where it comes from one."""
-    encoded = _encoded(episode, frame)
-    data = encode_rgb(episode.image(frame).rgb, "jpeg") if encoded is None else encoded.rgb
+    """The RGB image."""
+    recording.log("camera/image", stored_picture(episode.images, episode.frame_of[frame]))
+
+
+def stored_picture(images: Sequence[Image], index: int) -> rr.EncodedImage:
+    """The RGB of an image, as it lies in the file where it comes from one."""
+    data = images.encoded[index].rgb if isinstance(images, LazyImages) else encode_rgb(images[index].rgb, "jpeg")
     media_type = "image/png" if data[:4] == b"\x89PNG" else "image/jpeg"
-    recording.log("camera/image", rr.EncodedImage(contents=data, media_type=media_type, draw_order=-10))
-
-
-def _encoded(episode: Episode, frame: int) -> EncodedImage | None:
-    images = episode.images
-    return images.encoded[episode.frame_of[frame]] if isinstance(images, LazyImages) else None
+    return rr.EncodedImage(contents=data, media_type=media_type, draw_order=-10)
 
 
 def log_depth(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
@@ -72,11 +73,15 @@ def log_boxes(recording: rr.RecordingStream, episode: Episode, image: Image) -> 
 
 def log_changes(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
     """A second, wider box around every object that looks different after the step."""
-    image = episode.image(step + 1)
-    boxes = image.boxes[changed_objects(episode, step)].astype(float).reshape(-1, 4)
-    pixel = 1 / drawing_scale(episode)
-    mins, sizes = boxes[:, :2] - 4 * pixel, boxes[:, 2:] - boxes[:, :2] + 8 * pixel
-    recording.log("camera/changed", rr.Boxes2D(mins=mins, sizes=sizes, colors=ACTION, radii=1.6 * pixel, draw_order=20))
+    boxes = episode.image(step + 1).boxes[changed_objects(episode, step)]
+    recording.log("camera/changed", marks(episode, boxes, ACTION))
+
+
+def marks(episode: Episode, boxes: np.ndarray, color: Rgb) -> rr.Boxes2D:
+    """Frames around boxes (K, 4), a little wider than these."""
+    pixel, corners = 1 / drawing_scale(episode), boxes.astype(float).reshape(-1, 4)
+    mins, sizes = corners[:, :2] - 4 * pixel, corners[:, 2:] - corners[:, :2] + 8 * pixel
+    return rr.Boxes2D(mins=mins, sizes=sizes, colors=color, radii=1.6 * pixel, draw_order=20)
 
 
 def log_action(recording: rr.RecordingStream, episode: Episode, step: int, space: str = "camera") -> None:

@@ -24,6 +24,7 @@ from busybot.view.rerun_affordance import log_thought
 from busybot.view.rerun_board import BoardLogger
 from busybot.view.rerun_camera import log_camera_frame
 from busybot.view.rerun_foreseen import log_foreseen, log_lanes
+from busybot.view.rerun_goal import log_goal, log_remaining
 from busybot.view.rerun_graph import edge_places, log_graph
 from busybot.view.rerun_replay import log_replayed
 from busybot.view.rerun_series import (
@@ -61,6 +62,8 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
     board = BoardLogger(recording, episode)
     log_series_styles(recording)
     board.log_static()
+    if episode.goal is not None:
+        log_goal(recording, episode)
     truth = true_edges(episode.board)
     straight = edge_places(episode, [(edge.cause, edge.effect) for edge in truth])
     log_graph(recording, ["graph", "true"], episode, truth, straight, truth=True)
@@ -71,6 +74,7 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
         recording.set_time("step", sequence=frame)
         recording.set_time("time", duration=float(frame))
         log_camera_frame(recording, episode, frame)
+        log_remaining(recording, episode, frame)
         board.log_frame(frame)
         if frame == 0:
             board.log_true_relations(truth)  # their arcs start at the objects' tops, known from the first frame

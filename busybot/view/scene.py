@@ -92,7 +92,19 @@ def changed_objects(episode: Episode, step: int) -> list[int]:
     """Objects that look different after step `step` (from 0), by pixels alone."""
     if episode.frame_of[step] == episode.frame_of[step + 1]:
         return []
-    before, after = episode.image(step), episode.image(step + 1)
+    return unlike_objects(episode, episode.image(step), episode.image(step + 1))
+
+
+def remaining_responders(episode: Episode, frame: int) -> list[int]:
+    """Responders that look different in the frame and in the goal, by pixels alone; none without a goal."""
+    if episode.goal is None:
+        return []
+    unlike = unlike_objects(episode, episode.image(frame), episode.goal)
+    return [index for index in unlike if episode.board.objects[index].role == "responder"]
+
+
+def unlike_objects(episode: Episode, before: Image, after: Image) -> list[int]:
+    """Objects that look different in two images of the board, by pixels alone."""
     difference = np.abs(before.rgb.astype(np.int16) - after.rgb).max(-1) > CHANGED_TOLERANCE
     found = []
     for index in visible(after):

@@ -8,6 +8,8 @@ from pathlib import Path
 import cv2
 import pytest
 
+from busybot.episodes.mcap_file import read_episode
+
 
 def busybot(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-m", "busybot", *arguments], capture_output=True, text=True, timeout=300)
@@ -33,10 +35,28 @@ def test_from_nothing_to_episodes(tmp_path: Path) -> None:
     assert "policy 'scripted', now 'random'" in again.stderr and "mend:" in again.stderr
 
 
+def test_tasks_are_recorded_with_their_goals_by_the_learned_policy(tmp_path: Path) -> None:
+    out = str(tmp_path / "tasks")
+    refused = busybot("generate", out, "--tasks", "one-to-many", "--relations", "one-to-one")
+    assert refused.returncode == 1 and "leave relations out" in refused.stderr and not Path(out).exists()
+    made = busybot("generate", out, "--tasks", "one-to-many", "--boards", "1")
+    assert made.returncode == 0 and "1 boards with one-to-many tasks" in made.stderr, made.stderr
+    collected = busybot("collect", out, "--steps", "0", "--workers", "1", *SMALL[:4], "--json")
+    assert collected.returncode == 0, collected.stderr
+    info = json.loads(busybot("dataset", "info", out, "--json").stdout)
+    assert (info["tasks"], info["policy"], info["episodes"]) == ("one-to-many", "learned", 1)
+    assert read_episode(Path(out) / "episodes" / "000000.mcap").goal is not None
+    (tmp_path / "config.yaml").write_text("policy: scripted")
+    (Path(out) / "episodes" / "000000.mcap").unlink()
+    again = busybot("collect", out, "--steps", "0", *SMALL[:4], "--config", str(tmp_path / "config.yaml"))
+    assert again.returncode == 0, again.stderr
+    assert json.loads(busybot("dataset", "info", out, "--json").stdout)["policy"] == "scripted"
+
+
 @pytest.mark.long
 def test_recorded_frozen_and_made_again(tmp_path: Path) -> None:
     out, again = str(tmp_path / "data"), str(tmp_path / "again")
-    busybot("generate", out, "--boards", "2", "--group-size", "1", "--relations", "one-to-many")
+    busybot("generate", out, "--boards", "2", "--tasks", "one-to-many")
     collected = busybot("collect", out, "--policy", "scripted", "--workers", "1", *SMALL)
     assert collected.returncode == 0, collected.stderr
     frozen = busybot("dataset", "freeze", out, "--workers", "1", "--json")

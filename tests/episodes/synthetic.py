@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
-from busybot.boards.spec import BoardSpec, LinkRef, PlacedObject, Relation
+from busybot.boards.spec import BoardSpec, LinkRef, PlacedObject, Relation, Task
 from busybot.episodes.episode import Camera, Episode, Image, Link, Step
 
 KEYS = (
@@ -94,6 +94,16 @@ def make_episode(
         renderer={"device": "numpy", "driver": "none"},
         versions={"busybot": "0.0", "numpy": "2"},
     )
+
+
+def make_task_episode(index: int = 0, steps: int = 6) -> Episode:
+    """The same with a task: both switches in state 1."""
+    episode = make_episode(index, steps=steps)
+    links = tuple(LinkRef(object=trigger, link="link_0") for trigger in (0, 3))
+    task = Task(kind="one-to-one", links=links, goal=(1, 1))
+    background = np.full((episode.camera.height, episode.camera.width, 3), 130.0)
+    goal = _draw(episode.board, episode.camera, {0: 1, 3: 1}, background)
+    return replace(episode, board=episode.board.model_copy(update={"task": task}), goals=[goal])
 
 
 def make_real_episode(index: int = 0, steps: int = 4) -> Episode:

@@ -7,7 +7,7 @@ import pytest
 
 from busybot.episodes.compare import compare_episodes, compare_images, rule_for
 from busybot.episodes.episode import Episode, Image
-from tests.episodes.synthetic import make_episode
+from tests.episodes.synthetic import make_episode, make_task_episode
 
 
 def first_image() -> Image:
@@ -49,6 +49,15 @@ def test_equal_pictures_are_equal_in_depth_links_and_boxes_too() -> None:
 def test_equal_episodes_have_no_difference() -> None:
     difference = compare_episodes(make_episode(), make_episode())
     assert difference.nothing and difference.frames == [] and difference.holds("equal")
+
+
+def test_goals_are_compared_too() -> None:
+    episode = make_task_episode()
+    assert episode.goal is not None
+    assert compare_episodes(episode, make_task_episode()).nothing
+    for goals in ([], [brighter(episode.goal, 100, 160 * 120)]):
+        difference = compare_episodes(episode, replace(episode, goals=goals))
+        assert not difference.goal and difference.frames == [] and not difference.holds("close")
 
 
 def changed(**values: object) -> Episode:

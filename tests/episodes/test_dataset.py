@@ -69,7 +69,7 @@ def test_what_is_no_dataset_is_refused_with_the_reason(tmp_path: Path) -> None:
         Dataset.open(tmp_path)
     path = make_dataset(tmp_path / "d", finished=()).path
     for values, what in (
-        ({"schema_version": "9.0"}, "schema version 9.0; this installation reads 1.0"),
+        ({"schema_version": "9.0"}, "schema version 9.0; this installation reads 1.1"),
         ({"boards": -1}, "boards: Input should be greater"),
         ({"surprise": 1}, "surprise: Extra inputs"),
     ):

@@ -10,7 +10,7 @@ import pytest
 from busybot.episodes.digests import Digests, combine, episode_digests
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode, write_episode
-from tests.episodes.synthetic import make_episode, make_real_episode
+from tests.episodes.synthetic import make_episode, make_real_episode, make_task_episode
 
 
 def digests(episode: Episode, path: Path, images: str = "png") -> Digests:
@@ -80,6 +80,18 @@ def test_one_pixel_changes_the_content(tmp_path: Path, name: str) -> None:
     pixels[20, 20] = 1 if name != "depth" else 3.0
     after = digests(episode, tmp_path / "a.mcap")
     assert after.content != before.content and after.trace == before.trace
+
+
+def test_a_goal_counts_as_content(tmp_path: Path) -> None:
+    episode = make_task_episode()
+    whole = digests(episode, tmp_path / "a.mcap")
+    without = digests(replace(episode, goals=[]), tmp_path / "a.mcap")
+    assert episode.goal is not None
+    episode.goal.rgb[20, 20] = 1
+    other = digests(episode, tmp_path / "a.mcap")
+    assert len({whole.content, without.content, other.content}) == 3
+    assert whole.trace == without.trace == other.trace and whole.board == other.board
+    assert whole.board != digests(make_episode(), tmp_path / "a.mcap").board
 
 
 def test_missing_images_have_a_digest_of_their_own(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from busybot.episodes import mcap_topics as topics
 from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.episodes.protobuf import compressed_image_class, message_class
 from busybot.errors import BusybotError
-from tests.episodes.synthetic import make_episode
+from tests.episodes.synthetic import make_episode, make_task_episode
 from tests.episodes.tamper import rewrite
 
 
@@ -117,6 +117,24 @@ def edit_step(topic: str, data: bytes, **values: int) -> bytes:
     ],
 )
 def test_contradictions_are_refused_by_name(file: Path, what: str, edits: dict) -> None:
+    rewrite(file, **edits)
+    with pytest.raises(BusybotError, match="000000.mcap") as error:
+        read_episode(file)
+    assert what in str(error.value), error.value
+
+
+@pytest.mark.parametrize(
+    ("what", "edits"),
+    [
+        ("1 pictures on /goal/rgb", {"metadata": lambda m: {**m, "goals": "2"}}),
+        ("1 pictures on /goal/rgb", {"metadata": lambda m: {name: m[name] for name in m if name != "goals"}}),
+        ("no images on /goal/rgb", {"message": lambda t, d: None if t == topics.GOAL_RGB else d}),
+        ("ValueError", {"message": lambda t, d: None if t == topics.GOAL_BOXES else d}),
+        ("task", {"attachment": lambda n, d: d.replace(b'"goal": [1, 1]', b'"goal": [1]')}),
+    ],
+)
+def test_goals_that_do_not_fit_are_refused(file: Path, what: str, edits: dict) -> None:
+    write_episode(file, make_task_episode())
     rewrite(file, **edits)
     with pytest.raises(BusybotError, match="000000.mcap") as error:
         read_episode(file)

@@ -15,7 +15,7 @@ from busybot.episodes.images import LazyImages
 from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.episodes.mcap_records import read_records
 from busybot.errors import BusybotError
-from tests.episodes.synthetic import make_episode, make_real_episode
+from tests.episodes.synthetic import make_episode, make_real_episode, make_task_episode
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -81,6 +81,29 @@ def test_a_recording_from_elsewhere_needs_no_depth_segmentation_or_truth(tmp_pat
     assert back.images[0].depth is None and back.images[0].segmentation is None
     assert (back.images[0].boxes == -1).all()
     assert np.isnan(back.positions).all()
+
+
+@pytest.mark.parametrize("decoding", ["eager", "lazy"])
+def test_a_goal_comes_back_with_its_task(tmp_path: Path, decoding: str) -> None:
+    episode = make_task_episode()
+    write_episode(tmp_path / "e.mcap", episode, images="png")
+    back = read_episode(tmp_path / "e.mcap", decoding)  # type: ignore[arg-type]
+    same_but_images(episode, back)
+    assert back.board.task == episode.board.task and back.board.task is not None
+    assert episode.goal is not None and back.goal is not None and len(back.images) == len(episode.images)
+    for name in ("rgb", "segmentation", "boxes"):
+        np.testing.assert_array_equal(getattr(back.goal, name), getattr(episode.goal, name))
+    np.testing.assert_allclose(back.goal.depth, episode.goal.depth, atol=2.1e-5)
+    messages = read_records(tmp_path / "e.mcap").messages
+    assert all(len(messages[topic]) == 1 for topic in topics.GOAL)
+
+
+def test_without_a_goal_nothing_is_written_of_one(file: Path) -> None:
+    assert read_episode(file).goal is None and read_episode(file, images="lazy").goal is None
+    assert not read_records(file).messages.keys() & set(topics.GOAL)
+    twice = replace(make_task_episode(), goals=2 * list(make_task_episode().goals))
+    with pytest.raises(BusybotError, match="2 goal images"):
+        write_episode(file, twice)
 
 
 def test_an_episode_without_steps_or_objects_in_view_is_an_episode(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from busybot.episodes.salvage import SALVAGED, salvage
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from tests.episodes.folders import COLLECT, make_dataset
-from tests.episodes.synthetic import make_episode, make_real_episode
+from tests.episodes.synthetic import make_episode, make_real_episode, make_task_episode
 from tests.episodes.tamper import rewrite
 
 SHARES = (0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.9999)
@@ -33,15 +33,17 @@ def noisy(episode: Episode) -> Episode:
 
 def assert_beginning_of(part: Episode, whole: Episode, steps: int) -> None:
     assert part.steps == whole.steps[:steps] and part.frame_of == whole.frame_of[: steps + 1]
-    assert part.board == whole.board and part.links == whole.links
-    for mine, theirs in zip(part.images, whole.images, strict=False):
+    assert part.board == whole.board and part.links == whole.links and len(part.goals) == len(whole.goals)
+    for mine, theirs in zip(
+        [*part.images, *part.goals], [*whole.images[: len(part.images)], *whole.goals], strict=True
+    ):
         np.testing.assert_array_equal(mine.rgb, theirs.rgb)
         np.testing.assert_array_equal(mine.boxes, theirs.boxes)
         if theirs.depth is not None:
             np.testing.assert_array_equal(mine.depth, theirs.depth)
 
 
-@pytest.mark.parametrize("make", [make_episode, make_real_episode])
+@pytest.mark.parametrize("make", [make_episode, make_real_episode, make_task_episode])
 @pytest.mark.parametrize("images", ["jpeg", "png"])
 def test_of_a_cut_file_all_whole_steps_are_saved(tmp_path: Path, make, images) -> None:
     file = tmp_path / "e.mcap"
@@ -64,6 +66,25 @@ def test_of_a_cut_file_all_whole_steps_are_saved(tmp_path: Path, make, images) -
     counts = [saved[share] for share in SHARES]
     assert counts == sorted(counts) and counts[-1] == 12
     assert len({count for count in counts if 0 < count < 12}) >= 2, counts
+
+
+def test_without_its_goal_a_task_is_not_saved(tmp_path: Path) -> None:
+    """A file is cut before, within and after the goal: what is saved has a whole goal."""
+    file = tmp_path / "e.mcap"
+    episode = noisy(make_task_episode(steps=2))
+    rng = np.random.default_rng(1)
+    episode.goals = [replace(goal, rgb=rng.integers(0, 256, goal.rgb.shape, np.uint8)) for goal in episode.goals]
+    write_episode(file, episode, "png")
+    data, outcomes = file.read_bytes(), set()
+    for end in np.linspace(0, len(data), 60).astype(int):
+        try:
+            file.write_bytes(salvage(data[:end]).data)
+        except BusybotError:
+            outcomes.add("refused")
+        else:
+            assert read_episode(file).goal is not None
+            outcomes.add("saved")
+    assert outcomes == {"refused", "saved"}
 
 
 def test_a_saved_part_can_be_cut_and_saved_again(tmp_path: Path) -> None:

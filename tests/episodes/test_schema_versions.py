@@ -36,6 +36,7 @@ def test_a_dataset_of_each_version_is_read_and_sound(version: str) -> None:
         episode = read_episode(dataset.episode_path(index))
         assert len(episode.steps) == 4 and knows_truth(episode) and episode.renderer["shader"] == "busybot"
         assert episode.board == dataset.board(index)
+        assert (episode.goal is not None) == (episode.board.task is not None) == (version != "1.0")
 
 
 @pytest.mark.parametrize("version", VERSIONS)

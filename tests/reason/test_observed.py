@@ -9,8 +9,8 @@ import pytest
 from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.reason.infer import infer
-from busybot.reason.observed import Observed, acted_objects, observe
-from tests.episodes.synthetic import make_episode
+from busybot.reason.observed import Observed, acted_objects, goal_of, observe
+from tests.episodes.synthetic import make_episode, make_task_episode
 from tests.reason.scenes import Scene
 
 VISIBLE_IN_A_STEP = {"pixel", "position", "direction"}
@@ -56,11 +56,14 @@ def garbled(episode: Episode) -> Episode:
         for replacement in episode.board.objects
     )
     board = episode.board.model_copy(update={"relations": (), "objects": placed, "seed": 99, "texture": "slate"})
+    if board.task is not None:
+        board = board.model_copy(update={"task": board.task.model_copy(update={"goal": (0, 0)})})
     return replace(
         episode,
         board=board,
         links=tuple(Link(0, "other", False) for _ in episode.links),
         images=[image(number, original) for number, original in enumerate(episode.images)],
+        goals=[image(1, original) for original in episode.goals],
         steps=steps,
         policy="scripted",
         oracle=True,
@@ -86,6 +89,23 @@ def test_garbling_the_truth_changes_nothing_that_a_reasoner_sees() -> None:
     wrong = garbled(episode)
     assert same(observe(episode), observe(wrong))
     np.testing.assert_array_equal(infer(episode).probabilities, infer(wrong).probabilities)
+
+
+def test_of_a_goal_its_picture_alone_is_seen() -> None:
+    episode = make_task_episode(steps=3)
+    assert same(goal_of(episode), goal_of(garbled(episode))) and same(observe(episode), observe(garbled(episode)))
+    assert {f.name for f in fields(goal_of(episode))} == {"rgb", "depth"}  # type: ignore[arg-type]
+    assert goal_of(make_episode()) is None
+
+
+@pytest.mark.parametrize("decoding", ["eager", "lazy"])
+def test_a_goal_on_disk_shows_the_same(tmp_path: Path, decoding: str) -> None:
+    episode = make_task_episode(steps=2)
+    write_episode(tmp_path / "e.mcap", episode, "png")
+    goal = goal_of(read_episode(tmp_path / "e.mcap", decoding))  # type: ignore[arg-type]
+    assert goal is not None and episode.goal is not None
+    np.testing.assert_array_equal(goal.rgb, episode.goal.rgb)
+    np.testing.assert_allclose(goal.depth, episode.goal.depth, atol=2.1e-5)
 
 
 def test_the_comparison_above_can_fail() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from busybot.boards.task import goal_responders
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.errors import BusybotError
@@ -14,7 +15,7 @@ from busybot.reason.result import InferredGraph
 from busybot.view.rerun_graph import graph_positions, place_labels
 from busybot.view.rerun_log import save_rrd
 from busybot.view.rerun_series import relation_states, sentence
-from tests.episodes.synthetic import make_episode, make_real_episode
+from tests.episodes.synthetic import make_episode, make_real_episode, make_task_episode
 
 GUESS = InferredGraph("guess", np.zeros((6, 5, 5)))
 GUESS.probabilities[1:, 0, 1] = 0.9
@@ -63,6 +64,20 @@ def test_only_what_changed_is_logged_again(tmp_path: Path) -> None:
     path = saved(tmp_path / "e.rrd", make_episode(steps=6))
     assert len(list(rows(path, "/world/objects/toy\\ 4"))) == 1
     assert len(list(rows(path, "/world/objects/switch\\ 0"))) > 1
+
+
+def test_a_goal_is_shown_with_the_responders_that_differ_still(tmp_path: Path) -> None:
+    episode = make_task_episode(steps=6)
+    path = saved(tmp_path / "e.rrd", episode)
+    assert len(list(rows(path, "/goal/image"))) == 1
+    marked = {row["step"]: len(row["Boxes2D:half_sizes"]) for row in rows(path, "/goal/remaining")}
+    wanted = goal_responders(episode.board)
+    for k, count in marked.items():
+        step = episode.steps[max(k - 1, 0)]
+        shown = step.responder_states_after if k else step.responder_states_before
+        assert count == sum(shown[i] != wanted[i] for i in (1, 2)), k
+    assert len(set(marked.values())) > 1
+    assert not {"/goal/image", "/goal/remaining"} & entities(saved(tmp_path / "plain.rrd", make_episode()))
 
 
 def test_images_of_a_file_are_passed_on_as_they_are(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ The interaction model is asked only where the history has no contact that surely
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
 from busybot.plan.agent import NOBODY, Act, Briefing, Contact, Situation, Stop
 from busybot.plan.agents.paper import predicted
@@ -25,8 +26,7 @@ from busybot.plan.experience import Book, Experience
 from busybot.reason.reasoner import Reasoner
 
 
-@dataclass(frozen=True)
-class SearchConfig:
+class SearchConfig(BaseModel):
     """Constants of the search.
 
     Attributes:
@@ -35,6 +35,7 @@ class SearchConfig:
         near: a contact as near to an experience as this is on its link in half of the cases, board units.
         rival: how much nearer the right link's experiences must be than another link's to tell them apart, board units.
         unknown: least distance from all experiences of a contact that may be on an unknown link, board units.
+        least_share: contacts that are less probably on a link are none of its contacts.
         after_failure: factor on the probability of what has failed.
         undo: extra cost of a step that was only seen in the other sense.
         untried: cost of what follows something untried where the look of the goal was never seen.
@@ -43,11 +44,14 @@ class SearchConfig:
         give_up: nothing that costs more is tried.
     """
 
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
     sure: float = 0.98
     moved: float = 0.6
     near: float = 0.12
     rival: float = 0.02
     unknown: float = 0.08
+    least_share: float = 0.2
     after_failure: float = 0.1
     undo: float = 0.2
     untried: float = 2.0
@@ -66,6 +70,16 @@ class Choice:
     belief: float
     cost: float
     why: str
+
+
+@dataclass(frozen=True)
+class _View:
+    """What there is to choose from: features (N, 256), contacts with the distances of `Book.nearest`, looks."""
+
+    features: np.ndarray
+    contacts: tuple[Contact, ...]
+    nears: list[dict[int, float]]
+    looks: dict[int, int]
 
 
 class Search:
@@ -103,37 +117,27 @@ class Search:
         self, situation: Situation, contacts: tuple[Contact, ...], differing: list[int], looks: dict[int, int]
     ) -> Choice | None:
         """The cheapest choice for any of the responders."""
+        view = _View(situation.features, contacts, [self._book.nearest(contact) for contact in contacts], looks)
         found: list[Choice] = []
-        nears = [self._book.nearest(contact) for contact in contacts]
         for responder in differing:
             known = any(lesson.responder == responder for lesson in self._book.lessons)
-            make = self._on_its_link if known else self._on_unknown_links
-            found += make(situation, contacts, nears, responder, looks)
+            found += self._on_its_link(view, responder) if known else self._on_unknown_links(view, responder)
         return min(found, key=lambda choice: choice.cost, default=None)
 
-    def _on_its_link(
-        self,
-        situation: Situation,
-        contacts: tuple[Contact, ...],
-        nears: list[dict[int, float]],
-        responder: int,
-        looks: dict[int, int],
-    ) -> list[Choice]:
+    def _on_its_link(self, view: "_View", responder: int) -> list[Choice]:
         """Choices at contacts that are probably on the link of a responder."""
         mine = [
             (contact, share)
-            for contact, near in zip(contacts, nears, strict=True)
-            if (share := self._share(near, responder)) > 0.2
+            for contact, near in zip(view.contacts, view.nears, strict=True)
+            if (share := self._share(near, responder)) > self._config.least_share
         ]
-        if not mine:
-            return []
-        look, costs = looks[responder], self._costs(responder)
+        look, costs = view.looks[responder], self._costs(responder)
         pairs = [(contact, direction) for contact, _ in mine for direction in contact.choices]
         shares = [share for _, share in mine for _ in range(2)]
         lessons = [self._book.seen(contact, direction, responder, look) for contact, direction in pairs]
-        expected = self._expected(situation, pairs, lessons, responder)
+        expected = self._expected(view, pairs, lessons, responder)
         return [
-            self._choice(*pair, responder, share, looks, lesson, after, costs)
+            self._choice(*pair, responder, share, look, lesson, after, costs)
             for pair, share, lesson, after in zip(pairs, shares, lessons, expected, strict=True)
         ]
 
@@ -143,12 +147,12 @@ class Search:
         direction: int,
         responder: int,
         share: float,
-        looks: dict[int, int],
+        look: int,
         lesson: Experience | None,
         after: int,
         costs: dict[int, float],
     ) -> Choice:
-        config, look = self._config, looks[responder]
+        config = self._config
         if lesson is not None:
             belief, why = config.sure, f"as in {lesson.name}"
         else:
@@ -166,14 +170,10 @@ class Search:
         return Choice(contact, direction, responder, belief, cost, text)
 
     def _expected(
-        self,
-        situation: Situation,
-        pairs: list[tuple[Contact, int]],
-        lessons: list[Experience | None],
-        responder: int,
+        self, view: "_View", pairs: list[tuple[Contact, int]], lessons: list[Experience | None], responder: int
     ) -> list[int]:
         """The look that follows each choice: seen, else concluded from the opposite direction, else predicted."""
-        look = self._book.looks[responder].number(situation.features[responder])
+        look = view.looks[responder]
         after = [NOBODY] * len(pairs)
         for number, ((contact, direction), lesson) in enumerate(zip(pairs, lessons, strict=True)):
             turned = self._book.turned(contact, direction, responder, look)
@@ -181,9 +181,9 @@ class Search:
         unknown = [number for number, known in enumerate(after) if known == NOBODY]
         if unknown:
             asked = [pairs[number] for number in unknown]
-            features = predicted(self._reasoner, self._briefing, situation.features, asked)
+            features = predicted(self._reasoner, self._briefing, view.features, asked)
             for number, row in zip(unknown, features[:, responder], strict=True):
-                after[number] = self._book.looks[responder].number(row)
+                after[number] = self._book.looks[responder].nearest(row)
         return after
 
     def _share(self, near: dict[int, float], responder: int) -> float:
@@ -207,25 +207,18 @@ class Search:
                     costs[start] = min(costs.get(start, np.inf), cost + costs[end])
         return costs
 
-    def _on_unknown_links(
-        self,
-        situation: Situation,
-        contacts: tuple[Contact, ...],
-        nears: list[dict[int, float]],
-        responder: int,
-        looks: dict[int, int],
-    ) -> list[Choice]:
+    def _on_unknown_links(self, view: "_View", responder: int) -> list[Choice]:
         """Choices at contacts far from all experiences, if nothing is known to change the responder."""
         found = []
         triggers = np.flatnonzero(self._edges[:, responder])
-        for contact, near in zip(contacts, nears, strict=True):
+        for contact, near in zip(view.contacts, view.nears, strict=True):
             if min(near.values(), default=np.inf) < self._config.unknown or contact.step >= 0:
                 continue
             if len(triggers) and contact.trigger not in triggers:
                 continue
             for direction in contact.choices:
                 belief = contact.score * self._config.after_failure ** self._book.failed(
-                    contact, direction, responder, looks[responder]
+                    contact, direction, responder, view.looks[responder]
                 )
                 why = f"nothing is known to change object {responder}; a link of which nothing is known"
                 cost = 1 / max(belief, 1e-6) + self._config.guess

@@ -1,0 +1,168 @@
+"""Agents on tasks of procedural objects: measured, continued, recorded; and their failures' causes."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
+from busybot.episodes.create import create_dataset
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.verify import verify
+from busybot.errors import BusybotError
+from busybot.files import read_json
+from busybot.interact.chooser import load_once
+from busybot.interact.evaluate_folder import BOARDS, RESULT
+from busybot.objects.library import find
+from busybot.plan.agent import Act, Briefing, Contact, Situation, Stop
+from busybot.plan.agents.simple import Noop
+from busybot.plan.evaluate import evaluate
+from busybot.plan.player import PlanConfig, Player, Prepared
+from busybot.reason.baselines import Persistence
+from busybot.reason.lookup import Lookup
+from busybot.reason.reasoner import Reasoner
+from busybot.sim.collect import CollectConfig, collect
+from busybot.sim.interaction import InteractionConfig
+from busybot.sim.policies import BuiltIn
+from busybot.sim.recorder import record_episode
+from busybot.sim.render import RenderConfig
+from busybot.sim.scene import Simulator
+
+AGENTS = ["search", "noop", "oracle"]
+MODEL = "procedural"
+BOARDS_CONFIG = BoardConfig(boards=2, split="novel-object", tasks="one-to-many", seed=5)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    """Two tasks with histories of 16 scripted actions."""
+    path = tmp_path_factory.mktemp("tasks") / "data"
+    library = find("procedural")
+    found = create_dataset(path, BOARDS_CONFIG, library)
+    collect(found, library, CollectConfig(policy="scripted", steps=16), workers=1)
+    return found
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Simulator:
+    return Simulator(find("procedural"), RenderConfig())
+
+
+@pytest.fixture(scope="module")
+def player(simulator: Simulator) -> Player:
+    return Player(simulator, Lookup(), load_once(MODEL))
+
+
+@pytest.fixture(scope="module")
+def task(simulator: Simulator, player: Player) -> Prepared:
+    board = next(iter(generate_boards(BOARDS_CONFIG, simulator.library)))
+    return player.prepare(record_episode(simulator, board, BuiltIn("scripted"), 16, InteractionConfig(), 0))
+
+
+def run(dataset: Dataset, agents: list[str] = AGENTS, boards: int | None = None, **more: Any) -> dict[str, Any]:
+    return evaluate(dataset, find("procedural"), agents, "lookup", MODEL, PlanConfig(boards=boards), **more)
+
+
+def without_times(result: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in result.items() if key != "timing"}
+
+
+@pytest.mark.long
+def test_agents_are_measured_and_a_stopped_measurement_goes_on(dataset: Dataset, tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    result = run(dataset, out=tmp_path / "whole", progress=lambda *two: told.append(two))
+    assert read_json(tmp_path / "whole" / RESULT) == result and told == [(1, 2), (2, 2)]
+    assert result["success"]["oracle"] == 1.0 and result["success"]["noop"] < result["success"]["search"]
+    assert result["agents"]["noop"]["steps"] == 0 and result["agents"]["noop"]["asked"] == 0
+    assert result["oracles"] == ["oracle"] and result["provenance"]["interaction"]["model"]["sha256"]
+    lines = (tmp_path / "whole" / BOARDS).read_text().splitlines(keepends=True)
+    (tmp_path / "part").mkdir()
+    for name, text in (("settings.json", (tmp_path / "whole" / "settings.json").read_text()), (BOARDS, lines[0])):
+        (tmp_path / "part" / name).write_text(text)
+    told.clear()
+    again = run(dataset, out=tmp_path / "part", progress=lambda *two: told.append(two))
+    assert without_times(again) == without_times(result) and told == [(2, 2)]
+    with pytest.raises(BusybotError, match="names, oracles differ|names differ"):
+        run(dataset, agents=["noop"], out=tmp_path / "part")
+
+
+@pytest.mark.long
+def test_rollouts_can_be_recorded(dataset: Dataset, tmp_path: Path) -> None:
+    result = run(dataset, agents=["search", "noop"], boards=1, record=tmp_path / "rollouts")
+    for name in ("search", "noop"):
+        recorded = Dataset.open(tmp_path / "rollouts" / name)
+        assert recorded.finished() == {0} and verify(recorded.path).ok
+        episode = read_episode(recorded.episode_path(0))
+        assert len(episode.steps) == result["agents"][name]["steps"] and episode.policy == name
+        assert episode.goal is not None and episode.settings["decisions"][-1].startswith("stop: ")
+
+
+def test_what_cannot_be_measured_is_refused(tmp_path: Path) -> None:
+    library = find("procedural")
+    bare = create_dataset(tmp_path / "bare", BoardConfig(boards=1), library)
+    with pytest.raises(BusybotError, match="no agent 'mcts'"):
+        run(bare, agents=["mcts"])
+    with pytest.raises(BusybotError, match="board 0 has no task"):
+        run(bare)
+    tasks = create_dataset(tmp_path / "tasks", BoardConfig(boards=1, tasks="one-to-one"), library)
+    with pytest.raises(BusybotError, match="no recorded interactions"):
+        run(tasks)
+
+
+def test_search_with_the_truth_solves_what_search_may_not(player: Player, task: Prepared) -> None:
+    both = player.play(task, "search-true-both")
+    assert both.judged.success == 1.0 and both.episode.oracle
+    again = player.play(task, "search-true-both").judged
+    assert again.responders == both.judged.responders and again.stopped == both.judged.stopped
+
+
+class Stranger(Noop):
+    """Takes hold of something of its own."""
+
+    def __init__(self, reasoner: Reasoner):
+        pass
+
+    def decide(self, situation: Situation) -> Act | Stop:
+        mine = situation.candidates[0]
+        return Act(Contact(**{name: getattr(mine, name) for name in mine.__dataclass_fields__}), 0)
+
+
+def test_only_what_was_offered_can_be_held(player: Player, task: Prepared) -> None:
+    with pytest.raises(BusybotError, match="was not offered"):
+        player.play(task, Stranger)
+
+
+class Stubborn(Noop):
+    """Takes hold of what moves least, for the first responder that differs."""
+
+    name = "stubborn"
+
+    def __init__(self, reasoner: Reasoner):
+        pass
+
+    def start(self, briefing: Briefing) -> None:
+        self._briefing = briefing
+
+    def decide(self, situation: Situation) -> Act | Stop:
+        differing = self._briefing.differing(situation.features)
+        worst = min(situation.candidates, key=lambda contact: contact.score)
+        return Act(worst, worst.choices[0], "out of spite", int(differing[0]))
+
+
+def test_causes_of_failures(player: Player, task: Prepared) -> None:
+    idle = {one.cause for one in player.play(task, "noop").judged.responders if not one.reached}
+    assert idle == {"not tried"}
+    spite = player.play(task, Stubborn).judged
+    assert spite.steps == 8 and {one.cause for one in spite.responders if not one.reached} <= {
+        "physical failure", "wrong prediction", "not tried", "no candidate",
+    }  # fmt: skip
+
+
+def test_a_missing_relation_is_told(simulator: Simulator, task: Prepared) -> None:
+    blind = Player(simulator, Persistence(), load_once(MODEL))
+    prepared = blind.prepare(task.history)
+    judged = blind.play(prepared, "busybot").judged
+    assert judged.steps == 0 and "known to control" in judged.stopped
+    assert {one.cause for one in judged.responders if not one.reached} == {"wrong relation"}

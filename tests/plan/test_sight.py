@@ -1,0 +1,22 @@
+"""Features of pictures one by one are those of the recorded episode."""
+
+from pathlib import Path
+
+import numpy as np
+
+from busybot.episodes.dataset import Dataset
+from busybot.episodes.mcap_file import read_episode
+from busybot.plan.sight import Sight
+from busybot.reason.encoders.choose import choose
+from busybot.reason.observed import observe
+
+
+def test_pictures_one_by_one_give_the_features_of_the_episode(tiny: Path) -> None:
+    dataset, chosen = Dataset.open(tiny), choose("embedded")
+    for index in (0, 5):
+        observed = observe(read_episode(dataset.episode_path(index)))
+        together = chosen.of(observed)
+        sight = Sight(observed, chosen)
+        frames = [sight.see(observed.frame(number)) for number in range(len(observed.image_of))]
+        np.testing.assert_array_equal(np.stack(frames), together.astype(np.float32))
+        assert np.ptp(together.astype(float), axis=0).max() > 0.5  # something changed

@@ -11,13 +11,11 @@ _NAMES = {
     "loss_of_no_change": "held out, if nothing changed",
     "right": "all steps",
     "right_changes": "steps that changed something",
-    "success": "held out",
-    "success_trained": "trained on",
 }
 
 
-def plot_fit(out: Path, name: str, shares_are: str = "held-out steps predicted rightly") -> Path:
-    """Draw `training.png` from the metrics of a training's folder: losses, and shares, which are of what is named."""
+def plot_fit(out: Path, name: str) -> Path:
+    """Draw `training.png` from the metrics of a training's folder: losses, and shares on held-out boards."""
     lines = read_metrics(out / "metrics" / f"{name}.jsonl")
     judged: list[dict[str, Any]] = [line for line in lines if line.get("validation")]
     figure, panels = new_figure(1, 2)
@@ -26,7 +24,7 @@ def plot_fit(out: Path, name: str, shares_are: str = "held-out steps predicted r
     for label in sorted({label for line in judged for label in line["validation"]}):
         points = [(line["iteration"], line["validation"].get(label)) for line in judged]
         plot_points(losses if label.startswith("loss") else shares, points, _NAMES.get(label, label))
-    for panel, title in ((losses, f"loss of the {name} model"), (shares, shares_are)):
+    for panel, title in ((losses, f"loss of the {name} model"), (shares, "held-out steps predicted rightly")):
         panel.set_title(title)
         panel.set_xlabel("iteration")
         panel.grid(alpha=0.3)

@@ -81,7 +81,8 @@ def test_demonstrations_with_noise_hold_mistakes_and_what_would_have_been_right(
 
 def test_bc_learns_to_reach_goals_and_plays_as_it_learned() -> None:
     boards = buttons(([0, 1],))
-    config = BcConfig(iterations=60, batch=8, learning_rate=1e-2, shuffle=False, net=NET)
+    net = NetConfig(looks=8, objects=16, token=32, hidden=32, choices=32)
+    config = BcConfig(iterations=80, batch=8, learning_rate=1e-2, shuffle=False, net=net)
     student = BcLearner(config, boards, [], 0)
     losses = [student.iterate(iteration)[0] for iteration in range(config.iterations)]
     assert np.mean(losses[-5:]) < 0.3 * np.mean(losses[:5])

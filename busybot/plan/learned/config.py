@@ -79,7 +79,7 @@ class PpoConfig(_Common):
     """
 
     agent: Literal["ppo"] = "ppo"
-    iterations: Annotated[int, Field(ge=0)] = 1500
+    iterations: Annotated[int, Field(ge=0)] = 1300
     learning_rate: Positive = 5e-4
     clip: Positive = 0.5
     envs: Count = 16

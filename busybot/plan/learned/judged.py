@@ -12,5 +12,5 @@ SHOWN = 64
 def success_of(network: PolicyNetwork, boards: Sequence[Explored], held_out: Sequence[Explored]) -> dict[str, float]:
     """Mean success at the end of a task, on boards that are trained on and on those that are held out."""
     network.eval()
-    found = {"success_trained": float(play(network, boards[:SHOWN]).mean())}
+    found = {"success_seen": float(play(network, boards[:SHOWN]).mean())}
     return found | ({"success": float(play(network, held_out).mean())} if held_out else {})

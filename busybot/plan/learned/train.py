@@ -28,10 +28,10 @@ from busybot.plan.learned.config import BcConfig, PpoConfig
 from busybot.plan.learned.explore import explored_boards
 from busybot.plan.learned.explored import Explored
 from busybot.plan.learned.models import PolicyInfo, save_policy
+from busybot.plan.learned.plots import plot_training
 from busybot.plan.learned.ppo import PpoLearner, check_installed
 from busybot.reason.baselines import Persistence
 from busybot.reason.fit import fit
-from busybot.reason.plots import plot_fit
 from busybot.reason.recorded import groups_apart
 from busybot.reason.train import origin_of
 from busybot.training.model_folder import INFO_FILE, read_info
@@ -85,7 +85,7 @@ def train_policy(
     boards, held_out = _apart(found, config.loop.held_out, seed)
     learner = make_learner(config, boards, held_out, seed)
     figures = fit(learner, out, config.loop)
-    plot_fit(out, learner.name, "success on tasks")
+    plot_training(out, config.agent)
     budget = _budget(found, learner, figures)
     write_json(out / BUDGET, budget)
     training = {

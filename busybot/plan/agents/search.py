@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from busybot.interact.beliefs import sigmoid
 from busybot.plan.agent import NOBODY, Act, Briefing, Contact, Situation, Stop
 from busybot.plan.agents.paper import predicted
 from busybot.plan.agents.simple import NO_CANDIDATE, REACHED
@@ -32,9 +33,10 @@ class SearchConfig(BaseModel):
     Attributes:
         sure: a seen change repeats itself with this probability.
         moved: a contact of the history works with this probability when its link rests elsewhere than then.
-        near: a contact as near to an experience as this is on its link in half of the cases, board units.
+        near: a contact so near to an experience is on its link in half of the cases, board units.
         rival: how much nearer the right link's experiences must be than another link's to tell them apart, board units.
-        unknown: least distance from all experiences of a contact that may be on an unknown link, board units.
+        unknown: a contact so far from all experiences is on an unknown link in half of the cases, board units.
+        steep: how sharply these two are told apart, board units.
         least_share: contacts that are less probably on a link are none of its contacts.
         after_failure: factor on the probability of what has failed.
         undo: extra cost of a step that was only seen in the other sense.
@@ -51,13 +53,14 @@ class SearchConfig(BaseModel):
     near: float = 0.12
     rival: float = 0.02
     unknown: float = 0.08
+    steep: float = 0.02
     least_share: float = 0.2
     after_failure: float = 0.1
     undo: float = 0.2
     untried: float = 2.0
     lost: float = 4.0
     guess: float = 5.0
-    give_up: float = 5000.0
+    give_up: float = 1e5
 
 
 @dataclass(frozen=True)
@@ -192,9 +195,8 @@ class Search:
         other = min((distance for index, distance in near.items() if index != responder), default=np.inf)
         if not np.isfinite(own):
             return 0.0
-        close = 1 / (1 + np.exp(np.clip((own - self._config.near) / (self._config.near / 4), -30, 30)))
-        closer = 1 / (1 + np.exp(np.clip((own - other) / self._config.rival, -30, 30)))
-        return float(close * closer)
+        close = _sigmoid(4 * (1 - own / self._config.near))
+        return close * _sigmoid((other - own) / self._config.rival)
 
     def _costs(self, responder: int) -> dict[int, float]:
         """Steps from each look of a responder to the one of the goal, over known changes and their reverses."""
@@ -212,18 +214,20 @@ class Search:
         found = []
         triggers = np.flatnonzero(self._edges[:, responder])
         for contact, near in zip(view.contacts, view.nears, strict=True):
-            if min(near.values(), default=np.inf) < self._config.unknown or contact.step >= 0:
+            if contact.step >= 0 or (len(triggers) and contact.trigger not in triggers):
                 continue
-            if len(triggers) and contact.trigger not in triggers:
-                continue
+            share = _sigmoid((min(near.values(), default=np.inf) - self._config.unknown) / self._config.steep)
             for direction in contact.choices:
-                belief = contact.score * self._config.after_failure ** self._book.failed(
-                    contact, direction, responder, view.looks[responder]
-                )
+                failures = self._book.failed(contact, direction, responder, view.looks[responder])
+                belief = share * contact.score * self._config.after_failure**failures
                 why = f"nothing is known to change object {responder}; a link of which nothing is known"
                 cost = 1 / max(belief, 1e-6) + self._config.guess
                 found.append(Choice(contact, direction, responder, belief, cost, why))
         return found
+
+
+def _sigmoid(value: float) -> float:
+    return float(sigmoid(np.asarray(value)))
 
 
 def _names(objects: list[int]) -> str:

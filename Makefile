@@ -55,7 +55,7 @@ lock: setup
 # Built packages only, for the platform that the set-up knows; with and without CUDA, and the extras.
 check-resolve: setup
 	@for version in 3.11 3.12 3.13; do \
-		for input in requirements/lock.txt "pyproject.toml --extra dev --extra cluster --extra causal"; do \
+		for input in requirements/lock.txt "pyproject.toml --extra dev --extra cluster --extra causal --extra baselines"; do \
 			$(UV_COMPILE) --no-header --only-binary :all: --python-version $$version \
 				--python-platform x86_64-manylinux_2_36 $$input > .resolved.txt || exit 1; \
 			echo "Python $$version: $$input: $$(wc -l < .resolved.txt) packages resolve"; \

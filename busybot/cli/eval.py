@@ -122,8 +122,9 @@ def plan(
     agents: Annotated[
         str,
         typer.Option(
-            help="Comma between them: noop, random, relation, predictive, busybot, search, oracle; told a part of the "
-            "truth: search-true-relations, search-true-contacts, search-true-both."
+            help="Comma between them: noop, random, relation, predictive, busybot, search, oracle; trained ones with "
+            "their folders: bc=DIR, ppo=DIR; told a part of the truth: search-true-relations, search-true-contacts, "
+            "search-true-both."
         ),
     ] = "search,busybot,predictive,relation,random,noop,oracle",
     model: Annotated[str, typer.Option(help="Who infers and predicts: lookup, or a trained reasoner.")] = "event",

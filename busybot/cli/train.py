@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from busybot.cli import train_reason
+from busybot.cli import train_plan, train_reason
 from busybot.cli.common import CONTEXT, JsonOption, SeedOption, WorkersOption, episode_progress, print_json, say
 from busybot.errors import BusybotError
 
@@ -22,6 +22,8 @@ def _root() -> None:
 
 
 reason = app.command()(train_reason.reason)
+bc = app.command()(train_plan.bc)
+ppo = app.command()(train_plan.ppo)
 
 
 @app.command()

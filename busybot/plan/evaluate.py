@@ -19,7 +19,8 @@ from busybot.interact.chooser import fingerprint, load_once, policy_config
 from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
-from busybot.plan.player import PlanConfig, Player, kind_of
+from busybot.plan.learned.models import SHIPPED as POLICIES
+from busybot.plan.player import TRAINED, PlanConfig, Player, kind_of, name_of
 from busybot.reason.features import features_of
 from busybot.reason.infer import REASONERS, config_class, reasoner_of
 from busybot.reason.models import SHIPPED
@@ -49,7 +50,7 @@ def evaluate(
 
     Args:
         dataset: with tasks and recorded histories.
-        agents: names of `player.AGENTS`.
+        agents: as `player.kind_of` takes them.
         reasoner: one without training by its name, or a trained model's name or folder.
         policy_model: interaction model, whose candidates agents choose from.
         seed: of the agents' draws.
@@ -60,15 +61,18 @@ def evaluate(
         BusybotError: the dataset has no tasks or histories, there is no such agent or model, `out` or `record` hold
             something else, or a worker is at fault.
     """
-    for name in agents:
-        kind_of(name)
+    for agent in agents:
+        kind_of(agent)
+    names = [name_of(agent) for agent in agents]
+    if len(set(names)) < len(names):
+        raise BusybotError("an agent is named twice", "evaluate its models one after the other")
     tasks = _tasks(dataset, config)
     settings = _settings(dataset, agents, reasoner, policy_model, config, seed)
     features_of(dataset, reasoner_of(reasoner).encoder, episodes=tasks, workers=workers)
     judged = begin(out, settings, m.JudgedTask) if out is not None else {}
     with ExitStack() as stack:
         done = set(judged)
-        for name in agents if record is not None else ():
+        for name in names if record is not None else ():
             assert record is not None
             done &= stack.enter_context(recording(record / name, dataset, _collected(settings, name))).finished()
         missing = [index for index in tasks if index not in done]
@@ -81,7 +85,7 @@ def evaluate(
                 progress(len(judged), len(tasks))
     found = [judged[index] for index in tasks]
     rng = generator(seed, dataset.info.split, 0, "plan/bootstrap")
-    result = plain({**m.summarise(found, agents, rng), **settings, "timing": m.timing(found, agents)})
+    result = plain({**m.summarise(found, names, rng), **settings, "timing": m.timing(found, names)})
     if out is not None:
         write_json(out / RESULT, result)
     return result
@@ -102,16 +106,16 @@ def make_work(
     simulator = Simulator(library, config.render)
     policy = policy_config(model.info, config.learned)
     player = Player(simulator, loaded, model, policy, config.interaction, seed)
-    stored = {name: Dataset.open(record / name) for name in agents} if record else {}
+    stored = {name: Dataset.open(record / name) for name in map(name_of, agents)} if record else {}
 
     def work(index: int) -> str:
         history = read_episode(dataset.episode_path(index))
         task = player.prepare(history, features_of(dataset, loaded.encoder, episodes=[index], workers=1)[index])
         rollouts = []
-        for name in agents:
-            played = player.play(task, name)
+        for agent in agents:
+            played = player.play(task, agent)
             rollouts.append(played.judged)
-            if name in stored:
+            if (name := name_of(agent)) in stored:
                 write_episode(stored[name].episode_path(index), played.episode, "jpeg")
         board = history.board
         least = least_steps(start_states(board), task_of(board).goal)
@@ -143,6 +147,13 @@ def _reasoner_provenance(reasoner: str) -> dict[str, Any]:
     return {"name": folder.name, "sha256": file_hashes(folder)}
 
 
+def _policy_provenance(agent: str) -> dict[str, Any]:
+    """What decides what a trained agent does, without where it lies."""
+    name, _, model = agent.partition("=")
+    folder = find_folder(model, POLICIES, name)
+    return {"name": folder.name, "sha256": file_hashes(folder)}
+
+
 def _collected(settings: dict[str, Any], agent: str) -> CollectInfo:
     """How an agent's rollouts are recorded."""
     config = settings["config"]
@@ -164,12 +175,13 @@ def _settings(
     origin = {"name": info.name, "split": info.split, "boards": info.boards, "seed": info.seed}
     policy = policy_config(load_once(policy_model).info, config.learned)
     return {
-        "names": list(agents),
-        "oracles": [name for name in agents if kind_of(name).oracle],
+        "names": [name_of(agent) for agent in agents],
+        "oracles": [agent for agent in agents if kind_of(agent).oracle],
         "steps": MAX_STEPS,
         "reasoner": reasoner_of(reasoner).name,
         "provenance": {
             "reasoner": _reasoner_provenance(reasoner),
+            "agents": {name_of(agent): _policy_provenance(agent) for agent in agents if name_of(agent) in TRAINED},
             "interaction": {"model": fingerprint(policy_model), "policy": policy.model_dump(mode="json")},
         },
         "config": config.model_dump(mode="json"),

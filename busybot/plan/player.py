@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,14 @@ from busybot.interact.candidates import ActionModel
 from busybot.interact.memory import Memory
 from busybot.interact.policy_config import PolicyConfig
 from busybot.plan.agent import Agent, Briefing, Stop
+from busybot.plan.agents.learned import learned
 from busybot.plan.agents.paper import BusyBot, Predictive, Relation
 from busybot.plan.agents.search import Search
 from busybot.plan.agents.simple import Noop, Random
 from busybot.plan.briefing import brief
 from busybot.plan.contacts import LearnedContacts, memory_of, worked_in
 from busybot.plan.judge import judge
+from busybot.plan.learned.models import Name, load_policy
 from busybot.plan.metrics import JudgedRollout
 from busybot.plan.oracle import Oracle, TrueContacts, TrueRelations
 from busybot.plan.play import AgentPolicy, Decision
@@ -85,17 +88,32 @@ AGENTS: dict[str, Kind] = {
     "search-true-both": Kind(Search, relations=True, contacts=True),
     "oracle": Kind(None, contacts=True),
 }
-"""The rows of Table 3 and those that attribute failures."""
+"""The rows of Table 3 and those that attribute failures; trained agents are named with their models (`kind_of`)."""
+TRAINED: tuple[Name, ...] = ("bc", "ppo")
 
 
-def kind_of(name: str) -> Kind:
-    """The agent of that name.
+def name_of(agent: str) -> str:
+    """An agent's name in tables: `bc` of `bc=runs/bc`."""
+    return agent.partition("=")[0]
+
+
+def kind_of(agent: str) -> Kind:
+    """The agent of that name; of those in `TRAINED`, with its model: `bc=runs/bc`.
 
     Raises:
-        BusybotError: there is none.
+        BusybotError: there is none, or there is no such model.
     """
-    if name not in AGENTS:
-        raise BusybotError(f"there is no agent {name!r}", f"choose from {', '.join(AGENTS)}")
+    name, given, model = agent.partition("=")
+    for trained in TRAINED:
+        if name == trained:
+            if not model:
+                what = f"agent {name} plays a trained policy, none was named"
+                raise BusybotError(what, f"--agents {name}=DIR; `busybot train {name} --out DIR` makes one")
+            load_policy(model, trained)
+            return Kind(partial(learned, trained, model))
+    if name not in AGENTS or given:
+        known = ", ".join([*AGENTS, *(f"{trained}=DIR" for trained in TRAINED)])
+        raise BusybotError(f"there is no agent {agent!r}", f"choose from {known}")
     return AGENTS[name]
 
 
@@ -165,11 +183,11 @@ class Player:
         """Let an agent play.
 
         Args:
-            agent: a name of `AGENTS`, or what makes one of a reasoner.
+            agent: as `kind_of` takes it, or what makes one of a reasoner.
             name: in the result; by default that of the agent.
         """
         kind = kind_of(agent) if isinstance(agent, str) else Kind(agent)
-        chooser = _Chooser(self, task, kind, name or (agent if isinstance(agent, str) else None))
+        chooser = _Chooser(self, task, kind, name or (name_of(agent) if isinstance(agent, str) else None))
         board = task.history.board
         episode = record_episode(self._simulator, board, chooser, MAX_STEPS, self._interaction, self._seed)
         policy = chooser.policy

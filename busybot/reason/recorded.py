@@ -58,12 +58,22 @@ def held_apart(
         for episode in found:
             board = boards[episode]
             group_of[number, episode] = (board.seed, board.split, board.appearance_group)
-    groups = sorted(set(group_of.values()))
-    if not groups:
+    if not group_of:
         raise BusybotError("no board has an episode to train on", "busybot collect DATASET")
-    order = generator(seed, "train", 0, "reason/held out").permutation(len(groups))
-    count = math.ceil(share * len(groups)) if len(groups) > 1 else 0
-    held: set[Any] = {groups[place] for place in order[:count]}
+    held = groups_apart(set(group_of.values()), share, seed, "reason/held out")
     train = tuple(place for place, group in group_of.items() if group not in held)
     judge = tuple(place for place, group in group_of.items() if group in held)
     return Recorded(known, train[:most]), Recorded(known, judge)
+
+
+def groups_apart(groups: set[Any], share: float, seed: int, purpose: str) -> set[Any]:
+    """The groups that are held out.
+
+    Args:
+        share: of them, rounded up; 0 for none. Of a single group none is.
+        purpose: of the draw.
+    """
+    known = sorted(groups)
+    order = generator(seed, "train", 0, purpose).permutation(len(known))
+    count = math.ceil(share * len(known)) if len(known) > 1 else 0
+    return {known[place] for place in order[:count]}

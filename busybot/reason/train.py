@@ -49,7 +49,7 @@ def train_reason(
         BusybotError: the folder holds another training, or a dataset cannot be trained on.
     """
     datasets = [Dataset.open(path) for path in data]
-    origin = [_origin(dataset) for dataset in datasets]
+    origin = [origin_of(dataset) for dataset in datasets]
     begin_folder(out, config, seed, data=origin)
     if (out / "model" / INFO_FILE).exists():
         return read_info(out / "model", ModelInfo)
@@ -91,8 +91,8 @@ def make_learner(config: Config, boards: Recorded, held_out: Recorded, seed: int
     return EventLearner(config, boards, held_out, seed)
 
 
-def _origin(dataset: Dataset) -> dict[str, Any]:
-    """What a training depends on, wherever the dataset lies."""
+def origin_of(dataset: Dataset) -> dict[str, Any]:
+    """What a training depends on, wherever the dataset lies; BusybotError if nothing is recorded in it."""
     if not dataset.finished():
         raise BusybotError(f"{dataset.path}: no board has an episode", f"busybot collect {dataset.path}")
     hashes = dataset.hashes()

@@ -1,0 +1,72 @@
+"""`bc` and `ppo`: a network chooses (paper appendix "Planning module"). Both see the same and differ in their training.
+
+The choice with the highest score is taken.
+"""
+
+import torch
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.errors import BusybotError
+from busybot.plan.agent import Act, Briefing, Situation, Stop
+from busybot.plan.agents.simple import NO_CANDIDATE
+from busybot.plan.learned.encoding import OBJECTS, STOP, Deed, Encoder, Observation, offer, stacked
+from busybot.plan.learned.models import Name, load_policy
+from busybot.plan.learned.network import PolicyNetwork, State, rows_of
+from busybot.reason.reasoner import Reasoner
+
+
+class Learned:
+    """An agent that plays a trained policy.
+
+    Args:
+        name: of the agent.
+    """
+
+    def __init__(self, name: str, network: PolicyNetwork):
+        self.name, self._network = name, network
+        self._state: State | None = None
+        self._encoder: Encoder | None = None
+
+    def start(self, briefing: Briefing) -> None:
+        self._encoder = self._state = None
+        if len(briefing.history.triggers) <= OBJECTS:
+            self._encoder = Encoder(briefing)
+            self._read(self._encoder.history())
+
+    def decide(self, situation: Situation) -> Act | Stop:
+        if self._encoder is None:
+            return Stop(f"the board has more than {OBJECTS} objects, for which there is no place in the network")
+        offered, choices = offer(situation.candidates)
+        if not choices:
+            return Stop(NO_CANDIDATE)
+        last = situation.attempts[-1] if situation.attempts else None
+        deed = None
+        if last is not None:
+            direction = DIRECTIONS[last.executed[-1] if last.reward else last.direction]
+            deed = Deed(last.contact.position, direction, last.contact.trigger, last.reward)
+        before = situation.features if last is None else last.before
+        scores = self._read(stacked([self._encoder.seen(situation.features, before, deed, offered)]))
+        chances = scores.softmax(dim=0)
+        chosen = int(scores.argmax())
+        why = f"chosen with {float(chances[chosen]):.0%}"
+        return Stop(why) if chosen == STOP else Act(*choices[chosen - 1], why)
+
+    @torch.no_grad()
+    def _read(self, row: Observation) -> torch.Tensor:
+        """Go on reading; returns the scores after the last observation, (25,)."""
+        seen, lengths = rows_of([row])
+        hidden, self._state = self._network.read(seen, lengths, self._state)
+        return self._network.scores(hidden[-1, 0], {name: value[-1, 0] for name, value in seen.items()})
+
+
+def learned(agent: Name, path: str, reasoner: Reasoner) -> Learned:
+    """The agent of a trained policy.
+
+    Raises:
+        BusybotError: there is no such policy, or it reads other features than the reasoner.
+    """
+    info, network = load_policy(path, agent)
+    if info.encoder != reasoner.encoder:
+        what = f"{path}: agent {agent} reads features of {info.encoder}, the reasoner those of {reasoner.encoder}"
+        raise BusybotError(what, "choose a reasoner of the same encoder")
+    return Learned(agent, network)

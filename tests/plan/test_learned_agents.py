@@ -1,0 +1,238 @@
+"""Networks, their trainings, and the agents that play them."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from busybot.errors import BusybotError
+from busybot.plan.agents.learned import Learned, learned
+from busybot.plan.learned.bc import BcLearner, demonstrate
+from busybot.plan.learned.config import BcConfig, PpoConfig
+from busybot.plan.learned.encoding import STOP
+from busybot.plan.learned.models import PolicyInfo, load_policy, save_policy
+from busybot.plan.learned.network import NetConfig, PolicyNetwork, as_tensors, play, rows_of
+from busybot.plan.learned.ppo import PpoLearner
+from busybot.plan.learned.practice import Rollout
+from busybot.plan.learned.train import make_learner
+from busybot.plan.player import kind_of, name_of
+from busybot.reason.baselines import Persistence
+from busybot.reason.fit import Learner, fit
+from busybot.reason.loop_config import LoopConfig
+from busybot.rng import generator
+from tests.plan.practice import ACTIONS, buttons, toys, two_buttons
+from tests.plan.toy import Link, World, two_buttons_and_a_lever
+
+NET = NetConfig(looks=4, objects=8, token=16, hidden=16, choices=8)
+LOOP = LoopConfig(judge=2, report=1, patience=0)
+BC = BcConfig(iterations=6, batch=4, net=NET, loop=LOOP)
+PPO = PpoConfig(iterations=4, envs=2, steps=30, batch=30, epochs=2, shuffle=False, net=NET, loop=LOOP)
+
+
+def sb3_or_skip() -> None:
+    pytest.importorskip("sb3_contrib", reason="sb3-contrib is not installed (extra `baselines`)")
+
+
+def network(seed: int = 0) -> PolicyNetwork:
+    torch.manual_seed(seed)
+    return PolicyNetwork(NET)
+
+
+def weights(of: Learner) -> dict[str, Tensor]:
+    return {name: value.clone() for name, value in of.network.state_dict().items()}
+
+
+def equal(one: dict[str, Tensor], other: dict[str, Tensor]) -> bool:
+    return one.keys() == other.keys() and all(torch.equal(one[name], other[name]) for name in one)
+
+
+def test_read_at_once_or_one_by_one_is_the_same_whatever_stands_beside() -> None:
+    rng, net = generator(0, "", 0, "test"), network()
+    rows = [demonstrate(board, None, rng)[0] for board in toys(3)]
+    rows[1] = {name: value[:4] for name, value in rows[1].items()}
+    seen, lengths = rows_of(rows)
+    together, _ = net.read(seen, lengths)
+    for place, row in enumerate(rows):
+        state = None
+        for step in range(len(row["allowed"])):
+            one, once = rows_of([{name: value[step : step + 1] for name, value in row.items()}])
+            hidden, state = net.read(one, once, state)
+            assert torch.allclose(hidden[0, 0], together[step, place], atol=1e-6)
+
+
+def test_what_is_no_choice_is_never_chosen() -> None:
+    seen = as_tensors(Rollout(toys(1)[0]).observation())
+    chances = network().scores(torch.randn(16, generator=torch.Generator().manual_seed(0)), seen).softmax(dim=0)
+    assert (chances[seen["allowed"] == 0] == 0).all() and (chances[seen["allowed"] == 1] > 0).all()
+    assert (seen["allowed"] == 1).sum() == 7
+
+
+def test_demonstrations_with_noise_hold_mistakes_and_what_would_have_been_right() -> None:
+    board, rng = toys(1)[0], generator(0, "", 0, "test")
+    lengths = [len(demonstrate(board, None, rng, noise)[1]) for noise in (0, 0, 0.5, 0.5, 0.5)]
+    assert lengths[:2] == [4, 4] and max(lengths[2:]) > 4
+    for _, right in (demonstrate(board, None, rng, 0.5) for _ in range(5)):
+        assert right.any(axis=1).all()
+
+
+def test_bc_learns_to_reach_goals_and_plays_as_it_learned() -> None:
+    boards = buttons(([0, 1],))
+    net = NetConfig(looks=8, objects=16, token=32, hidden=32, choices=32)
+    config = BcConfig(iterations=80, batch=8, learning_rate=1e-2, shuffle=False, net=net)
+    student = BcLearner(config, boards, [], 0)
+    losses = [student.iterate(iteration)[0] for iteration in range(config.iterations)]
+    assert np.mean(losses[-5:]) < 0.3 * np.mean(losses[:5])
+    assert play(student.network, boards).tolist() == [1]
+    world = two_buttons()
+    acts, stop = world.play(Learned("bc", student.network.eval()), boards[0].briefing)
+    assert world.states() == [0, 1] and stop is not None and "chosen with" in stop.why
+    assert len(acts) == 1 and "%" in acts[0].why
+
+
+@pytest.mark.parametrize("config", [BC, PPO], ids=["bc", "ppo"])
+def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, config: BcConfig | PpoConfig) -> None:
+    if isinstance(config, PpoConfig):
+        sb3_or_skip()
+    boards = toys(4)
+    whole, killed, resumed = (make_learner(config, boards[:3], boards[3:], 0) for _ in range(3))
+    fit(whole, tmp_path / "whole", config.loop)
+    iterate = killed.iterate
+
+    def dies(iteration: int) -> tuple[float, float]:
+        if iteration == 3:
+            raise KeyboardInterrupt
+        return iterate(iteration)
+
+    killed.iterate = dies  # type: ignore[method-assign]
+    with pytest.raises(KeyboardInterrupt):
+        fit(killed, tmp_path / "killed", config.loop)
+    figures = fit(resumed, tmp_path / "killed", config.loop)
+    assert figures["iterations"] == config.iterations
+    assert equal(weights(whole), weights(resumed))
+    assert resumed.budget.seconds > 0
+    lines = (tmp_path / "killed" / "metrics" / f"{config.agent}.jsonl").read_text()
+    assert lines == (tmp_path / "whole" / "metrics" / f"{config.agent}.jsonl").read_text()
+    assert 0 <= json.loads(lines.splitlines()[-1])["validation"]["success"] <= 1
+
+
+def test_a_training_ends_when_its_time_is_spent(tmp_path: Path) -> None:
+    student = BcLearner(BC.model_copy(update={"minutes": 1e-6}), toys(2), [], 0)
+    assert fit(student, tmp_path, LOOP)["iterations"] == 1
+
+
+def test_ppo_plays_the_same_after_its_export(tmp_path: Path) -> None:
+    sb3_or_skip()
+    boards = toys(4)
+    student = PpoLearner(PPO, boards, [], 0)
+    student.iterate(0)
+    save_policy(tmp_path, PolicyInfo(agent="ppo", encoder="embedded", net=NET), student.policy.state_dict())
+    alone = load_policy(tmp_path, "ppo")[1]
+    policy = student._model.policy
+    row = demonstrate(boards[0], None, generator(0, "", 0, "test"))[0]
+    seen, lengths = rows_of([row])
+    scores = alone.scores(alone.read(seen, lengths)[0][:, 0], as_tensors(row))
+    zeros = torch.zeros(1, 1, NET.hidden)
+    state, starts = (zeros, zeros), torch.tensor([1.0] + [0.0] * (len(scores) - 1))
+    theirs = policy.get_distribution(as_tensors(row), state, starts)[0].distribution.probs
+    assert torch.allclose(scores.softmax(dim=1), theirs, atol=1e-6)
+    assert (alone.scores(torch.zeros(1, 16), as_tensors({k: v[-1:] for k, v in row.items()})) < 1e9).all()
+
+
+def test_ppo_earns_more_with_practice() -> None:
+    sb3_or_skip()
+    sizes = {
+        "iterations": 15,
+        "envs": 8,
+        "steps": 48,
+        "batch": 96,
+        "epochs": 4,
+        "learning_rate": 1e-2,
+        "shuffle": False,
+    }
+    boards = buttons(([1, 1],))
+    student = PpoLearner(PPO.model_copy(update=sizes), boards, [], 0)
+    for iteration in range(15):
+        student.iterate(iteration)
+    assert play(student.policy, boards).tolist() == [1]
+
+
+def test_without_sb3_ppo_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+    with pytest.raises(BusybotError, match="sb3-contrib is not installed"):
+        PpoLearner(PPO, toys(1), [], 0)
+
+
+class Watched(PolicyNetwork):
+    """Remembers what it reads."""
+
+    def __init__(self) -> None:
+        super().__init__(NET)
+        self.seen: list[dict[str, Tensor]] = []
+
+    def read(self, seen, lengths, state=None):  # type: ignore[no-untyped-def]
+        self.seen.append(seen)
+        return super().read(seen, lengths, state)
+
+
+def test_an_agent_sees_on_a_board_what_it_saw_in_training() -> None:
+    torch.manual_seed(0)
+    world, net = two_buttons_and_a_lever(), Watched()
+    acts, _ = world.play(Learned("bc", net), world.briefing(ACTIONS, [1, 0, 2]))
+    practised = Rollout(toys(1)[0])
+    expected = [as_tensors(practised.history())]
+    choices = {
+        (number, one): 1 + 2 * number + k for number in range(3) for k, one in enumerate(world.contact(number).choices)
+    }
+    places = [link.pixel for link in world.links]
+    for act in acts:
+        expected.append({name: value[None] for name, value in as_tensors(practised.observation()).items()})
+        practised.act(choices[places.index(act.contact.pixel), act.direction])
+    assert len(acts) > 1 and len(net.seen) >= len(expected)
+    for theirs, ours in zip(net.seen, expected, strict=False):
+        for name, value in ours.items():
+            assert torch.allclose(theirs[name][:, 0], value, atol=2e-3), name
+
+
+def test_an_agent_that_cannot_go_on_says_so() -> None:
+    nothing = World([], 1, 1)
+    _, stop = nothing.play(Learned("bc", network()), nothing.briefing([], []))
+    assert stop is not None and "no candidate" in stop.why
+    crowd = World([Link(0, 1, (10, 10))], 1, 10)
+    _, stop = crowd.play(Learned("bc", network()), crowd.briefing([(0, 0)], [1]))
+    assert stop is not None and "more than 10 objects" in stop.why
+
+
+def test_agents_are_named_with_their_models(tmp_path: Path) -> None:
+    save_policy(tmp_path / "a", PolicyInfo(agent="bc", encoder="embedded", net=NET), network().state_dict())
+    make = kind_of(f"bc={tmp_path / 'a'}").make
+    assert make is not None and make(Persistence()).name == "bc" and name_of("bc=runs/bc") == "bc"
+    for agent, problem in (
+        ("bc", "none was named"),
+        (f"ppo={tmp_path / 'a'}", "a policy of agent bc"),
+        (f"bc={tmp_path / 'b'}", "no model of that name"),
+        ("search=x", "no agent 'search=x'"),
+    ):
+        with pytest.raises(BusybotError, match=problem):
+            kind_of(agent)
+
+
+def test_a_policy_of_other_features_is_refused(tmp_path: Path) -> None:
+    save_policy(tmp_path, PolicyInfo(agent="bc", encoder="random", net=NET), network().state_dict())
+    with pytest.raises(BusybotError, match="reads features of random"):
+        learned("bc", str(tmp_path), Persistence())
+    (tmp_path / "weights.safetensors").write_bytes(b"x")
+    load_policy.cache_clear()
+    with pytest.raises(BusybotError, match="damaged"):
+        load_policy(tmp_path, "bc")
+
+
+def test_a_policy_stops_where_it_prefers_to() -> None:
+    net = network()
+    with torch.no_grad():
+        net.stop[2].bias.fill_(1e3)
+    assert play(net, toys(2)).tolist() == [float(board.graph.success[0]) for board in toys(2)]
+    assert STOP == 0

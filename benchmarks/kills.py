@@ -40,7 +40,7 @@ BUSYBOT = [sys.executable, "-m", "busybot"]
 SMALL = ["--set", "render.width=160", "--set", "render.height=120"]
 COLLECT = ["collect", "{}", "--policy", "scripted", "--steps", "4", "--workers", "2", *SMALL]
 BOARDS = 8
-ROUNDS = "[{boards: 1, steps: 4, position: 20, direction: 20}, {boards: 1, steps: 4, position: 20, direction: 20}]"
+ROUNDS = "[{boards: 2, steps: 6, position: 20, direction: 20}, {boards: 2, steps: 6, position: 20, direction: 20}]"
 PARAMETERS = ("validation=0", "members=2", "position.checkpoint=5", "direction.checkpoint=5", f"rounds={ROUNDS}")
 SMALL_TRAINING = [word for parameter in PARAMETERS for word in ("--set", parameter)]
 TRAIN = ["train", "interact", "--out", "{}", "--workers", "2", *SMALL_TRAINING]

@@ -86,3 +86,12 @@ def test_the_picture_is_that_of_its_script(tmp_path: Path) -> None:
     script.write_bytes((images / "data_flow.py").read_bytes())
     subprocess.run([sys.executable, str(script)], check=True, timeout=60)
     assert (tmp_path / "data-flow.svg").read_bytes() == (images / "data-flow.svg").read_bytes()
+
+
+def test_the_procedural_figures_of_reasoning_are_those_of_the_results() -> None:
+    result = json.loads((ROOT / "benchmarks" / "results" / "reason-procedural.json").read_text(encoding="utf-8"))
+    written = (ROOT / "docs" / "reason.md").read_text(encoding="utf-8")
+    for split, told in result["splits"].items():
+        keys = ("edge_p", "edge_r", "edge_r_bound", "pred_a", "pred_a_bound", "pred_a_successful", "failing")
+        p, r, r_bound, a, a_bound, successful, failing = (f"{100 * told[key]:.1f}" for key in keys)
+        assert f"| {split} | {p} | {r} ({r_bound}) | {a} ({a_bound}) | {successful} | {failing} |" in written

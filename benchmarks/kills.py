@@ -40,10 +40,16 @@ BUSYBOT = [sys.executable, "-m", "busybot"]
 SMALL = ["--set", "render.width=160", "--set", "render.height=120"]
 COLLECT = ["collect", "{}", "--policy", "scripted", "--steps", "4", "--workers", "2", *SMALL]
 BOARDS = 8
-ROUNDS = "[{boards: 2, steps: 6, position: 20, direction: 20}, {boards: 2, steps: 6, position: 20, direction: 20}]"
-PARAMETERS = ("validation=0", "members=2", "position.checkpoint=5", "direction.checkpoint=5", f"rounds={ROUNDS}")
-SMALL_TRAINING = [word for parameter in PARAMETERS for word in ("--set", parameter)]
-TRAIN = ["train", "interact", "--out", "{}", "--workers", "2", *SMALL_TRAINING]
+ROUNDS = "[{boards: 4, steps: 12, position: 20, direction: 20}, {boards: 2, steps: 8, position: 20, direction: 20}]"
+PARAMETERS = (
+    "validation=0",
+    "interaction.delta=30",
+    "position.checkpoint=5",
+    "direction.checkpoint=5",
+    f"rounds={ROUNDS}",
+)
+SMALL_TRAINING = [*SMALL, *(word for parameter in PARAMETERS for word in ("--set", parameter))]
+TRAIN = ["train", "interact", "--out", "{}", "--workers", "1", *SMALL_TRAINING]
 POLL_SECONDS = 0.005
 LONGEST_SECONDS = 1800
 Facts = dict[str, str]

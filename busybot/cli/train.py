@@ -22,8 +22,8 @@ def _root() -> None:
 
 
 reason = app.command()(train_reason.reason)
-bc = app.command()(train_plan.bc)
-ppo = app.command()(train_plan.ppo)
+bc = app.command("bc")(train_plan.bc)
+ppo = app.command("ppo")(train_plan.ppo)
 
 
 @app.command()

@@ -1,5 +1,6 @@
 """`busybot train bc` and `busybot train ppo`: the paper's learned agents for reaching goals."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,36 +23,29 @@ ConfigOption = Annotated[Path | None, typer.Option(help="YAML file with paramete
 SetOption = Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as minutes=10.")]
 
 
-def bc(
-    out: OutOption,
-    data: DataOption,
-    policy_model: PolicyModelOption = None,
-    explored: ExploredOption = None,
-    assets: AssetsOption = None,
-    seed: SeedOption = 0,
-    workers: WorkersOption = None,
-    config: ConfigOption = None,
-    set_: SetOption = None,
-    json: JsonOption = False,
-) -> None:
-    """Learn to reach goals by imitating an oracle, on training boards."""
-    _train("bc", out, data, policy_model, (explored, assets, seed, workers), (config, set_ or []), json)
+def command(agent: str, about: str) -> Callable[..., None]:
+    """The command that trains an agent; both take the same options."""
+
+    def train(
+        out: OutOption,
+        data: DataOption,
+        policy_model: PolicyModelOption = None,
+        explored: ExploredOption = None,
+        assets: AssetsOption = None,
+        seed: SeedOption = 0,
+        workers: WorkersOption = None,
+        config: ConfigOption = None,
+        set_: SetOption = None,
+        json: JsonOption = False,
+    ) -> None:
+        _train(agent, out, data, policy_model, (explored, assets, seed, workers), (config, set_ or []), json)
+
+    train.__doc__ = about
+    return train
 
 
-def ppo(
-    out: OutOption,
-    data: DataOption,
-    policy_model: PolicyModelOption = None,
-    explored: ExploredOption = None,
-    assets: AssetsOption = None,
-    seed: SeedOption = 0,
-    workers: WorkersOption = None,
-    config: ConfigOption = None,
-    set_: SetOption = None,
-    json: JsonOption = False,
-) -> None:
-    """Learn to reach goals by trial and error, on training boards; needs the extra `baselines`."""
-    _train("ppo", out, data, policy_model, (explored, assets, seed, workers), (config, set_ or []), json)
+bc = command("bc", "Learn to reach goals by imitating an oracle, on training boards.")
+ppo = command("ppo", "Learn to reach goals by trial and error, on training boards; needs the extra `baselines`.")
 
 
 def _train(

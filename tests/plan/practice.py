@@ -13,8 +13,9 @@ def explore_toy(world: World, actions: list[tuple[int, int]], goal: list[int], g
     """What `explore` finds on the world's board; success is the share of links in their goal state."""
     briefing = world.briefing(actions, goal)
     numbers = {tuple(world.states()): 0}
-    rows = []
-    for number, state in enumerate(iter(lambda: list(numbers)[len(rows)] if len(rows) < len(numbers) else None, None)):
+    rows: list[tuple[np.ndarray, ...]] = []
+    while len(rows) < len(numbers):
+        number, state = len(rows), list(numbers)[len(rows)]
         offered, choices = offer(tuple(world.contact(link) for link in range(len(world.links))))
         leads, worked = np.full(CHOICES, -1), np.full(CHOICES, -1)
         leads[STOP] = number
@@ -24,9 +25,8 @@ def explore_toy(world: World, actions: list[tuple[int, int]], goal: list[int], g
             leads[row] = numbers.setdefault(tuple(world.states()), len(numbers))
             worked[row] = executed[-1] if moved else -1
         _put(world, state)
-        success = np.float32(np.mean([a == b for a, b in zip(state, goal, strict=True)]))
-        looks = world.features().astype(np.float16)
-        rows.append((looks, success, offered.facts, offered.touched, leads, worked))
+        success = np.mean([a == b for a, b in zip(state, goal, strict=True)], dtype=np.float32)
+        rows.append((world.features().astype(np.float16), success, offered.facts, offered.touched, leads, worked))
     _put(world, list(numbers)[0])
     return Explored(briefing, Graph(*(np.stack(column) for column in zip(*rows, strict=True))), group)
 

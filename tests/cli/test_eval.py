@@ -42,14 +42,14 @@ def test_out_gets_the_same_object(dataset: Path, tmp_path: Path) -> None:
 
 
 def test_people_see_the_trivial_graphs_beside_it(dataset: Path) -> None:
-    result = run(dataset)
+    result = run(dataset, "--model", "count")
     assert result.exit_code == 0
     for text in ("count", "empty graph", "all-ones graph", "random trigger", "Edge-P", "100.0", "one-to-one (6)"):
         assert text in result.stdout
 
 
 def test_parameters_can_be_set(dataset: Path) -> None:
-    values = json.loads(run(dataset, "--json", "--set", "change.tolerance=254").stdout)
+    values = json.loads(run(dataset, "--model", "count", "--json", "--set", "change.tolerance=254").stdout)
     assert values["config"]["change"]["tolerance"] == 254
     assert (values["edge_p"], values["edge_r"]) == (None, 0.0)
 

@@ -17,7 +17,7 @@ _TEXT = """
 
 | | |
 |---|---|
-| episodes | {boards}, one per board{partial} |
+| episodes | {boards}, one per board{partial}{tasks} |
 | schema version | {schema} |
 | board hash | `{hashes.board}` |
 | trace hash | `{hashes.trace}` |
@@ -51,6 +51,7 @@ def card(manifest: Manifest) -> str:
     versions = {json.dumps(origin.versions, sort_keys=True): origin.versions for origin in manifest.origins}
     renderers = [f"{o.renderer.get('device', 'unknown')}, shader {o.renderer.get('shader')}" for o in manifest.origins]
     partial = f"; {len(manifest.partial)} saved in part: {manifest.partial}" if manifest.partial else ""
+    kind = manifest.generator.config.get("tasks")
     columns = [f"- `{name}`: learners may read {', '.join(public_columns(name))}." for name in TABLES]
     text = _TEXT.format(
         name=manifest.name,
@@ -59,6 +60,7 @@ def card(manifest: Manifest) -> str:
         steps=manifest.steps,
         policy=manifest.collect.policy,
         partial=partial,
+        tasks=f"; {kind} tasks, each with a goal image" if kind else "",
         schema=manifest.schema_version,
         hashes=manifest.hashes,
         board_seed=manifest.board_seed,

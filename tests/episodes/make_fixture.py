@@ -3,7 +3,8 @@
     python -m tests.episodes.make_fixture
 
 `tests/episodes/fixtures/VERSION` then holds a frozen dataset of a simulation with tasks, a recording without a
-simulator, and what must be read from both. It is committed and never made again: `test_schema_versions.py` reads all that are there.
+simulator, and what must be read from both. It is committed and never made again: `test_schema_versions.py` reads all
+that are there.
 """
 
 from pathlib import Path

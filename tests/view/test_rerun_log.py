@@ -14,7 +14,7 @@ from busybot.errors import BusybotError
 from busybot.reason.result import InferredGraph
 from busybot.view.rerun_graph import graph_positions, place_labels
 from busybot.view.rerun_log import save_rrd
-from busybot.view.rerun_series import relation_states, sentence
+from busybot.view.rerun_series import relation_states, said, sentence
 from tests.episodes.synthetic import make_episode, make_real_episode, make_task_episode
 
 GUESS = InferredGraph("guess", np.zeros((6, 5, 5)))
@@ -138,8 +138,8 @@ def test_a_step_in_words() -> None:
     episode = make_episode(steps=3)
     drives = {0: "switch 0 and lamp 1", 3: "door 2 and switch 3"}
     for index, step in enumerate(episode.steps):
-        said = sentence(episode, index)
-        assert said.endswith(f"{drives.get(step.acted_object, 'nothing')} changed")
+        words = sentence(episode, index)
+        assert words.endswith(f"{drives.get(step.acted_object, 'nothing')} changed")
     assert sentence(make_real_episode(), 0).startswith("pull at pixel")
 
 
@@ -154,3 +154,14 @@ def test_an_edges_label_and_line_avoid_other_nodes() -> None:
 def test_graph_nodes_stay_where_the_camera_sees_the_objects() -> None:
     small, large = make_episode(width=160, height=120), make_episode(width=320, height=240)
     np.testing.assert_allclose(graph_positions(small), graph_positions(large), atol=8)
+
+
+def test_what_an_agent_said_is_told_and_nothing_is_made_up() -> None:
+    episode = make_episode(steps=2)
+    assert said(episode, 0) == ""
+    episode.settings["decisions"] = ["object 3 differs", "", "stop: everything looks as in the goal"]
+    assert [said(episode, step) for step in range(4)] == [
+        "random: object 3 differs", "", "random: stop: everything looks as in the goal", "",
+    ]  # fmt: skip
+    episode.settings["decisions"] = 7
+    assert said(episode, 0) == ""

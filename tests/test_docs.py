@@ -95,3 +95,11 @@ def test_the_procedural_figures_of_reasoning_are_those_of_the_results() -> None:
         keys = ("edge_p", "edge_r", "edge_r_bound", "pred_a", "pred_a_bound", "pred_a_successful", "failing")
         p, r, r_bound, a, a_bound, successful, failing = (f"{100 * told[key]:.1f}" for key in keys)
         assert f"| {split} | {p} | {r} ({r_bound}) | {a} ({a_bound}) | {successful} | {failing} |" in written
+
+
+def test_table_3_is_that_of_the_results() -> None:
+    from benchmarks.table3_page import page
+
+    written = (ROOT / "docs" / "plan.md").read_text(encoding="utf-8")
+    result = json.loads((ROOT / "benchmarks" / "results" / "table3.json").read_text(encoding="utf-8"))
+    assert page(written, result) == written, "python -m benchmarks.table3_page"

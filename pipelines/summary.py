@@ -18,16 +18,18 @@ from busybot.training.metrics_file import read_metrics
 
 SHOWN = {
     "interact": ("judged/{}/result.json", ("precision", "recall", "precision_exploring", "boards")),
-    "relations": ("relations/{}.json", ("edge_p", "edge_r", "edge_r_bound", "boards")),
+    "relations": ("relations/{}.json", ("edge_p", "edge_r", "edge_r_bound", "pred_a", "pred_a_bound", "boards")),
+    "plan": ("planned/{}/result.json", ("success", "tasks")),
 }
 SPLITS = ("train", "novel-config", "novel-object")
+KINDS_OF_TASKS = ("one-to-one", "one-to-many")
 
 
 def metrics(run: Path) -> dict[str, Any]:
     """By skill and split; what a stage did not make is left out."""
     found: dict[str, Any] = {}
     for skill, (place, keys) in SHOWN.items():
-        for split in SPLITS:
+        for split in (*SPLITS, *(f"{split}-{kind}" for split in SPLITS for kind in KINDS_OF_TASKS)):
             file = run / place.format(split)
             if file.is_file():
                 result = read_json(file)

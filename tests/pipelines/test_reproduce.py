@@ -75,6 +75,7 @@ def test_it_goes_on_after_a_kill_and_runs_nothing_twice(project: Path) -> None:
     assert set(metrics["interact"]) == {"novel-config", "novel-object"}
     assert set(metrics["relations"]) == {"train", "novel-config", "novel-object"}
     assert metrics["relations"]["train"]["boards"] == 4
+    assert len(metrics["plan"]) == 4 and metrics["plan"]["novel-object-one-to-many"]["tasks"] == 2
     curves = (project / "runs/smoke/curves.tsv").read_text().splitlines()
     assert curves[0] == "network\titeration\tloss" and len(curves) > 4
 

@@ -32,6 +32,7 @@ class Card(BaseModel):
     Attributes:
         variant: which networks, of interaction models.
         model: which networks, of models of relations.
+        agent: how it was trained, of policies that plan.
         files: SHA-256 by name; empty in folders from before hashes were recorded.
         training: provenance.
     """
@@ -40,6 +41,7 @@ class Card(BaseModel):
 
     variant: str | None = None
     model: str | None = None
+    agent: str | None = None
     files: dict[str, str] = {}
     training: dict[str, Any] = {}
 
@@ -50,8 +52,8 @@ class About:
 
     Attributes:
         name: by which commands know it: a shipped model's name, else its folder.
-        skill: interact or reason.
-        kind: which networks.
+        skill: interact, reason or plan.
+        kind: which networks, or how a policy that plans was trained.
         shipped: part of the package.
         folder: where it lies.
         bytes: of all its files.
@@ -166,7 +168,7 @@ def verify(folder: Path) -> Verdict:
         strangers = sorted(path.name for path in folder.glob(f"*{WEIGHTS}") if path.name not in card.files)
         problems += [f"{folder / name}: {INFO_FILE} does not record it" for name in strangers]
     try:
-        _LOADERS[skill](folder)
+        _LOADERS[skill](folder, kind)
     except BusybotError as error:
         if not any(problem.startswith(error.what.split(": ")[0]) for problem in problems):
             problems.append(error.what)
@@ -188,7 +190,9 @@ def _card(folder: Path) -> tuple[Card, str, str]:
         return card, "interact", card.variant
     if card.model is not None:
         return card, "reason", card.model
-    raise BusybotError(f"{folder / INFO_FILE}: it has neither `variant` nor `model`: not a model's card")
+    if card.agent is not None:
+        return card, "plan", card.agent
+    raise BusybotError(f"{folder / INFO_FILE}: it has none of `variant`, `model` and `agent`: not a model's card")
 
 
 def _compared(folder: Path, name: str, known: str) -> str | None:
@@ -212,16 +216,26 @@ def _values(file: Path) -> int:
         raise BusybotError(f"{file}: damaged: {error}", "copy the model again") from None
 
 
-def _load_interact(folder: Path) -> None:
+def _load_interact(folder: Path, _: str) -> None:
     from busybot.interact.model import Model
 
     Model.load(folder)
 
 
-def _load_reason(folder: Path) -> None:
+def _load_reason(folder: Path, _: str) -> None:
     from busybot.reason.models import load_reasoner
 
     load_reasoner(folder)
 
 
-_LOADERS: dict[str, Callable[[Path], None]] = {"interact": _load_interact, "reason": _load_reason}
+def _load_plan(folder: Path, agent: Any) -> None:
+    from busybot.plan.learned.models import read_policy
+
+    read_policy(folder, agent)
+
+
+_LOADERS: dict[str, Callable[[Path, str], None]] = {
+    "interact": _load_interact,
+    "reason": _load_reason,
+    "plan": _load_plan,
+}

@@ -11,6 +11,8 @@ from busybot.cli.main import app
 from busybot.errors import BusybotError
 from busybot.interact.model import Model
 from busybot.models import about, find, models_below, shipped_models, verify
+from busybot.plan.learned.models import PolicyInfo, save_policy
+from busybot.plan.learned.network import PolicyNetwork
 from busybot.reason.event_config import EventConfig, NetConfig
 from busybot.reason.event_net import EventNet
 from busybot.reason.models import ModelInfo, save_model
@@ -28,6 +30,19 @@ def folder(tmp_path: Path) -> Path:
     info = ModelInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"), training=TRAINING)
     save_model(tmp_path / "out" / "model", info, EventNet(CONFIG.net, 2.5).state_dict())
     return tmp_path / "out" / "model"
+
+
+def test_policies_that_plan_are_models_like_others(tmp_path: Path) -> None:
+    folder = tmp_path / "bc" / "model"
+    info = PolicyInfo(agent="bc", encoder="embedded", training={"seed": 5})
+    save_policy(folder, info, PolicyNetwork(info.net).state_dict())
+    told = about(find(str(folder.parent)))
+    assert (told.skill, told.kind, told.seed, list(told.hashes)) == ("plan", "bc", 5, ["weights.safetensors"])
+    assert verify(folder).ok
+    with (folder / "weights.safetensors").open("r+b") as file:
+        file.seek(-4, 2)
+        file.write(b"\1\2\3\4")
+    assert ["its SHA-256 is" in problem for problem in verify(folder).problems] == [True]
 
 
 def test_all_shipped_models_are_whole() -> None:

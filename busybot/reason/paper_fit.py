@@ -10,8 +10,6 @@ What the paper leaves open, and what is chosen here:
 - Every epoch shuffles the boards; its last batch holds what is left.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +23,7 @@ from busybot.reason.paper_config import PaperReasonConfig
 from busybot.reason.paper_history import PaperHistoryNetwork
 from busybot.reason.paper_networks import PaperNetwork, Relations
 from busybot.rng import generator
+from busybot.training.weights import drawing
 
 Network = PaperNetwork | PaperHistoryNetwork
 
@@ -114,11 +113,3 @@ def divergence_from(relations: Relations, prior: float) -> Tensor:
     logs = relations.logits.float().log_softmax(-1)
     expected = logs.new_tensor([1 - prior, prior]).log()
     return (logs.exp() * (logs - expected)).sum(-1).mean()
-
-
-@contextmanager
-def drawing(rng: np.random.Generator) -> Iterator[None]:
-    """PyTorch's random numbers within come from this generator; those outside are as if nothing had been drawn."""
-    with torch.random.fork_rng():
-        torch.manual_seed(int(rng.integers(2**63)))
-        yield

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.training.metrics_file import read_metrics
-from busybot.training.plots import new_figure, plot_points, save_png
+from busybot.training.plots import label_panels, new_figure, plot_points, save_png
 
 _NAMES = {
     "loss": "held out",
@@ -24,12 +24,7 @@ def plot_fit(out: Path, name: str) -> Path:
     for label in sorted({label for line in judged for label in line["validation"]}):
         points = [(line["iteration"], line["validation"].get(label)) for line in judged]
         plot_points(losses if label.startswith("loss") else shares, points, _NAMES.get(label, label))
-    for panel, title in ((losses, f"loss of the {name} model"), (shares, "held-out steps predicted rightly")):
-        panel.set_title(title)
-        panel.set_xlabel("iteration")
-        panel.grid(alpha=0.3)
-        if panel.get_lines():
-            panel.legend(fontsize="small")
+    label_panels({losses: f"loss of the {name} model", shares: "held-out steps predicted rightly"})
     if losses.get_lines():
         losses.set_yscale("log")
     shares.set_ylim(0, 1.02)

@@ -1,6 +1,6 @@
 """Figures of trainings, drawn without a display."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,16 @@ def plot_points(panel: Any, points: Iterable[tuple[float, float | None]], label:
     known = [(x, y) for x, y in points if y is not None]
     if known:
         panel.plot(*zip(*known, strict=True), marker="." if len(known) < 60 else None, linewidth=1, label=label)
+
+
+def label_panels(titles: Mapping[Any, str]) -> None:
+    """Titles over panels whose x axis counts iterations, a grid, and a legend where there is a line."""
+    for panel, title in titles.items():
+        panel.set_title(title)
+        panel.set_xlabel("iteration")
+        panel.grid(alpha=0.3)
+        if panel.get_lines():
+            panel.legend(fontsize="small")
 
 
 def save_png(figure: Any, path: Path) -> Path:

@@ -1,5 +1,9 @@
-"""Weights before the first iteration."""
+"""Weights before the first iteration, and what else PyTorch draws."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
 import torch
 from torch import nn
 
@@ -23,3 +27,11 @@ def initialise(network: nn.Module, generator: torch.Generator, biases: bool = Fa
 def parameters_of(network: nn.Module) -> int:
     """Number of trained values."""
     return sum(parameter.numel() for parameter in network.parameters())
+
+
+@contextmanager
+def drawing(rng: np.random.Generator) -> Iterator[None]:
+    """PyTorch's random numbers within come from this generator; those outside are as if nothing had been drawn."""
+    with torch.random.fork_rng():
+        torch.manual_seed(int(rng.integers(2**63)))
+        yield

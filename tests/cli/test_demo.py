@@ -34,7 +34,7 @@ def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) 
         assert ran.returncode == 0, (line, ran.stderr)
     result = json.loads((out / "relations.json").read_text())
     assert result["boards"] == 4 and result["steps"] == 4 * 22
-    assert result["edge_p"] > 0.8 and result["edge_r"] > 0.8, "the learned policy moves nearly every link in 22 actions"
+    assert result["edge_p"] > 0.9 and result["edge_r"] > 0.8, "the learned policy moves nearly every link in 22 actions"
 
 
 def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path) -> None:

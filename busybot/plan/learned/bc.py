@@ -19,8 +19,8 @@ from busybot.plan.learned.explored import Explored
 from busybot.plan.learned.judged import success_of
 from busybot.plan.learned.network import PolicyNetwork, rows_of
 from busybot.plan.learned.practice import Rollout
-from busybot.reason.paper_fit import drawing
 from busybot.rng import generator
+from busybot.training.weights import drawing
 
 
 class BcLearner:

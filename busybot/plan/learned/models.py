@@ -8,11 +8,10 @@ from pydantic import BaseModel, ConfigDict
 from torch import Tensor
 
 from busybot.errors import BusybotError
-from busybot.files import write_json
 from busybot.plan.learned.network import NetConfig, PolicyNetwork
 from busybot.reason.models import WEIGHTS_FILE
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
-from busybot.training.model_folder import INFO_FILE, find_folder, read_info
+from busybot.training.model_folder import find_folder, read_info, write_info
 
 SHIPPED = Path(__file__).with_name("models")
 
@@ -27,6 +26,7 @@ class PolicyInfo(BaseModel):
         encoder: which features it reads.
         net: size of the network.
         training: provenance: configuration, datasets with hashes, seed, figures; JSON values.
+        files: SHA-256 of the weights by name, written by saving.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -36,18 +36,17 @@ class PolicyInfo(BaseModel):
     encoder: str
     net: NetConfig = NetConfig()
     training: dict[str, Any] = {}
+    files: dict[str, str] = {}
 
 
 def save_policy(folder: Path, info: PolicyInfo, tensors: dict[str, Tensor]) -> None:
     """Write the folder, `model.json` last."""
     save_tensors(folder / WEIGHTS_FILE, tensors)
-    write_json(folder / INFO_FILE, info.model_dump(mode="json"))
+    write_info(folder, info, [folder / WEIGHTS_FILE])
 
 
-@lru_cache(maxsize=4)
-def load_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, PolicyNetwork]:
-    """A shipped policy by its name, or any by its folder (a training's folder stands for its final model);
-    loaded once in a process.
+def read_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, PolicyNetwork]:
+    """A shipped policy by its name, or any by its folder (a training's folder stands for its final model).
 
     Args:
         agent: that it must be of.
@@ -62,3 +61,7 @@ def load_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, Poli
     network = PolicyNetwork(info.net)
     load_weights(network, load_tensors(folder / WEIGHTS_FILE).tensors, folder / WEIGHTS_FILE)
     return info, network.eval()
+
+
+load_policy = lru_cache(maxsize=4)(read_policy)
+"""The same, read once in a process."""

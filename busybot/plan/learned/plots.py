@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.training.metrics_file import read_metrics
-from busybot.training.plots import new_figure, plot_points, save_png
+from busybot.training.plots import label_panels, new_figure, plot_points, save_png
 
 _SETS = {"success_seen": "trained on", "success": "held out"}
 
@@ -20,11 +20,6 @@ def plot_training(out: Path, agent: str) -> Path:
         plot_points(losses, [(line["iteration"], line["validation"].get("loss")) for line in judged], "held out")
     for name, label in _SETS.items():
         plot_points(success, [(line["iteration"], line["validation"].get(name)) for line in judged], label)
-    for panel, title in ((losses, f"loss of {agent}"), (success, "responders in their goal state at the end, share")):
-        panel.set_title(title)
-        panel.set_xlabel("iteration")
-        panel.grid(alpha=0.3)
-        if panel.get_lines():
-            panel.legend(fontsize="small")
+    label_panels({losses: f"loss of {agent}", success: "responders in their goal state at the end, share"})
     success.set_ylim(0, 1.02)
     return save_png(figure, out / "training.png")

@@ -17,8 +17,8 @@ from busybot.plan.learned.config import PpoConfig
 from busybot.plan.learned.explored import Explored
 from busybot.plan.learned.judged import success_of
 from busybot.plan.learned.network import PolicyNetwork
-from busybot.reason.paper_fit import drawing
 from busybot.rng import generator
+from busybot.training.weights import drawing
 
 MOST = 2**31
 """Seeds of sb3 are smaller."""

@@ -4,7 +4,8 @@
 
 For each split and each kind of relations: tasks are generated, their histories recorded with the interaction model, and
 agents play them. With the first reasoner every agent plays, with the others (trained with other seeds) only those that
-are ours or the paper's whole system. Every command resumes, so this one does; a cell appears as soon as it is judged.
+are ours or the paper's whole system; learned baselines, which need no reasoner, play by themselves. Every command
+resumes, so this one does; a cell appears as soon as it is judged.
 """
 
 import argparse
@@ -33,21 +34,27 @@ def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -
         ("collect", str(tasks), "--policy", "learned", "--model", model, "--seed", str(SEEDS[split]), *assets),
     ]
     for seed, reasoner in enumerate(options.reasoner):
-        agents = (*AGENTS, *options.learned) if seed == 0 else OURS
+        agents = AGENTS if seed == 0 else OURS
         who = ("--agents", ",".join(agents), "--model", str(reasoner), "--policy-model", model)
         out = ("--out", str(options.work / f"judged-{split}-{kind}-{seed}"))
         commands.append(("eval", "plan", str(tasks), *who, *assets, *out))
+    if options.learned:
+        who = ("--agents", ",".join(options.learned), "--policy-model", model)
+        out = ("--out", str(options.work / f"judged-{split}-{kind}-learned"))
+        commands.append(("eval", "plan", str(tasks), *who, *assets, *out))
     typed += [as_typed(command, places) for command in commands]
     told = [busybot(*command) for command in commands][2:]
-    return {name.partition("=")[0]: _across(name.partition("=")[0], told) for name in told[0]["agents"]}
+    names = [name for result in told for name in result["agents"]]
+    return {name: _across(name, told) for name in dict.fromkeys(names)}
 
 
 def _across(agent: str, told: list[dict[str, Any]]) -> dict[str, Any]:
     """Mean success over seeds, each seed's beside it, and the first one's details."""
-    rows = [result["agents"][agent] for result in told if agent in result["agents"]]
+    judged = [result for result in told if agent in result["agents"]]
+    rows = [result["agents"][agent] for result in judged]
     values = [row["success"] for row in rows]
     details = {key: rows[0][key] for key in DETAILS}
-    return {"success": sum(values) / len(values), "seeds": values, **details, "timing": told[0]["timing"][agent]}
+    return {"success": sum(values) / len(values), "seeds": values, **details, "timing": judged[0]["timing"][agent]}
 
 
 def main() -> None:

@@ -49,6 +49,9 @@ class PolicyConfig(BaseModel):
         collect: least expected success of a new candidate when data for reasoning are collected. Low, because a link
             that is never touched has no relations that could be found; few other places promise as much
             (`benchmarks/coverage.py`).
+        untried_first: when data for reasoning are collected, candidates that were neither moved nor tried come before
+            the others. Without it, as in the paper, the draw alone leaves links of large boards out (of six links, one
+            in 55 is not among 22 draws).
         ucb_c, ucb_window: the paper's bonus and the side of its window, pixels.
         clusters: k of the K-means candidates: no board has more movable links.
         cluster_belief: least affordance of a pixel that takes part in the clusters.
@@ -79,6 +82,7 @@ class PolicyConfig(BaseModel):
     explore: Share = 0.35
     insist: Share = 0.1
     collect: Share = 0.02
+    untried_first: bool = True
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
     ucb_window: Annotated[int, Field(ge=1, le=200)] = 10
     clusters: Annotated[int, Field(ge=1, le=100)] = 7

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import CONTEXT, JsonOption, print_json, say
+from busybot.cli.common import CONTEXT, JsonOption, counted, print_json, say
 
 if TYPE_CHECKING:
     from busybot.models import About, Verdict
@@ -95,8 +95,7 @@ def _found(verdict: "Verdict") -> str:
     """What `verify` prints of one model."""
     hashes = "hashes compared" if verdict.hashes else "no hashes recorded"
     loads = "weights loaded" if verdict.loads else "weights do not load"
-    number = len(verdict.problems)
-    found = "nothing is wrong" if verdict.ok else f"{number} problem{'s' if number > 1 else ''}"
+    found = "nothing is wrong" if verdict.ok else counted(len(verdict.problems), "problem")
     return f"{verdict.name}: {verdict.skill}, {verdict.kind}, {hashes}, {loads}: {found}"
 
 

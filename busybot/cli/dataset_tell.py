@@ -92,9 +92,8 @@ def repaired(done: "Repaired") -> None:
     partial = sum(verdict.fate == "partial" for verdict in done.damaged)
     if partial:
         say(f"shorter now: {counted(partial, 'episode')}; to record them again: --no-partial, then busybot collect")
-    print(
-        f"{done.dataset}: {counted(done.sound, 'episode')} sound, {len(done.damaged)} damaged; the tables are up to date"
-    )
+    sound = counted(done.sound, "episode")
+    print(f"{done.dataset}: {sound} sound, {len(done.damaged)} damaged; the tables are up to date")
 
 
 def regenerated(found: "Regenerated") -> None:

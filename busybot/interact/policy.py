@@ -77,9 +77,7 @@ class LearnedPolicy(Generic[V]):
         if self._mode == "evaluate":
             choice = self._best(self._find(view, image, memory), memory)
         elif self._mode == "collect":
-            found = self._find(view, image, memory)
-            one_each = self._config.candidates == "kmeans"  # a cluster is what the paper has for a region
-            choice = self._random(found if one_each else found.best_of_regions(), memory, rng)
+            choice = self._random(self._find(view, image, memory), memory, rng)
         else:
             choice = self._highest(view, with_bonus=self._mode == "ucb")
         self.choice = choice = choice or _guess(view.height, rng)
@@ -119,12 +117,19 @@ class LearnedPolicy(Generic[V]):
         """Any new candidate of enough promise or known link; of its pair, the directions by their probabilities."""
         if not len(found):
             return None
-        promise = np.where(found.regions > 0, 1.0, found.scores)
-        good = np.flatnonzero(promise >= min(self._config.collect, promise.max()))
-        untried = good[(found.regions[good] < 0) & ~memory.tried(found.pixels[good])]
-        if self._config.untried_first and len(untried):
-            good = untried
-        index = int(rng.choice(good))
+        config, known = self._config, found.regions > 0
+        if config.untried_first:
+            untried = ~known & ~memory.tried_here(found.pixels) & (found.scores >= config.collect)
+            good = untried if untried.any() else known | (found.scores >= config.insist)
+        else:
+            good = known | (found.scores >= config.collect)
+        if not good.any():
+            good = found.scores >= found.scores.max()
+        if config.candidates == "peaks":  # of the paper's clusters each has one
+            found = found.take(good).best_of_regions()
+        else:
+            found = found.take(good)
+        index = int(rng.integers(len(found)))
         choice = _chosen(found, index, "known" if found.regions[index] > 0 else "new")
         two = [choice.direction, int(OPPOSITE[choice.direction])]
         weights = found.directions[index, two] + 1e-6

@@ -125,10 +125,9 @@ class LearnedPolicy(Generic[V]):
             good = known | (found.scores >= config.collect)
         if not good.any():
             good = found.scores >= found.scores.max()
+        found = found.take(good)
         if config.candidates == "peaks":  # of the paper's clusters each has one
-            found = found.take(good).best_of_regions()
-        else:
-            found = found.take(good)
+            found = found.best_of_regions()
         index = int(rng.integers(len(found)))
         choice = _chosen(found, index, "known" if found.regions[index] > 0 else "new")
         two = [choice.direction, int(OPPOSITE[choice.direction])]

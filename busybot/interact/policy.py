@@ -120,7 +120,7 @@ class LearnedPolicy(Generic[V]):
         config, known = self._config, found.regions > 0
         if config.untried_first:
             untried = ~known & ~memory.tried_here(found.pixels) & (found.scores >= config.collect)
-            good = untried if untried.any() else known | (found.scores >= config.insist)
+            good = untried if untried.any() else known | (found.scores >= config.retry)
         else:
             good = known | (found.scores >= config.collect)
         if not good.any():

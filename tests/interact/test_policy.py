@@ -91,7 +91,7 @@ def test_collecting_tries_everything_before_it_repeats() -> None:
 
 
 def test_collecting_tries_a_place_that_fails_once() -> None:
-    policy = LearnedPolicy(ButtonModel(), RAYS, PolicyConfig(insist=1), "collect")
+    policy = LearnedPolicy(ButtonModel(), RAYS, PolicyConfig(retry=1), "collect")
     image, rng = Toy().image(), generator(0, "", 0, "test")
     pixels = []
     for _ in range(2):

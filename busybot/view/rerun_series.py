@@ -8,7 +8,7 @@ from busybot.episodes.episode import Episode
 from busybot.plan.notes import reason
 from busybot.reason.result import InferredGraph
 from busybot.view.palette import ACTION, CORRECT, MISSED, MUTED, STATES, curve_colors
-from busybot.view.scene import acted_object, changed_objects, delta, object_names, visible
+from busybot.view.scene import acted_object, changed_objects, delta, named, object_names, visible
 
 REWARDS = {"reward 1": CORRECT, "reward 0": MISSED}
 SHOWN_PROBABILITY = 0.3
@@ -106,7 +106,7 @@ def log_words(recording: rr.RecordingStream, episode: Episode, frame: int) -> No
 
 def said(episode: Episode, step: int) -> str:
     """What an agent said about a step, or why it stopped before it; empty if nothing was recorded."""
-    words = reason(episode, step)
+    words = named(episode.board, reason(episode, step))
     return f"{episode.policy}: {words}" if words else ""
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode
 from busybot.files import scan
 from busybot.plan.notes import is_rollout
@@ -29,13 +30,12 @@ def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:
     for folder in _datasets(paths):
         if len(blocks) > MOST:
             break
-        dataset = Dataset.open(folder)
-        if dataset.info.tasks is None or (chosen := _telling(dataset)) is None:
+        if (episode := _telling(Dataset.open(folder))) is None:
             continue
-        episode = read_episode(dataset.episode_path(chosen), "lazy")
-        kind, board = f"{dataset.info.split}, {dataset.info.tasks}", f"board {episode.board.index}"
         picture = sequence_figure(figures / f"sequence-{len(blocks) - 1:02d}.png", episode)
-        blocks.append(Picture(picture, f"{episode.policy} on {board} ({kind})"))
+        kind = "" if episode.board.task is None else f", {episode.board.task.kind}"
+        caption = f"{episode.policy} on board {episode.board.index} ({episode.board.split}{kind})"
+        blocks.append(Picture(picture, caption))
     return blocks if len(blocks) > 1 else [*blocks, Text(MISSING)]
 
 
@@ -45,13 +45,14 @@ def _datasets(paths: Iterable[Path]) -> list[Path]:
     return [(path / name).parent for path, name in names if Path(name).name == INFO_FILE]
 
 
-def _telling(dataset: Dataset) -> int | None:
-    """Number of the rollout to be shown; None if these are no rollouts."""
-    numbers = sorted(dataset.finished())[:LOOKED_AT]
-    for number in numbers:
+def _telling(dataset: Dataset) -> Episode | None:
+    """The rollout to be shown; None if these are no rollouts."""
+    first = None
+    for number in sorted(dataset.finished())[:LOOKED_AT]:
         episode = read_episode(dataset.episode_path(number), "lazy")
-        if not is_rollout(episode):
+        if not is_rollout(episode) or episode.goal is None:
             return None
         if len(episode.steps) >= TELLING:
-            return number
-    return numbers[0] if numbers else None
+            return episode
+        first = first or episode
+    return first

@@ -28,14 +28,14 @@ from busybot.view.figures import WIDTH
 from busybot.view.palette import ACTION, CORRECT, INK, MUTED, WRONG, unit
 from busybot.view.scene import named, object_names, remaining_responders
 
-COLUMNS = 5
+COLUMNS = 6
 FEWEST = 3
 """Pictures are not larger than with so many in a row."""
-WORDS_HEIGHT = 0.46
+WORDS_HEIGHT = 0.52
 """Of the words below a picture, inches."""
 LETTERS = 21
 """In an inch of these words."""
-LINES = 3
+LINES = 4
 
 
 def sequence_figure(path: Path, episode: Episode) -> Path:
@@ -49,8 +49,9 @@ def sequence_figure(path: Path, episode: Episode) -> Path:
         what = f"board {episode.board.index}: the episode has no goal, so there is no planning sequence"
         raise BusybotError(what, "record rollouts: busybot eval plan DATASET --record DIR")
     pictures = steps + 2
-    columns = min(COLUMNS, pictures)
-    rows, side = -(-pictures // columns), WIDTH / max(columns, FEWEST)
+    rows = -(-pictures // COLUMNS)
+    columns = -(-pictures // rows)  # rows of about equal length
+    side = WIDTH / max(columns, FEWEST)
     figure = page(side * columns, rows * (side + 0.18 + WORDS_HEIGHT) + 0.3)
     grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for frame, axes in enumerate(grid[: steps + 1]):

@@ -3,6 +3,8 @@
 At step k stands the decision for action k, on the picture before it, as with affordances: the camera shows the outcome.
 """
 
+import textwrap
+
 import numpy as np
 import rerun as rr
 
@@ -11,11 +13,13 @@ from busybot.plan.notes import Offered, offered, reason
 from busybot.view.palette import ACTION, INK, TRIGGER, WRONG, text_on_dark
 from busybot.view.rerun_affordance import Dots, log_dots, log_pale
 from busybot.view.rerun_camera import log_action, marks
-from busybot.view.scene import drawing_scale, named, remaining_responders
+from busybot.view.scene import board_bounds, drawing_scale, named, remaining_responders
 
 SPACE = "choice"
-LETTERS = 90
+LETTERS, LINES = 44, 3
 """Of the reason that the picture has room for."""
+LINE = 24.0
+"""Height of a line, drawing units, in a picture of the usual size."""
 
 
 def has_choices(episode: Episode) -> bool:
@@ -33,9 +37,18 @@ def log_choice(recording: rr.RecordingStream, episode: Episode, step: int) -> No
         dots = _dots([one for one in told if (one.step >= 0) == (name == "repeats")])
         log_dots(recording, f"{SPACE}/{name}", episode, dots, size, color)
     log_action(recording, episode, step, SPACE)
-    chosen = np.array(episode.steps[step].pixel) + np.array([0.5, 9 * size])
-    words = named(episode.board, reason(episode, step))[:LETTERS]
-    label = rr.Points2D([chosen], labels=[words], colors=text_on_dark(ACTION), radii=0.0, show_labels=bool(words))
+    _log_reason(recording, episode, step)
+
+
+def _log_reason(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
+    """The agent's words at the board's lower edge."""
+    words = named(episode.board, reason(episode, step))
+    lines = textwrap.wrap(words, LETTERS, max_lines=LINES, placeholder=" ...")
+    low, high = board_bounds(episode, 0)
+    place = [(low[0] + high[0]) / 2, high[1] - (len(lines) + 1) * LINE / drawing_scale(episode)]
+    label = rr.Points2D(
+        [place], labels=["\n".join(lines)], colors=text_on_dark(ACTION), radii=0.0, show_labels=bool(lines)
+    )
     recording.log(f"{SPACE}/reason", label)
 
 

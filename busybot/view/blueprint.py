@@ -165,8 +165,10 @@ def belief_views(episode: Episode, names: list[str]) -> Any:
 
 
 def account_views(episode: Episode, foreseen: bool = False) -> Any:
-    """What was expected, the simulator's discrete states, which no learner sees, and the steps in words; these come first where an
-    agent said why."""
+    """What was expected, the simulator's discrete states, which no learner sees, and the steps in words.
+
+    The words come first where an agent said why.
+    """
     expected = rrb.StateTimelineView(origin=LANES, name="What responders show, and what was expected")
     states = rrb.StateTimelineView(origin="states", name="States (privileged: no learner sees them)")
     columns = rrb.TextLogColumns(timeline_columns=["step"], text_log_columns=["body"])

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
+from busybot.boards.task import least_steps, start_states, task_of
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
@@ -41,6 +43,8 @@ EARLY_STEP = 6
 
 AGENT = "search"
 """Reaches the goal."""
+TASK_STEPS, TASKS_SEEN = 3, 20
+"""The task takes so many actions at the least, if one of so many does."""
 
 Say = Callable[[str], None]
 
@@ -119,13 +123,22 @@ def _collect(path: Path, config: BoardConfig, library: Library, workers: int, sa
 def _reach_goal(out: Path, library: Library, seed: int, say: Say, model: str) -> tuple[Episode, dict[str, Any]]:
     """A board with a goal, and `search` on it: the rollout, and what `busybot eval plan` tells of the agent."""
     say("drawing a board with a goal")
-    config = BoardConfig(boards=1, group_size=1, seed=seed, tasks="one-to-many")
-    dataset = _collect(out / "task", config, library, 1, say, model)
+    dataset = _collect(out / "task", _task(library, seed), library, 1, say, model)
     say("reaching the goal with what was learned")
     record = out / "rollouts"
     result = evaluate(dataset, library, [AGENT], DEFAULT_REASONER, model, PlanConfig(), seed, record=record)
     rollout = read_episode(Dataset.open(record / AGENT).episode_path(0), "lazy")
     return rollout, result["agents"][AGENT]
+
+
+def _task(library: Library, seed: int) -> BoardConfig:
+    """A board with a goal: from the seed on, the first one that takes several actions."""
+    for number in range(seed, seed + TASKS_SEEN):
+        config = BoardConfig(boards=1, group_size=1, seed=number, tasks="one-to-many")
+        board = next(iter(generate_boards(config, library)))
+        if least_steps(start_states(board), task_of(board).goal) >= TASK_STEPS:
+            break
+    return config
 
 
 def most_telling(boards: list[BoardSpec]) -> int:

@@ -4,7 +4,7 @@
 
 On the first picture of each recorded board: of the trigger links those whose best candidate promises less (they are
 never touched, as long as the board looks like that), and the candidates elsewhere that promise as much (they waste a
-step). `PolicyConfig.collect` was chosen by this on boards of training objects.
+step each). `PolicyConfig.collect` was chosen by this on boards of training objects.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from busybot.episodes.mcap_file import read_episode
 from busybot.interact.candidates import find_candidates
 from busybot.interact.chooser import load_once, policy_config
 
-PROMISES = (0.01, 0.02, 0.05, 0.1, 0.25, 0.5)
+PROMISES = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
 
 
 def coverage(dataset: Dataset, name: str) -> dict[str, Any]:

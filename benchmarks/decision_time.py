@@ -11,9 +11,10 @@ while it plays: from the picture to the answer, with what is learned from the ou
 from typing import Any
 
 from benchmarks.commands import machine, write_result
-from benchmarks.table3 import KINDS, SEEDS, cell, judged, parsed
+from benchmarks.table3 import KINDS, SEEDS, cell, parsed, place
 from busybot.files import read_json
 from busybot.interact.chooser import DEFAULT_MODEL
+from busybot.interact.evaluate_folder import RESULT
 from busybot.reason.infer import DEFAULT_REASONER
 
 SPLIT = "novel-object"
@@ -29,12 +30,11 @@ def main() -> None:
     agents: dict[str, Any] = {}
     origins: dict[str, Any] = {}
     for kind in KINDS:
-        cell(SPLIT, kind, options, typed)
-        told = read_json(judged(options, SPLIT, kind) / "result.json")
+        for name, scores in cell(SPLIT, kind, options, typed).items():
+            agents.setdefault(name, {})[kind] = scores["timing"]
+            print(f"{kind:12} {name:24} {scores['timing']['cpu_ms'] or 0:6.1f} ms", flush=True)
+        told = read_json(place(options, SPLIT, kind) / RESULT)
         origins[kind] = {key: told[key] for key in ORIGINS}
-        for name, timing in told["timing"].items():
-            agents.setdefault(name, {})[kind] = timing
-            print(f"{kind:12} {name:24} {timing['cpu_ms'] or 0:6.1f} ms", flush=True)
     about = {"machine": machine(), "seed": SEEDS[SPLIT], "tasks": options.boards, "gate_ms": GATE_MS}
     write_result(options.out, {**about, "commands": typed, "origins": origins, "decisions": agents})
 

@@ -4,7 +4,8 @@
 
 For each split and each kind of relations: tasks are generated, their histories recorded with the interaction model, and
 agents play them. With the first reasoner every agent plays, with the others (trained with other seeds) only those that
-are ours or the paper's whole system. Every command resumes, so this one does; a cell appears as soon as it is judged.
+are ours or the paper's whole system; learned baselines, which need no reasoner, play by themselves. Every command
+resumes, so this one does; a cell appears as soon as it is judged.
 """
 
 import argparse
@@ -33,33 +34,39 @@ def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -
         ("collect", str(tasks), "--policy", "learned", "--model", model, "--seed", str(SEEDS[split]), *assets),
     ]
     for seed, reasoner in enumerate(options.reasoner):
-        agents = (*AGENTS, *options.learned) if seed == 0 else OURS
+        agents = AGENTS if seed == 0 else OURS
         who = ("--agents", ",".join(agents), "--model", str(reasoner), "--policy-model", model)
-        out = ("--out", str(judged(options, split, kind, seed)))
+        out = ("--out", str(place(options, split, kind, str(seed))))
+        commands.append(("eval", "plan", str(tasks), *who, *assets, *out))
+    if options.learned:
+        who = ("--agents", ",".join(options.learned), "--policy-model", model)
+        out = ("--out", str(place(options, split, kind, "learned")))
         commands.append(("eval", "plan", str(tasks), *who, *assets, *out))
     typed += [as_typed(command, _places(options)) for command in commands]
     told = [busybot(*command) for command in commands][2:]
-    return {name.partition("=")[0]: _across(name.partition("=")[0], told) for name in told[0]["agents"]}
+    names = [name for result in told for name in result["agents"]]
+    return {name: _across(name, told) for name in dict.fromkeys(names)}
 
 
-def judged(options: argparse.Namespace, split: str, kind: str, seed: int = 0) -> Path:
-    """Folder of an evaluation."""
-    return Path(options.work / f"judged-{split}-{kind}-{seed}")
+def place(options: argparse.Namespace, split: str, kind: str, who: str = "0") -> Path:
+    """Folder of an evaluation: with the reasoner of that number, or of the learned baselines."""
+    return Path(options.work / f"judged-{split}-{kind}-{who}")
 
 
 def _places(options: argparse.Namespace) -> dict[str, str]:
     """Names for folders of this machine; what ships with busybot has one that everybody knows."""
     named = {options.assets: "ASSETS", options.policy_model: "POLICY"}
     named |= {str(folder): f"REASONER-{seed}" for seed, folder in enumerate(options.reasoner)}
-    return {str(options.work): "WORK"} | {place: name for place, name in named.items() if Path(place).is_dir()}
+    return {str(options.work): "WORK"} | {where: name for where, name in named.items() if Path(where).is_dir()}
 
 
 def _across(agent: str, told: list[dict[str, Any]]) -> dict[str, Any]:
     """Mean success over seeds, each seed's beside it, and the first one's details."""
-    rows = [result["agents"][agent] for result in told if agent in result["agents"]]
+    judged = [result for result in told if agent in result["agents"]]
+    rows = [result["agents"][agent] for result in judged]
     values = [row["success"] for row in rows]
     details = {key: rows[0][key] for key in DETAILS}
-    return {"success": sum(values) / len(values), "seeds": values, **details, "timing": told[0]["timing"][agent]}
+    return {"success": sum(values) / len(values), "seeds": values, **details, "timing": judged[0]["timing"][agent]}
 
 
 def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:

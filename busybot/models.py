@@ -87,6 +87,7 @@ class Verdict:
 
     Attributes:
         hashes: whether `model.json` records hashes to compare with.
+        loads: whether the networks took the weights.
         problems: in words, each naming its file; empty if the model is whole.
     """
 
@@ -94,6 +95,7 @@ class Verdict:
     skill: str
     kind: str
     hashes: bool
+    loads: bool
     problems: list[str]
 
     @property
@@ -122,10 +124,7 @@ def models_below(folder: Path) -> list[Path]:
 
 def find(name_or_path: str) -> Path:
     """The folder of a model of any skill, by its name or path; a training's folder stands for its final model."""
-    for folder in shipped_models():
-        if folder.name == name_or_path and not Path(name_or_path).exists():
-            return folder
-    return find_folder(name_or_path, SHIPPED["interact"], "interact")
+    return find_folder(name_or_path, SHIPPED.values(), "interact|reason")
 
 
 def about(folder: Path) -> About:
@@ -167,12 +166,14 @@ def verify(folder: Path) -> Verdict:
     if card.files:
         strangers = sorted(path.name for path in folder.glob(f"*{WEIGHTS}") if path.name not in card.files)
         problems += [f"{folder / name}: {INFO_FILE} does not record it" for name in strangers]
+    loads = True
     try:
         _LOADERS[skill](folder, kind)
     except BusybotError as error:
+        loads = False
         if not any(problem.startswith(error.what.split(": ")[0]) for problem in problems):
             problems.append(error.what)
-    return Verdict(_name(folder), skill, kind, bool(card.files), problems)
+    return Verdict(_name(folder), skill, kind, bool(card.files), loads, problems)
 
 
 def _is_shipped(folder: Path) -> bool:

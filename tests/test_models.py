@@ -108,6 +108,7 @@ def test_files_that_are_not_those_that_were_saved(folder: Path, damage: str) -> 
         shutil.copy(weights, folder / "more.safetensors")
     verdict = verify(folder)
     assert len(verdict.problems) == 1 and ".safetensors: " in verdict.problems[0]
+    assert verdict.loads == (damage == "stranger")
 
 
 def test_weights_of_another_network_are_refused(folder: Path) -> None:
@@ -131,3 +132,4 @@ def test_what_is_no_model_is_told_by_name(tmp_path: Path) -> None:
     assert run("models", "list", str(tmp_path / "empty")).exit_code == 1
     done = run("models", "info", "nonesuch", "--json")
     assert done.exit_code == 1 and "nonesuch: no model of that name" in json.loads(done.stdout)["error"]
+    assert all(name in json.loads(done.stdout)["mend"] for name in ("event", "procedural"))

@@ -42,6 +42,11 @@ def say(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
+def counted(number: int, thing: str) -> str:
+    """`1 problem`, `2 problems`."""
+    return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
 def own_name() -> str:
     """How to call this program again: `busybot`, or its path when the environment is not active."""
     found = shutil.which("busybot")

@@ -7,7 +7,7 @@ import typer
 
 from busybot.cli import dataset_share
 from busybot.cli import dataset_tell as tell
-from busybot.cli.common import JsonOption, WorkersOption, episode_progress, print_json, say
+from busybot.cli.common import JsonOption, WorkersOption, counted, episode_progress, print_json, say
 from busybot.errors import BusybotError
 
 app = typer.Typer(
@@ -50,10 +50,10 @@ def verify(
     if json:
         print_json({"ok": report.ok, **vars(report)})
     else:
-        verdict = "nothing is wrong" if report.ok else f"{len(report.problems)} problems"
+        verdict = "nothing is wrong" if report.ok else counted(len(report.problems), "problem")
         manifest = "all files against the manifest, " if report.frozen else ""
-        objects = "objects not found" if report.objects is None else f"{report.objects} objects"
-        print(f"{dataset}: {report.episodes} episodes checked, {manifest}{objects}: {verdict}")
+        objects = "objects not found" if report.objects is None else counted(report.objects, "object")
+        print(f"{dataset}: {counted(report.episodes, 'episode')} checked, {manifest}{objects}: {verdict}")
     if not report.ok:
         raise typer.Exit(1)
 

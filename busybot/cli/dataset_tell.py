@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from busybot.cli.common import say
+from busybot.cli.common import counted, say
 
 if TYPE_CHECKING:
     from busybot.episodes.compare import Difference
@@ -91,8 +91,9 @@ def repaired(done: "Repaired") -> None:
         say(f"the damaged files are in {done.originals}")
     partial = sum(verdict.fate == "partial" for verdict in done.damaged)
     if partial:
-        say(f"{partial} episodes are shorter now; to record them again: --no-partial, then busybot collect")
-    print(f"{done.dataset}: {done.sound} episodes were sound, {len(done.damaged)} were not; the tables are up to date")
+        say(f"shorter now: {counted(partial, 'episode')}; to record them again: --no-partial, then busybot collect")
+    sound = counted(done.sound, "episode")
+    print(f"{done.dataset}: {sound} sound, {len(done.damaged)} damaged; the tables are up to date")
 
 
 def regenerated(found: "Regenerated") -> None:
@@ -104,7 +105,7 @@ def regenerated(found: "Regenerated") -> None:
     rules = {"equal": "equal, same renderer", "close": "at most 0.1 % of pixels beyond 2/255, another renderer"}
     for rule, count in found.episodes.items():
         if count:
-            print(f"images: the rule for {count} episodes is: {rules[rule]}")
+            print(f"images: the rule for {counted(count, 'episode')} is: {rules[rule]}")
     for index, one in list(found.failed.items())[:MOST_LINES]:
         print(f"episode {index}: {sentence(one)}")
     total, worst = sum(found.episodes.values()), found.image

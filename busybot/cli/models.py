@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import CONTEXT, JsonOption, print_json, say
+from busybot.cli.common import CONTEXT, JsonOption, counted, print_json, say
 
 if TYPE_CHECKING:
-    from busybot.models import About
+    from busybot.models import About, Verdict
 
 app = typer.Typer(
     add_completion=False,
@@ -86,11 +86,17 @@ def verify(
         print_json({"ok": all(verdict.ok for verdict in verdicts), "models": entries})
     else:
         for verdict in verdicts:
-            found = "nothing is wrong" if verdict.ok else f"{len(verdict.problems)} problems"
-            hashes = "hashes compared" if verdict.hashes else "no hashes recorded"
-            print(f"{verdict.name}: {verdict.skill}, {verdict.kind}, {hashes}, weights loaded: {found}")
+            print(_found(verdict))
     if not all(verdict.ok for verdict in verdicts):
         raise typer.Exit(1)
+
+
+def _found(verdict: "Verdict") -> str:
+    """What `verify` prints of one model."""
+    hashes = "hashes compared" if verdict.hashes else "no hashes recorded"
+    loads = "weights loaded" if verdict.loads else "weights do not load"
+    found = "nothing is wrong" if verdict.ok else counted(len(verdict.problems), "problem")
+    return f"{verdict.name}: {verdict.skill}, {verdict.kind}, {hashes}, {loads}: {found}"
 
 
 def _lines(told: "About") -> list[str]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, print_json, say
+from busybot.cli.common import JsonOption, counted, print_json, say
 
 if TYPE_CHECKING:
     from busybot.sim.replay import Compared
@@ -37,7 +37,7 @@ def replay(
             print(_sentence(one))
         if screenshot:
             print(screenshot)
-        say(f"{episode}: {len(compared)} steps put back, {'all hold' if holds else 'not all hold'}")
+        say(f"{episode}: {counted(len(compared), 'step')} put back, {'all hold' if holds else 'not all hold'}")
     if not holds:
         raise typer.Exit(1)
 

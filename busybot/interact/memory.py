@@ -120,6 +120,11 @@ class Memory:
         nears = [self._near(failure, pixels) for failure in self.failures]
         return np.max([np.zeros(len(pixels)), *nears], axis=0) > 0.5
 
+    def tried_here(self, pixels: np.ndarray) -> np.ndarray:
+        """Which of the pixels (K, 2) are as near to a failure as no two candidates are to each other, bool (K,)."""
+        failed = np.array([failure.pixel for failure in self.failures]).reshape(-1, 1, 2)
+        return (np.abs(failed - pixels).max(axis=2) <= self._config.peak_radius).any(axis=0)
+
     def _near(self, failure: Failure, pixels: np.ndarray) -> np.ndarray:
         """How much a failure says about what is at the pixels (K, 2) itself, (K,) from 0 to 1."""
         distance = ((pixels - np.array(failure.pixel)) ** 2).sum(axis=1)

@@ -165,7 +165,7 @@ class Model:
 
 def find_model(name_or_path: str | Path) -> Path:
     """The folder that a name or a path means."""
-    return find_folder(name_or_path, SHIPPED, "interact")
+    return find_folder(name_or_path, [SHIPPED], "interact")
 
 
 def weights_file(folder: Path, kind: Kind) -> Path:

@@ -5,7 +5,8 @@ Modes:
 - `evaluate`: try new links while the best candidate's expected success exceeds a threshold, then repeat known ones.
 - `greedy`: always the highest affordance and its best direction (Table 1, row "w/o exploration").
 - `ucb`: the paper's Upper Confidence Bound, P + c sqrt(ln t / N) at every elevated pixel (`interact.ucb`).
-- `collect`: a random one of the candidates, one per region, as the paper collects data for reasoning.
+- `collect`: a random one of the candidates, one per region, for data to reason from. The paper draws among all of them;
+  here those that were not tried yet come first (`PolicyConfig.untried_first`).
 """
 
 from dataclasses import dataclass
@@ -76,9 +77,7 @@ class LearnedPolicy(Generic[V]):
         if self._mode == "evaluate":
             choice = self._best(self._find(view, image, memory), memory)
         elif self._mode == "collect":
-            found = self._find(view, image, memory)
-            one_each = self._config.candidates == "kmeans"  # a cluster is what the paper has for a region
-            choice = self._random(found if one_each else found.best_of_regions(), rng)
+            choice = self._random(self._find(view, image, memory), memory, rng)
         else:
             choice = self._highest(view, with_bonus=self._mode == "ucb")
         self.choice = choice = choice or _guess(view.height, rng)
@@ -114,13 +113,22 @@ class LearnedPolicy(Generic[V]):
             return _chosen(promising, int(promising.scores.argmax()), "new")
         return _chosen(known, int(known.scores.argmax()), "known") if len(known) else None
 
-    def _random(self, found: Candidates, rng: np.random.Generator) -> Choice | None:
-        """Any known link or new candidate of enough promise; of its pair, the directions by their probabilities."""
+    def _random(self, found: Candidates, memory: Memory, rng: np.random.Generator) -> Choice | None:
+        """Any new candidate of enough promise or known link; of its pair, the directions by their probabilities."""
         if not len(found):
             return None
-        promise = np.where(found.regions > 0, 1.0, found.scores)
-        good = np.flatnonzero(promise >= min(self._config.collect, promise.max()))
-        index = int(rng.choice(good))
+        config, known = self._config, found.regions > 0
+        if config.untried_first:
+            untried = ~known & ~memory.tried_here(found.pixels) & (found.scores >= config.collect)
+            good = untried if untried.any() else known | (found.scores >= config.insist)
+        else:
+            good = known | (found.scores >= config.collect)
+        if not good.any():
+            good = found.scores >= found.scores.max()
+        found = found.take(good)
+        if config.candidates == "peaks":  # of the paper's clusters each has one
+            found = found.best_of_regions()
+        index = int(rng.integers(len(found)))
         choice = _chosen(found, index, "known" if found.regions[index] > 0 else "new")
         two = [choice.direction, int(OPPOSITE[choice.direction])]
         weights = found.directions[index, two] + 1e-6

@@ -143,14 +143,14 @@ def _reasoner_provenance(reasoner: str) -> dict[str, Any]:
     """What decides what a reasoner says, without where it lies."""
     if reasoner in REASONERS:
         return {"name": reasoner, "config": config_class(reasoner)().model_dump(mode="json")}
-    folder = find_folder(reasoner, SHIPPED, "reason")
+    folder = find_folder(reasoner, [SHIPPED], "reason")
     return {"name": folder.name, "sha256": file_hashes(folder)}
 
 
 def _policy_provenance(agent: str) -> dict[str, Any]:
     """What decides what a trained agent does, without where it lies."""
     name, _, model = agent.partition("=")
-    folder = find_folder(model, POLICIES, name)
+    folder = find_folder(model, [POLICIES], name)
     return {"name": folder.name, "sha256": file_hashes(folder)}
 
 

@@ -49,7 +49,7 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
     Raises:
         BusybotError: there is no such model, or its files are damaged or do not belong together.
     """
-    folder = find_folder(name_or_path, SHIPPED, "reason")
+    folder = find_folder(name_or_path, [SHIPPED], "reason")
     info = read_info(folder, ModelInfo)
     tensors = load_tensors(folder / WEIGHTS_FILE).tensors
     try:

@@ -14,11 +14,11 @@ INFO_FILE = "model.json"
 Info = TypeVar("Info", bound=BaseModel)
 
 
-def find_folder(name_or_path: str | Path, shipped: Path, skill: str) -> Path:
+def find_folder(name_or_path: str | Path, shipped: Iterable[Path], skill: str) -> Path:
     """The folder that a name or a path means; a training's folder stands for its final model.
 
     Args:
-        shipped: folder of the models that can be called by their names.
+        shipped: folders of the models that can be called by their names.
         skill: as in `busybot train SKILL`.
 
     Raises:
@@ -28,10 +28,10 @@ def find_folder(name_or_path: str | Path, shipped: Path, skill: str) -> Path:
     for folder in (given, given / "model"):
         if (folder / INFO_FILE).is_file():
             return folder
-    names = sorted(path.parent.name for path in shipped.glob(f"*/{INFO_FILE}"))
-    if str(name_or_path) in names:
-        return shipped / str(name_or_path)
-    known = f"the shipped models are {', '.join(names)}; " if names else ""
+    named = {path.parent.name: path.parent for place in shipped for path in place.glob(f"*/{INFO_FILE}")}
+    if str(name_or_path) in named:
+        return named[str(name_or_path)]
+    known = f"the shipped models are {', '.join(sorted(named))}; " if named else ""
     raise BusybotError(
         f"{name_or_path}: no model of that name, and no folder with {INFO_FILE}",
         f"{known}`busybot train {skill} --out DIR` makes one",

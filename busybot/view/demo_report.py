@@ -69,7 +69,7 @@ def _actions(story: Story, folder: Path) -> str:
     return (
         "## Acting\n\nWhere can something be moved, and in which direction? The policy learned it from depth images "
         "and from pixels that change, without labels, and has not seen these boards before. It chooses at random among "
-        "what looks movable: a point to take hold of and one of 18 directions. On board "
+        "what looks movable, first what it has not tried: a point to take hold of and one of 18 directions. On board "
         f"{story.chosen} it acted {len(episode.steps)} times and moved a trigger {moved} times. The reward is 1 when "
         "more than "
         f"{episode.settings.get('interaction', {}).get('delta', 500)} pixels change.\n\n"

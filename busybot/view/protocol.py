@@ -117,6 +117,7 @@ REASONING = Table(
         Row("pc", "PC (causal-learn)", "competitor"),
         Row("pc-pairs", "PC, pairs only", "competitor"),
         Row("paper", "`paper`", "competitor", "BusyBot"),
+        Row("paper-50-epochs", "`paper`, 50 of its 200 epochs", "competitor"),
         Row("paper-without-inference", "`paper` without inference", "competitor", "without inference"),
         Row("paper-without-exploration", "`paper`, random actions", "competitor", "without exploration"),
     ),

@@ -84,6 +84,24 @@ def test_collecting_visits_links_evenly() -> None:
     assert set(play("collect", 20, PolicyConfig(candidates="kmeans", clusters=2))) == {0, 1}
 
 
+def test_collecting_tries_everything_before_it_repeats() -> None:
+    assert all(sorted(play("collect", 2, seed=seed)) == [0, 1] for seed in range(8))
+    at_random = PolicyConfig(untried_first=False)
+    assert any(len(set(play("collect", 2, at_random, seed))) == 1 for seed in range(8))
+
+
+def test_collecting_tries_a_place_that_fails_once() -> None:
+    policy = LearnedPolicy(ButtonModel(), RAYS, PolicyConfig(insist=1), "collect")
+    image, rng = Toy().image(), generator(0, "", 0, "test")
+    pixels = []
+    for _ in range(2):
+        action = policy.choose(image, rng)
+        pixels.append(action.pixel)
+        policy.told(action, action.directions, 0, image)
+    assert sorted(policy.memory.tried_here(np.array(pixels)) if policy.memory else []) == [True, True]
+    assert np.abs(np.subtract(*pixels)).max() > PolicyConfig().peak_radius
+
+
 def test_an_empty_board_is_guessed_at() -> None:
     policy = LearnedPolicy(ButtonModel(), RAYS)
     action = policy.choose(picture(), generator(0, "", 0, "test"))

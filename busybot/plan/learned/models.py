@@ -54,7 +54,7 @@ def read_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, Poli
     Raises:
         BusybotError: there is no such policy, or its files are damaged or do not belong together.
     """
-    folder = find_folder(name_or_path, SHIPPED, agent)
+    folder = find_folder(name_or_path, [SHIPPED], agent)
     info = read_info(folder, PolicyInfo)
     if info.agent != agent:
         raise BusybotError(f"{folder}: a policy of agent {info.agent}, not {agent}", f"name it as {info.agent}")

@@ -39,9 +39,9 @@ def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -
         out = ("--out", str(place(options, split, kind, str(seed))))
         commands.append(("eval", "plan", str(tasks), *who, *assets, *out))
     if options.learned:
-        who = ("--agents", ",".join(options.learned), "--policy-model", model)
+        alone = ("--agents", ",".join(options.learned), "--policy-model", model)
         out = ("--out", str(place(options, split, kind, "learned")))
-        commands.append(("eval", "plan", str(tasks), *who, *assets, *out))
+        commands.append(("eval", "plan", str(tasks), *alone, *assets, *out))
     typed += [as_typed(command, _places(options)) for command in commands]
     told = [busybot(*command) for command in commands][2:]
     names = [name for result in told for name in result["agents"]]

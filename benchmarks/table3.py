@@ -9,6 +9,7 @@ resumes, so this one does; a cell appears as soon as it is judged.
 """
 
 import argparse
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +20,12 @@ KINDS = ("one-to-one", "one-to-many")
 OURS = ("search", "busybot")
 TRUTHS = ("search-true-relations", "search-true-contacts", "search-true-both")
 AGENTS = (*OURS, "relation", "predictive", "random", "noop", "oracle", *TRUTHS)
+SPLITS = ("novel-object", "novel-config", "train")
 DETAILS = ("interval", "micro", "by_features", "solved", "steps", "steps_more", "step_success", "failures_by_cause")
 
 
 def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -> dict[str, Any]:
     """What every agent reached on one dataset of tasks: agent to success and details."""
-    places = {str(options.work): "WORK", options.assets: "ASSETS", options.policy_model: "POLICY"}
-    places |= {str(folder): f"REASONER-{seed}" for seed, folder in enumerate(options.reasoner)}
     tasks = options.work / f"{split}-{kind}"
     assets, model = ("--assets", options.assets), options.policy_model
     make = ("--split", split, "--tasks", kind, "--boards", str(options.boards), "--seed", str(SEEDS[split]))
@@ -36,16 +36,28 @@ def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -
     for seed, reasoner in enumerate(options.reasoner):
         agents = AGENTS if seed == 0 else OURS
         who = ("--agents", ",".join(agents), "--model", str(reasoner), "--policy-model", model)
-        out = ("--out", str(options.work / f"judged-{split}-{kind}-{seed}"))
+        out = ("--out", str(place(options, split, kind, str(seed))))
         commands.append(("eval", "plan", str(tasks), *who, *assets, *out))
     if options.learned:
-        who = ("--agents", ",".join(options.learned), "--policy-model", model)
-        out = ("--out", str(options.work / f"judged-{split}-{kind}-learned"))
-        commands.append(("eval", "plan", str(tasks), *who, *assets, *out))
-    typed += [as_typed(command, places) for command in commands]
+        alone = ("--agents", ",".join(options.learned), "--policy-model", model)
+        out = ("--out", str(place(options, split, kind, "learned")))
+        commands.append(("eval", "plan", str(tasks), *alone, *assets, *out))
+    typed += [as_typed(command, _places(options)) for command in commands]
     told = [busybot(*command) for command in commands][2:]
     names = [name for result in told for name in result["agents"]]
     return {name: _across(name, told) for name in dict.fromkeys(names)}
+
+
+def place(options: argparse.Namespace, split: str, kind: str, who: str = "0") -> Path:
+    """Folder of an evaluation: with the reasoner of that number, or of the learned baselines."""
+    return Path(options.work / f"judged-{split}-{kind}-{who}")
+
+
+def _places(options: argparse.Namespace) -> dict[str, str]:
+    """Names for folders of this machine; what ships with busybot has one that everybody knows."""
+    named = {options.assets: "ASSETS", options.policy_model: "POLICY"}
+    named |= {str(folder): f"REASONER-{seed}" for seed, folder in enumerate(options.reasoner)}
+    return {str(options.work): "WORK"} | {where: name for where, name in named.items() if Path(where).is_dir()}
 
 
 def _across(agent: str, told: list[dict[str, Any]]) -> dict[str, Any]:
@@ -57,26 +69,37 @@ def _across(agent: str, told: list[dict[str, Any]]) -> dict[str, Any]:
     return {"success": sum(values) / len(values), "seeds": values, **details, "timing": judged[0]["timing"][agent]}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--policy-model", required=True)
-    parser.add_argument("--reasoner", nargs="+", required=True, help="one for each seed")
+def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """The result file's content after every kind of every split."""
+    options.work.mkdir(parents=True, exist_ok=True)
+    rows: dict[str, Any] = {}
+    typed: list[str] = []
+    for split in SPLITS:
+        for kind in KINDS:
+            for agent, scores in cell(split, kind, options, typed).items():
+                rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
+                print(f"{split:13} {kind:12} {agent:24} {100 * scores['success']:5.1f}", flush=True)
+            yield {"machine": machine(), "tasks": options.boards, "commands": typed, "rows": rows}
+
+
+def parsed(description: str | None, **given: Any) -> argparse.Namespace:
+    """Options of the command line; what is given counts unless an option says otherwise."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--policy-model", required=not given)
+    parser.add_argument("--reasoner", nargs="+", required=not given, help="one for each seed")
     parser.add_argument("--learned", nargs="*", default=[], help="learned baselines, as bc=FOLDER")
     parser.add_argument("--assets", default="procedural")
     parser.add_argument("--boards", type=int, default=50, help="tasks in each cell")
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args()
-    options.work.mkdir(parents=True, exist_ok=True)
-    rows: dict[str, Any] = {}
-    typed: list[str] = []
-    for split in ("novel-object", "novel-config", "train"):
-        for kind in KINDS:
-            for agent, scores in cell(split, kind, options, typed).items():
-                rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
-                print(f"{split:13} {kind:12} {agent:24} {100 * scores['success']:5.1f}", flush=True)
-            told = {"machine": machine(), "tasks": options.boards, "commands": typed, "rows": rows}
-            write_result(options.out, told)
+    parser.set_defaults(**given)
+    return parser.parse_args()
+
+
+def main() -> None:
+    options = parsed(__doc__)
+    for result in measured(options):
+        write_result(options.out, result)
 
 
 if __name__ == "__main__":

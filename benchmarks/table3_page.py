@@ -8,17 +8,21 @@ The place is between `<!-- table3 -->` and `<!-- end of table3 -->`. What was no
 from typing import Any
 
 from benchmarks.pages import head, paper_lines, put, write_page
-from busybot.view.protocol import PLANNING
+from busybot.view.protocol import PLANNING, Row
 
 
 def table(result: dict[str, Any]) -> str:
     """Percent: mean over seeds with the extremes behind it; the paper's rows below."""
     lines = head(PLANNING)
-    for row in PLANNING.rows:
-        told = result["rows"].get(row.name, {"splits": {}})["splits"]
-        cells = [_cell(told.get(split, {}).get(kind)) for split, kind in PLANNING.columns()]
-        lines.append(f"| {row.words} | " + " | ".join(cells) + " |")
+    lines += [row_line(row, result["rows"]) for row in PLANNING.rows]
     return "\n".join([*lines, *paper_lines(PLANNING)])
+
+
+def row_line(row: Row, rows: dict[str, Any]) -> str:
+    """An agent's line; what was not run is missing."""
+    told = rows.get(row.name, {"splits": {}})["splits"]
+    cells = [_cell(told.get(split, {}).get(kind)) for split, kind in PLANNING.columns()]
+    return f"| {row.words} | {' | '.join(cells)} |"
 
 
 def _cell(judged: dict[str, Any] | None) -> str:

@@ -1,7 +1,7 @@
 """`busybot demo`: the whole way from objects to an inferred scene graph, small enough to watch.
 
 Procedural objects become boards, a policy that learned where and how to act records interactions with them, recordings
-become relations, and a report shows each of them.
+become relations, relations lead to a goal, and a report shows each of them.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
+from busybot.boards.task import least_steps, start_states, task_of
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
@@ -19,7 +21,9 @@ from busybot.errors import BusybotError
 from busybot.files import write_atomically, write_json
 from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser, load_once, policy_config
 from busybot.interact.trace import Thought, retrace
-from busybot.objects.library import find
+from busybot.objects.library import Library, find
+from busybot.plan.evaluate import evaluate
+from busybot.plan.player import PlanConfig
 from busybot.reason.evaluate import Judging, evaluate_dataset
 from busybot.reason.foresee import believed
 from busybot.reason.infer import DEFAULT_REASONER
@@ -30,11 +34,17 @@ from busybot.view.affordance_figure import affordance_figure
 from busybot.view.demo_report import Story, demo_report
 from busybot.view.rerun_log import Layers, save_rrd
 from busybot.view.screenshot import save_screenshot
+from busybot.view.sequence_figure import sequence_figure
 
 BOARDS = 4
 STEPS = 30
 EARLY_STEP = 6
 """A second picture of the viewer shows how little is known after so many steps."""
+
+AGENT = "search"
+"""Reaches the goal."""
+TASK_STEPS, TASKS_SEEN = 3, 20
+"""The task takes so many actions at the least, if one of so many does."""
 
 Say = Callable[[str], None]
 
@@ -49,6 +59,7 @@ class Demo:
         recording: for Rerun.
         pictures: PNG files, figures and screenshots.
         result: of `busybot eval reason`.
+        task_success: share of the task's affectable responders in their goal state.
     """
 
     out: Path
@@ -56,6 +67,7 @@ class Demo:
     recording: Path
     pictures: tuple[Path, ...]
     result: dict[str, Any]
+    task_success: float
 
 
 def run_demo(
@@ -71,17 +83,22 @@ def run_demo(
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BusybotError(f"{out}: it exists and is not an empty folder", "name another with --out, or remove it")
-    policy = policy_config(load_once(model).info, {})
-    dataset = _collect(out / "boards", seed, workers, say, assets, model)
+    policy, library = policy_config(load_once(model).info, {}), find(assets)
+    say(f"drawing {BOARDS} boards with {len(library.objects)} {library.name} objects to choose from")
+    # levers with three positions and panels on every board: more to discover
+    config = BoardConfig(boards=BOARDS, group_size=1, seed=seed, relations="one-to-many")
+    dataset = _collect(out / "boards", config, library, workers, say, model)
     say("inferring which switch controls what, from pictures and actions alone")
     result = evaluate_dataset(dataset, Judging(DEFAULT_REASONER), seed=seed, workers=1)
     write_json(out / "relations.json", result)
     episodes = [read_episode(dataset.episode_path(index), "lazy") for index in range(BOARDS)]
     chosen = most_telling([episode.board for episode in episodes])
     inferred = believed(episodes[chosen], DEFAULT_REASONER, STEPS + 1)
+    rollout, planned = _reach_goal(out, library, seed, say, model)
     say("drawing figures")
     thoughts = list(retrace(episodes[chosen], load_once(model), policy))
     pictures = _figures(out / "figures", episodes, chosen, inferred, thoughts)
+    pictures["sequence"] = sequence_figure(out / "figures" / "sequence.png", rollout)
     recording = out / f"board-{chosen}.rrd"
     save_rrd(recording, episodes[chosen], [inferred], layers=Layers(thoughts))
     say("taking pictures of the viewer")
@@ -90,21 +107,38 @@ def run_demo(
         save_screenshot(recording, picture, step)
         pictures[f"viewer_{step}"] = picture
     report = out / "report.md"
-    story = Story(episodes, chosen, inferred, result, dataset.info, recording, pictures, EARLY_STEP)
+    story = Story(episodes, chosen, inferred, result, dataset.info, recording, pictures, EARLY_STEP, rollout, planned)
     write_atomically(report, demo_report(story, out).encode())
-    return Demo(out, report, recording, tuple(pictures.values()), result)
+    return Demo(out, report, recording, tuple(pictures.values()), result, planned["success"])
 
 
-def _collect(path: Path, seed: int, workers: int, say: Say, assets: str, model: str) -> Dataset:
-    library = find(assets)
-    say(f"drawing {BOARDS} boards with {len(library.objects)} {library.name} objects to choose from")
-    # levers with three positions and panels on every board: more to discover
-    config = BoardConfig(boards=BOARDS, group_size=1, seed=seed, relations="one-to-many")
+def _collect(path: Path, config: BoardConfig, library: Library, workers: int, say: Say, model: str) -> Dataset:
     dataset = create_dataset(path, config, library)
-    say(f"acting {STEPS} times on each and recording what happens")
+    say(f"acting {STEPS} times on {'each' if config.boards > 1 else 'it'} and recording what happens")
     chooser, acting = LearnedChooser(model, "collect"), CollectConfig(policy="learned", steps=STEPS)
-    collect(dataset, library, acting, min(workers, BOARDS), None, chooser, chooser.provenance())
+    collect(dataset, library, acting, min(workers, config.boards), None, chooser, chooser.provenance())
     return dataset
+
+
+def _reach_goal(out: Path, library: Library, seed: int, say: Say, model: str) -> tuple[Episode, dict[str, Any]]:
+    """A board with a goal, and `search` on it: the rollout, and what `busybot eval plan` tells of the agent."""
+    say("drawing a board with a goal")
+    dataset = _collect(out / "task", _task(library, seed), library, 1, say, model)
+    say("reaching the goal with what was learned")
+    record = out / "rollouts"
+    result = evaluate(dataset, library, [AGENT], DEFAULT_REASONER, model, PlanConfig(), seed, record=record)
+    rollout = read_episode(Dataset.open(record / AGENT).episode_path(0), "lazy")
+    return rollout, result["agents"][AGENT]
+
+
+def _task(library: Library, seed: int) -> BoardConfig:
+    """A board with a goal: from the seed on, the first one that takes several actions."""
+    for number in range(seed, seed + TASKS_SEEN):
+        config = BoardConfig(boards=1, group_size=1, seed=number, tasks="one-to-many")
+        board = next(iter(generate_boards(config, library)))
+        if least_steps(start_states(board), task_of(board).goal) >= TASK_STEPS:
+            break
+    return config
 
 
 def most_telling(boards: list[BoardSpec]) -> int:

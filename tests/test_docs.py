@@ -61,6 +61,18 @@ def test_the_table_of_robustness_is_that_of_the_results() -> None:
         assert "<!-- robustness -->\n<!-- end of robustness -->" in written, "a table without its result"
 
 
+@pytest.mark.parametrize("name", ["decision_time", "plan-procedural"])
+def test_tables_beside_table_3_are_those_of_the_results(name: str) -> None:
+    from benchmarks.plan_pages import page
+
+    written = (ROOT / "docs" / "plan.md").read_text(encoding="utf-8")
+    result, place = ROOT / "benchmarks" / "results" / f"{name}.json", name.replace("_", "-")
+    if result.exists():
+        assert page(written, json.loads(result.read_text(encoding="utf-8"))) == written, "benchmarks.plan_pages"
+    else:
+        assert f"<!-- {place} -->\n<!-- end of {place} -->" in written, "a table without its result"
+
+
 def test_the_command_reference_is_the_commands() -> None:
     from busybot.cli.reference import page
 

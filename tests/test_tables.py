@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import table2
+from benchmarks import plan_pages, table2, table3
 from benchmarks.commands import as_typed, told_rows, write_result
 from benchmarks.pages import costs, put
 from benchmarks.table2 import DETAILS, SCORES, across
@@ -80,3 +80,42 @@ def test_commands_are_told_without_this_machines_places(tmp_path: Path) -> None:
     assert as_typed(("eval", f"{tmp_path}/x"), {str(tmp_path): "DATA"}) == "busybot eval DATA/x"
     write_result(tmp_path / "r.json", {"rows": {}})
     assert [path.name for path in tmp_path.iterdir()] == ["r.json"]
+
+
+def timing(mean: float | None, least: float = 0.0) -> dict[str, Any]:
+    told = None if mean is None else 2 * mean
+    return {"cpu_ms": mean, "cpu_ms_p95": told, "cpu_ms_without_model": None if mean is None else mean - least}
+
+
+def test_decision_times_are_compared_with_the_gate() -> None:
+    fast, slow = timing(9.0, 4.0), timing(50.1)
+    agents = {
+        "search": {"one-to-one": fast, "one-to-many": fast},
+        "random": {"one-to-one": fast, "one-to-many": slow},
+        "noop": {"one-to-one": timing(None), "one-to-many": fast},
+    }
+    lines = plan_pages.times({"gate_ms": 50.0, "decisions": agents}).splitlines()
+    assert lines[2].endswith("| 9.0 (95 %: 18.0; model 4.0) | 9.0 (95 %: 18.0; model 4.0) | yes |")
+    assert lines[3].startswith("| random") and lines[3].endswith("| no |")
+    assert lines[4].startswith("| doing nothing | - | ") and len(lines) == 5
+
+
+def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def answer(*arguments: str) -> dict[str, Any]:
+        asked.append(arguments)
+        row = dict.fromkeys(table3.DETAILS) | {"success": 0.5 + len(asked) / 100}
+        return {"agents": {"search": row, "bc": row}, "timing": {"search": {}, "bc": {}}}
+
+    monkeypatch.setattr(table3, "busybot", answer)
+    monkeypatch.setattr("sys.argv", ["plan", "--work", f"{tmp_path}/w", "--out", f"{tmp_path}/o", "--boards", "2"])
+    *_, result = table3.measured(table3.parsed("", policy_model="procedural", reasoner=["event"]))
+    assert len(asked) == 3 * 6 and "--boards 2" in result["commands"][0]
+    assert "--model event --policy-model procedural" in result["commands"][2], "what ships is told by its name"
+    assert "WORK/judged-novel-object-one-to-one-0" in result["commands"][2]
+    lines = plan_pages.procedural({"agents": result["rows"]}).splitlines()
+    assert lines[2] == "| **search over learned effects** | 65.0 | 68.0 | 59.0 | 62.0 | 53.0 | 56.0 |"
+    assert lines[3].startswith("| behaviour cloning") and len(lines) == 4
+    text = "<!-- plan-procedural -->\n<!-- end of plan-procedural -->"
+    assert plan_pages.page(text, {"agents": result["rows"]}).splitlines()[1:-1] == lines

@@ -18,13 +18,15 @@ def demo(
     workers: WorkersOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Boards, recorded interactions, inferred relations and a report with pictures, in a minute or two."""
+    """Boards, recorded interactions, inferred relations, a goal, and a report with pictures, in a minute or two."""
     from busybot.demo import run_demo
     from busybot.workers import default_workers
 
     done = run_demo(out or _free("demo"), seed, workers or default_workers(), say, assets, model)
     if json:
-        told = {name: done.result[name] for name in ("boards", "edge_p", "edge_r")}
+        told = {name: done.result[name] for name in ("boards", "edge_p", "edge_r")} | {
+            "task_success": done.task_success
+        }
         print_json(
             {"out": done.out, "report": done.report, "recording": done.recording, "pictures": done.pictures} | told
         )

@@ -16,7 +16,8 @@ def view(
         Path | None, typer.Option(help="Write a picture of the viewer, F.png; needs no screen.")
     ] = None,
     figure: Annotated[
-        Path | None, typer.Option(help="Draw the graph inferred after 1, 3, 6, 12 and 22 steps into this file, F.png.")
+        Path | None,
+        typer.Option(help="Draw the graph inferred after 1 to 22 steps, or a rollout's way to its goal, into F.png."),
     ] = None,
     step: Annotated[int | None, typer.Option(min=0, help="Step to show, 0 is the start; the last by default.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve to browsers on this machine, until Ctrl-C.")] = False,

@@ -83,6 +83,8 @@ def _offered(rollout: Episode, decisions: Sequence[Decision], link: tuple[int, s
     for number, decision in enumerate(decisions):
         segmentation = rollout.image(number).segmentation
         assert segmentation is not None
-        if decision.offered is None or any(int(segmentation[v, u]) in codes for u, v in decision.offered):
+        if decision.proposed is None:
+            return True
+        if any(int(segmentation[v, u]) in codes for u, v in (contact.pixel for contact in decision.proposed)):
             return True
     return False

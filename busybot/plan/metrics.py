@@ -163,6 +163,7 @@ def _timing(rollouts: Sequence[JudgedRollout]) -> dict[str, float | None]:
     return {
         "decisions": len(everything),
         "cpu_ms": _mean(everything),
+        "cpu_ms_p95": float(np.quantile(everything, 0.95)) if everything else None,
         "cpu_ms_without_model": _mean([a - b for a, b in zip(everything, model, strict=True)]),
         "asked_model": _share([value > 0 for value in model]),
         "start_ms": _mean([rollout.start_ms for rollout in rollouts]),

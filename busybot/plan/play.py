@@ -1,7 +1,7 @@
 """An agent on a board: it sees pictures as features, its acts become actions of the simulator."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,13 +20,15 @@ class Decision:
 
     Attributes:
         answer: its answer.
-        offered: pixels (u, v) of the candidates that the interaction model proposed, None if it was not asked.
+        repeats: contacts of the history that it could choose.
+        proposed: candidates of the interaction model, None if it was not asked.
         cpu_ms: processor time from the picture to the answer, the model's part in it included.
         model_ms: of that, the interaction model's.
     """
 
     answer: Act | Stop
-    offered: tuple[tuple[int, int], ...] | None
+    repeats: tuple[Contact, ...]
+    proposed: tuple[Contact, ...] | None
     cpu_ms: float
     model_ms: float
 
@@ -85,9 +87,8 @@ class AgentPolicy:
         ):
             what = f"agent {self.name} took hold of a contact that it was not offered"
             raise BusybotError(what, "answer with one of `repeats` or `candidates` of the same situation")
-        offered = None if proposed is None else tuple(contact.pixel for contact in proposed)
         model_ms = 1000 * (self._contacts.proposing_s - asked)
-        self.decisions.append(Decision(answer, offered, _ms_since(began), model_ms))
+        self.decisions.append(Decision(answer, situation.repeats, proposed, _ms_since(began), model_ms))
         return None if isinstance(answer, Stop) else Action(answer.contact.pixel, (answer.direction,))
 
     def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
@@ -100,7 +101,7 @@ class AgentPolicy:
         self._attempts.append(Attempt(answer.contact, answer.direction, executed, bool(reward), before, self.features))
         # what is learned from an action belongs to the decision for it
         last = self.decisions[-1]
-        self.decisions[-1] = Decision(last.answer, last.offered, last.cpu_ms + _ms_since(began), last.model_ms)
+        self.decisions[-1] = replace(last, cpu_ms=last.cpu_ms + _ms_since(began))
 
 
 def _ms_since(began: float) -> float:

@@ -15,7 +15,7 @@ from busybot.errors import BusybotError
 from busybot.interact.candidates import ActionModel
 from busybot.interact.memory import Memory
 from busybot.interact.policy_config import PolicyConfig
-from busybot.plan.agent import Agent, Briefing, Stop
+from busybot.plan.agent import Agent, Briefing
 from busybot.plan.agents.learned import learned
 from busybot.plan.agents.paper import BusyBot, Predictive, Relation
 from busybot.plan.agents.search import Search
@@ -25,8 +25,9 @@ from busybot.plan.contacts import LearnedContacts, memory_of, worked_in
 from busybot.plan.judge import judge
 from busybot.plan.learned.models import Name, load_policy
 from busybot.plan.metrics import JudgedRollout
+from busybot.plan.notes import notes
 from busybot.plan.oracle import Oracle, TrueContacts, TrueRelations
-from busybot.plan.play import AgentPolicy, Decision
+from busybot.plan.play import AgentPolicy
 from busybot.plan.sight import Sight
 from busybot.reason.encoders.choose import choose
 from busybot.reason.observed import Observed, observe
@@ -192,7 +193,7 @@ class Player:
         episode = record_episode(self._simulator, board, chooser, MAX_STEPS, self._interaction, self._seed)
         policy = chooser.policy
         assert policy is not None
-        episode.settings["decisions"] = [_words(decision) for decision in policy.decisions]
+        episode.settings |= notes(policy.decisions)
         return Played(episode, judge(episode, policy, task.briefing, task.edges))
 
     def _sight(self, task: Prepared) -> Sight:
@@ -222,8 +223,3 @@ class _Chooser:
     def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> AgentPolicy:
         self.policy = self._player.policy(self._task, self._kind, self._name, scene)
         return self.policy
-
-
-def _words(decision: Decision) -> str:
-    """A decision in words."""
-    return f"stop: {decision.answer.why}" if isinstance(decision.answer, Stop) else decision.answer.why

@@ -10,6 +10,8 @@ from busybot.episodes.episode import Episode
 from busybot.reason.result import InferredGraph
 from busybot.view.rerun_affordance import SPACE as AFFORDANCE
 from busybot.view.rerun_camera import VIEW_MARGIN
+from busybot.view.rerun_choice import SPACE as CHOICE
+from busybot.view.rerun_choice import has_choices
 from busybot.view.rerun_foreseen import LANES
 from busybot.view.rerun_foreseen import SPACE as EXPECTED
 from busybot.view.rerun_goal import SPACE as GOAL
@@ -23,6 +25,7 @@ GRAPH_MARGIN = 44.0
 """Around the outermost nodes, graph units."""
 COLUMNS = [1, 0.95, 1.12]
 GOAL_COLUMN = 1
+CHOICE_WORDS = "Choice: candidates black, repeats orange"
 LEGEND_SHARE = 0.38
 """Of a plot's width, kept free for its legend."""
 
@@ -42,7 +45,10 @@ def blueprint(
     """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
     shown = shown or Shown()
     names = [graph.name for graph in inferred]
-    upper = [camera_views(episode, shown), graph_views(episode, names), board_view()]
+    graphs = graph_views(episode, names)
+    if has_choices(episode):
+        graphs = rrb.Tabs(_picture_view(episode, CHOICE, CHOICE_WORDS), *graphs.contents)
+    upper = [camera_views(episode, shown), graphs, board_view()]
     shares = [*COLUMNS]
     if episode.goal is not None:
         upper.insert(1, goal_view(episode))
@@ -159,10 +165,13 @@ def belief_views(episode: Episode, names: list[str]) -> Any:
 
 
 def account_views(episode: Episode, foreseen: bool = False) -> Any:
-    """What was expected, the simulator's discrete states, which no learner sees, and the steps in words."""
+    """What was expected, the simulator's discrete states, which no learner sees, and the steps in words.
+
+    The words come first where an agent said why.
+    """
     expected = rrb.StateTimelineView(origin=LANES, name="What responders show, and what was expected")
     states = rrb.StateTimelineView(origin="states", name="States (privileged: no learner sees them)")
     columns = rrb.TextLogColumns(timeline_columns=["step"], text_log_columns=["body"])
     words = rrb.TextLogView(origin="log", name="In words", columns=columns)
     views = ([expected] if foreseen else []) + ([states] if relation_states(episode, 0) else [])
-    return rrb.Tabs(*views, words)
+    return rrb.Tabs(words, *views) if has_choices(episode) else rrb.Tabs(*views, words)

@@ -7,8 +7,9 @@ from typing import Any
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.dataset_info import DatasetInfo
 from busybot.episodes.episode import Episode
+from busybot.plan.notes import reason
 from busybot.reason.result import InferredGraph
-from busybot.view.scene import judged_edges, object_names
+from busybot.view.scene import judged_edges, named, object_names
 
 KINDS = {
     "one-to-one": "one switch, one effect",
@@ -26,6 +27,8 @@ class Story:
         result: of `reason.evaluate.evaluate_dataset`.
         pictures: by name.
         early: the step of the early picture of the viewer.
+        rollout: of the agent that reaches for a goal.
+        planned: what `plan.evaluate.evaluate` tells of this agent.
     """
 
     episodes: list[Episode]
@@ -36,11 +39,13 @@ class Story:
     recording: Path
     pictures: dict[str, Path]
     early: int
+    rollout: Episode
+    planned: dict[str, Any]
 
 
 def demo_report(story: Story, folder: Path) -> str:
     """The report's text; links are relative to `folder`."""
-    parts = (_boards, _actions, _relations, _refinement, _numbers, _next)
+    parts = (_boards, _actions, _relations, _refinement, _numbers, _goal, _next)
     text = "\n\n".join(part(story, folder) for part in parts)
     return f"# A switch, a lamp, and what connects them\n\n{text}\n"
 
@@ -146,6 +151,20 @@ def _percent(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:.1f}"
 
 
+def _goal(story: Story, folder: Path) -> str:
+    rollout, planned = story.rollout, story.planned
+    said = [named(rollout.board, reason(rollout, step)) for step in range(len(rollout.steps) + 1)]
+    return (
+        "## Reaching a goal\n\nAnother board comes with a picture of a goal. The policy acts on it as on the others; "
+        f"from what that changed, `{rollout.policy}` knows which trigger to move, and which way. It compares "
+        "the board with the goal after every action, and stops when nothing differs. At the end "
+        f"{_percent(planned['success'])} % of the responders that some trigger controls were in their goal state.\n\n"
+        + _picture(story, folder, "sequence", "From the start, action by action, to the goal at the right.")
+        + "\n\nWhat it said:\n\n"
+        + "\n".join(f"{number}. {words}" for number, words in enumerate(filter(None, said), start=1))
+    )
+
+
 def _next(story: Story, folder: Path) -> str:
     recording = story.recording.relative_to(folder).as_posix()
     hashes = story.result["dataset"]
@@ -154,7 +173,9 @@ def _next(story: Story, folder: Path) -> str:
         f"- `busybot view boards --episode {story.chosen}` opens the episode in Rerun; `{recording}` "
         "is the same as a file.\n"
         "- `busybot dataset info boards` tells what was recorded, `busybot dataset verify boards` checks it.\n"
-        "- `busybot eval reason boards` repeats the inference; `relations.json` holds its result.\n\n"
+        "- `busybot eval reason boards` repeats the inference; `relations.json` holds its result.\n"
+        "- `busybot view rollouts/search` shows what the agent could choose from on its way to the goal; "
+        "`busybot eval plan task --agents search,random` plays the task again.\n\n"
         f"Board hash `{hashes['board_hash'][:16]}`, trace hash `{hashes['trace_hash'][:16]}`, "
         f"content hash `{hashes['content_hash'][:16]}`: the same seed on the same machine gives the same three."
     )

@@ -13,7 +13,7 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 from matplotlib.patheffects import withStroke
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.episodes.episode import Episode
+from busybot.episodes.episode import Episode, Image
 from busybot.episodes.geometry import project
 from busybot.files import write_atomically
 from busybot.view.palette import ACTION, FAINT, INK, MUTED, PAPER, ROLES, Rgb, unit
@@ -43,8 +43,13 @@ def save(figure: Figure, path: Path) -> Path:
 
 
 def draw_image(axes: Any, episode: Episode, frame: int, paleness: float = 0.0) -> None:
-    """A frame's RGB image cut to the board, axes in drawing units, mixed with white by `paleness` (0..1)."""
-    rgb, scale = episode.image(frame).rgb.astype(float), drawing_scale(episode)
+    """A frame's RGB image, as `draw_picture` draws it."""
+    draw_picture(axes, episode, episode.image(frame), paleness)
+
+
+def draw_picture(axes: Any, episode: Episode, image: Image, paleness: float = 0.0) -> None:
+    """An RGB image cut to the board, axes in drawing units, mixed with white by `paleness` (0..1)."""
+    rgb, scale = image.rgb.astype(float), drawing_scale(episode)
     shown = (rgb + (255 - rgb) * paleness).astype(np.uint8)
     size = (episode.camera.width * scale, episode.camera.height * scale)
     axes.imshow(shown, extent=(0, size[0], size[1], 0), interpolation="lanczos")
@@ -136,10 +141,10 @@ def draw_arc(
     axes.add_patch(arrow)
 
 
-def draw_label(axes: Any, place: np.ndarray, text: str, color: Rgb) -> None:
-    """A small bold text on a coloured ground."""
+def draw_label(axes: Any, place: np.ndarray, text: str, color: Rgb, size: float = 7.0) -> None:
+    """A small bold text on a coloured ground; its size in points."""
     box = {"boxstyle": "round,pad=0.25", "facecolor": unit(color), "linewidth": 0}
-    style = {"fontsize": 7, "fontweight": "bold", "color": unit(PAPER), "zorder": 10}
+    style = {"fontsize": size, "fontweight": "bold", "color": unit(PAPER), "zorder": 10}
     axes.annotate(text, _pair(place), ha="center", va="center", bbox=box, **style)
 
 

@@ -18,6 +18,7 @@ from busybot.view.report_figures import Course, courses_figure, table_figure
 from busybot.view.report_gates import Verdict, verdicts
 from busybot.view.report_page import Block, Heading, Items, Picture, Text, document, markdown
 from busybot.view.report_read import InteractResult, ReasonResult, Results, read_results
+from busybot.view.report_sequences import sequence_blocks
 from busybot.view.report_singles import single_blocks, subject
 
 TITLE = "BusyBot, measured"
@@ -92,6 +93,7 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     blocks += _beside(results)
     if results.singles:
         blocks += [Heading("Single evaluations"), *single_blocks(results)]
+    blocks += sequence_blocks(paths, figures)
     blocks += _pictures(results, figures, shown)
     blocks += [
         Heading("Files"),
@@ -178,7 +180,6 @@ def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Bloc
         blocks.append(
             drawn[name] if name in drawn else Text(f"**Missing**: {words}. `--episode FILE --model NAME` draws it.")
         )
-    blocks.append(Text("**Missing**: planning sequences."))
     for place, source in enumerate(results.pictures):
         copy = figures / f"given-{place:02d}{source.suffix.lower()}"
         shutil.copyfile(source, copy)

@@ -3,6 +3,8 @@
 At step k stands what was believed before action k, on the picture before it: the camera beside shows what came of it.
 """
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 import rerun as rr
@@ -12,8 +14,8 @@ from busybot.episodes.codec import encode_plain, encode_rgb
 from busybot.episodes.episode import Episode
 from busybot.episodes.geometry import project
 from busybot.interact.trace import Thought
-from busybot.view.palette import ACTION, INK, TRIGGER, mix
-from busybot.view.rerun_camera import ARROW_LENGTH
+from busybot.view.palette import INK, TRIGGER, Rgb, mix
+from busybot.view.rerun_camera import ARROW_LENGTH, log_action
 from busybot.view.scene import drawing_scale
 
 SPACE = "affordance"
@@ -29,16 +31,20 @@ CANDIDATE_ARROW = 0.4
 
 def log_thought(recording: rr.RecordingStream, episode: Episode, thought: Thought) -> None:
     """Everything of one action; the step of the recording's clock is the caller's."""
-    pale = paler(episode.image(thought.step).rgb)
-    picture = rr.EncodedImage(contents=encode_rgb(pale, "jpeg"), media_type="image/jpeg", draw_order=-10)
-    recording.log(f"{SPACE}/picture", picture)
+    log_pale(recording, SPACE, episode.image(thought.step).rgb)
     layer = encode_plain(affordance_layer(thought.affordance))
     recording.log(f"{SPACE}/map", rr.EncodedImage(contents=layer, media_type="image/png", draw_order=0))
     size = 1 / drawing_scale(episode)
     outlines = rr.LineStrips2D(link_outlines(thought.links), colors=INK, radii=1.2 * size, draw_order=10)
     recording.log(f"{SPACE}/links", outlines)
     _log_candidates(recording, episode, thought, size)
-    _log_action(recording, episode, thought.step, size)
+    log_action(recording, episode, thought.step, SPACE)
+
+
+def log_pale(recording: rr.RecordingStream, space: str, rgb: np.ndarray) -> None:
+    """A paler picture, to draw upon."""
+    picture = rr.EncodedImage(contents=encode_rgb(paler(rgb), "jpeg"), media_type="image/jpeg", draw_order=-10)
+    recording.log(f"{space}/picture", picture)
 
 
 def paler(rgb: np.ndarray) -> np.ndarray:
@@ -67,28 +73,50 @@ def link_outlines(links: np.ndarray) -> list[np.ndarray]:
 
 
 def _log_candidates(recording: rr.RecordingStream, episode: Episode, thought: Thought, size: float) -> None:
-    """Dots, the larger the more success is expected, with the best direction of each; a label tells more."""
     found = thought.candidates.take(thought.candidates.scores > LEAST_SCORE)
-    places, chosen = found.pixels + 0.5, found.best_directions
     labels = [
         f"success {score:.2f}, {f'known link {region}' if region > 0 else 'new'}"
         for score, region in zip(found.scores, found.regions, strict=True)
     ]
-    radii = (0.8 + 1.2 * found.scores) * size
-    dots = rr.Points2D(places, radii=radii, colors=INK, labels=labels, show_labels=False, draw_order=20)
-    recording.log(f"{SPACE}/candidates/positions", dots)
-    ends = _arrows(episode, found.positions, chosen, CANDIDATE_ARROW * ARROW_LENGTH)
-    arrows = rr.Arrows2D(origins=places, vectors=ends, colors=INK, radii=0.5 * size, draw_order=20)
-    recording.log(f"{SPACE}/candidates/directions", arrows)
+    dots = Dots(found.pixels, found.positions, found.best_directions, found.scores, labels)
+    log_dots(recording, f"{SPACE}/candidates", episode, dots, size)
 
 
-def _log_action(recording: rr.RecordingStream, episode: Episode, index: int, size: float) -> None:
-    step = episode.steps[index]
-    place = np.array([step.pixel], float) + 0.5
-    ends = _arrows(episode, np.array([step.position]), np.array([step.direction]), ARROW_LENGTH)
-    recording.log(f"{SPACE}/action/pixel", rr.Points2D(place, colors=ACTION, radii=4.5 * size, draw_order=40))
-    arrow = rr.Arrows2D(origins=place, vectors=ends, colors=ACTION, radii=1.6 * size, draw_order=30)
-    recording.log(f"{SPACE}/action/direction", arrow)
+@dataclass(frozen=True)
+class Dots:
+    """Places where one may act, K of them.
+
+    Attributes:
+        pixels: int (K, 2), u and v.
+        positions: (K, 3), board frame.
+        directions: int (K,), indices into DIRECTIONS.
+        scores: (K,), 0 to 1.
+        labels: what is said about each.
+    """
+
+    pixels: np.ndarray
+    positions: np.ndarray
+    directions: np.ndarray
+    scores: np.ndarray
+    labels: list[str]
+
+
+def log_dots(
+    recording: rr.RecordingStream, place: str, episode: Episode, dots: Dots, size: float, color: Rgb = INK
+) -> None:
+    """Dots, the larger the more success is expected, with the best direction of each; a label tells more.
+
+    Args:
+        place: entity above the dots and the arrows.
+        size: pixels in a drawing unit.
+    """
+    places = dots.pixels.reshape(-1, 2) + 0.5
+    radii = (0.8 + 1.2 * dots.scores) * size
+    points = rr.Points2D(places, radii=radii, colors=color, labels=dots.labels, show_labels=False, draw_order=20)
+    recording.log(f"{place}/positions", points)
+    ends = _arrows(episode, dots.positions.reshape(-1, 3), dots.directions, CANDIDATE_ARROW * ARROW_LENGTH)
+    arrows = rr.Arrows2D(origins=places, vectors=ends, colors=color, radii=0.5 * size, draw_order=20)
+    recording.log(f"{place}/directions", arrows)
 
 
 def _arrows(episode: Episode, positions: np.ndarray, directions: np.ndarray, length: float) -> np.ndarray:

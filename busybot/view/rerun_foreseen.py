@@ -6,11 +6,10 @@ At step k stands what had been expected before action k of the picture after it.
 import numpy as np
 import rerun as rr
 
-from busybot.episodes.codec import encode_rgb
 from busybot.episodes.episode import Episode
 from busybot.reason.foresee import Foreseen
 from busybot.view.palette import CORRECT, MUTED, STATES, WRONG, Rgb, text_on_dark
-from busybot.view.rerun_affordance import paler
+from busybot.view.rerun_affordance import log_pale
 from busybot.view.rerun_camera import VIEW_MARGIN, log_action
 from busybot.view.scene import board_bounds, drawing_scale, object_names, visible
 
@@ -65,8 +64,7 @@ def log_foreseen(recording: rr.RecordingStream, episode: Episode, foreseen: Fore
 def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Foreseen, frame: int) -> None:
     """The picture, paler, with a box and a word on every responder that changed or should have."""
     image = episode.image(frame)
-    picture = rr.EncodedImage(contents=encode_rgb(paler(image.rgb), "jpeg"), media_type="image/jpeg", draw_order=-10)
-    recording.log(f"{SPACE}/picture", picture)
+    log_pale(recording, SPACE, image.rgb)
     seen = [int(index) for index in visible(image) if foreseen.judged[index]]
     marks = [_mark(foreseen, frame, index) for index in seen]
     boxes, size = image.boxes[seen].astype(float).reshape(-1, 4), 1 / drawing_scale(episode)

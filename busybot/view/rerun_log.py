@@ -23,6 +23,7 @@ from busybot.view.blueprint import Shown, blueprint
 from busybot.view.rerun_affordance import log_thought
 from busybot.view.rerun_board import BoardLogger
 from busybot.view.rerun_camera import log_camera_frame
+from busybot.view.rerun_choice import has_choices, log_choice
 from busybot.view.rerun_foreseen import log_foreseen, log_lanes
 from busybot.view.rerun_goal import log_goal, log_remaining
 from busybot.view.rerun_graph import edge_places, log_graph
@@ -67,6 +68,7 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
     truth = true_edges(episode.board)
     straight = edge_places(episode, [(edge.cause, edge.effect) for edge in truth])
     log_graph(recording, ["graph", "true"], episode, truth, straight, truth=True)
+    choices = has_choices(episode)
     places = {graph.name: edge_places(episode, pairs_ever(episode.board, graph)) for graph in inferred}
     for graph in inferred:
         log_probability_styles(recording, episode, graph)
@@ -81,6 +83,8 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
         log_signals(recording, episode, frame)
         log_states(recording, episode, frame)
         log_words(recording, episode, frame)
+        if choices and frame:
+            log_choice(recording, episode, frame - 1)
         for graph in inferred:
             edges = judged_edges(episode.board, graph, frame)
             log_graph(recording, ["graph", graph.name], episode, edges, places[graph.name])

@@ -5,9 +5,10 @@ import rerun as rr
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Episode
+from busybot.plan.notes import reason
 from busybot.reason.result import InferredGraph
 from busybot.view.palette import ACTION, CORRECT, MISSED, MUTED, STATES, curve_colors
-from busybot.view.scene import acted_object, changed_objects, delta, object_names, visible
+from busybot.view.scene import acted_object, changed_objects, delta, named, object_names, visible
 
 REWARDS = {"reward 1": CORRECT, "reward 0": MISSED}
 SHOWN_PROBABILITY = 0.3
@@ -93,22 +94,20 @@ def relation_states(episode: Episode, frame: int) -> dict[str, int]:
 
 def log_words(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
     """What an onlooker would say about the step that led to the frame, after what the agent says who chose it."""
-    if frame and (reason := said(episode, frame - 1)):
-        recording.log("log", rr.TextLog(reason, level="INFO"))
+    if frame and (words := said(episode, frame - 1)):
+        recording.log("log", rr.TextLog(words, level="INFO"))
     if frame:
         step = episode.steps[frame - 1]
         text = f"{sentence(episode, frame - 1)}, {step.changed_pixels} pixels changed, reward {step.reward}"
         recording.log("log", rr.TextLog(text, level="INFO", color=CORRECT if step.reward else MISSED))
-    if frame == len(episode.steps) and (reason := said(episode, frame)):
-        recording.log("log", rr.TextLog(reason, level="INFO"))
+    if frame == len(episode.steps) and (words := said(episode, frame)):
+        recording.log("log", rr.TextLog(words, level="INFO"))
 
 
 def said(episode: Episode, step: int) -> str:
     """What an agent said about a step, or why it stopped before it; empty if nothing was recorded."""
-    words = episode.settings.get("decisions")
-    if not isinstance(words, list) or step >= len(words) or not words[step]:
-        return ""
-    return f"{episode.policy}: {str(words[step])[:500]}"
+    words = named(episode.board, reason(episode, step))
+    return f"{episode.policy}: {words}" if words else ""
 
 
 def sentence(episode: Episode, step: int) -> str:

@@ -1,5 +1,6 @@
 """What all pictures say about an episode: names, places, what changed, which edges are right. No drawing here."""
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -42,6 +43,17 @@ class Edge:
 def object_names(board: BoardSpec) -> list[str]:
     """ "switch 2", "lamp 5": category and index on the board."""
     return [f"{placed.category.lower()} {index}" for index, placed in enumerate(board.objects)]
+
+
+def named(board: BoardSpec, words: str) -> str:
+    """An agent's words with the objects' names in place of their numbers."""
+    names = object_names(board)
+
+    def name(found: re.Match[str]) -> str:
+        numbers = [int(number) for number in found[1].split(", ")]
+        return ", ".join(names[number] if number < len(names) else f"object {number}" for number in numbers)
+
+    return re.sub(r"\bobjects? (\d+(?:, \d+)*)", name, words)
 
 
 def centres(episode: Episode) -> np.ndarray:

@@ -13,6 +13,7 @@ from busybot.errors import BusybotError
 from busybot.interact.chooser import load_once, policy_config
 from busybot.interact.trace import Thought, retrace
 from busybot.objects.library import Library
+from busybot.plan.notes import is_rollout
 from busybot.reason.foresee import Foreseen, foresee
 from busybot.reason.infer import infer, reasoner_of
 from busybot.reason.result import InferredGraph
@@ -31,7 +32,8 @@ class Wanted:
         model: an interaction model whose affordances are shown.
         step: of the screenshot and the window, the last one by default; 0 is the start.
         objects: put every step back into the simulator with these and show its picture, too.
-        figure: a picture of what the reasoner, or counting, infers step by step.
+        figure: a picture of what the reasoner, or counting, infers step by step; of a rollout, without a reasoner, of
+            its actions on the way to the goal.
         reasoner: show what this model of relations believes and expects, beside what counting infers.
     """
 
@@ -88,7 +90,9 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
         save_rrd(wanted.save, episode, inferred, layers=layers())
     if wanted.screenshot:
         picture_episode(episode, inferred, wanted.screenshot, wanted.step, layers())
-    if wanted.figure:
+    if wanted.figure and is_rollout(episode) and foreseen is None:
+        draw_sequence(wanted.figure, episode)
+    elif wanted.figure:
         draw_beliefs(wanted.figure, path, episode, inferred)
     shown = Shown(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot, wanted.figure)
     if wanted.web or window:
@@ -153,6 +157,13 @@ def draw_beliefs(picture: Path, path: Path, episode: Episode, inferred: list[Inf
     if not inferred or not episode.steps:
         raise BusybotError(f"{path}: nothing can be inferred without boxes or steps", "leave --figure out")
     belief_figure(picture, episode, inferred[0])
+
+
+def draw_sequence(picture: Path, episode: Episode) -> None:
+    """Write a PNG of a rollout, action by action."""
+    from busybot.view.sequence_figure import sequence_figure
+
+    sequence_figure(picture, episode)
 
 
 def thoughts_of(episode: Episode, model: str | None) -> Iterator[Thought] | None:

@@ -161,7 +161,7 @@ def test_what_an_agent_said_is_told_and_nothing_is_made_up() -> None:
     assert said(episode, 0) == ""
     episode.settings["decisions"] = ["object 3 differs", "", "stop: everything looks as in the goal"]
     assert [said(episode, step) for step in range(4)] == [
-        "random: object 3 differs", "", "random: stop: everything looks as in the goal", "",
+        "random: switch 3 differs", "", "random: stop: everything looks as in the goal", "",
     ]  # fmt: skip
     episode.settings["decisions"] = 7
     assert said(episode, 0) == ""

@@ -114,7 +114,12 @@ class Search:
             return Stop(f"{NO_CANDIDATE} that may change {_names(differing)}")
         if best.cost > self._config.give_up:
             return Stop(f"what might change {_names(differing)} has failed")
-        return Act(best.contact, best.direction, f"{_names(differing)} differ: {best.why}", best.responder)
+        return Act(
+            best.contact,
+            best.direction,
+            f"{_names(differing)} differ{'s' * (len(differing) == 1)}: {best.why}",
+            best.responder,
+        )
 
     def _best(
         self, situation: Situation, contacts: tuple[Contact, ...], differing: list[int], looks: dict[int, int]
@@ -169,7 +174,9 @@ class Search:
         if lesson is None and len(costs) == 1:
             ahead = min(ahead, config.untried)
         cost = 1 / max(belief, 1e-6) + ahead
-        text = f"object {responder} should take look {after} of {self._book.goal[responder]}, {why}"
+        reached = after == self._book.goal[responder]
+        outcome = "look as in the goal" if reached else f"take look {after}, the goal is {self._book.goal[responder]}"
+        text = f"object {responder} should then {outcome}, {why}"
         return Choice(contact, direction, responder, belief, cost, text)
 
     def _expected(

@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.commands import as_typed, busybot, machine, write_result
+from busybot.files import read_json
+from busybot.training.model_folder import INFO_FILE
 
 SEEDS = {"train": 701, "novel-config": 702, "novel-object": 703}
 KINDS = ("one-to-one", "one-to-many")
@@ -21,6 +23,7 @@ OURS = ("search", "busybot")
 TRUTHS = ("search-true-relations", "search-true-contacts", "search-true-both")
 AGENTS = (*OURS, "relation", "predictive", "random", "noop", "oracle", *TRUTHS)
 SPLITS = ("novel-object", "novel-config", "train")
+PROVENANCE = ("best_iteration", "boards", "boards_held_out", "data", "held_out", "seed", "versions")
 DETAILS = ("interval", "micro", "by_features", "solved", "steps", "steps_more", "step_success", "failures_by_cause")
 
 
@@ -57,7 +60,19 @@ def _places(options: argparse.Namespace) -> dict[str, str]:
     """Names for folders of this machine; what ships with busybot has one that everybody knows."""
     named = {options.assets: "ASSETS", options.policy_model: "POLICY"}
     named |= {str(folder): f"REASONER-{seed}" for seed, folder in enumerate(options.reasoner)}
+    named |= {str(folder): name.upper() for name, folder in _learned(options).items()}
     return {str(options.work): "WORK"} | {where: name for where, name in named.items() if Path(where).is_dir()}
+
+
+def _learned(options: argparse.Namespace) -> dict[str, Path]:
+    """Folders of the learned baselines' trainings."""
+    return {name: Path(folder) for name, _, folder in (given.partition("=") for given in options.learned)}
+
+
+def training(folder: Path) -> dict[str, Any]:
+    """What a learned baseline was trained on, for how long, and how good it was on held-out boards."""
+    told = read_json(folder / "model" / INFO_FILE)["training"]
+    return {**read_json(folder / "budget.json"), **{key: told[key] for key in PROVENANCE}}
 
 
 def _across(agent: str, told: list[dict[str, Any]]) -> dict[str, Any]:
@@ -79,6 +94,8 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             for agent, scores in cell(split, kind, options, typed).items():
                 rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
                 print(f"{split:13} {kind:12} {agent:24} {100 * scores['success']:5.1f}", flush=True)
+            for name, folder in _learned(options).items():
+                rows[name]["training"] = [training(folder)]
             yield {"machine": machine(), "tasks": options.boards, "commands": typed, "rows": rows}
 
 

@@ -15,7 +15,21 @@ def table(result: dict[str, Any]) -> str:
     """Percent: mean over seeds with the extremes behind it; the paper's rows below."""
     lines = head(PLANNING)
     lines += [row_line(row, result["rows"]) for row in PLANNING.rows]
-    return "\n".join([*lines, *paper_lines(PLANNING)])
+    return "\n".join([*lines, *paper_lines(PLANNING), *_trainings(result["rows"])])
+
+
+def _trainings(rows: dict[str, Any]) -> list[str]:
+    """What the learned agents were trained on and for how long."""
+    return [f"\n`{name}`: {_training(told)}" for name, row in rows.items() for told in row.get("training", [])]
+
+
+def _training(told: dict[str, Any]) -> str:
+    held_out = f"{100 * told['held_out']['success']:.1f} % on {told['boards_held_out']} boards held out"
+    return (
+        f"{told['minutes']:.0f} of {told['minutes_allowed']:.0f} minutes, {told['iterations']:,} iterations on "
+        f"{told['boards']} boards of training objects with {told['states_explored']:,} states, seed {told['seed']}; "
+        f"{held_out}, at its best iteration, {told['best_iteration']:,}."
+    )
 
 
 def row_line(row: Row, rows: dict[str, Any]) -> str:

@@ -117,12 +117,11 @@ class LearnedPolicy(Generic[V]):
         """Any new candidate of enough promise or known link; of its pair, the directions by their probabilities."""
         if not len(found):
             return None
-        config, known = self._config, found.regions > 0
-        if config.untried_first:
-            untried = ~known & ~memory.tried_here(found.pixels) & (found.scores >= config.collect)
-            good = untried if untried.any() else known | (found.scores >= config.retry)
-        else:
-            good = known | (found.scores >= config.collect)
+        known, config = found.regions > 0, self._config
+        good = known | (found.scores >= config.collect)
+        untried = good & ~known & ~memory.tried_here(found.pixels)
+        if config.untried_first and untried.any():
+            good = untried
         if not good.any():
             good = found.scores >= found.scores.max()
         found = found.take(good)

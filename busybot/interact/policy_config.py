@@ -47,14 +47,11 @@ class PolicyConfig(BaseModel):
         insist: where a pair has failed already, others are tried while their expected success exceeds this: it is known
             what they have to compete with, and that the place looks right.
         collect: least expected success of a new candidate when data for reasoning are collected. Low, because a link
-            that is never touched has no relations that could be found, and each place is tried once
+            that is never touched has no relations that could be found; what fails soon promises less
             (`benchmarks/coverage.py`: so many places elsewhere promise as much).
-        untried_first: when data for reasoning are collected, candidates that were neither moved nor tried come first;
-            later known links are drawn, and failed candidates that still promise `retry`. Without it the draw is among
-            all candidates, as in the paper: of six links, one in 55 is not among 22 draws, and `collect` should be
-            higher, because a place that failed is drawn again.
-        retry: least expected success of a candidate that failed, when data for reasoning are collected: the place may
-            have been right and the direction wrong.
+        untried_first: when data for reasoning are collected, candidates that were neither moved nor tried come before
+            the others. Without it the draw is among all candidates, as in the paper: of six links, one in 55 is not
+            among 22 draws.
         ucb_c, ucb_window: the paper's bonus and the side of its window, pixels.
         clusters: k of the K-means candidates: no board has more movable links.
         cluster_belief: least affordance of a pixel that takes part in the clusters.
@@ -86,7 +83,6 @@ class PolicyConfig(BaseModel):
     insist: Share = 0.1
     collect: Share = 0.005
     untried_first: bool = True
-    retry: Share = 0.02
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
     ucb_window: Annotated[int, Field(ge=1, le=200)] = 10
     clusters: Annotated[int, Field(ge=1, le=100)] = 7

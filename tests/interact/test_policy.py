@@ -90,8 +90,8 @@ def test_collecting_tries_everything_before_it_repeats() -> None:
     assert any(len(set(play("collect", 2, at_random, seed))) == 1 for seed in range(8))
 
 
-def test_collecting_tries_a_place_that_fails_once() -> None:
-    policy = LearnedPolicy(ButtonModel(), RAYS, PolicyConfig(retry=1), "collect")
+def test_collecting_tries_every_place_before_one_again() -> None:
+    policy = LearnedPolicy(ButtonModel(), RAYS, PolicyConfig(), "collect")
     image, rng = Toy().image(), generator(0, "", 0, "test")
     pixels = []
     for _ in range(2):

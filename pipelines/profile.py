@@ -15,9 +15,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from busybot.boards.config import BoardConfig
 from busybot.config import build
-from busybot.errors import BusybotError
+from busybot.errors import BusybotError, naming
 from busybot.files import write_atomically
 from busybot.objects.library import find
 
@@ -117,6 +116,8 @@ class Tasks(_Plain):
         steps: of the history that agents are given.
         seed: of the boards.
         agents: who plays, with commas between.
+        shown: of them, whose rollouts are recorded to be looked at.
+        recorded: of so many tasks.
     """
 
     splits: Annotated[list[Split], Field(min_length=1)]
@@ -125,6 +126,8 @@ class Tasks(_Plain):
     steps: Count
     seed: Seed
     agents: str
+    shown: str
+    recorded: Count
 
 
 class Profile(_Plain):
@@ -177,9 +180,17 @@ def read_profile(name: str, folder: Path = FOLDER) -> Profile:
         raise BusybotError(f"{place / PARAMS}: parameter profile: it is not the folder's name, {name}")
     for file, kind in stage_configs(profile).items():
         build(kind, place / file, [], {})
-    for split in profile.judge.splits:
-        BoardConfig(split=split, boards=profile.judge.boards, group_size=profile.judge.group)
+    _check_agents(place / PARAMS, profile.tasks)
     return profile
+
+
+def _check_agents(file: Path, tasks: Tasks) -> None:
+    from busybot.plan.player import kind_of
+
+    for name in ("agents", "shown"):
+        with naming(f"{file}: parameter tasks.{name}"):
+            for agent in getattr(tasks, name).split(","):
+                kind_of(agent)
 
 
 def stage_configs(profile: Profile) -> dict[str, type[BaseModel]]:

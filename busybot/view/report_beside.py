@@ -28,7 +28,7 @@ def robustness_blocks(robustness: Robustness | None, figures: Path) -> list[Bloc
     done = Items(tuple(f"{title_of(told, name)}: {one.what}" for name, one in robustness.disturbances.items()))
     caption = "Edges and predictions when recordings are disturbed, always in one way at a time; 0 is undisturbed."
     note = (
-        f"{robustness.boards} boards. Baselines stand with their defaults, and with the best of several settings, chosen "
+        f"{robustness.boards} boards. Baselines stand with defaults and with the best of several settings, chosen "
         "with the truth. Known: steps that could be predicted in spite of the disturbance."
     )
     picture = Picture(robustness_figure(figures / "robustness.png", told), caption)

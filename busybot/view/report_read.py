@@ -188,7 +188,7 @@ def _read(results: Results, file: Path, named: bool) -> None:
         results.files[str(file)] = sha256_of(file)
     elif named:
         what = f"{file}: it is no result that a report shows"
-        raise BusybotError(what, "give files of `busybot eval ... --out`, of benchmarks/table*.py, or folders of them")
+        raise BusybotError(what, "give files of `busybot eval ... --out`, of benchmarks/, or folders of them")
 
 
 def _take(results: Results, file: Path, value: Any) -> bool:

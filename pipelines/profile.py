@@ -136,12 +136,12 @@ class Profile(_Plain):
     Attributes:
         profile: its name, that of its folder.
         assets: `procedural`, or a folder of annotated objects.
-        seed: of the trainings and of the draws while judging.
+        seed: of the trainings and of the draws while judging; Table 1 has rows for three.
     """
 
     profile: Name
     assets: Annotated[str, Field(pattern=r'^[^"$`\\\x00-\x1f]+$')]
-    seed: Seed
+    seed: Annotated[int, Field(ge=0, le=2)]
     interact: Interact
     judge: Judge
     data: Data

@@ -9,7 +9,7 @@ import os
 import platform
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +19,6 @@ from pipelines.stage import STATE, Note, note_of
 
 NOVEL = ("novel-config", "novel-object")
 SETS = ("validation", *NOVEL)
-SPLITS = ("train", *NOVEL)
-KINDS = ("one-to-one", "one-to-many")
 
 
 def interaction(run: Path) -> dict[str, Any]:
@@ -35,15 +33,20 @@ def interaction(run: Path) -> dict[str, Any]:
     return rows
 
 
-def _judged(run: Path, suffix: str, before: list[Path]) -> dict[str, Any]:
-    found, outs = {}, before
-    for split in NOVEL:
-        out = run / "judged" / f"{split}{suffix}"
-        result = _known(out / "result.json")
-        if result is not None:
-            found[split] = result
-            outs = [*outs, run / "judge" / split, out]
+def _judged(run: Path, suffix: str, outs: list[Path]) -> dict[str, Any]:
+    found = {}
+    for split, out, result in _results(run, "judged", NOVEL, suffix):
+        found[split] = result
+        outs = [*outs, run / "judge" / split, out]
     return {"commands": typed(outs), **found}
+
+
+def _results(run: Path, place: str, names: Iterable[str], suffix: str = "") -> Iterator[tuple[str, Path, Any]]:
+    """Name, folder and content of the results that are there."""
+    for name in names:
+        out = run / place / f"{name}{suffix}"
+        if (out / "result.json").is_file():
+            yield name, out, read_json(out / "result.json")
 
 
 def reasoning(run: Path) -> dict[str, Any]:
@@ -61,27 +64,24 @@ def reasoning(run: Path) -> dict[str, Any]:
     return rows
 
 
-def _inferred(run: Path, suffix: str, before: list[Path]) -> dict[str, Any]:
-    found, outs = {}, before
-    for name in SETS:
-        out = run / "relations" / f"{name}{suffix}"
-        result = _known(out / "result.json")
-        if result is not None:
-            scores = {key: result[key] for key in REASONING.keys}
-            found[name] = {"mean": scores, "least": scores, "most": scores, "seeds": [result]}
-            outs = [*outs, run / "data" / name, run / "data" / f"{name}.features", out]
+def _inferred(run: Path, suffix: str, outs: list[Path]) -> dict[str, Any]:
+    found = {}
+    for name, out, result in _results(run, "relations", SETS, suffix):
+        scores = {key: result[key] for key in REASONING.keys}
+        found[name] = {"mean": scores, "least": scores, "most": scores, "seeds": [result]}
+        outs = [*outs, run / "data" / name, run / "data" / f"{name}.features", out]
     return {"commands": typed(outs), "splits": found}
 
 
 def planning(run: Path) -> dict[str, Any]:
     """Rows of Table 3: all agents that played."""
     rows: dict[str, Any] = {row.name: {"splits": {}} for row in PLANNING.rows}
-    for split in SPLITS:
-        for kind in KINDS:
-            result = _known(run / "planned" / f"{split}-{kind}" / "result.json")
-            for agent, scores in ({} if result is None else result["agents"]).items():
-                rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
-    outs = [run / place / f"{split}-{kind}" for split in SPLITS for kind in KINDS for place in ("tasks", "planned")]
+    cells, outs = {f"{split}-{kind}": (split, kind) for split, kind in PLANNING.columns()}, []
+    for name, out, result in _results(run, "planned", cells):
+        split, kind = cells[name]
+        for agent, scores in result["agents"].items():
+            rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
+        outs += [run / "tasks" / name, out]
     commands = typed(outs)
     return {agent: {"commands": commands, **row} for agent, row in rows.items() if row["splits"]}
 

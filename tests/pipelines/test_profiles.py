@@ -176,9 +176,9 @@ def test_the_place_of_objects_is_not_told(tmp_path: Path) -> None:
 
 def test_a_run_becomes_rows_of_the_tables(tmp_path: Path) -> None:
     origin = DATASET | {"assets": "made"}
+    begin([tmp_path / "reason"], "k", [["train", "reason"]])
     write_json(tmp_path / "interact/model/model.json", {"variant": "fast", "training": {"seed": 0}})
     write_json(tmp_path / "reason/model/model.json", {"model": "event", "training": {"seed": 0, "data": []}})
-    begin([tmp_path / "reason"], "k", [["train", "reason"]])
     acted = {"precision": 0.99, "recall": 0.9, "boards": 3, "intervals": {}, "dataset": origin}
     write_json(tmp_path / "judged/novel-config/result.json", acted)
     write_json(tmp_path / "judged/novel-config-random/result.json", acted | {"recall": 0.1})

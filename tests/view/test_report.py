@@ -150,7 +150,11 @@ def test_planning_has_its_place(tmp_path: Path) -> None:
     kinds = {"one-to-one": {"success": 0.99, "interval": [0.98, 1.0]}, "one-to-many": {"success": 0.9}}
     file = write(tmp_path / "table3.json", {"rows": {"search": {"splits": {"train": kinds}}}})
     done = write_report([file], tmp_path / "out")
-    assert "99.0 ± 1.0 ✓ | 90.0 ✗ | missing" in done.markdown.read_text()
+    text = done.markdown.read_text()
+    assert "99.0 ± 1.0 ✓ | 90.0 ✗ | missing" in text and "- Table 3: **search over learned effects** (in part)" in text
+    assert "Procedural objects" not in text
+    told = json.loads(file.read_text()) | {"assets": "procedural"}
+    assert "**Procedural objects**" in write_report([write(file, told)], tmp_path / "out").markdown.read_text()
 
 
 def test_an_evaluation_of_planning_stands_beside_the_paper(tmp_path: Path) -> None:

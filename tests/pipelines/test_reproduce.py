@@ -43,7 +43,7 @@ def begin(project: Path) -> subprocess.Popen[str]:
 
 def repro(project: Path) -> str:
     process = begin(project)
-    said, _ = process.communicate(timeout=1500)
+    said, _ = process.communicate(timeout=3600)
     assert process.returncode == 0, said
     return said
 

@@ -195,7 +195,7 @@ def main() -> None:
     result = measure(arguments)
     write_result(arguments.out, result)
     if arguments.figure:
-        from benchmarks.robustness_figure import robustness_figure
+        from busybot.view.robustness_figure import robustness_figure
 
         robustness_figure(arguments.figure, result)
 
@@ -227,7 +227,9 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
         "images": IMAGES,
         "seed": arguments.seed,
         "models": {name: _origin(folder) for name, folder in models.items()},
-        "disturbances": {name: {"what": one.what, "unit": one.unit} for name, one in DISTURBANCES.items()},
+        "disturbances": {
+            name: {"title": one.title, "what": one.what, "unit": one.unit} for name, one in DISTURBANCES.items()
+        },
         "rows": rows,
     }
 

@@ -1,4 +1,4 @@
-"""Quality against strength for every disturbance, as a figure: edges above, predictions below.
+"""The figure of robustness, from the result of `benchmarks/reason_robustness.py`.
 
 python -m benchmarks.robustness_figure benchmarks/results/reason_robustness.json F.png
 """
@@ -6,93 +6,12 @@ python -m benchmarks.robustness_figure benchmarks/results/reason_robustness.json
 import argparse
 import json
 from pathlib import Path
-from typing import Any
 
-from matplotlib.lines import Line2D
-from matplotlib.ticker import PercentFormatter
+from busybot.view.robustness_figure import robustness_figure
 
-from benchmarks.disturbances import DISTURBANCES
-from busybot.view.figure_parts import page, plain_axes, save
-from busybot.view.palette import ACTION, INK, MUTED, RESPONDER, TRIGGER, Rgb, unit
-
-WIDTH, HEIGHT, COLUMNS = 9.6, 7.6, 5
-"""Inches, and disturbances side by side."""
-OTHERS: tuple[Rgb, ...] = ((25, 180, 120), (150, 115, 245))
-"""Of trained models after the first."""
-BASELINES: dict[str, tuple[Rgb, str]] = {
-    "lookup": (RESPONDER, "-"),
-    "lookup at best": (RESPONDER, "--"),
-    "count": (TRIGGER, "-"),
-    "count at best": (TRIGGER, "--"),
-}
-SCORES = {"edge_f1": "edges (F1)", "pred_a": "Pred-A"}
-
-
-def robustness_figure(path: Path, result: dict[str, Any]) -> Path:
-    """Every disturbance in two plots with a common axis of strength; 0 is the undisturbed recording."""
-    names = [name for name in DISTURBANCES if name in result["rows"]]
-    bands = -(-len(names) // COLUMNS)
-    figure = page(WIDTH, HEIGHT * bands / 2 + 0.3)
-    grid = figure.subplots(2 * bands, COLUMNS, squeeze=False, sharey=True)
-    styles = _styles(list(result["models"]))
-    for place in range(bands * COLUMNS):
-        band, column = divmod(place, COLUMNS)
-        for half, score in enumerate(SCORES):
-            axes = grid[2 * band + half, column]
-            if place < len(names):
-                _draw(axes, names[place], result, score, styles)
-                if not column:
-                    axes.set_ylabel(SCORES[score], fontsize=8, color=unit(MUTED))
-            else:
-                axes.set_axis_off()
-    handles = [Line2D([], [], color=unit(color), ls=line, label=name) for name, (color, line) in styles.items()]
-    handles.append(Line2D([], [], color=unit(INK), linestyle=":", linewidth=1, label="could be known"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=8, labelcolor=unit(INK))
-    return save(figure, path)
-
-
-def _styles(trained: list[str]) -> dict[str, tuple[Rgb, str]]:
-    colors = (ACTION, *OTHERS)
-    return {**BASELINES, **{name: (colors[number % len(colors)], "-") for number, name in enumerate(trained)}}
-
-
-def _draw(axes: Any, name: str, result: dict[str, Any], score: str, styles: dict[str, tuple[Rgb, str]]) -> None:
-    disturbance = DISTURBANCES[name]
-    rows = [*result["rows"]["undisturbed"], *result["rows"][name]]
-    share = all(row["strength"] <= 1 for row in rows) and disturbance.unit.startswith("of ")
-    plain_axes(axes)
-    axes.set_ylim(-0.03, 1.04)
-    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
-    for model, (color, line) in styles.items():
-        points = [(row["strength"], row["models"][model][score]) for row in rows if model in row["models"]]
-        known = [(x, y) for x, y in points if y is not None]
-        if known:
-            front = model in result["models"]
-            width, marker = (2.2, 4.5) if front else (1.3, 2.5)
-            axes.plot(
-                *zip(*known, strict=True), line, marker="o", markersize=marker, linewidth=width, color=unit(color),
-                zorder=5 if front else 3, clip_on=False,
-            )  # fmt: skip
-    if score == "pred_a":
-        bound = [(row["strength"], row["known"]) for row in rows]
-        axes.plot(*zip(*bound, strict=True), ":", linewidth=1, color=unit(INK), zorder=2)
-        axes.set_xlabel(disturbance.unit, fontsize=7.5, color=unit(MUTED))
-    else:
-        axes.set_title(disturbance.title, loc="left", fontsize=8, fontweight="bold", color=unit(INK), pad=4)
-        axes.tick_params(labelbottom=False)
-    axes.set_xticks([row["strength"] for row in rows])
-    axes.xaxis.set_major_formatter("{x:g}")
-    if share:
-        axes.xaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
-
-
-def main() -> None:
+if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("result", type=Path)
     parser.add_argument("figure", type=Path)
     arguments = parser.parse_args()
     print(robustness_figure(arguments.figure, json.loads(arguments.result.read_text())))
-
-
-if __name__ == "__main__":
-    main()

@@ -10,6 +10,7 @@ from typing import Any
 from benchmarks.disturb import RECORDED
 from benchmarks.disturbances import DISTURBANCES
 from benchmarks.pages import put, write_page
+from busybot.view.robustness_figure import strength_words
 
 BASELINES = ("lookup", "lookup at best", "count", "count at best")
 TITLES = {"undisturbed": "undisturbed", "png": "PNG instead of JPEG"}
@@ -25,20 +26,18 @@ def table(result: dict[str, Any]) -> str:
         for row in result["rows"].get(name, []):
             cells = [_cell(row["models"].get(column)) for column in columns]
             title = TITLES[name] if name in TITLES else DISTURBANCES[name].title
-            lines.append(f"| {title} | {strength(name, row)} | " + " | ".join(cells) + f" | {100 * row['known']:.1f} |")
+            known = f"{100 * row['known']:.1f}"
+            lines.append("| " + " | ".join([title, strength(result, name, row), *cells, known]) + " |")
     return "\n".join(lines)
 
 
-def strength(name: str, row: dict[str, Any]) -> str:
+def strength(result: dict[str, Any], name: str, row: dict[str, Any]) -> str:
     """With its unit: "20 %", "5 pixels", "quality 40"; for what has none how many boards there are."""
     if name not in DISTURBANCES:
         return f"{row['boards']} boards"
-    value, unit = row["strength"], DISTURBANCES[name].unit
     if name == "jpeg":
-        return f"quality {RECORDED - value:g}"
-    if unit in ("of frames", "of actions", "of boards"):
-        return f"{100 * value:g} % {unit}"
-    return f"{value:g} {unit}"
+        return f"quality {RECORDED - row['strength']:g}"
+    return strength_words(result, name, row["strength"])
 
 
 def _cell(scores: dict[str, Any] | None) -> str:

@@ -3,23 +3,45 @@
     python -m pipelines.stage OUT... [--input PATH...] -- BUSYBOT-ARGUMENTS [-- BUSYBOT-ARGUMENTS ...]
 
 busybot's commands continue in the folders that they began. So what a stage left behind is kept (`persist: true`) as
-long as it comes from the same commands, inputs and code; otherwise it is removed first.
+long as it comes from the same commands, inputs and code; otherwise it is removed first. Beside the first OUT, in
+`.stages`, a note tells the commands and their wall time, that of interrupted runs included.
 """
 
 import argparse
 import hashlib
 import json
-import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict
 
 from busybot.files import write_json
 
 ROOT = Path(__file__).resolve().parents[1]
 CODE = ROOT / "busybot"
 STATE = ".stages"
+NOTE_EVERY_S = 20.0
+
+
+class Note(BaseModel):
+    """What is known of a stage.
+
+    Attributes:
+        key: digest of all that decides its outputs.
+        commands: of busybot, in order.
+        seconds: that they took, what was lost with a killed process being less than `NOTE_EVERY_S`.
+        done: whether the last of them ended well.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    key: str
+    commands: list[list[str]]
+    seconds: float = 0.0
+    done: bool = False
 
 
 def digest(path: Path) -> str:
@@ -33,30 +55,55 @@ def digest(path: Path) -> str:
     return total.hexdigest()
 
 
-def begin(outs: list[Path], key: str) -> None:
+def note_of(out: Path) -> Path:
+    """Where the note of a stage with this output lies."""
+    return out.parent / STATE / f"{out.name}.json"
+
+
+def begin(outs: list[Path], key: str, commands: list[list[str]]) -> Note:
     """Note what the outputs are made from; remove what was made from something else."""
-    note = outs[0].parent / STATE / f"{outs[0].name}.json"
-    known = json.loads(note.read_text())["key"] if note.is_file() else None
-    if known != key:
-        for out in outs:
-            shutil.rmtree(out, ignore_errors=True)
-        write_json(note, {"key": key})
+    file = note_of(outs[0])
+    known = json.loads(file.read_text()) if file.is_file() else {}
+    if known.get("key") == key:
+        return Note.model_validate(known | {"done": False})
+    for out in outs:
+        shutil.rmtree(out, ignore_errors=True)
+    note = Note(key=key, commands=commands)
+    write_json(file, note.model_dump())
+    return note
+
+
+def run(commands: list[list[str]], note: Note, file: Path) -> int:
+    """The exit code of the first command that fails, or 0; time is noted as it passes."""
+    began, code = time.monotonic(), 0
+
+    def keep(done: bool) -> None:
+        seconds = note.seconds + time.monotonic() - began
+        write_json(file, note.model_copy(update={"seconds": round(seconds, 1), "done": done}).model_dump())
+
+    for command in commands:
+        with subprocess.Popen([sys.executable, "-m", "busybot", *command]) as process:
+            while process.poll() is None:
+                try:
+                    process.wait(NOTE_EVERY_S)
+                except subprocess.TimeoutExpired:
+                    keep(done=False)
+        code = process.returncode
+        if code:
+            break
+    keep(done=code == 0)
+    return code
 
 
 def main() -> int:
-    """The exit code of the first command that fails, or 0."""
     own, *commands = _split(sys.argv[1:])
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", nargs="+", type=Path)
     parser.add_argument("--input", nargs="*", type=Path, default=[])
     arguments = parser.parse_args(own)
     parts = [digest(path) for path in (CODE, *arguments.input)]
-    begin(arguments.out, hashlib.sha256(json.dumps([commands, parts]).encode()).hexdigest())
-    for command in commands:
-        code = subprocess.run([sys.executable, "-m", "busybot", *command], cwd=os.getcwd()).returncode
-        if code:
-            return code
-    return 0
+    key = hashlib.sha256(json.dumps([commands, parts]).encode()).hexdigest()
+    return run(commands, begin(arguments.out, key, commands), note_of(arguments.out[0]))
 
 
 def _split(words: list[str]) -> list[list[str]]:

@@ -18,10 +18,10 @@ from busybot.training.metrics_file import read_metrics
 
 SHOWN = {
     "interact": ("judged/{}/result.json", ("precision", "recall", "precision_exploring", "boards")),
-    "relations": ("relations/{}.json", ("edge_p", "edge_r", "edge_r_bound", "pred_a", "pred_a_bound", "boards")),
+    "relations": ("relations/{}/result.json", ("edge_p", "edge_r", "edge_r_bound", "pred_a", "pred_a_bound", "boards")),
     "plan": ("planned/{}/result.json", ("success", "tasks")),
 }
-SPLITS = ("train", "novel-config", "novel-object")
+SPLITS = ("train", "validation", "novel-config", "novel-object")
 KINDS_OF_TASKS = ("one-to-one", "one-to-many")
 
 

@@ -10,13 +10,13 @@ import pytest
 
 from benchmarks.disturb import Recording, noisy, recording_of
 from benchmarks.disturbances import DISTURBANCES
-from benchmarks.robustness_figure import robustness_figure
 from benchmarks.robustness_page import page, table
 from benchmarks.robustness_scores import f1
 from busybot.episodes.episode import Episode, Link
 from busybot.reason.encoders.choose import choose
 from busybot.reason.observed import acted_objects
 from busybot.reason.truth import NOTHING_HELD
+from busybot.view.robustness_figure import robustness_figure
 from tests.episodes.synthetic import make_episode, make_real_episode
 
 

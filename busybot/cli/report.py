@@ -11,7 +11,7 @@ from busybot.cli.common import JsonOption, print_json, say
 def report(
     results: Annotated[
         list[Path],
-        typer.Argument(metavar="RESULT...", help="Files of `busybot eval` or benchmarks/table*.py; folders of them."),
+        typer.Argument(metavar="RESULT...", help="Files of `busybot eval` or of benchmarks/; folders of them."),
     ],
     out: Annotated[Path, typer.Option(help="Folder for report.html, report.md and figures.")],
     episode: Annotated[

@@ -85,6 +85,7 @@ INTERACTION = Table(
         Row("without-responders-1000", "without responders, threshold 1000", "ablation", "without responders"),
         Row("greedy", "without exploration: always the highest affordance", "ablation", "without exploration"),
         Row("ucb", "the paper's UCB bonus on our networks", "ablation", "BusyBot"),
+        Row("paper", "the paper's networks, on its schedule", "competitor", "BusyBot"),
         Row("random", "random elevated pixels and directions", "trivial"),
     ),
     paper={

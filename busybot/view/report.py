@@ -14,6 +14,7 @@ from busybot.errors import BusybotError
 from busybot.files import write_atomically
 from busybot.view import report_sections as sections
 from busybot.view.protocol import TABLES, Table
+from busybot.view.report_beside import robustness_blocks, stage_blocks
 from busybot.view.report_figures import Course, courses_figure, table_figure
 from busybot.view.report_gates import Verdict, verdicts
 from busybot.view.report_page import Block, Heading, Items, Picture, Text, document, markdown
@@ -86,12 +87,12 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     figures = out / FIGURES
     figures.mkdir(parents=True, exist_ok=True)
     blocks: list[Block] = [Heading(TITLE, 1), Text(_lead(results)), sections.summary_tiles(judged, results)]
-    blocks += [Heading("Gates that are missed"), *sections.gate_blocks(judged)]
+    blocks += [Heading("Gates that are missed"), *sections.gate_blocks(judged, results)]
     for table in TABLES:
         blocks += _table(table, results, figures)
     blocks += _courses(results, figures)
-    blocks += _beside(results)
-    if results.singles:
+    blocks += _beside(results, figures)
+    if results.singles or results.plans:
         blocks += [Heading("Single evaluations"), *single_blocks(results)]
     blocks += sequence_blocks(paths, figures)
     blocks += _pictures(results, figures, shown)
@@ -161,15 +162,17 @@ def _told_by_singles(results: Results) -> list[Course]:
     return [Course(subject(result), str(result.dataset.get("split")), result) for result in results.singles.values()]
 
 
-def _beside(results: Results) -> list[Block]:
-    """Calibration and cost."""
+def _beside(results: Results, figures: Path) -> list[Block]:
+    """Calibration, robustness and cost."""
     blocks: list[Block] = [Heading("Calibration")]
     explained = "Expected calibration error and Brier score over trigger-responder pairs; 0 is best."
     grid = sections.calibration_grid(results)
     blocks += [Text(explained), grid] if grid else [Text("**Missing**: no row of Table 2 was given.")]
-    blocks.append(Heading("Cost of training"))
+    blocks += [Heading("Robustness"), *robustness_blocks(results.robustness, figures)]
+    blocks.append(Heading("Cost"))
     cost = sections.cost_grid(results)
-    return [*blocks, cost] if cost else [*blocks, Text("**Missing**: no training tells its time and memory.")]
+    blocks.append(cost or Text("**Missing**: no training tells its time."))
+    return [*blocks, *stage_blocks(results.stages)]
 
 
 def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Block]:

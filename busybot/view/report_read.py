@@ -1,8 +1,7 @@
 """Result files of evaluations and benchmarks, read for a report.
 
-Known are the files of `benchmarks/table1.py` and `table2.py`, those of single `busybot eval` commands, and a file of
-planning with `rows`: agent -> `splits` -> split -> `one-to-one` or `one-to-many` -> `success` (and `interval`). Files
-say shares from 0 to 1; everything here is percent.
+Known are the files of `benchmarks/table1.py`, `table2.py` and `table3.py`, those of single `busybot eval` commands, and
+those of `report_kinds`. Files say shares from 0 to 1; cells are percent.
 """
 
 from collections.abc import Iterable
@@ -10,24 +9,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from busybot.errors import BusybotError
 from busybot.files import read_json, scan, sha256_of
 from busybot.view.protocol import BOUND_SLACK, PLANNING, TABLES, Table
+from busybot.view.report_kinds import Lenient, Other, PlanResult, Robustness, Stages, other_kind
 
 PICTURES = (".png", ".jpg", ".jpeg")
 MOST_PICTURES = 24
 """Of all given folders together: a report is one file."""
 
 
-class _Lenient(BaseModel):
-    """Files have more than a report shows."""
-
-    model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True)
-
-
-class InteractResult(_Lenient):
+class InteractResult(Lenient):
     """What `busybot eval interact` tells."""
 
     precision: float | None
@@ -43,7 +37,7 @@ class InteractResult(_Lenient):
     command: str = ""
 
 
-class ReasonResult(_Lenient):
+class ReasonResult(Lenient):
     """What `busybot eval reason` tells."""
 
     model: str | None = None
@@ -66,7 +60,7 @@ class ReasonResult(_Lenient):
     command: str = ""
 
 
-class _Row1(_Lenient):
+class _Row1(Lenient):
     commands: list[str] = []
     training: dict[str, Any] | None = None
     untrained: str | None = None
@@ -74,25 +68,25 @@ class _Row1(_Lenient):
     object: InteractResult | None = Field(None, alias="novel-object")
 
 
-class _Split2(_Lenient):
+class _Split2(Lenient):
     mean: dict[str, float | None]
     least: dict[str, float | None]
     most: dict[str, float | None]
     seeds: list[ReasonResult] = Field(min_length=1)
 
 
-class _Row2(_Lenient):
+class _Row2(Lenient):
     commands: list[str] = []
     training: list[dict[str, Any]] = []
     splits: dict[str, _Split2] = {}
 
 
-class _Success(_Lenient):
+class _Success(Lenient):
     success: float | None
     interval: tuple[float, float] | None = None
 
 
-class _Row3(_Lenient):
+class _Row3(Lenient):
     commands: list[str] = []
     training: list[dict[str, Any]] = []
     splits: dict[str, dict[str, _Success]] = {}
@@ -142,7 +136,9 @@ class Results:
     Attributes:
         tables: rows by name, by the table's number.
         about: assets and machine of each table's file.
-        singles: single evaluations by file.
+        singles: single evaluations of acting and reasoning by file.
+        plans: those of planning.
+        robustness, stages: the last ones given.
         pictures: in the order in which they were given.
         files: SHA-256 of every file that was read.
     """
@@ -150,6 +146,9 @@ class Results:
     tables: dict[int, dict[str, RowFound]] = field(default_factory=dict)
     about: dict[int, dict[str, Any]] = field(default_factory=dict)
     singles: dict[str, InteractResult | ReasonResult] = field(default_factory=dict)
+    plans: dict[str, PlanResult] = field(default_factory=dict)
+    robustness: Robustness | None = None
+    stages: Stages | None = None
     pictures: list[Path] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
 
@@ -189,13 +188,16 @@ def _read(results: Results, file: Path, named: bool) -> None:
         results.files[str(file)] = sha256_of(file)
     elif named:
         what = f"{file}: it is no result that a report shows"
-        raise BusybotError(what, "give files of `busybot eval ... --out`, of benchmarks/table*.py, or folders of them")
+        raise BusybotError(what, "give files of `busybot eval ... --out`, of benchmarks/, or folders of them")
 
 
 def _take(results: Results, file: Path, value: Any) -> bool:
     """Sort a file's content in; False if it is none of the known kinds."""
     if not isinstance(value, dict):
         return False
+    if other := other_kind(value):
+        _put_other(results, file, other.model_validate(value))
+        return True
     if isinstance(rows := value.get("rows"), dict) and all(isinstance(row, dict) for row in rows.values()):
         number = _number(rows)
         if number is None:
@@ -209,6 +211,15 @@ def _take(results: Results, file: Path, value: Any) -> bool:
             results.singles[str(file)] = kind.model_validate(value)
             return True
     return False
+
+
+def _put_other(results: Results, file: Path, value: Other) -> None:
+    if isinstance(value, PlanResult):
+        results.plans[str(file)] = value
+    elif isinstance(value, Robustness):
+        results.robustness = value
+    else:
+        results.stages = value
 
 
 def _number(rows: dict[str, Any]) -> int | None:

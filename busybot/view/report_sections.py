@@ -18,9 +18,13 @@ NONE = Entry("-", tone="reference")
 RUN = {
     1: "python -m benchmarks.table1 --assets DIR --work FOLDER --out table1.json",
     2: "python -m benchmarks.table2 --data FOLDER --work FOLDER --out table2.json",
-    3: "busybot eval plan DATASET",
+    3: "python -m benchmarks.table3 --policy-model MODEL --reasoner M0 M1 M2 --work FOLDER --out table3.json",
 }
 """What makes the numbers of a table."""
+OTHER_OBJECTS = (
+    "**Procedural objects**: the gates and the paper's numbers are those of the paper's 58 objects. Beside others they "
+    "only say where one stands."
+)
 
 
 def number(value: float) -> str:
@@ -47,10 +51,11 @@ def summary_tiles(verdicts: Sequence[Verdict], results: Results) -> Tiles:
     return Tiles(tuple(tiles))
 
 
-def gate_blocks(verdicts: Sequence[Verdict]) -> list[Block]:
-    """Every missed gate with how much it is missed by; then what was not measured."""
+def gate_blocks(verdicts: Sequence[Verdict], results: Results) -> list[Block]:
+    """Every missed gate with how much it is missed by; then what was not measured, rows without a gate included."""
     missed = [one for one in verdicts if one.reached is False]
-    blocks: list[Block] = []
+    made_up = any(about.get("assets") == "procedural" for about in results.about.values())
+    blocks: list[Block] = [Text(OTHER_OBJECTS)] if made_up else []
     if missed:
         heads = ("measured", "gate", "short by", "bound")
         rows = tuple((_place(one), _missed(one)) for one in missed)
@@ -68,10 +73,30 @@ def gate_blocks(verdicts: Sequence[Verdict]) -> list[Block]:
     if bounded:
         blocks.append(Text("Reached only because the recordings do not determine more (the protocol allows it):"))
         blocks.append(Items(tuple(f"{_place(one)}: {_value(one.cell)}, bound {_bound(one.cell)}" for one in bounded)))
-    unknown = dict.fromkeys(f"Table {one.table.number}: {one.row.words}" for one in verdicts if one.reached is None)
+    known = {(one.table.number, one.row.words) for one in verdicts if one.reached is not None}
+    rows_left = dict.fromkeys((one.table.number, one.row.words) for one in verdicts if one.reached is None)
+    unknown = [f"Table {table}: {words}{' (in part)' * ((table, words) in known)}" for table, words in rows_left]
     if unknown:
         blocks += [Text("Not measured, so neither reached nor missed:"), Items(tuple(unknown))]
-    return blocks
+    return [
+        *blocks,
+        Text("Rows that have no gate, but stand beside those that have one:"),
+        Items(tuple(_rest(results))),
+    ]
+
+
+def _rest(results: Results) -> list[str]:
+    """For every table which of its rows without a gate were measured, in part or not at all."""
+    lines = []
+    for table in TABLES:
+        told: dict[str, list[str]] = {"measured": [], "measured in part": [], "**missing**": []}
+        for row in (row for row in table.rows if row.gate is None):
+            found = results.tables.get(table.number, {}).get(row.name)
+            columns = 0 if found is None else len(found.cells)
+            part = "measured in part" if columns else "**missing**"
+            told["measured" if columns == len(table.columns()) else part].append(row.words)
+        lines += [f"Table {table.number}, {state}: {'; '.join(rows)}" for state, rows in told.items() if rows]
+    return lines
 
 
 def _place(one: Verdict) -> str:
@@ -190,7 +215,7 @@ HASHES = ("board_hash", "trace_hash", "content_hash")
 
 
 def cost_grid(results: Results) -> Grid | None:
-    """Time and memory of the trainings that nothing interrupted."""
+    """Time and memory of the trainings, as far as they were measured."""
     lines = []
     for table in TABLES:
         for row in table.rows:
@@ -198,7 +223,8 @@ def cost_grid(results: Results) -> Grid | None:
             costs = [training["cost"] for training in found.trainings if training.get("cost")] if found else []
             if costs:
                 minutes = [f"{cost['seconds'] / 60:.1f}" for cost in costs]
-                memory = f"{max(cost['megabytes'] for cost in costs) / 1000:.1f}"
+                known = [cost["megabytes"] for cost in costs if "megabytes" in cost]
+                memory = f"{max(known) / 1000:.1f}" if known else "-"
                 name = f"Table {table.number}, {row.words}"
                 lines.append((name, (Entry(", ".join(minutes)), Entry(memory))))
     return Grid((), ("minutes", "GB at most"), tuple(lines), "training") if lines else None

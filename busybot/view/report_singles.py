@@ -2,11 +2,13 @@
 
 from typing import Any
 
-from busybot.view.protocol import INTERACTION, REASONING, Table
+from busybot.view.protocol import INTERACTION, PLANNING, REASONING, Table
+from busybot.view.report_kinds import PlanResult
 from busybot.view.report_page import Block, Entry, Grid, Heading, Items, Text
-from busybot.view.report_read import Cell, InteractResult, ReasonResult, Results, cell_of
+from busybot.view.report_read import Cell, InteractResult, ReasonResult, Results, cell, cell_of
 from busybot.view.report_sections import NONE, dataset, number, reference, versions
 
+Single = InteractResult | ReasonResult | PlanResult
 KEYS = {"train": "validation"}
 """Splits of datasets under the names that the tables' columns have."""
 SKILLS = {"interact": "Acting", "reason": "Reasoning"}
@@ -17,15 +19,11 @@ def single_blocks(results: Results) -> list[Block]:
     blocks: list[Block] = []
     for name, result in results.singles.items():
         table = INTERACTION if isinstance(result, InteractResult) else REASONING
-        origin = result.dataset
-        where = f"{origin.get('name')} ({origin.get('split')})"
-        blocks.append(Heading(f"{SKILLS[table.skill]}: {subject(result)} on {where}", 3))
-        blocks.append(_grid(table, result))
-        items = [f"file `{name}`", f"boards: {dataset(origin)}", f"seed of the evaluation {result.seed}"]
-        items += [f"`{result.command}`"] if result.command else []
-        told = (result.model_extra or {}).get("versions")
-        items += [f"made with {versions(told)}"] if isinstance(told, dict) else []
-        blocks.append(Items(tuple(items)))
+        blocks += _heading(f"{SKILLS[table.skill]}: {subject(result)}", result)
+        blocks += [_grid(table, result), _origin(name, result, f"{result.boards} boards")]
+    for name, plan in results.plans.items():
+        blocks += _heading("Planning", plan)
+        blocks += [_plan_grid(plan), _origin(name, plan, f"{plan.tasks} tasks")]
     if blocks:
         note = (
             "The paper's numbers and the gates are those of its 58 objects and of thousands of boards: beside other "
@@ -33,6 +31,38 @@ def single_blocks(results: Results) -> list[Block]:
         )
         blocks.insert(0, Text(note))
     return blocks
+
+
+def _heading(words: str, result: Single) -> list[Block]:
+    return [Heading(f"{words} on {result.dataset.get('name')} ({result.dataset.get('split')})", 3)]
+
+
+def _origin(name: str, result: Single, judged: str) -> Items:
+    """Where the numbers come from."""
+    items = [f"file `{name}`", f"judged {judged} of {dataset(result.dataset)}", f"seed of the evaluation {result.seed}"]
+    items += [f"`{result.command}`"] if result.command else []
+    told = (result.model_extra or {}).get("versions")
+    return Items(tuple(items + ([f"made with {versions(told)}"] if isinstance(told, dict) else [])))
+
+
+def _plan_grid(result: PlanResult) -> Grid:
+    """All agents; the paper's and the gate where the tasks are of one kind."""
+    split, kind = result.dataset.get("split", ""), next(iter(result.kinds)) if len(result.kinds) == 1 else ""
+    known = (split, kind) in PLANNING.columns()
+    rows = {row.name: row for row in PLANNING.rows}
+    lines = []
+    for agent, scores in result.agents.items():
+        row = rows.get(agent)
+        paper = PLANNING.paper.get((row.paper if row else None) or "")
+        gate = PLANNING.gates.get((row.gate if row else None) or "")
+        beside = [PLANNING.at(values, split, kind) if known and values else None for values in (paper, gate)]
+        low, high = scores.interval or (None, None)
+        shares = (Entry(number(100 * scores.solved)) if scores.solved is not None else NONE,)
+        steps = (Entry(number(scores.steps)) if scores.steps is not None else NONE,)
+        measured = _measured(cell(scores.success, low, high))
+        lines.append((row.words if row else agent, (*measured, *shares, *steps, *map(_percent, beside))))
+    heads = ("success", "95 % interval", "tasks solved", "steps", "the paper", "gate")
+    return Grid((), heads, tuple(lines), f"percent, {result.tasks} tasks")
 
 
 def subject(result: InteractResult | ReasonResult) -> str:

@@ -150,7 +150,64 @@ def test_planning_has_its_place(tmp_path: Path) -> None:
     kinds = {"one-to-one": {"success": 0.99, "interval": [0.98, 1.0]}, "one-to-many": {"success": 0.9}}
     file = write(tmp_path / "table3.json", {"rows": {"search": {"splits": {"train": kinds}}}})
     done = write_report([file], tmp_path / "out")
-    assert "99.0 ± 1.0 ✓ | 90.0 ✗ | missing" in done.markdown.read_text()
+    text = done.markdown.read_text()
+    assert "99.0 ± 1.0 ✓ | 90.0 ✗ | missing" in text and "- Table 3: **search over learned effects** (in part)" in text
+    assert "Procedural objects" not in text
+    told = json.loads(file.read_text()) | {"assets": "procedural"}
+    assert "**Procedural objects**" in write_report([write(file, told)], tmp_path / "out").markdown.read_text()
+
+
+def test_an_evaluation_of_planning_stands_beside_the_paper(tmp_path: Path) -> None:
+    agents = {
+        "search": {"success": 0.975, "interval": [0.95, 1.0], "solved": 0.9, "steps": 2.5},
+        "mine": {"success": 1},
+    }
+    told = {"agents": agents, "kinds": {"one-to-many": 7}, "tasks": 7, "dataset": DATASET, "seed": 3}
+    file = write(tmp_path / "planned" / "result.json", told)
+    text = write_report([file], tmp_path / "out").markdown.read_text()
+    assert "### Planning on d (novel-config)" in text
+    assert "| **search over learned effects** | 97.5 | 95.0 to 100.0 | 90.0 | 2.5 | 69.4 | 95.0 |" in text
+    assert "| mine | 100.0 |  | - | - |  |  |" in text
+
+
+def disturbed() -> dict[str, Any]:
+    """As `benchmarks/reason_robustness.py` tells it."""
+    models = {"event": {"edge_f1": 0.9, "pred_a": 0.7}, "count": {"edge_f1": 0.8, "pred_a": None}}
+    row = {"boards": 3, "known": 0.95, "models": models}
+    rows = {"undisturbed": [{"strength": 0.0, **row}], "patch": [{"strength": n / 10, **row} for n in (1, 2)]}
+    what = {"patch": {"title": "hidden", "what": "a box is grey", "unit": "of frames"}}
+    return {"boards": 3, "models": {"event": {}}, "disturbances": what, "rows": rows}
+
+
+def test_robustness_is_drawn_and_told_or_missing(first: Report, tmp_path: Path) -> None:
+    assert "## Robustness\n\n**Missing**" in first.markdown.read_text()
+    done = write_report([write(tmp_path / "r.json", disturbed())], tmp_path / "out")
+    text = done.markdown.read_text()
+    assert "robustness.png" in [path.name for path in done.figures]
+    assert "| hidden, 20 % of frames | 90.0 | 70.0 | " in text and "- hidden: a box is grey" in text
+    assert "| undisturbed | 90.0 | 70.0 | " in text
+
+
+def test_what_the_stages_of_a_run_took(tmp_path: Path) -> None:
+    took = {"data/train": 90, "data/train.features": 30, "data/novel-object": 60, "reason": 120}
+    stages = {name: {"seconds": seconds, "done": name != "reason"} for name, seconds in took.items()}
+    file = write(tmp_path / "stages.json", {"machine": {"cores": 2}, "stages": stages})
+    text = write_report([file], tmp_path / "out").markdown.read_text()
+    for line in ("| `data` | 2 | 2.5 |", "| `features` | 1 | 0.5 |", "| all | 4 | 5.0 |", "Not finished: reason."):
+        assert line in text
+
+
+def test_rows_without_a_gate_are_named_as_measured_or_missing(tmp_path: Path) -> None:
+    one = {"one-to-one": {"success": 0.5}}
+    full = {split: {**one, "one-to-many": {"success": 0.5}} for split in PLANNING.splits}
+    rows = {"bc": {"splits": full}, "noop": {"splits": {"train": one}}}
+    text = write_report([write(tmp_path / "t.json", {"rows": rows})], tmp_path / "out").markdown.read_text()
+    lines = {
+        line.split(": ")[0]: line.split(": ", 1)[1] for line in text.splitlines() if line.startswith("- Table 3, ")
+    }
+    assert lines["- Table 3, measured"] == "behaviour cloning"
+    assert lines["- Table 3, measured in part"] == "doing nothing"
+    assert "PPO" in lines["- Table 3, **missing**"]
 
 
 @pytest.mark.long

@@ -1,0 +1,137 @@
+"""The results of a run as rows of Tables 1 to 3, and what the stages cost: files that `busybot report` reads.
+
+    python -m pipelines.tables runs/smoke
+
+writes `runs/smoke/tables`. What a stage did not make is left out, and shown as missing in the report.
+"""
+
+import os
+import platform
+import shutil
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from busybot.files import read_json, write_json
+from busybot.view.protocol import PLANNING, REASONING
+from pipelines.stage import STATE, Note, note_of
+
+NOVEL = ("novel-config", "novel-object")
+SETS = ("validation", *NOVEL)
+
+
+def interaction(run: Path) -> dict[str, Any]:
+    """Rows of Table 1: the trained policy under its variant and seed, and chance."""
+    rows = {}
+    model = _known(run / "interact" / "model" / "model.json")
+    if model is not None:
+        training = model["training"] | {"cost": _cost(run / "interact")}
+        name = "paper" if model.get("variant") == "paper" else f"free-{training['seed']}"
+        rows[name] = {"training": training, **_judged(run, "", [run / "interact"])}
+    rows["random"] = {"training": None, **_judged(run, "-random", [])}
+    return rows
+
+
+def _judged(run: Path, suffix: str, outs: list[Path]) -> dict[str, Any]:
+    found = {}
+    for split, out, result in _results(run, "judged", NOVEL, suffix):
+        found[split] = result
+        outs = [*outs, run / "judge" / split, out]
+    return {"commands": typed(outs), **found}
+
+
+def _results(run: Path, place: str, names: Iterable[str], suffix: str = "") -> Iterator[tuple[str, Path, Any]]:
+    """Name, folder and content of the results that are there."""
+    for name in names:
+        out = run / place / f"{name}{suffix}"
+        if (out / "result.json").is_file():
+            yield name, out, read_json(out / "result.json")
+
+
+def reasoning(run: Path) -> dict[str, Any]:
+    """Rows of Table 2: the trained model under its kind, and those that learn nothing."""
+    rows = {}
+    model = _known(run / "reason" / "model" / "model.json")
+    if model is not None:
+        training = model["training"] | {"cost": _cost(run / "reason")}
+        before = [run / "data" / "train", run / "data" / "train.features", run / "reason"]
+        rows[model["model"]] = {"training": [training], **_inferred(run, "", before)}
+    for row in REASONING.rows:
+        told = _inferred(run, f"-{row.name}", [])
+        if told["splits"]:
+            rows[row.name] = {"training": [], **told}
+    return rows
+
+
+def _inferred(run: Path, suffix: str, outs: list[Path]) -> dict[str, Any]:
+    found = {}
+    for name, out, result in _results(run, "relations", SETS, suffix):
+        scores = {key: result[key] for key in REASONING.keys}
+        found[name] = {"mean": scores, "least": scores, "most": scores, "seeds": [result]}
+        outs = [*outs, run / "data" / name, run / "data" / f"{name}.features", out]
+    return {"commands": typed(outs), "splits": found}
+
+
+def planning(run: Path) -> dict[str, Any]:
+    """Rows of Table 3: all agents that played."""
+    rows: dict[str, Any] = {row.name: {"splits": {}} for row in PLANNING.rows}
+    cells, outs = {f"{split}-{kind}": (split, kind) for split, kind in PLANNING.columns()}, []
+    for name, out, result in _results(run, "planned", cells):
+        split, kind = cells[name]
+        for agent, scores in result["agents"].items():
+            rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
+        outs += [run / "tasks" / name, out]
+    commands = typed(outs)
+    return {agent: {"commands": commands, **row} for agent, row in rows.items() if row["splits"]}
+
+
+def notes(run: Path) -> Iterator[tuple[str, Note]]:
+    """What is known of every stage, in the order in which they ended."""
+    files = sorted(run.rglob(f"{STATE}/*.json"), key=lambda file: file.stat().st_mtime_ns)
+    for file in files:
+        name = (file.parent.parent / file.stem).relative_to(run).as_posix()
+        yield name, Note.model_validate(read_json(file))
+
+
+def typed(outs: list[Path]) -> list[str]:
+    """The commands that made these outputs, without the place of objects on this machine."""
+    found: dict[str, None] = {}
+    for out in outs:
+        told = _known(note_of(out))
+        for command in [] if told is None else Note.model_validate(told).commands:
+            hidden = ["ASSETS" if _names_objects(command, place) else word for place, word in enumerate(command)]
+            found[" ".join(["busybot", *hidden])] = None
+    return list(found)
+
+
+def _names_objects(command: list[str], place: int) -> bool:
+    return place > 0 and command[place - 1] == "--assets" and command[place] != "procedural"
+
+
+def _cost(out: Path) -> dict[str, float] | None:
+    told = _known(note_of(out))
+    return None if told is None else {"seconds": Note.model_validate(told).seconds}
+
+
+def _known(file: Path) -> Any:
+    return read_json(file) if file.is_file() else None
+
+
+def main() -> None:
+    run = Path(sys.argv[1])
+    machine = {"cores": os.cpu_count(), "system": platform.system(), "processor": platform.machine()}
+    tables = {"table1": interaction(run), "table2": reasoning(run), "table3": planning(run)}
+    assets = {
+        result["dataset"]["assets"] for row in tables["table1"].values() for result in map(row.get, NOVEL) if result
+    }
+    shutil.rmtree(run / "tables", ignore_errors=True)
+    for name, rows in tables.items():
+        about = {"assets": ", ".join(sorted(assets)), "machine": machine}
+        write_json(run / "tables" / f"{name}.json", {**about, "rows": rows})
+    stages = {name: {"seconds": note.seconds, "done": note.done} for name, note in notes(run)}
+    write_json(run / "tables" / "stages.json", {"machine": machine, "stages": stages})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,209 @@
+"""Profiles: their values are sound, and a wrong one is named; what stages cost is kept; a run becomes tables."""
+
+import json
+import shlex
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from busybot.cli.main import load_command
+from busybot.config import build
+from busybot.errors import BusybotError
+from busybot.files import write_json
+from busybot.interact.paper_config import PaperConfig
+from busybot.interact.train_config import TrainConfig
+from busybot.reason.event_config import EventConfig
+from busybot.reason.paper_config import PaperReasonConfig
+from busybot.view.report import write_report
+from pipelines.profile import FOLDER, install, read_profile
+from pipelines.stage import begin, note_of, run
+from pipelines.tables import interaction, notes, planning, reasoning, typed
+from tests.view.test_report import DATASET, reasoned
+
+ROOT = Path(__file__).resolve().parents[2]
+DVC = ROOT / ".tools" / "dvc" / "bin"
+PROFILES = ("smoke", "laptop", "paper")
+STAGES = (
+    "import json, sys; from dvc.repo import Repo; "
+    "print(json.dumps({stage.addressing: stage.cmd for stage in Repo(sys.argv[1]).index.stages}))"
+)
+
+
+@pytest.fixture
+def copied(tmp_path: Path) -> Path:
+    """A folder of profiles to spoil."""
+    for name in PROFILES:
+        shutil.copytree(FOLDER / name, tmp_path / name)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_every_profile_is_sound(name: str) -> None:
+    assert read_profile(name).profile == name
+
+
+def test_laptop_and_paper_train_as_their_defaults_say() -> None:
+    def config(profile: str, file: str, kind: Any) -> Any:
+        return build(kind, FOLDER / profile / file, [], {})
+
+    assert config("laptop", "interact.yaml", TrainConfig) == TrainConfig()
+    assert config("laptop", "reason.yaml", EventConfig) == EventConfig()
+    assert config("paper", "interact.yaml", PaperConfig) == PaperConfig()
+    assert config("paper", "reason.yaml", PaperReasonConfig) == PaperReasonConfig()
+
+
+def test_paper_has_the_papers_sizes() -> None:
+    paper = read_profile("paper")
+    assert {name: one.boards for name, one in paper.data.sets.items() if name != "validation"} == {
+        "train": 10_000,
+        "novel-config": 2_000,
+        "novel-object": 2_000,
+    }
+    assert (paper.data.steps, paper.data.images) == (30, 23) and {one.group for one in paper.data.sets.values()} == {20}
+    assert (paper.interact.model, paper.reason.model, paper.reason.encoder) == ("paper", "paper", "resnet50")
+    assert paper.tasks.boards == 50 and len(paper.tasks.splits) * len(paper.tasks.kinds) == 6
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        ("params.yaml", "seed: 0", "sed: 0", r"laptop/params\.yaml: parameter seed: Field required"),
+        ("params.yaml", "  images: 23", "  pictures: 23", r"laptop/params\.yaml: parameter data\.images: "),
+        ("params.yaml", "boards: 1000,", "board: 1000,", r"laptop/params\.yaml: parameter data\.sets\.train\.boards: "),
+        ("params.yaml", "seed: 602", "seed: 601", r"data\.sets: two have the same boards"),
+        ("params.yaml", "model: event", "model: event\n  modle: x", r"params\.yaml: parameter reason\.modle: Extra"),
+        ("params.yaml", "agents: search,", "agents: serach,", r"params\.yaml: parameter tasks\.agents: .*'serach'"),
+        ("params.yaml", "assets: ../shared", 'assets: "$(rm)', r"laptop/params\.yaml"),
+        ("interact.yaml", "steps: 24, p", "step: 24, p", r"laptop/interact\.yaml: parameter rounds\.0\.steps: "),
+        ("interact.yaml", "validation: 40", "validations: 40", r"interact\.yaml: parameter validations: Extra inputs"),
+        ("reason.yaml", "judge: 50", "juge: 50", r"laptop/reason\.yaml: parameter loop\.juge: Extra inputs"),
+    ],
+)
+def test_what_is_wrong_is_named_with_file_and_place(copied: Path, file: str, old: str, new: str, message: str) -> None:
+    text = (copied / "laptop" / file).read_text()
+    assert old in text
+    (copied / "laptop" / file).write_text(text.replace(old, new, 1))
+    with pytest.raises(BusybotError, match=message):
+        read_profile("laptop", copied)
+
+
+def test_a_profile_becomes_the_pipelines_values(copied: Path, tmp_path: Path) -> None:
+    params = tmp_path / "params.yaml"
+    install("smoke", params, folder=copied)
+    assert params.read_bytes() == (copied / "smoke" / "params.yaml").read_bytes()
+    tiny = ROOT / "datasets" / "tiny" / "objects"
+    written = params.stat().st_mtime_ns
+    install("smoke", params, folder=copied)
+    assert params.stat().st_mtime_ns == written, "the same values are not written again"
+    install("laptop", params, str(tiny), copied)
+    text = (copied / "laptop" / "params.yaml").read_text()
+    assert params.read_text() == text.replace("assets: ../shared/partnet-mobility", f'assets: "{tiny}"')
+    with pytest.raises(BusybotError, match=r"nowhere(.|\n)*ASSETS=DIR"):
+        install("laptop", params, "nowhere", copied)
+    with pytest.raises(BusybotError, match=r"no profile 'huge'(.|\n)*laptop or paper or smoke"):
+        install("huge", params, folder=copied)
+
+
+def commands(words: list[str]) -> Iterator[list[str]]:
+    """busybot's commands in a stage's."""
+    if words[:3] == ["python", "-m", "pipelines.stage"]:
+        while "--" in words:
+            words = words[words.index("--") + 1 :]
+            yield words[: words.index("--")] if "--" in words else words
+    elif words[0] == "busybot":
+        yield words[1:]
+
+
+def parse(words: list[str]) -> str:
+    """Read a command's words as busybot does, without doing anything; the command's name."""
+    command: Any = load_command(words[0])
+    name, words = [words[0]], words[1:]
+    while hasattr(command, "commands"):
+        name.append(words[0])
+        command, words = command.commands[words[0]], words[1:]
+    command.make_context(name[-1], list(words))
+    return " ".join(name)
+
+
+@pytest.mark.parametrize("name", PROFILES)
+def test_busybot_takes_the_commands_of_every_stage(name: str, tmp_path: Path) -> None:
+    if not (DVC / "dvc").exists():
+        pytest.skip("DVC is not installed: `make dvc` does it")
+    (tmp_path / ".dvc").mkdir()
+    shutil.copy(ROOT / ".dvc" / "config", tmp_path / ".dvc" / "config")
+    shutil.copy(ROOT / "dvc.yaml", tmp_path)
+    shutil.copy(FOLDER / name / "params.yaml", tmp_path)
+    said = subprocess.run([DVC / "python", "-c", STAGES, tmp_path], capture_output=True, text=True, check=True)
+    stages: dict[str, Any] = json.loads(said.stdout)
+    lines = [line for line_or_more in stages.values() for line in _lines(line_or_more)]
+    names = [parse(words) for line in lines for words in commands(shlex.split(line))]
+    profile = read_profile(name)
+    cells, sets = len(profile.tasks.splits) * len(profile.tasks.kinds), len(profile.relations.sets)
+    assert names.count("train interact") == names.count("train reason") == names.count("report") == 1
+    assert names.count("features") == len(profile.data.sets) and names.count("eval plan") == 2 * cells
+    assert names.count("eval interact") == 2 * len(profile.judge.splits)
+    assert names.count("eval reason") == sets * (1 + len(profile.relations.baselines))
+    assert names.count("generate") == len(profile.judge.splits) + len(profile.data.sets) + cells
+
+
+def _lines(command: str | list[str]) -> list[str]:
+    return [command] if isinstance(command, str) else command
+
+
+def test_a_stage_notes_its_commands_and_time_and_begins_anew_when_its_key_changed(tmp_path: Path) -> None:
+    out, asked = tmp_path / "data" / "train", [["--version"]]
+    note = begin([out], "a", asked)
+    assert run(asked, note, note_of(out)) == 0
+    (out / "kept").mkdir(parents=True)
+    first = begin([out], "a", asked)
+    assert first.seconds > 0 and not first.done and (out / "kept").exists()
+    assert run([["no-such-command"], *asked], first, note_of(out)) == 2
+    ((name, second),) = notes(tmp_path)
+    assert name == "data/train" and second.seconds > first.seconds and not second.done
+    assert begin([out], "b", asked).seconds == 0 and not out.exists()
+
+
+def test_the_place_of_objects_is_not_told(tmp_path: Path) -> None:
+    for name, assets in (("one", "/home/someone/objects"), ("two", "procedural")):
+        begin([tmp_path / name], "k", [["generate", name, "--assets", assets]])
+    outs = [tmp_path / "one", tmp_path / "two", tmp_path / "none"]
+    assert typed(outs) == ["busybot generate one --assets ASSETS", "busybot generate two --assets procedural"]
+
+
+def test_a_run_becomes_rows_of_the_tables(tmp_path: Path) -> None:
+    origin = DATASET | {"assets": "made"}
+    begin([tmp_path / "reason"], "k", [["train", "reason"]])
+    write_json(tmp_path / "interact/model/model.json", {"variant": "fast", "training": {"seed": 0}})
+    write_json(tmp_path / "reason/model/model.json", {"model": "event", "training": {"seed": 0, "data": []}})
+    acted = {"precision": 0.99, "recall": 0.9, "boards": 3, "intervals": {}, "dataset": origin}
+    write_json(tmp_path / "judged/novel-config/result.json", acted)
+    write_json(tmp_path / "judged/novel-config-random/result.json", acted | {"recall": 0.1})
+    write_json(tmp_path / "relations/validation/result.json", reasoned())
+    write_json(tmp_path / "relations/novel-object-count/result.json", reasoned(pred_a=None, pred_a_successful=None))
+    told = {"agents": {"search": {"success": 0.5}}, "kinds": {"one-to-one": 1}, "tasks": 1, "dataset": origin}
+    write_json(tmp_path / "planned/train-one-to-one/result.json", told)
+    tables = {"table1": interaction(tmp_path), "table2": reasoning(tmp_path), "table3": planning(tmp_path)}
+    assert {name: set(rows) for name, rows in tables.items()} == {
+        "table1": {"free-0", "random"},
+        "table2": {"event", "count"},
+        "table3": {"search"},
+    }
+    assert tables["table2"]["event"]["commands"] == ["busybot train reason"]
+    for name, rows in tables.items():
+        write_json(tmp_path / "tables" / f"{name}.json", {"rows": rows})
+    done = write_report([tmp_path / "tables"], tmp_path / "report")
+    judged = {(one.row.name, one.split, one.key): one.reached for one in done.verdicts if one.reached is not None}
+    assert judged["free-0", "novel-config", "precision"] and judged["free-0", "novel-config", "recall"] is False
+    assert judged["event", "validation", "edge_p"] and judged["search", "train", "one-to-one"] is False
+    assert len(judged) == 2 + 4 + 1
+
+
+def test_a_paper_model_is_not_told_as_ours(tmp_path: Path) -> None:
+    write_json(tmp_path / "interact/model/model.json", {"variant": "paper", "training": {"seed": 0}})
+    write_json(tmp_path / "reason/model/model.json", {"model": "paper", "training": {"seed": 0}})
+    assert "paper" in interaction(tmp_path) and "free-0" not in interaction(tmp_path)
+    assert set(reasoning(tmp_path)) == {"paper"}

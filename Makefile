@@ -12,6 +12,7 @@ help:
 	@echo "make test-all       the same with the long tests, the linter and the type checker"
 	@echo "make lint           the linter and the type checker"
 	@echo "make reproduce      run the whole pipeline, PROFILE=smoke by default; what is up to date is not run again"
+	@echo "                    (ASSETS=DIR names the objects of the profiles laptop and paper)"
 	@echo "make setup          only set up: .venv, pinned packages, a Vulkan driver"
 	@echo "make lock           write requirements/lock.txt anew from pyproject.toml (needs the registry)"
 	@echo "make check-resolve  do the pins resolve for every supported Python? (needs the registry)"
@@ -37,8 +38,7 @@ dvc: setup
 
 # The chosen profile's values become params.yaml; DVC runs what changed and goes on where it was interrupted.
 reproduce: dvc
-	@test -f pipelines/$(PROFILE)/params.yaml || { echo "there is no profile $(PROFILE): see pipelines/" >&2; exit 1; }
-	@cmp -s pipelines/$(PROFILE)/params.yaml params.yaml || cp pipelines/$(PROFILE)/params.yaml params.yaml
+	@$(BIN)/python -m pipelines.profile $(PROFILE) $(if $(ASSETS),--assets "$(ASSETS)")
 	@PATH="$(CURDIR)/$(BIN):$$PATH" .tools/dvc/bin/dvc repro
 	@.tools/dvc/bin/dvc metrics show --precision 3
 	@.tools/dvc/bin/dvc status

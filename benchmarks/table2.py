@@ -111,7 +111,8 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
             config = ("--config", str(arguments.config)) if arguments.config else ()
             options = ("--data", str(data / "train"), "--out", model, "--seed", str(seed))
             commands.append(("train", "reason", *row.train, *options, *config))
-            trained.append(train(Path(model), *commands[-1]))
+            told = train(Path(model), *commands[-1])
+            trained.append({key: value for key, value in told.items() if key not in ("out", "model")})
         for split in SPLITS:
             if (data / split).is_dir():
                 commands.append(_judging(row, model, data, split, arguments))

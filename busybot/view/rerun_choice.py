@@ -16,6 +16,8 @@ from busybot.view.rerun_camera import log_action, marks
 from busybot.view.scene import board_bounds, drawing_scale, named, remaining_responders
 
 SPACE = "choice"
+DOTS = 2.0
+"""Dots are so much larger than among affordances: they are fewer, and the picture is one of four."""
 LETTERS, LINES = 44, 3
 """Of the reason that the picture has room for."""
 LINE = 24.0
@@ -35,7 +37,7 @@ def log_choice(recording: rr.RecordingStream, episode: Episode, step: int) -> No
     told = offered(episode, step)
     for name, color in (("proposed", INK), ("repeats", TRIGGER)):
         dots = _dots([one for one in told if (one.step >= 0) == (name == "repeats")])
-        log_dots(recording, f"{SPACE}/{name}", episode, dots, size, color)
+        log_dots(recording, f"{SPACE}/{name}", episode, dots, DOTS * size, color)
     log_action(recording, episode, step, SPACE)
     _log_reason(recording, episode, step)
 

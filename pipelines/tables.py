@@ -5,14 +5,13 @@
 writes `runs/smoke/tables`. What a stage did not make is left out, and shown as missing in the report.
 """
 
-import os
-import platform
 import shutil
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from benchmarks.commands import machine
 from busybot.files import read_json, write_json
 from busybot.view.protocol import PLANNING, REASONING
 from pipelines.stage import STATE, Note, note_of
@@ -120,17 +119,16 @@ def _known(file: Path) -> Any:
 
 def main() -> None:
     run = Path(sys.argv[1])
-    machine = {"cores": os.cpu_count(), "system": platform.system(), "processor": platform.machine()}
     tables = {"table1": interaction(run), "table2": reasoning(run), "table3": planning(run)}
     assets = {
         result["dataset"]["assets"] for row in tables["table1"].values() for result in map(row.get, NOVEL) if result
     }
     shutil.rmtree(run / "tables", ignore_errors=True)
     for name, rows in tables.items():
-        about = {"assets": ", ".join(sorted(assets)), "machine": machine}
+        about = {"assets": ", ".join(sorted(assets)), "machine": machine()}
         write_json(run / "tables" / f"{name}.json", {**about, "rows": rows})
     stages = {name: {"seconds": note.seconds, "done": note.done} for name, note in notes(run)}
-    write_json(run / "tables" / "stages.json", {"machine": machine, "stages": stages})
+    write_json(run / "tables" / "stages.json", {"machine": machine(), "stages": stages})
 
 
 if __name__ == "__main__":

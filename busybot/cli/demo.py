@@ -24,9 +24,8 @@ def demo(
 
     done = run_demo(out or _free("demo"), seed, workers or default_workers(), say, assets, model)
     if json:
-        told = {name: done.result[name] for name in ("boards", "edge_p", "edge_r")} | {
-            "task_success": done.task_success
-        }
+        told = {name: done.result[name] for name in ("boards", "edge_p", "edge_r")}
+        told["task_success"] = done.task_success
         print_json(
             {"out": done.out, "report": done.report, "recording": done.recording, "pictures": done.pictures} | told
         )

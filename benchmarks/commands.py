@@ -2,7 +2,6 @@
 
 import json
 import os
-import platform
 import subprocess
 import sys
 import threading
@@ -79,11 +78,6 @@ def _private(pid: int) -> float:
     except OSError:
         return 0.0  # it has just ended
     return sum(int(line.split()[1]) for line in lines if line.startswith(("Pss_Anon", "Pss_Shmem"))) / 1000
-
-
-def machine() -> dict[str, Any]:
-    """What the commands run on."""
-    return {"cores": os.cpu_count(), "system": platform.system(), "processor": platform.machine()}
 
 
 def told_rows(out: Path) -> dict[str, Any]:

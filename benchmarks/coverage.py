@@ -13,12 +13,13 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import machine, write_result
+from benchmarks.commands import write_result
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.geometry import Rays
 from busybot.episodes.mcap_file import read_episode
 from busybot.interact.candidates import find_candidates
 from busybot.interact.chooser import load_once, policy_config
+from busybot.workers import machine
 
 PROMISES = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
 

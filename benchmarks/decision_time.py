@@ -10,12 +10,13 @@ while it plays: from the picture to the answer, with what is learned from the ou
 
 from typing import Any
 
-from benchmarks.commands import machine, write_result
+from benchmarks.commands import write_result
 from benchmarks.table3 import KINDS, SEEDS, cell, parsed, place
 from busybot.files import read_json
 from busybot.interact.chooser import DEFAULT_MODEL
 from busybot.interact.evaluate_folder import RESULT
 from busybot.reason.infer import DEFAULT_REASONER
+from busybot.workers import machine
 
 SPLIT = "novel-object"
 GATE_MS = 50.0

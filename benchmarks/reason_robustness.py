@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.commands import machine, told_rows, write_result
+from benchmarks.commands import told_rows, write_result
 from benchmarks.disturb import Recording, noisy, recording_of
 from benchmarks.disturbances import DISTURBANCES
 from benchmarks.robustness_scores import Told, told_row
@@ -46,7 +46,7 @@ from busybot.reason.summary import Judged
 from busybot.reason.truth import truth_of
 from busybot.rng import generator
 from busybot.training.model_folder import find_folder, read_info
-from busybot.workers import share
+from busybot.workers import machine, share
 
 ENCODER = "embedded"
 UNDISTURBED, PNG = "undisturbed", "png"

@@ -22,7 +22,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import busybot, machine, write_result
+from benchmarks.commands import busybot, write_result
+from busybot.workers import machine
 
 TINY = Path(__file__).parents[1] / "datasets" / "tiny"
 BUCKET = "frozen"

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import as_typed, busybot, machine, told_rows, train, write_result
+from benchmarks.commands import as_typed, busybot, told_rows, train, write_result
+from busybot.workers import machine
 
 SPLITS = ("novel-config", "novel-object")
 KEYS = (

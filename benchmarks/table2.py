@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import as_typed, busybot, machine, told_rows, train, write_result
+from benchmarks.commands import as_typed, busybot, told_rows, train, write_result
+from busybot.workers import machine
 
 SPLITS = ("validation", "novel-config", "novel-object")
 SCORES = (

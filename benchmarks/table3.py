@@ -13,9 +13,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import as_typed, busybot, machine, write_result
+from benchmarks.commands import as_typed, busybot, write_result
 from busybot.files import read_json
 from busybot.training.model_folder import INFO_FILE
+from busybot.workers import machine
 
 SEEDS = {"train": 701, "novel-config": 702, "novel-object": 703}
 KINDS = ("one-to-one", "one-to-many")

@@ -8,6 +8,7 @@ import contextlib
 import ctypes
 import multiprocessing as mp
 import os
+import platform
 import signal
 import sys
 import time
@@ -44,6 +45,11 @@ class _Worker:
 def default_workers() -> int:
     """One worker per processor that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def machine() -> dict[str, Any]:
+    """What commands run on, to be told beside results: cores, operating system, kind of processor."""
+    return {"cores": os.cpu_count(), "system": platform.system(), "processor": platform.machine()}
 
 
 def run_tasks(

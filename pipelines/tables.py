@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import machine
 from busybot.files import read_json, write_json
 from busybot.view.protocol import PLANNING, REASONING
+from busybot.workers import machine
 from pipelines.stage import STATE, Note, note_of
 
 NOVEL = ("novel-config", "novel-object")

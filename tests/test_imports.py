@@ -78,6 +78,13 @@ def test_plain_data_needs_no_simulator_viewer_or_learner(module: Path) -> None:
         assert not tops(imported(tree_of(module))) & {"sapien", "rerun", "torch", "torch_geometric"}
 
 
+@pytest.mark.parametrize("path", sorted((PACKAGE.parent / "pipelines").glob("*.py")), ids=lambda path: path.name)
+def test_stages_need_the_package_and_each_other(path: Path) -> None:
+    """Nothing of the repository besides; a copy of the pipeline runs wherever the package is."""
+    own = {folder.name for folder in PACKAGE.parent.iterdir() if folder.is_dir()}
+    assert tops(imported(tree_of(path))) & own <= {"busybot", "pipelines"}
+
+
 def test_data_flows_one_way(module: Path) -> None:
     """Objects know nothing of boards, boards nothing of simulation, recordings nothing of skills or views."""
     earlier = {

@@ -3,7 +3,7 @@
 Here is the `fast` variant; `interact.paper_model` has the `paper` variant, which is loaded in the same way.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -57,6 +57,21 @@ class ModelInfo(BaseModel):
 
 
 @dataclass(frozen=True)
+class CloserLook:
+    """What the direction network makes of a crop.
+
+    Attributes:
+        crop: float32 (C, 64, 64), what it saw.
+        position: logit that acting at its centre works.
+        directions: float32 (18,), probabilities.
+    """
+
+    crop: np.ndarray
+    position: np.float32
+    directions: np.ndarray
+
+
+@dataclass(frozen=True)
 class View:
     """What the model makes of one picture.
 
@@ -64,11 +79,14 @@ class View:
         height: float32 (H, W), board units above the board; the lowest value where nothing was hit.
         affordance: float32 (H, W), logit that acting here works; `NOT_ELEVATED` off the elevated pixels.
         features: float32 (C, H, W), what the networks see.
+        closer: the last closer looks, by pixel (u, v); an action changes little of a picture, so most of them hold for
+            the next one.
     """
 
     height: np.ndarray
     affordance: np.ndarray
     features: np.ndarray
+    closer: dict[tuple[int, int], CloserLook] = field(default_factory=dict)
 
 
 class Model:
@@ -117,8 +135,12 @@ class Model:
             save_tensors(weights_file(folder, kind), network.state_dict())
         write_info(folder, self.info, [weights_file(folder, kind) for kind in self.networks])
 
-    def look(self, image: Image, rays: Rays) -> View:
-        """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours."""
+    def look(self, image: Image, rays: Rays, earlier: View | None = None) -> View:
+        """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
+
+        Args:
+            earlier: of the same board, saves closer looks at what has not changed.
+        """
         if image.depth is None:
             raise BusybotError("the interaction policy needs depth images")
         features = picture_features(image.depth, self._pinhole(rays))
@@ -132,7 +154,8 @@ class Model:
             logits = self._run("position", _pad_to_stride(features[:, *window])[None])[0]
             part = elevated[window]
             affordance[window] = torch.where(part, logits[: part.shape[0], : part.shape[1]], NOT_ELEVATED)
-        return View(height.numpy(), affordance.numpy(), features.numpy())
+        closer = {} if earlier is None else earlier.closer
+        return View(height.numpy(), affordance.numpy(), features.numpy(), closer)
 
     def directions(self, view: View, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A closer look at some pixels.
@@ -146,13 +169,23 @@ class Model:
         """
         if not len(pixels):
             return np.empty(0, np.float32), np.empty((0, 18), np.float32)
-        crops = torch.from_numpy(crops_around(view.features, pixels))
-        logits, position = self._run("direction", crops)
-        return position.numpy(), torch.sigmoid(logits).numpy()
+        crops = crops_around(view.features, pixels)
+        places = [(int(u), int(v)) for u, v in pixels]
+        known = [view.closer.get(place) for place in places]
+        fresh = [i for i, one in enumerate(known) if one is None or not np.array_equal(one.crop, crops[i])]
+        if fresh:
+            logits, position = self._run("direction", torch.from_numpy(crops[fresh]))
+            for i, *answer in zip(fresh, position.numpy(), torch.sigmoid(logits).numpy(), strict=True):
+                known[i] = CloserLook(crops[i].copy(), *answer)
+        looks = [one for one in known if one is not None]
+        view.closer.clear()
+        view.closer.update(zip(places, looks, strict=True))
+        return np.array([one.position for one in looks]), np.stack([one.directions for one in looks])
 
     def _run(self, kind: Kind, features: Tensor) -> Any:
         """The outputs of a network in float32, on the CPU."""
-        on_device = features.to(self.on).contiguous(memory_format=torch.channels_last)
+        seen_as = torch.bfloat16 if self.bfloat16 else torch.float32  # as autocast would, at half the copying
+        on_device = features.to(self.on, seen_as).contiguous(memory_format=torch.channels_last)
         with torch.inference_mode(), torch.autocast(self.on.type, torch.bfloat16, enabled=self.bfloat16):
             outputs = self.networks[kind](on_device)
         return tuple(part.float().cpu() for part in outputs) if isinstance(outputs, tuple) else outputs.float().cpu()
@@ -180,10 +213,15 @@ def crops_around(features: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         features: (C, H, W); pixels: int (K, 2).
         returns: (K, C, CROP, CROP).
     """
-    around = np.arange(CROP) - CROP // 2
-    rows = np.clip(pixels[:, 1, None] + around, 0, features.shape[1] - 1)  # (K, CROP)
-    columns = np.clip(pixels[:, 0, None] + around, 0, features.shape[2] - 1)
-    return np.ascontiguousarray(features[:, rows[:, :, None], columns[:, None, :]].swapaxes(0, 1))
+    return np.stack([_crop(features, int(u) - CROP // 2, int(v) - CROP // 2) for u, v in pixels])
+
+
+def _crop(features: np.ndarray, left: int, top: int) -> np.ndarray:
+    height, width = features.shape[1:]
+    if 0 <= left <= width - CROP and 0 <= top <= height - CROP:
+        return features[:, top : top + CROP, left : left + CROP]
+    rows, columns = np.clip(top + np.arange(CROP), 0, height - 1), np.clip(left + np.arange(CROP), 0, width - 1)
+    return features[:, rows[:, None], columns]
 
 
 def _window(elevated: Tensor) -> tuple[slice, slice]:

@@ -41,8 +41,10 @@ class PaperModel(Model):
         rows, columns = SIZE if size is None or size.shape != (2,) else (int(side) for side in size)
         return make_paper_network(kind, inputs, (rows, columns))
 
-    def look(self, image: Image, rays: Rays) -> View:
+    def look(self, image: Image, rays: Rays, earlier: View | None = None) -> View:
         """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
+
+        An earlier look saves nothing here: both networks see whole pictures.
 
         Raises:
             BusybotError: there is no depth, or the picture has another size than those of the training.

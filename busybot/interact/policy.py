@@ -95,7 +95,7 @@ class LearnedPolicy(Generic[V]):
 
     def _look(self, image: Image) -> tuple[V, Memory]:
         if self.view is None or image is not self._image:
-            self._image, self.view = image, self._model.look(image, self._rays)
+            self._image, self.view = image, self._model.look(image, self._rays, self.view)
         if self.memory is None:
             self.memory = Memory(self.view.height, self._config)
         return self.view, self.memory

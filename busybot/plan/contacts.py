@@ -83,7 +83,8 @@ class LearnedContacts(Generic[V]):
     def propose(self, image: Image) -> tuple[Contact, ...]:
         began = time.process_time()
         if self._seen is None or self._seen[0] is not image:
-            self._seen = (image, self._model.look(image, self._rays))
+            earlier = None if self._seen is None else self._seen[1]
+            self._seen = (image, self._model.look(image, self._rays, earlier))
         found = find_candidates(self._model, image, self._rays, self._memory, self._config, self._seen[1])
         self.proposing_s += time.process_time() - began
         return contacts_of(found.best_of_regions(), self._observed)

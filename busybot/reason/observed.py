@@ -4,6 +4,7 @@ The one way from an `Episode` to any model of relations: a whitelist. Segmentati
 held, joints, states, rewards, relations, object names and categories are not hidden here, they are not here.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -160,10 +161,10 @@ def trigger_at(observed: Observed, pixel: tuple[int, int]) -> int:
         if u1 <= u0 or v1 <= v0:
             continue
         u, v = pixel
-        outside = float(np.hypot(max(u0 - u, 0, u - (u1 - 1)), max(v0 - v, 0, v - (v1 - 1))))
+        outside = math.hypot(max(u0 - u, 0, u - (u1 - 1)), max(v0 - v, 0, v - (v1 - 1)))
         if outside > REACH * max(u1 - u0, v1 - v0):
             continue
-        centre = float(np.hypot(u + 0.5 - (u0 + u1) / 2, v + 0.5 - (v0 + v1) / 2))
+        centre = math.hypot(u + 0.5 - (u0 + u1) / 2, v + 0.5 - (v0 + v1) / 2)
         rank = (outside, float((u1 - u0) * (v1 - v0)), centre)
         if best is None or rank < best:
             best, found = rank, int(index)

@@ -36,7 +36,7 @@ class OracleModel:
         self._rng = generator(seed, "", scene.spec.index, "oracle model")
         self._known: dict[tuple[object, ...], np.ndarray] = {}
 
-    def look(self, image: Image, rays: Rays) -> FakeView:
+    def look(self, image: Image, rays: Rays, earlier: FakeView | None = None) -> FakeView:
         assert image.depth is not None and image.segmentation is not None
         height = np.nan_to_num(rays.heights(image.depth), nan=-1)
         codes = [code for code in range(int(image.segmentation.max()) + 1) if self._scene.trigger_at(code) is not None]

@@ -35,7 +35,7 @@ class HeightView:
 class ButtonModel:
     """Takes everything higher than a switch's body for a button that moves along z."""
 
-    def look(self, image: Image, rays: Rays) -> HeightView:
+    def look(self, image: Image, rays: Rays, earlier: HeightView | None = None) -> HeightView:
         assert image.depth is not None
         height = rays.heights(image.depth)
         logits = np.where(height > (BODY + PRESSED) / 2, 5.0, -5.0)

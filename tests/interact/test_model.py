@@ -101,3 +101,25 @@ def test_weights_of_other_inputs_are_refused(tmp_path: Path) -> None:
 def test_a_trainings_folder_stands_for_its_model(tmp_path: Path) -> None:
     untrained().save(tmp_path / "model")
     assert find_model(tmp_path) == tmp_path / "model"
+
+
+def test_a_closer_look_is_taken_again_only_where_something_changed(
+    seen: tuple[Image, Rays], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, (image, rays) = untrained(), seen
+    assert image.depth is not None
+    sizes: list[int] = []
+    run = model._run
+    monkeypatch.setattr(
+        model, "_run", lambda kind, x: (sizes.append(len(x) if kind == "direction" else 0), run(kind, x))[1]
+    )
+    pixels = np.array([[20, 30], [120, 80], [125, 82]])
+    first = model.look(image, rays)
+    model.directions(first, pixels)
+    moved = image.depth.copy()
+    moved[78:84, 118:124] -= 0.3
+    after = Image(image.rgb, moved, None, NO_BOXES)
+    position, probabilities = model.directions(model.look(after, rays, first), pixels[::-1])
+    assert sizes == [0, 3, 0, 2], "the crop around (20, 30) is as it was"
+    anew = model.directions(model.look(after, rays), pixels[::-1])
+    assert np.allclose(position, anew[0], atol=1e-5) and np.allclose(probabilities, anew[1], atol=1e-5)

@@ -45,7 +45,7 @@ def _bound(result: dict[str, Any], split: str, key: str) -> str:
 
 def page(text: str, result: dict[str, Any]) -> str:
     """The page with the table in its place."""
-    trained = [told for row in result["rows"].values() for told in row["training"]]
+    trained = result["rows"].get("event", {"training": []})["training"]
     return put(text, "table2", f"{table(result)}\n\n{costs(trained, result['machine'])}".rstrip())
 
 

@@ -3,19 +3,52 @@
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from busybot.cli.main import load_command
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
+TEXTS = {page.stem: page.read_text(encoding="utf-8") for page in PAGES}
 CODE = [
-    pytest.param(block, id=f"{page.stem}-{number}")
-    for page in PAGES
-    for number, block in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL))
+    pytest.param(block, id=f"{name}-{number}")
+    for name, text in TEXTS.items()
+    for number, block in enumerate(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
 ]
+
+COMMANDS = [
+    pytest.param(command, id=f"{page.stem}-{number}")
+    for page in PAGES
+    if page.stem != "commands"  # made of the commands themselves
+    for number, command in enumerate(
+        re.findall(
+            r"^    ((?:busybot|python) .*)$", page.read_text(encoding="utf-8").replace("\\\n", " "), re.MULTILINE
+        )
+    )
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands_are_there_with_these_options(command: str) -> None:
+    """Read as they would be when typed, without being run; the walks in README and docs/reproduce.md are run."""
+    name, *words = shlex.split(command, comments=True)
+    if name == "python":
+        module = words[1] if words[0] == "-m" else words[0].removesuffix(".py").replace("/", ".")
+        file = ROOT / f"{module.replace('.', '/')}.py"
+        assert file.is_file()
+        said = file.read_text(encoding="utf-8") + (ROOT / "benchmarks" / "table3.py").read_text(encoding="utf-8")
+        assert [word for word in words if word.startswith("--") and f'"{word}"' not in said] == []
+        return
+    found = load_command(words[0])
+    while hasattr(found, "commands"):
+        words = words[1:]
+        found = found.commands[words[0]]
+    found.make_context(words[0], words[1:])
 
 
 @pytest.mark.long

@@ -73,7 +73,12 @@ def test_paper_has_the_papers_sizes() -> None:
     [
         ("params.yaml", "seed: 0", "sed: 0", r"laptop/params\.yaml: parameter seed: Field required"),
         ("params.yaml", "  images: 23", "  pictures: 23", r"laptop/params\.yaml: parameter data\.images: "),
-        ("params.yaml", "train, boards: 300", "train, board: 300", r"laptop/params\.yaml: parameter data\.sets\.train\.boards: "),
+        (
+            "params.yaml",
+            "train, boards: 300",
+            "train, board: 300",
+            r"laptop/params\.yaml: parameter data\.sets\.train\.boards: ",
+        ),
         ("params.yaml", "seed: 602", "seed: 601", r"data\.sets: two have the same boards"),
         ("params.yaml", "model: event", "model: event\n  modle: x", r"params\.yaml: parameter reason\.modle: Extra"),
         ("params.yaml", "agents: search,", "agents: serach,", r"params\.yaml: parameter tasks\.agents: .*'serach'"),

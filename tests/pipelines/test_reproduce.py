@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -64,8 +66,34 @@ def kill_after_episodes(project: Path, count: int) -> dict[Path, int]:
     return found
 
 
+def walk(project: Path, elsewhere: Path, remote: Path) -> None:
+    """The way from a run to a training from pulled files, by the commands of the docs; all but the run itself."""
+    page = (ROOT / "docs" / "reproduce.md").read_text(encoding="utf-8")
+    here, there = re.findall(r"(?:^    .+\n)+", page.split("## From a run to data")[1].split("\n## ")[0], re.MULTILINE)
+    path = f"{DVC.parent}:{Path(sys.executable).parent}:{os.environ['PATH']}"
+    known = {f"GIT_{who}_{what}": "a@b.org" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+    environment = dict(os.environ, PYTHONPATH=str(project), PATH=path, **known)
+
+    def run(commands: list[str], folder: Path) -> None:
+        for command in commands:
+            words = shlex.split(command.replace("/mnt/shared", shlex.quote(str(remote))))
+            done = subprocess.run(words, cwd=folder, env=environment, text=True, capture_output=True, timeout=600)
+            assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+
+    run(["git init", f"git add {' '.join(PARTS)}", "git commit -m begin"], project)
+    first, *rest = here.split("\n    ")
+    assert first.strip() == "make reproduce PROFILE=smoke"  # which is what `repro` ran
+    run([line.strip() for line in rest], project)
+    run([f"git clone {project} {elsewhere}"], project)
+    run([line.strip() for line in there.splitlines()], elsewhere)
+    assert (elsewhere / "trained" / "model" / "weights.safetensors").is_file()
+    assert json.loads((elsewhere / "trained" / "model" / "model.json").read_text())
+
+
 @pytest.mark.long
-def test_it_goes_on_after_a_kill_and_runs_nothing_twice(project: Path) -> None:
+def test_it_goes_on_after_a_kill_and_runs_nothing_twice(
+    project: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     before = kill_after_episodes(project, 2)
     said = repro(project)
     assert "Running stage 'interact'" in said and "Running stage 'summary'" in said
@@ -99,3 +127,6 @@ def test_it_goes_on_after_a_kill_and_runs_nothing_twice(project: Path) -> None:
     assert "Running stage 'summary'" in changed and "Running stage 'report'" in changed
     for untouched in ("interact", "judge@novel-config", "data@train", "features@train", "reason"):
         assert f"Running stage '{untouched}'" not in changed
+
+    others = tmp_path_factory.mktemp("others")
+    walk(project, others / "clone", others / "remote")

@@ -142,6 +142,14 @@ def test_the_procedural_figures_of_reasoning_are_those_of_the_results() -> None:
         assert f"| {split} | {p} | {r} ({r_bound}) | {a} ({a_bound}) | {successful} | {failing} |" in written
 
 
+def test_the_speed_of_features_is_that_of_the_result() -> None:
+    told = json.loads((ROOT / "benchmarks" / "results" / "features-speed.json").read_text(encoding="utf-8"))
+    assert (told["encoder"], told["workers"], told["cores"]) == ("embedded", 2, 2)
+    written = (ROOT / "docs" / "reason.md").read_text(encoding="utf-8")
+    assert f"encodes {told['frames_per_second']:.0f} frames a second on two cores" in written
+    assert f"{told['frames_per_cpu_second']:.0f} per second of processor time" in written
+
+
 def test_table_3_is_that_of_the_results() -> None:
     from benchmarks.table3_page import page
 

@@ -84,6 +84,7 @@ BOARDS = (20, 100, 300)
 """Smaller trainings of `event`, for the curve over their number of boards."""
 ROWS = {
     "event": Row(train=EVENT, seeds=3),
+    "event-without-inference": Row(train=(*EVENT, "--set", "net.inference=false")),
     "event-without-exploration": Row(train=EVENT, data="random"),
     **{f"event-{count}": Row(train=(*EVENT, "--set", f"loop.boards={count}")) for count in BOARDS},
     "lookup": Row("lookup"),

@@ -30,9 +30,14 @@ class EventReasoner:
 
     @torch.no_grad()
     def graph(self, seen: Sequence) -> InferredGraph:
-        """Edge probabilities after each step, and before the first: the prior. Zeros but for candidates."""
-        known = self._known(seen)
+        """Edge probabilities after each step, and before the first: the prior. Zeros but for candidates.
+
+        A network without inference claims no relation.
+        """
         beliefs = np.zeros((seen.steps + 1, *seen.candidates.shape))
+        if not self.network.inference:
+            return InferredGraph(self.name, beliefs[: max(1, seen.steps)])
+        known = self._known(seen)
         for step in range(seen.steps + 1):
             # pairs stand in the order of the candidates
             beliefs[step][seen.candidates] = self.network.log_edges(known.first(step))[0].exp().numpy()

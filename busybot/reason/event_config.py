@@ -21,11 +21,14 @@ class NetConfig(_Plain):
         width: of hidden layers.
         heads: of the attention over past contacts.
         exclusive: at most one trigger per responder, as on the paper's boards.
+        inference: False is the ablation "w/o inference": no graph, every trigger is taken to control every responder,
+            and what past contacts on it did says whether the next one changes anything.
     """
 
     width: Annotated[int, Field(ge=4, le=512)] = 32
     heads: Annotated[int, Field(ge=1, le=16)] = 4
     exclusive: bool = True
+    inference: bool = True
 
 
 class LossConfig(_Plain):

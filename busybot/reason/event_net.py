@@ -231,17 +231,20 @@ class EventNet(nn.Module):
     def __init__(self, config: NetConfig, scale: float = 1.0):
         super().__init__()
         self.edges, self.effects = EdgeHead(config.width), EffectHead(config)
-        self.exclusive = config.exclusive
+        self.inference, self.exclusive = config.inference, config.exclusive and config.inference
         self.register_buffer("scale", torch.tensor(float(scale)))
 
     def log_edges(self, seen: Seen) -> tuple[Tensor, Tensor]:
         """Log probability that each pair is an edge, (E,), and that a responder has no trigger, (R,).
 
         At most one trigger per responder: a softmax over the triggers and "none". Otherwise each pair has a
-        probability of its own, and the second value is the log probability that none of them is an edge.
+        probability of its own, and the second value is the log probability that none of them is an edge. Without
+        inference every pair is an edge.
         """
-        logits, row = self.edges(seen), seen.pairs[1]
-        rows = len(seen.board)
+        row, rows = seen.pairs[1], len(seen.board)
+        if not self.inference:
+            return torch.zeros(len(row)), torch.full((rows,), NEVER)
+        logits = self.edges(seen)
         if not self.exclusive:
             none = scatter(functional.logsigmoid(-logits), row, dim_size=rows, reduce="sum")
             return functional.logsigmoid(logits), none

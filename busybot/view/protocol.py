@@ -111,6 +111,7 @@ REASONING = Table(
         Row("event-300", "`event`, 300 boards", "ablation"),
         Row("event-100", "`event`, 100 boards", "ablation"),
         Row("event-20", "`event`, 20 boards", "ablation"),
+        Row("event-without-inference", "`event` without inference", "ablation", "without inference"),
         Row("event-without-exploration", "`event`, random actions", "ablation", "without exploration"),
         Row("lookup", "lookup of the nearest past contact", "ours", "BusyBot"),
         Row("count", "counting", "trivial"),

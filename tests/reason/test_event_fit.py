@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from busybot.errors import BusybotError
+from busybot.reason.event import EventReasoner
 from busybot.reason.event_config import EventConfig, LossConfig, NetConfig
 from busybot.reason.event_data import board_data
 from busybot.reason.event_fit import EventLearner, smallest_change
@@ -121,6 +122,24 @@ def test_with_several_triggers_per_responder_allowed_it_learns_too(exclusive: bo
     student = learner(config)
     losses = [student.iterate(iteration)[0] for iteration in range(8)]
     assert all(np.isfinite(losses)) and min(losses) >= 0
+
+
+def test_without_inference_it_learns_effects_and_claims_no_relation(tmp_path: Path) -> None:
+    config = SMALL.model_copy(
+        update={"net": NetConfig(width=8, heads=2, inference=False), "iterations": 60, "batch": 8}
+    )
+    student = learner(config)
+    edges = {name: value for name, value in weights(student).items() if name.startswith("edges.")}
+    before = student.judge()["loss"]
+    fit(student, tmp_path, LOOP)
+    assert student.judge()["loss"] < before and equal(edges, weights(student))
+    reasoner, board = EventReasoner(student.network, "embedded"), make_boards(1, 7)[0]
+    seen = board.seen.first(20)
+    assert not reasoner.graph(seen).probabilities.any()
+    current, after = board.seen.features[19:-1], board.seen.features[20:]
+    predicted = reasoner.predict(seen, current, board.seen.actions[19:], board.seen.acted[19:])
+    right = np.linalg.norm(predicted - after, axis=-1)[:, board.seen.responders] < float(student.network.scale)
+    assert right.mean() > 0.9
 
 
 def test_boards_of_different_lengths_are_trained_on_together() -> None:

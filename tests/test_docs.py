@@ -150,6 +150,17 @@ def test_the_speed_of_features_is_that_of_the_result() -> None:
     assert f"{told['frames_per_cpu_second']:.0f} per second of processor time" in written
 
 
+def test_the_run_of_the_laptop_profile_took_what_the_page_says() -> None:
+    run = ROOT / "benchmarks" / "results" / "laptop"
+    stages = json.loads((run / "tables" / "stages.json").read_text(encoding="utf-8"))["stages"]
+    assert all(stage["done"] for stage in stages.values())
+    minutes = sum(stage["seconds"] for stage in stages.values()) / 60
+    assert f"| {minutes:.0f} minutes on two cores ([report]" in (ROOT / "docs" / "reproduce.md").read_text(
+        encoding="utf-8"
+    )
+    assert "- **0** gates missed" in (run / "report.md").read_text(encoding="utf-8")
+
+
 def test_table_3_is_that_of_the_results() -> None:
     from benchmarks.table3_page import page
 

@@ -63,6 +63,12 @@ def test_make_targets_exist() -> None:
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
 
 
+def test_the_overview_is_that_of_the_tables() -> None:
+    from benchmarks.overview import page
+
+    assert page(README, ROOT / "benchmarks" / "results") == README, "python -m benchmarks.overview"
+
+
 def test_numbers_are_those_of_the_result_files() -> None:
     """What the README says in numbers stands in the committed results."""
 

@@ -80,6 +80,7 @@ def walk(project: Path, elsewhere: Path, remote: Path) -> None:
             done = subprocess.run(words, cwd=folder, env=environment, text=True, capture_output=True, timeout=600)
             assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
 
+    (project / "datasets").mkdir()
     run(["git init", f"git add {' '.join(PARTS)}", "git commit -m begin"], project)
     first, *rest = here.split("\n    ")
     assert first.strip() == "make reproduce PROFILE=smoke"  # which is what `repro` ran

@@ -17,6 +17,13 @@ KINDS = {
     "one-to-many-objects": "a panel, one effect for each of its buttons",
 }
 
+REASONERS = {
+    "event": "The model `event` sees the pictures, the objects' boxes and roles, and the actions. It never sees the "
+    "simulator's relations or states. It compares how each responder looks before and after every action, and learned "
+    "on other boards what that tells about which trigger controls it.",
+}
+"""How the graph was inferred, by the reasoner's name."""
+
 
 @dataclass(frozen=True)
 class Story:
@@ -86,9 +93,7 @@ def _actions(story: Story, folder: Path) -> str:
 def _relations(story: Story, folder: Path) -> str:
     board = story.episodes[story.chosen].board
     return (
-        "## What controls what\n\nCounting sees the pictures, the objects' boxes and roles, and the actions. It never "
-        "sees the simulator's relations or states. A responder depends on a trigger when it changes in the steps that "
-        "acted on that trigger, and not in the others.\n\n"
+        f"## What controls what\n\n{REASONERS[story.inferred.name]}\n\n"
         + _picture(story, folder, "graph", "The inferred scene graph over the board.")
         + "\n\n"
         + _relation_table(board, story.inferred)

@@ -101,7 +101,7 @@ def training_of(entry: dict[str, Any]) -> dict[str, Any]:
     return {**inner, "cost": entry.get("cost")} if isinstance(inner, dict) else entry
 
 
-def about_table(value: dict[str, Any]) -> dict[str, Any]:
+def about(value: dict[str, Any]) -> dict[str, Any]:
     """What a table's file tells of all its rows: assets, machine, commands."""
     commands = value.get("commands")
     told = [one for one in commands if isinstance(one, str)] if isinstance(commands, list) else []

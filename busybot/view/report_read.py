@@ -20,7 +20,7 @@ from busybot.view.report_kinds import (
     PlanResult,
     Robustness,
     Stages,
-    about_table,
+    about,
     other_kind,
     training_of,
 )
@@ -213,7 +213,7 @@ def _take(results: Results, file: Path, value: Any) -> bool:
             return False
         read = (_row1, _row2, _row3)[number - 1]
         results.tables.setdefault(number, {}).update({name: read(row) for name, row in rows.items()})
-        results.about[number] = about_table(value)
+        results.about[number] = about(value)
         return True
     for kind, key in ((ReasonResult, "edge_p"), (InteractResult, "precision_exploring")):
         if key in value and "dataset" in value:

@@ -67,7 +67,9 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
         Line2D([], [], color=unit(CORRECT), linewidth=WIDEST, label="true, claimed"),
         Line2D([], [], color=unit(mix(CORRECT, FAINT, DOUBT)), linewidth=1.2, label="true, thought of"),
         Line2D([], [], color=unit(WRONG), linewidth=WIDEST, label="wrong, claimed"),
-        Line2D([], [], color=unit(mix(INK, FAINT, DOUBT)), linewidth=1.2, label="wrong, thought of"),
+        Line2D(
+            [], [], color=unit(mix(INK, FAINT, DOUBT)), linewidth=1.2, label="wrong, thought of; width: probability"
+        ),
     ]
     figure.legend(
         handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8, labelcolor=unit(INK)

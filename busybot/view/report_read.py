@@ -14,16 +14,7 @@ from pydantic import Field, ValidationError
 from busybot.errors import BusybotError
 from busybot.files import read_json, scan, sha256_of
 from busybot.view.protocol import BOUND_SLACK, PLANNING, TABLES, Table
-from busybot.view.report_kinds import (
-    Lenient,
-    Other,
-    PlanResult,
-    Robustness,
-    Stages,
-    about,
-    other_kind,
-    training_of,
-)
+from busybot.view.report_kinds import Lenient, Other, PlanResult, Robustness, Stages, about, other_kind, training_of
 
 PICTURES = (".png", ".jpg", ".jpeg")
 MOST_PICTURES = 24

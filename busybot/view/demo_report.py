@@ -66,7 +66,9 @@ def _boards(story: Story, folder: Path) -> str:
         "## The boards\n\nA BusyBoard carries triggers (switches, levers, panels) and responders (lamps, doors, "
         f"toys). Hidden relations connect them. These {len(story.episodes)} were drawn with seed {story.info.seed} "
         f"from {story.info.assets.name} objects.\n\n"
-        + _picture(story, folder, "boards", "The boards before anybody acts.")
+        + _picture(
+            story, folder, "boards", f"The boards before anybody acts; board {story.chosen}, told of below, with names."
+        )
     )
 
 
@@ -136,7 +138,16 @@ def _numbers(story: Story, folder: Path) -> str:
         "## The numbers",
         "",
         f"Over all {result['boards']} boards, from their first {result['images']} images; percent. Four boards are a "
-        "picture, not a result: the README names the command for more.",
+        "picture, not a result. More of them:",
+        "",
+        "```sh",
+        "busybot generate more --boards 100 && busybot collect more && busybot eval reason more",
+        "```",
+        "",
+        "Edge-P is the share of the claimed relations that are true, Edge-R the share of the true relations that were "
+        "claimed, Edge-Acc the share of all pairs of a trigger and a responder that were judged rightly. The empty "
+        "graph claims no relation, the all-ones graph every pair, and the random trigger one trigger, drawn by chance, "
+        "for each responder.",
         "",
         "| | Edge-P | Edge-R | Edge-Acc |",
         "|---|---|---|---|",

@@ -278,3 +278,10 @@ def test_rows_with_the_same_commands_name_them_once(tmp_path: Path) -> None:
     file = write(tmp_path / "t.json", {"rows": {"noop": row, "bc": row}})
     (fold,) = folds(write_report([file], tmp_path / "out").markdown.read_text())
     assert fold.count("busybot x") == 1 and "- commands as for behaviour cloning" in fold
+
+
+def test_without_a_table_single_evaluations_come_first(tmp_path: Path) -> None:
+    text = write_report([write(tmp_path / "one.json", reasoned())], tmp_path / "out").markdown.read_text()
+    assert text.index("## Single evaluations") < text.index("<details><summary>The paper") < text.index("## Table 1")
+    assert text.index("## Table 3") < text.index("</details>") < text.index("## How scores grow")
+    assert text.count("## Single evaluations") == 1

@@ -91,19 +91,7 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     judged = verdicts(results)
     figures = out / FIGURES
     figures.mkdir(parents=True, exist_ok=True)
-    blocks: list[Block] = [Heading(TITLE, 1), Text(_lead(results)), sections.summary_tiles(judged, results)]
-    blocks += [Heading("Gates that are missed"), *sections.gate_blocks(judged, results)]
-    for table in TABLES:
-        blocks += _table(table, results, figures)
-    singles: list[Block] = []
-    if results.singles or results.plans:
-        singles = [Heading("Single evaluations"), *single_blocks(results)]
-    if singles and not results.tables:
-        blocks = [blocks[0], Text(LEAD_SINGLES), *singles, Fold(NO_TABLES, tuple(blocks[2:]))]
-        singles = []
-    blocks += _courses(results, figures)
-    blocks += _beside(results, figures)
-    blocks += singles
+    blocks: list[Block] = [Heading(TITLE, 1), *_measured(results, judged, figures)]
     blocks += sequence_blocks(paths, figures)
     blocks += _pictures(results, figures, shown)
     blocks += [
@@ -114,6 +102,21 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     write_atomically(out / HTML, document(TITLE, blocks).encode())
     drawn = tuple(block.path for block in blocks if isinstance(block, Picture))
     return Report(out / MARKDOWN, out / HTML, drawn, tuple(judged))
+
+
+def _measured(results: Results, judged: list[Verdict], figures: Path) -> list[Block]:
+    """All numbers: the tables first, or single evaluations if nothing else was given."""
+    tables: list[Block] = [sections.summary_tiles(judged, results)]
+    tables += [Heading("Gates that are missed"), *sections.gate_blocks(judged, results)]
+    for table in TABLES:
+        tables += _table(table, results, figures)
+    singles: list[Block] = []
+    if results.singles or results.plans:
+        singles = [Heading("Single evaluations"), *single_blocks(results)]
+    rest = [*_courses(results, figures), *_beside(results, figures)]
+    if singles and not results.tables:
+        return [Text(LEAD_SINGLES), *singles, Fold(NO_TABLES, tuple(tables)), *rest]
+    return [Text(_lead(results)), *tables, *rest, *singles]
 
 
 def _lead(results: Results) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 
 from benchmarks.pages import costs, head, paper_lines, put, write_page
 from busybot.view.protocol import INTERACTION
+from busybot.view.report_sections import half_width, number
 
 
 def table(result: dict[str, Any]) -> str:
@@ -27,7 +28,7 @@ def _cell(row: dict[str, Any] | None, split: str, key: str) -> str:
     if judged[key] is None:
         return "-"
     low, high = judged["intervals"][key] or (judged[key], judged[key])
-    return f"{100 * judged[key]:.1f} ± {50 * (high - low):.1f}"
+    return f"{number(100 * judged[key])} {half_width(100 * low, 100 * high)}"
 
 
 def page(text: str, result: dict[str, Any]) -> str:

@@ -152,7 +152,7 @@ def _figures(
     folder.mkdir(parents=True, exist_ok=True)
     episode = episodes[chosen]
     return {
-        "boards": figures.boards_figure(folder / "boards.png", episodes),
+        "boards": figures.boards_figure(folder / "boards.png", episodes, named=chosen),
         "affordance": affordance_figure(folder / "affordance.png", episode, thoughts),
         "episode": figures.episode_figure(folder / "episode.png", episode),
         "graph": figures.graph_figure(folder / "graph.png", episode, inferred),

@@ -31,6 +31,7 @@ from busybot.view.scene import anchors, check_inferred, drawing_scale
 MOMENTS = (1, 3, 6, 12, 22)
 """Numbers of steps; the last one is what the paper infers the graph from."""
 COLUMNS = 3
+"""One more if two rows of so many do not suffice."""
 LEAST = 0.05
 """Less probable relations are not drawn."""
 WIDEST, HEAD = 3.4, 9.0
@@ -45,15 +46,16 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
     """The board after each number of steps with all that is believed, and the curves of Edge-P and Edge-R.
 
     Args:
-        steps: more than the episode has are left out.
+        steps: more than the episode has are left out; its last step is always drawn.
     """
     check_inferred(episode, inferred)
     length = len(episode.steps)
-    moments = [moment for moment in steps if moment <= length] or [length]
-    rows = -(-(len(moments) + 1) // COLUMNS)
-    side = WIDTH / COLUMNS
+    moments = sorted({moment for moment in steps if moment < length} | {length})
+    columns = COLUMNS if len(moments) < 2 * COLUMNS else COLUMNS + 1
+    rows = -(-(len(moments) + 1) // columns)
+    side = WIDTH / columns
     figure = page(WIDTH, rows * (side + 0.1) + 0.35)
-    grid = list(figure.subplots(rows, COLUMNS, squeeze=False).ravel())
+    grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
     bends = _bends(episode, inferred, moments)
     for axes, moment in zip(grid, moments, strict=False):
         _draw_board(axes, episode, inferred, moment, bends)
@@ -63,10 +65,15 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
     handles = [
         Line2D([], [], color=unit(TRUTH), linewidth=1.4, linestyle="--", label="true, not found"),
         Line2D([], [], color=unit(CORRECT), linewidth=WIDEST, label="true, claimed"),
+        Line2D([], [], color=unit(mix(CORRECT, FAINT, DOUBT)), linewidth=1.2, label="true, thought of"),
         Line2D([], [], color=unit(WRONG), linewidth=WIDEST, label="wrong, claimed"),
-        Line2D([], [], color=unit(mix(INK, FAINT, DOUBT)), linewidth=1.2, label="thought of; width: probability"),
+        Line2D(
+            [], [], color=unit(mix(INK, FAINT, DOUBT)), linewidth=1.2, label="wrong, thought of; width: probability"
+        ),
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=8, labelcolor=unit(INK))
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8, labelcolor=unit(INK)
+    )
     return save(figure, path)
 
 

@@ -17,6 +17,13 @@ KINDS = {
     "one-to-many-objects": "a panel, one effect for each of its buttons",
 }
 
+REASONERS = {
+    "event": "The model `event` sees the pictures, the objects' boxes and roles, and the actions. It never sees the "
+    "simulator's relations or states. It compares how each responder looks before and after every action, and learned "
+    "on other boards what that tells about which trigger controls it.",
+}
+"""How the graph was inferred, by the reasoner's name."""
+
 
 @dataclass(frozen=True)
 class Story:
@@ -59,7 +66,9 @@ def _boards(story: Story, folder: Path) -> str:
         "## The boards\n\nA BusyBoard carries triggers (switches, levers, panels) and responders (lamps, doors, "
         f"toys). Hidden relations connect them. These {len(story.episodes)} were drawn with seed {story.info.seed} "
         f"from {story.info.assets.name} objects.\n\n"
-        + _picture(story, folder, "boards", "The boards before anybody acts.")
+        + _picture(
+            story, folder, "boards", f"The boards before anybody acts; board {story.chosen}, told of below, with names."
+        )
     )
 
 
@@ -86,9 +95,7 @@ def _actions(story: Story, folder: Path) -> str:
 def _relations(story: Story, folder: Path) -> str:
     board = story.episodes[story.chosen].board
     return (
-        "## What controls what\n\nCounting sees the pictures, the objects' boxes and roles, and the actions. It never "
-        "sees the simulator's relations or states. A responder depends on a trigger when it changes in the steps that "
-        "acted on that trigger, and not in the others.\n\n"
+        f"## What controls what\n\n{REASONERS[story.inferred.name]}\n\n"
         + _picture(story, folder, "graph", "The inferred scene graph over the board.")
         + "\n\n"
         + _relation_table(board, story.inferred)
@@ -131,7 +138,16 @@ def _numbers(story: Story, folder: Path) -> str:
         "## The numbers",
         "",
         f"Over all {result['boards']} boards, from their first {result['images']} images; percent. Four boards are a "
-        "picture, not a result: the README names the command for more.",
+        "picture, not a result. More of them:",
+        "",
+        "```sh",
+        "busybot generate more --boards 100 && busybot collect more && busybot eval reason more",
+        "```",
+        "",
+        "Edge-P is the share of the claimed relations that are true, Edge-R the share of the true relations that were "
+        "claimed, Edge-Acc the share of all pairs of a trigger and a responder that were judged rightly. The empty "
+        "graph claims no relation, the all-ones graph every pair, and the random trigger one trigger, drawn by chance, "
+        "for each responder.",
         "",
         "| | Edge-P | Edge-R | Edge-Acc |",
         "|---|---|---|---|",

@@ -47,12 +47,18 @@ WIDTH = 9.6
 """Of a figure, inches; 1536 pixels."""
 
 
-def boards_figure(path: Path, episodes: Sequence[Episode], columns: int = 4) -> Path:
-    """A contact sheet: the first image of every episode."""
+def boards_figure(path: Path, episodes: Sequence[Episode], columns: int = 4, named: int | None = None) -> Path:
+    """A contact sheet: the first image of every episode.
+
+    Args:
+        named: place in `episodes` of the board whose objects have their names.
+    """
     figure, grid = _board_grid(len(episodes), columns)
-    for axes, episode in zip(grid, episodes, strict=False):
+    for place, (axes, episode) in enumerate(zip(grid, episodes, strict=False)):
         board = episode.board
         draw_image(axes, episode, 0)
+        if place == named:
+            draw_names(axes, episode, 4.5)
         draw_title(axes, f"board {board.index}", f"{len(board.objects)} objects, {len(board.relations)} relations")
     return save(figure, path)
 

@@ -17,7 +17,7 @@ from busybot.view.protocol import TABLES, Table
 from busybot.view.report_beside import robustness_blocks, stage_blocks
 from busybot.view.report_figures import Course, courses_figure, table_figure
 from busybot.view.report_gates import Verdict, verdicts
-from busybot.view.report_page import Block, Heading, Items, Picture, Text, document, markdown
+from busybot.view.report_page import Block, Fold, Heading, Items, Picture, Text, document, markdown
 from busybot.view.report_read import InteractResult, ReasonResult, Results, read_results
 from busybot.view.report_sequences import sequence_blocks
 from busybot.view.report_singles import single_blocks, subject
@@ -33,6 +33,11 @@ INTRODUCTIONS = {
     3: "At most 8 actions a task; share of the affectable responders in their goal state, mean over tasks, for tasks "
     "with one-to-one and with one-to-many relations.",
 }
+NO_TABLES = "The paper's three tables and the gates: none of their rows was given"
+LEAD_SINGLES = (
+    "Single evaluations, beside the paper BusyBot (Liu, Xu, Song; CoRL 2022). "
+    f"Written by busybot {__version__} from the files [at the end](#files)."
+)
 MOST_COURSES = 12
 """Panels of a figure."""
 WANTED = {"affordance": "what the policy believes", "refinement": "how the inferred graph grows"}
@@ -86,14 +91,7 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     judged = verdicts(results)
     figures = out / FIGURES
     figures.mkdir(parents=True, exist_ok=True)
-    blocks: list[Block] = [Heading(TITLE, 1), Text(_lead(results)), sections.summary_tiles(judged, results)]
-    blocks += [Heading("Gates that are missed"), *sections.gate_blocks(judged, results)]
-    for table in TABLES:
-        blocks += _table(table, results, figures)
-    blocks += _courses(results, figures)
-    blocks += _beside(results, figures)
-    if results.singles or results.plans:
-        blocks += [Heading("Single evaluations"), *single_blocks(results)]
+    blocks: list[Block] = [Heading(TITLE, 1), *_measured(results, judged, figures)]
     blocks += sequence_blocks(paths, figures)
     blocks += _pictures(results, figures, shown)
     blocks += [
@@ -104,6 +102,21 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     write_atomically(out / HTML, document(TITLE, blocks).encode())
     drawn = tuple(block.path for block in blocks if isinstance(block, Picture))
     return Report(out / MARKDOWN, out / HTML, drawn, tuple(judged))
+
+
+def _measured(results: Results, judged: list[Verdict], figures: Path) -> list[Block]:
+    """All numbers: the tables first, or single evaluations if nothing else was given."""
+    tables: list[Block] = [sections.summary_tiles(judged, results)]
+    tables += [Heading("Gates that are missed"), *sections.gate_blocks(judged, results)]
+    for table in TABLES:
+        tables += _table(table, results, figures)
+    singles: list[Block] = []
+    if results.singles or results.plans:
+        singles = [Heading("Single evaluations"), *single_blocks(results)]
+    rest = [*_courses(results, figures), *_beside(results, figures)]
+    if singles and not results.tables:
+        return [Text(LEAD_SINGLES), *singles, Fold(NO_TABLES, tuple(tables)), *rest]
+    return [Text(_lead(results)), *tables, *rest, *singles]
 
 
 def _lead(results: Results) -> str:

@@ -95,6 +95,19 @@ class Stages(Lenient):
     stages: dict[str, Stage]
 
 
+def training_of(entry: dict[str, Any]) -> dict[str, Any]:
+    """A training's provenance with its cost; Table 2 keeps the two beside each other."""
+    inner = entry.get("training")
+    return {**inner, "cost": entry.get("cost")} if isinstance(inner, dict) else entry
+
+
+def about(value: dict[str, Any]) -> dict[str, Any]:
+    """What a table's file tells of all its rows: assets, machine, commands."""
+    commands = value.get("commands")
+    told = [one for one in commands if isinstance(one, str)] if isinstance(commands, list) else []
+    return {"assets": value.get("assets"), "machine": value.get("machine") or {}, "commands": told}
+
+
 Other = PlanResult | Robustness | Stages
 
 

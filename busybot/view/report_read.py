@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError
 from busybot.errors import BusybotError
 from busybot.files import read_json, scan, sha256_of
 from busybot.view.protocol import BOUND_SLACK, PLANNING, TABLES, Table
-from busybot.view.report_kinds import Lenient, Other, PlanResult, Robustness, Stages, other_kind
+from busybot.view.report_kinds import Lenient, Other, PlanResult, Robustness, Stages, about, other_kind, training_of
 
 PICTURES = (".png", ".jpg", ".jpeg")
 MOST_PICTURES = 24
@@ -135,7 +135,7 @@ class Results:
 
     Attributes:
         tables: rows by name, by the table's number.
-        about: assets and machine of each table's file.
+        about: assets, machine and commands of each table's file as a whole.
         singles: single evaluations of acting and reasoning by file.
         plans: those of planning.
         robustness, stages: the last ones given.
@@ -204,7 +204,7 @@ def _take(results: Results, file: Path, value: Any) -> bool:
             return False
         read = (_row1, _row2, _row3)[number - 1]
         results.tables.setdefault(number, {}).update({name: read(row) for name, row in rows.items()})
-        results.about[number] = {"assets": value.get("assets"), "machine": value.get("machine") or {}}
+        results.about[number] = about(value)
         return True
     for kind, key in ((ReasonResult, "edge_p"), (InteractResult, "precision_exploring")):
         if key in value and "dataset" in value:
@@ -274,7 +274,7 @@ def _bound(result: Any, key: str) -> float | None:
 
 def _row2(value: dict[str, Any]) -> RowFound:
     row = _Row2.model_validate(value)
-    found = RowFound(commands=row.commands, trainings=row.training)
+    found = RowFound(commands=row.commands, trainings=list(map(training_of, row.training)))
     for split, judged in row.splits.items():
         first = judged.seeds[0]
         for key in TABLES[1].keys:
@@ -289,7 +289,7 @@ def _row2(value: dict[str, Any]) -> RowFound:
 
 def _row3(value: dict[str, Any]) -> RowFound:
     row = _Row3.model_validate(value)
-    found = RowFound(commands=row.commands, trainings=row.training)
+    found = RowFound(commands=row.commands, trainings=list(map(training_of, row.training)))
     for split, kinds in row.splits.items():
         for kind, told in kinds.items():
             low, high = told.interval or (None, None)

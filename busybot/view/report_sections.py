@@ -32,6 +32,11 @@ def number(value: float) -> str:
     return f"{value:.1f}"
 
 
+def half_width(low: float, high: float) -> str:
+    """Half an interval whose ends are percent; pages and reports round it here, and so alike."""
+    return f"± {number((high - low) / 2)}"
+
+
 def reference(value: float) -> str:
     """A percentage of the paper or of the protocol: one digit, two where it is below 1."""
     return f"{value:g}" if value < 1 else number(value)
@@ -120,7 +125,7 @@ def _value(cell: Cell | None) -> str:
 def _spread(cell: Cell, several: bool = False) -> str:
     if cell.low is None or cell.high is None:
         return ""
-    return f"({number(cell.low)} to {number(cell.high)})" if several else f"± {number((cell.high - cell.low) / 2)}"
+    return f"({number(cell.low)} to {number(cell.high)})" if several else half_width(cell.low, cell.high)
 
 
 def table_grid(table: Table, rows: dict[str, RowFound]) -> Grid:
@@ -177,23 +182,36 @@ def provenance(table: Table, results: Results) -> Fold:
     """Commands, seeds, hashes and versions of every row that was run."""
     about = results.about.get(table.number, {})
     machine = ", ".join(f"{key} {value}" for key, value in about.get("machine", {}).items())
-    blocks: list[Block] = [
-        Text(f"Objects: {about.get('assets') or 'not recorded'}. Machine: {machine or 'not recorded'}.")
-    ]
+    blocks: list[Block] = []
+    where = [f"{name}: {value}." for name, value in (("Objects", about.get("assets")), ("Machine", machine)) if value]
+    if where:
+        blocks.append(Text(" ".join(where)))
+    if about.get("commands"):
+        blocks += [Text("all rows"), Items(tuple(f"`{command}`" for command in about["commands"]))]
+    seen: dict[tuple[str, ...], str] = {}
     for row in table.rows:
         found = results.tables.get(table.number, {}).get(row.name)
-        if found is not None:
-            blocks += [Text(row.words), Items(tuple(_origins(found)))]
+        if found is None:
+            continue
+        first = seen.setdefault(tuple(found.commands), row.words)
+        commands = [f"`{command}`" for command in found.commands]
+        if commands and first != row.words:
+            commands = [f"commands as for {first}"]
+        if lines := [*commands, *_origins(found)]:
+            blocks += [Text(row.words), Items(tuple(lines))]
     return Fold("Commands, seeds, hashes, versions", tuple(blocks))
 
 
 def _origins(found: RowFound) -> list[str]:
-    lines = [f"`{command}`" for command in found.commands]
+    """Trainings and boards of a row, as far as they were recorded."""
+    lines = []
     for training in found.trainings:
         data = [*training.get("rounds", []), *training.get("data", [])]
-        hashes = ", ".join(f"`{str(entry.get('content_hash'))[:16]}`" for entry in data)
-        lines.append(f"training: seed {training.get('seed')}, content of its data {hashes or 'not recorded'}")
-        lines.append(f"made with {versions(training.get('versions', {}))}")
+        hashes = ", ".join(f"`{entry['content_hash'][:16]}`" for entry in data if entry.get("content_hash"))
+        seed = "" if training.get("seed") is None else f"seed {training['seed']}"
+        told = ", ".join(filter(None, (seed, hashes and f"content of its data {hashes}")))
+        lines += [f"training: {told}"] if told else []
+        lines += [f"made with {versions(training['versions'])}"] if training.get("versions") else []
     for split, origin in found.judged.items():
         lines.append(f"judged, {split}: {dataset(origin)}")
     return lines
@@ -208,7 +226,8 @@ def dataset(origin: dict[str, Any]) -> str:
     """Which boards, in a line."""
     hashes = [f"{key.replace('_', ' ')} `{str(origin[key])[:16]}`" for key in HASHES if origin.get(key)]
     seed = f", seed {origin['seed']}" if origin.get("seed") is not None else ""
-    return f"{origin.get('boards')} boards{seed}, {', '.join(hashes)}"
+    boards = "" if origin.get("boards") is None else f"{origin['boards']} boards{seed}"
+    return ", ".join(filter(None, (boards, *hashes)))
 
 
 HASHES = ("board_hash", "trace_hash", "content_hash")

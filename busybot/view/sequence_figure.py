@@ -79,7 +79,7 @@ def _draw_moment(axes: Any, episode: Episode, frame: int, side: float) -> None:
     _mark(axes, episode, frame, WRONG)
     if frame == 0:
         draw_title(axes, "start", _count(remaining))
-        _write(axes, episode.policy, side)
+        _write(axes, f"agent: {episode.policy}", side)
         return
     done = [index for index in remaining_responders(episode, frame - 1) if index not in remaining]
     draw_boxes(axes, episode, frame, done, CORRECT)

@@ -60,6 +60,14 @@ class Shown:
     url: str | None = None
 
 
+def _refuse_other_kinds(wanted: Wanted) -> None:
+    """A file's name says what it is."""
+    kinds = (("--save", wanted.save, ".rrd"), ("--screenshot", wanted.screenshot, ".png"))
+    for option, path, suffix in (*kinds, ("--figure", wanted.figure, ".png")):
+        if path is not None and path.suffix.lower() != suffix:
+            raise BusybotError(f"{option} {path}: it writes {suffix} files", f"name a file that ends in {suffix}")
+
+
 def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[Shown], None]) -> None:
     """Show an episode, with what counting infers about it.
 
@@ -71,6 +79,7 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     Raises:
         BusybotError: the input is at fault, or the viewer fails.
     """
+    _refuse_other_kinds(wanted)
     path = episode_file(source, number)
     signal.signal(signal.SIGTERM, _interrupt)
     window = not (wanted.web or wanted.save or wanted.screenshot or wanted.figure)

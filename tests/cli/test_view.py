@@ -107,3 +107,10 @@ def test_a_figure_of_nothing_is_refused(tmp_path: Path) -> None:
     write_episode(tmp_path / "real.mcap", make_real_episode())
     result = run(tmp_path / "real.mcap", "--figure", tmp_path / "f.png")
     assert result.exit_code == 1 and "nothing can be inferred" in result.stderr
+
+
+@pytest.mark.parametrize(("option", "name", "kind"), [("--save", "v.png", ".rrd"), ("--screenshot", "v.jpg", ".png")])
+def test_files_of_another_kind_are_refused(option: str, name: str, kind: str, dataset: Path, tmp_path: Path) -> None:
+    result = run(dataset, option, tmp_path / name)
+    assert result.exit_code == 1 and f"it writes {kind} files" in result.stderr
+    assert not (tmp_path / name).exists()

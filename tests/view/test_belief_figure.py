@@ -49,3 +49,11 @@ def test_steps_that_the_episode_does_not_have_are_left_out(tmp_path: Path) -> No
 def test_recordings_that_know_little_are_drawn_too(episode: object, tmp_path: Path) -> None:
     nothing = InferredGraph("nothing", np.zeros((1, 5, 5)))
     assert drawn(belief_figure(tmp_path / "f.png", episode, nothing)).size  # type: ignore[arg-type]
+
+
+def test_the_last_step_is_always_drawn(tmp_path: Path) -> None:
+    episode = make_episode()
+    default, explicit = (
+        belief_figure(tmp_path / f"{n}.png", episode, GUESS, s) for n, s in (("a", (1, 22)), ("b", (1, 6)))
+    )
+    assert len(episode.steps) == 6 and default.read_bytes() == explicit.read_bytes()

@@ -254,3 +254,34 @@ def test_the_command(tmp_path: Path) -> None:
     assert done.exit_code == 0 and Path(told["html"]).is_file()
     assert sum(told["gates"].values()) == 42 and told["gates"]["missed"] > 0
     assert CliRunner().invoke(app, ["report", str(tmp_path / "none.json"), "--out", str(tmp_path / "r")]).exit_code == 1
+
+
+def folds(text: str) -> list[str]:
+    return re.findall(r"<details><summary>Commands, seeds, hashes, versions</summary>(.*?)</details>", text, re.DOTALL)
+
+
+def test_what_made_the_committed_tables_is_told(tmp_path: Path) -> None:
+    files = [RESULTS / f"table{number}.json" for number in (1, 2, 3)]
+    told = folds(write_report(files, tmp_path / "out").markdown.read_text())
+    assert len(told) == 3
+    for fold in told:
+        assert "- `busybot " in fold and "- training: seed " in fold and "- made with busybot " in fold
+        assert "None" not in fold and "not recorded" not in fold
+    content = json.loads(files[1].read_text())["rows"]["event"]["training"][0]["training"]["data"][0]["content_hash"]
+    assert content[:16] in told[1]
+    for command in json.loads(files[2].read_text())["commands"]:
+        assert told[2].count(f"- `{command}`\n") == 1
+
+
+def test_rows_with_the_same_commands_name_them_once(tmp_path: Path) -> None:
+    row = {"commands": ["busybot x"], "splits": {"train": {"one-to-one": {"success": 0.5}}}}
+    file = write(tmp_path / "t.json", {"rows": {"noop": row, "bc": row}})
+    (fold,) = folds(write_report([file], tmp_path / "out").markdown.read_text())
+    assert fold.count("busybot x") == 1 and "- commands as for behaviour cloning" in fold
+
+
+def test_without_a_table_single_evaluations_come_first(tmp_path: Path) -> None:
+    text = write_report([write(tmp_path / "one.json", reasoned())], tmp_path / "out").markdown.read_text()
+    assert text.index("## Single evaluations") < text.index("<details><summary>The paper") < text.index("## Table 1")
+    assert text.index("## Table 3") < text.index("</details>") < text.index("## How scores grow")
+    assert text.count("## Single evaluations") == 1

@@ -149,7 +149,7 @@ def plan(
             help="Interaction model that proposes candidates: a shipped one (by default procedural) or a folder."
         ),
     ] = None,
-    boards: Annotated[int | None, typer.Option(min=1, help="Only so many tasks, the first ones; by default all.")] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Only the first so many tasks; by default all.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")] = None,
     record: Annotated[
         Path | None, typer.Option(help="Record the rollouts in this folder: in it a dataset for every agent.")

@@ -1,5 +1,6 @@
 """Parameters of a stage from a YAML file, `--set a.b=c` and a command's own options, in this order of precedence."""
 
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -44,11 +45,9 @@ def build(
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        message = first["msg"].removeprefix("Value error, ")
         where = f"{file}: " if file else ""
-        raise BusybotError(f"{where}parameter {place or model.__name__}: {message}", _known(model)) from None
+        what, mend = _explained(model, error.errors()[0], options)
+        raise BusybotError(f"{where}{what}", mend) from None
 
 
 def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -59,8 +58,46 @@ def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     return found
 
 
-def _known(model: type[BaseModel]) -> str:
-    return f"the parameters are {', '.join(model.model_fields)}"
+def _explained(model: type[BaseModel], first: Any, options: dict[str, Any]) -> tuple[str, str]:
+    """What is wrong with a parameter, by its option's name and value where an option gave it, and how to mend it."""
+    place = ".".join(str(part) for part in first["loc"])
+    message = first["msg"].removeprefix("Value error, ")
+    group, field = _field(model, [str(part) for part in first["loc"]])
+    if first["type"] == "extra_forbidden":
+        return f"parameter {place}: there is no such parameter", _known(group, str(first["loc"][-1]))
+    if field is None:
+        return f"parameter {place or model.__name__}: {message}", _known(model)
+    given = f" {first['input']!r}" if isinstance(first["input"], str | int | float) else ""
+    option = options.get(place) is not None
+    name = f"--{place.replace('_', '-').split('.')[-1]}" if option else f"parameter {place}:"
+    if first["type"] == "literal_error":
+        return f"{name}{given} is none of its values", f"choose {first['ctx']['expected']}"
+    if field.is_required():
+        return f"{name}{given}: {message}", f"give another value of {place}"
+    default = field.get_default(call_default_factory=True)
+    if isinstance(default, BaseModel):
+        return f"{name}{given}: {message}", _known(type(default))
+    shown = list(default) if isinstance(default, tuple) else default
+    return f"{name}{given}: {message}", f"the default is {shown}"
+
+
+def _field(model: type[BaseModel], path: list[str]) -> tuple[type[BaseModel], Any]:
+    """The group of parameters that a place lies in, and the parameter; None if the group has none of that name."""
+    field = None
+    for name in path:
+        if name not in model.model_fields:
+            break  # a place within a value, as in a list, or no parameter at all
+        field = model.model_fields[name]
+        inner = field.annotation
+        if name is not path[-1] and isinstance(inner, type) and issubclass(inner, BaseModel):
+            model, field = inner, None
+    return model, field
+
+
+def _known(model: type[BaseModel], name: str = "") -> str:
+    near = get_close_matches(name, model.model_fields, 1)
+    meant = f"did you mean {near[0]}? " if near else ""
+    return f"{meant}the parameters are {', '.join(model.model_fields)}"
 
 
 def _read(file: Path) -> dict[str, Any]:

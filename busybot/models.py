@@ -15,11 +15,8 @@ from safetensors import SafetensorError, safe_open
 
 from busybot.errors import BusybotError, without_name
 from busybot.files import inside, scan, sha256_of
-from busybot.training.model_folder import INFO_FILE, find_folder, read_info
+from busybot.training.model_folder import INFO_FILE, SHIPPED, find_folder, read_info
 
-PACKAGE = Path(__file__).parent
-SHIPPED = {skill: PACKAGE / skill / "models" for skill in ("interact", "reason")}
-"""Where the package has the models that can be called by their names, by skill."""
 CARD_FILE = "README.md"
 WEIGHTS = ".safetensors"
 NOT_FIGURES = ("seed", "config", "rounds", "data", "versions", "validation", "figures")

@@ -50,3 +50,20 @@ def test_yaml_that_would_take_long_is_refused_at_once(text: str, tmp_path: Path)
         build(BoardConfig, file, [], {})
     with pytest.raises(BusybotError):
         build(BoardConfig, None, [f"boards={text}"], {})
+
+
+@pytest.mark.parametrize(
+    ("settings", "options", "what", "mend"),
+    [
+        ([], {"split": "novel"}, "--split 'novel' is none of its values", "'novel-config'"),
+        (["lamps=many"], {}, "parameter lamps: 'many'", "the default is [3, 5]"),
+        (["lamp=3"], {}, "parameter lamp: there is no such parameter", "did you mean lamps?"),
+    ],
+)
+def test_a_refused_value_names_its_option_and_what_may_stand_there(
+    settings: list[str], options: dict[str, str], what: str, mend: str
+) -> None:
+    with pytest.raises(BusybotError) as caught:
+        build(BoardConfig, None, settings, options)
+    assert what in caught.value.what
+    assert mend in (caught.value.mend or "")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, print_json, say
+from busybot.cli.common import JsonOption, SeedOption, check_file, print_json, say
 
 if TYPE_CHECKING:
     from busybot.objects.importing import Outcome
@@ -199,6 +199,7 @@ def sheet(
     from busybot.objects.library import find
     from busybot.view.sheet import sheet as draw
 
+    check_file("--out", out, "sheet.png")
     count = draw(out, find(folder), cell, columns)
     if json:
         print_json({"sheet": out, "objects": count})

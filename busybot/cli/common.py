@@ -56,6 +56,16 @@ def own_name() -> str:
     return os.path.relpath(called) if called.is_relative_to(Path.cwd()) else str(called)
 
 
+def check_file(option: str, path: Path | None, example: str) -> None:
+    """Refuse, before any work, a folder where an option names a file to write.
+
+    Raises:
+        BusybotError: the path is a folder.
+    """
+    if path is not None and path.is_dir():
+        raise BusybotError(f"{path} is a folder", f"{option} names a file, for example {path / example}")
+
+
 def print_json(value: Any) -> None:
     """The one JSON object of a command with `--json`, on standard output. NaN and infinities are refused."""
     print(json.dumps(value, default=_plain, allow_nan=False), flush=True)

@@ -6,7 +6,16 @@ from typing import Annotated, Any
 
 import typer
 
-from busybot.cli.common import CONTEXT, JsonOption, SeedOption, WorkersOption, episode_progress, print_json, say
+from busybot.cli.common import (
+    CONTEXT,
+    JsonOption,
+    SeedOption,
+    WorkersOption,
+    check_file,
+    episode_progress,
+    print_json,
+    say,
+)
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, context_settings=CONTEXT, help="Measure a skill on a dataset."
@@ -51,6 +60,8 @@ def reason(
     from busybot.reason.evaluate import Judging, evaluate_dataset
     from busybot.reason.infer import config_class
 
+    check_file("--out", out, "reason.json")
+    check_file("--figure", figure, "reason.png")
     parameters = build(config_class(model), config, set_ or [], {})
     training = Dataset.open(decoders) if decoders else None
     with episode_progress("inferring") as progress:
@@ -75,12 +86,15 @@ def reason(
 @app.command()
 def interact(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset; only its boards are used.")],
-    model: Annotated[str | None, typer.Option(help="Shipped model or folder; or random, scripted (an oracle).")] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(help="Shipped model (by default procedural) or folder; or random, scripted (an oracle)."),
+    ] = None,
     mode: Annotated[
         str | None,
         typer.Option(help="How a model chooses: evaluate, greedy, ucb or collect; evaluate, for paper models ucb."),
     ] = None,
-    boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones.")] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones; by default all.")] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse moves far off the annotated directions.")] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")] = None,
     record: Annotated[Path | None, typer.Option(help="Record the episodes as a dataset in this folder.")] = None,
@@ -124,14 +138,18 @@ def plan(
         typer.Option(
             help="Comma between them: noop, random, relation, predictive, busybot, search, oracle; trained ones with "
             "their folders: bc=DIR, ppo=DIR; told a part of the truth: search-true-relations, search-true-contacts, "
-            "search-true-both."
+            "search-true-both.",
+            show_default="all that need no folder and are told nothing, and oracle",
         ),
     ] = "search,busybot,predictive,relation,random,noop,oracle",
     model: Annotated[str, typer.Option(help="Who infers and predicts: lookup, or a trained reasoner.")] = "event",
     policy_model: Annotated[
-        str | None, typer.Option(help="Interaction model that proposes candidates: a shipped one or a folder.")
+        str | None,
+        typer.Option(
+            help="Interaction model that proposes candidates: a shipped one (by default procedural) or a folder."
+        ),
     ] = None,
-    boards: Annotated[int | None, typer.Option(min=1, help="Only so many tasks, the first ones.")] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Only the first so many tasks; by default all.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")] = None,
     record: Annotated[
         Path | None, typer.Option(help="Record the rollouts in this folder: in it a dataset for every agent.")

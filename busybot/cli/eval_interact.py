@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from busybot.cli.common import counted
 from busybot.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -78,7 +79,8 @@ def print_table(result: dict[str, Any]) -> None:
     origin, console = result["dataset"], Console()
     veto = ", strict" if result["strict"] else ""
     title = (
-        f"{origin['name']} ({origin['split']}): {result['actions']} actions on each of {result['boards']} boards{veto}"
+        f"{origin['name']} ({origin['split']}): {counted(result['actions'], 'action')} on each of "
+        f"{counted(result['boards'], 'board')}{veto}"
     )
     table = Table(title=title, title_justify="left")
     table.add_column(f"percent, {result['policy']}", no_wrap=True)
@@ -87,17 +89,19 @@ def print_table(result: dict[str, Any]) -> None:
     for key, name in NAMES.items():
         low, high = result["intervals"][key] or (None, None)
         shares = (result[key], low, high, result["macro"][key])
-        counted = result["counts"][key]
-        table.add_row(name, *map(_percent, shares), str(counted["part"]), str(counted["whole"]))
+        count = result["counts"][key]
+        table.add_row(name, *map(_percent, shares), str(count["part"]), str(count["whole"]))
     console.print(table)
     causes = {name: count for name, count in result["failures_by_cause"].items() if count}
-    console.print("failed because of", ", ".join(f"{name} ({count})" for name, count in causes.items()) or "nothing")
+    because = ", ".join(f"{name} ({count})" for name, count in causes.items())
     objects = list(result["failures_by_object"].items())[:6]
     failed = (f"{key} ({row['position'] + row['direction']} of {row['actions']})" for key, row in objects)
-    console.print("failed most on", ", ".join(failed) or "nothing")
     links = list(result["missed_links"].items())[:6]
     missed = (f"{name} ({row['missed']} of {row['boards']})" for name, row in links)
-    console.print("missed most", ", ".join(missed) or "nothing")
+    told = {"failed because of": because, "failed most on": ", ".join(failed), "missed most": ", ".join(missed)}
+    for what, which in told.items():
+        if which:
+            console.print(what, which)
 
 
 NAMES = {

@@ -65,7 +65,8 @@ def print_tables(result: dict[str, Any]) -> None:
     console.print(table)
     for agent, row in result["agents"].items():
         causes = ", ".join(f"{cause} ({count})" for cause, count in row["failures_by_cause"].items() if count)
-        console.print(f"{agent} missed because of", causes or "nothing")
+        if causes:
+            console.print(f"{agent} missed because of", causes)
 
 
 COLUMNS = ("success", "95 %", "pooled", "looks", "solved", "steps", "CPU ms")

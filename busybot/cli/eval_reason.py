@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING, Any
 
+from busybot.cli.common import counted
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -16,6 +18,18 @@ def print_tables(result: dict[str, Any]) -> None:
     console.print(_edges(result))
     if result["predicted_boards"]:
         console.print(_predictions(result))
+    elif result["images_used"] and result["images_used"] <= result["images"]:
+        steps = counted(result["images_used"] - 1, "step")
+        console.print(
+            f"no Pred-A: the recordings have at most {steps}, so no step is left to predict; "
+            "use a smaller --images, or record more with collect --steps",
+            soft_wrap=True,
+        )
+
+
+def _images(result: dict[str, Any]) -> str:
+    asked, used = result["images"], result["images_used"]
+    return f"{used} of {asked} images" if used and used < asked else counted(asked, "image")
 
 
 def _table(title: str, columns: tuple[str, ...]) -> "Table":
@@ -32,8 +46,8 @@ def _edges(result: dict[str, Any]) -> "Table":
     origin = result["dataset"]
     oracle = " (an oracle)" if result["oracle"] else ""
     table = _table(
-        f"{origin['name']} ({origin['split']}): relations of {result['boards']} boards, first "
-        f"{result['images']} images, actions by {result['policy'] or 'nobody'}{oracle}",
+        f"{origin['name']} ({origin['split']}): relations of {counted(result['boards'], 'board')}, first "
+        f"{_images(result)}, actions by {result['policy'] or 'nobody'}{oracle}",
         ("Edge-P", "Edge-R", "Edge-Acc", "ECE", "Brier"),
     )
     keys = ("edge_p", "edge_r", "edge_acc", "ece", "brier")
@@ -55,7 +69,8 @@ def _edges(result: dict[str, Any]) -> "Table":
 
 def _predictions(result: dict[str, Any]) -> "Table":
     table = _table(
-        f"Pred-A: {result['predicted_steps']} later steps on {result['predicted_boards']} boards, "
+        f"Pred-A: {counted(result['predicted_steps'], 'later step')} on "
+        f"{counted(result['predicted_boards'], 'board')}, "
         f"{_percent(result['failing'])} % of them without success",
         ("all", "success", "each", "changed", "same"),
     )

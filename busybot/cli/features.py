@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, WorkersOption, episode_progress, print_json, say
+from busybot.cli.common import JsonOption, WorkersOption, check_file, episode_progress, print_json, say
 
 
 def features(
@@ -30,6 +30,7 @@ def features(
     from busybot.episodes.dataset import Dataset
     from busybot.reason.features import features_of
 
+    check_file("--parquet", parquet, "features.parquet")
     began = time.monotonic()
     with episode_progress("encoding") as progress:
         found = features_of(

@@ -5,15 +5,19 @@ function called NAME (a command of its own).
 """
 
 import importlib
+import inspect
 import sys
 from typing import Any
 
-import typer
-from typer.core import TyperGroup
-from typer.main import get_command as command_of
-from typer.main import get_group as group_of
+try:
+    import typer
+    from typer.core import TyperGroup
+    from typer.main import get_command as command_of
+    from typer.main import get_group as group_of
 
-from busybot.cli.common import CONTEXT, native_output_on_stderr, report_errors
+    from busybot.cli.common import CONTEXT, native_output_on_stderr, report_errors
+except KeyboardInterrupt:  # these imports take most of the time before a command begins
+    sys.exit(130)
 
 COMMANDS = (
     "doctor",
@@ -38,6 +42,10 @@ class LazyGroup(TyperGroup):
     The types of typer's own copy of click are private, hence `Any`.
     """
 
+    def __init__(self, **given: Any):
+        super().__init__(**given)
+        self.commands: Any = dict.fromkeys(COMMANDS)  # typer looks for names like a misspelt one among these
+
     def list_commands(self, ctx: Any) -> list[str]:
         return list(COMMANDS)
 
@@ -61,10 +69,20 @@ def load_command(name: str) -> Any:
     if hasattr(module, "app"):
         group = group_of(module.app)
         group.name = name
-        return group
+        return _joined(group)
     single = typer.Typer(add_completion=False, context_settings=CONTEXT)
     single.command(name)(getattr(module, name))
-    return command_of(single)
+    return _joined(command_of(single))
+
+
+def _joined(command: Any) -> Any:
+    """The command with every paragraph of its help on one line: terminals break lines where they need to."""
+    if command.help:
+        paragraphs = inspect.cleandoc(command.help).split("\n\n")
+        command.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+    for inner in getattr(command, "commands", {}).values():
+        _joined(inner)
+    return command
 
 
 app = typer.Typer(
@@ -93,5 +111,8 @@ def _root(
 
 def main() -> None:
     """Entry of the console script: exits 0 when done, 1 when input or environment is at fault, 2 on wrong usage."""
-    with native_output_on_stderr("--json" in sys.argv[1:]):
-        app(prog_name="busybot")
+    try:
+        with native_output_on_stderr("--json" in sys.argv[1:]):
+            app(prog_name="busybot")
+    except KeyboardInterrupt:
+        sys.exit(130)

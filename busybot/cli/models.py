@@ -124,6 +124,8 @@ def _dataset(entry: dict[str, object]) -> str:
 def _figures(figures: dict[str, object], indent: str = "") -> list[str]:
     lines = []
     for name, value in figures.items():
+        if value == {}:
+            continue
         if isinstance(value, dict):
             lines += [f"{indent}{name}:", *_figures(value, indent + "  ")]
         else:

@@ -21,11 +21,6 @@ def _root() -> None:
     pass
 
 
-reason = app.command()(train_reason.reason)
-bc = app.command("bc")(train_plan.bc)
-ppo = app.command("ppo")(train_plan.ppo)
-
-
 @app.command()
 def interact(
     out: Annotated[Path, typer.Option(help="Folder of the training; the same command continues in it.")],
@@ -60,6 +55,11 @@ def interact(
     else:
         say(f"the model is in {out / 'model'}")
         say(f"next: busybot eval interact DATASET --model {out}")
+
+
+reason = app.command()(train_reason.reason)
+bc = app.command("bc")(train_plan.bc)
+ppo = app.command("ppo")(train_plan.ppo)
 
 
 def _interaction(

@@ -13,7 +13,10 @@ DataOption = Annotated[
     list[Path], typer.Option(help="Dataset of the training split with tasks and recorded histories; repeatable.")
 ]
 PolicyModelOption = Annotated[
-    str | None, typer.Option(help="Interaction model that proposes candidates: a shipped one or a folder.")
+    str | None,
+    typer.Option(
+        help="Interaction model that proposes candidates: a shipped one (`procedural` by default) or a folder."
+    ),
 ]
 ExploredOption = Annotated[
     Path | None, typer.Option(help="Folder of explored boards, which trainings may share; by default OUT/boards.")

@@ -142,6 +142,7 @@ def evaluate_dataset(
             progress(len(judged), len(indices))
     return {
         **summarise(judged, judging.images, seed),
+        "images_used": 1 + max(one.steps for one in judged),
         "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
         "encoder": None if features is None else reasoner_of(judging.model, judging.config).encoder,
         "dataset": origin(dataset),

@@ -70,6 +70,8 @@ def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
     if model in REASONERS:
         make, parameters = REASONERS[model]
         return make(config or parameters())
+    if model in GRAPHS:
+        raise BusybotError(f"`{model}` predicts no states", f"choose {DEFAULT_REASONER}, lookup or a trained reasoner")
     from busybot.reason.models import load_reasoner  # torch, which the others do without
 
     try:
@@ -77,7 +79,8 @@ def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
     except BusybotError as error:
         if Path(model).exists():
             raise
-        raise BusybotError(error.what, f"{error.mend}; without training: {', '.join((*GRAPHS, *REASONERS))}") from None
+        without = f"without training: {', '.join(REASONERS)}; for relations alone {', '.join(GRAPHS)}"
+        raise BusybotError(error.what, f"{error.mend}; {without}") from None
 
 
 def infer(episode: Episode | Observed, model: str = "count", config: BaseModel | None = None) -> InferredGraph:

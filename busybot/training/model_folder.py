@@ -11,6 +11,11 @@ from busybot.files import read_json, sha256_of, write_json
 
 INFO_FILE = "model.json"
 
+PACKAGE = Path(__file__).parents[1]
+SHIPPED = {skill: PACKAGE / skill / "models" for skill in ("interact", "reason")}
+"""Where the package has the models that can be called by their names, by skill."""
+CALLED = {"interact": "an interaction model", "reason": "a model of relations"}
+
 Info = TypeVar("Info", bound=BaseModel)
 
 
@@ -31,11 +36,23 @@ def find_folder(name_or_path: str | Path, shipped: Iterable[Path], skill: str) -
     named = {path.parent.name: path.parent for place in shipped for path in place.glob(f"*/{INFO_FILE}")}
     if str(name_or_path) in named:
         return named[str(name_or_path)]
+    _refuse_other(str(name_or_path), skill, sorted(named))
     known = f"the shipped models are {', '.join(sorted(named))}; " if named else ""
     raise BusybotError(
         f"{name_or_path}: no model of that name, and no folder with {INFO_FILE}",
         f"{known}`busybot train {skill} --out DIR` makes one",
     )
+
+
+def _refuse_other(name: str, skill: str, named: list[str]) -> None:
+    """Say so if the name is that of a shipped model of another skill."""
+    for other, place in SHIPPED.items():
+        if skill in CALLED and other != skill and Path(name).name == name and (place / name / INFO_FILE).is_file():
+            choice = ", ".join([*named, "or a folder of one"])
+            raise BusybotError(
+                f"`{name}` is {CALLED[other]}; here {CALLED[skill]} is needed",
+                f"choose {choice}; `busybot models list` shows all",
+            )
 
 
 def read_info(folder: Path, kind: type[Info]) -> Info:

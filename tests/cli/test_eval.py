@@ -88,3 +88,25 @@ def test_the_command_names_everything_that_decided_the_result(dataset: Path) -> 
     told = json.loads(run(dataset, "--model", "lookup", "--images", "7", "--set", "reach=0.3", "--json").stdout)
     assert told["command"].endswith("--model lookup --images 7 --seed 0 --set reach=0.3")
     assert told["config"]["reach"] == 0.3 and told["encoder"] == "embedded"
+
+
+def test_a_folder_for_a_file_is_refused_before_the_work(dataset: Path, tmp_path: Path) -> None:
+    for option in ("--out", "--figure"):
+        result = run(dataset, "--model", "count", option, tmp_path)
+        assert result.exit_code == 1
+        assert f"{option} names a file" in result.stderr
+        assert "inferring" not in result.stderr
+
+
+def test_images_that_no_recording_has_are_told(dataset: Path, tmp_path: Path) -> None:
+    file = tmp_path / "reason.json"
+    shown = run(dataset, "--model", "count", "--images", 500, "--out", file).stdout
+    used = json.loads(file.read_text())["images_used"]
+    assert 2 <= used < 500
+    assert f"{used} of 500" in " ".join(shown.split())
+    assert "no step is left to predict" in shown
+
+
+@pytest.mark.parametrize(("model", "message"), [("procedural", "an interaction model"), ("nix", "no model of that")])
+def test_a_model_of_another_skill_is_not_called_unknown(dataset: Path, model: str, message: str) -> None:
+    assert message in run(dataset, "--model", model).stderr

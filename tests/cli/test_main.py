@@ -149,3 +149,9 @@ def test_json_knows_our_types(capsys: pytest.CaptureFixture[str]) -> None:
 def test_json_refuses_nan() -> None:
     with pytest.raises(ValueError):
         print_json({"x": float("nan")})
+
+
+def test_a_misspelt_command_is_told_the_near_one() -> None:
+    result = invoke("colect")
+    assert result.exit_code == 2
+    assert "Did you mean 'collect'?" in result.output

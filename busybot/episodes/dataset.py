@@ -175,9 +175,8 @@ class Dataset:
             return
         recorded, wanted = (flat(value.model_dump(mode="json")) for value in (self.info.collect, collect))
         keys = sorted(recorded.keys() | wanted.keys())
-        differing = [
-            f"{k} {recorded.get(k)!r}, now {wanted.get(k)!r}" for k in keys if recorded.get(k) != wanted.get(k)
-        ]
+        pairs = ((k, recorded.get(k), wanted.get(k)) for k in keys)
+        differing = [f"{k} {was!r}, now {now!r}" for k, was, now in pairs if was != now]
         if differing:
             what = f"{self.path}: its episodes were begun with other settings: {'; '.join(differing)}"
             raise BusybotError(what, f"{collect_command(self.path, self.info)}; or collect into another dataset")

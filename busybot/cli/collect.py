@@ -1,6 +1,7 @@
 """`busybot collect DATASET`: an episode for every board that has none."""
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -65,7 +66,7 @@ def _print(dataset: Path, result: "Collected", json: bool) -> None:
         print_json({"dataset": dataset, "boards": result.boards, "episodes": result.done, "new": result.new})
     else:
         say(f"{result.done} of {result.boards} episodes in {dataset}, {result.new} of them new")
-        say(f"next: {own_name()} dataset info {dataset}; {own_name()} view {dataset}")
+        say(f"next: {own_name()} dataset info {quote(str(dataset))}; {own_name()} view {quote(str(dataset))}")
 
 
 def _engine(name: str) -> "Engine":

@@ -53,7 +53,8 @@ def verify(
         verdict = "nothing is wrong" if report.ok else counted(len(report.problems), "problem")
         manifest = "all files against the manifest, " if report.frozen else ""
         objects = "objects not found" if report.objects is None else counted(report.objects, "object")
-        print(f"{dataset}: {counted(report.episodes, 'episode')} checked, {manifest}{objects}: {verdict}")
+        have = f"episodes for {report.episodes} of {counted(report.boards, 'board')}"
+        print(f"{dataset}: {counted(report.episodes, 'episode')} checked, {manifest}{objects}: {verdict}; {have}")
     if not report.ok:
         raise typer.Exit(1)
 
@@ -92,7 +93,7 @@ def freeze(
     for reason in done.left_out:
         say(f"the objects are not put in; licence: {reason}")
     state = "is frozen" if done.new else "was frozen already"
-    print(f"{dataset} {state}: {len(done.manifest.files)} files, {carried} objects among them")
+    print(f"{dataset} {state}: {counted(len(done.manifest.files), 'file')}, {counted(carried, 'object')} among them")
 
 
 @app.command()

@@ -93,6 +93,11 @@ def repaired(done: "Repaired") -> None:
     if partial:
         say(f"shorter now: {counted(partial, 'episode')}; to record them again: --no-partial, then busybot collect")
     sound = counted(done.sound, "episode")
+    if any(verdict.fate == "dropped" for verdict in done.damaged):
+        from busybot.episodes.dataset import Dataset
+        from busybot.episodes.dataset_info import collect_command
+
+        say(f"next: {collect_command(done.dataset, Dataset.open(done.dataset).info)}")
     print(f"{done.dataset}: {sound} sound, {len(done.damaged)} damaged; the tables are up to date")
 
 

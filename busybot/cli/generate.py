@@ -1,11 +1,12 @@
 """`busybot generate OUT`: a dataset of boards, without a simulator."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, own_name, print_json, say
+from busybot.cli.common import JsonOption, counted, episode_progress, own_name, print_json, say
 
 
 def generate(
@@ -36,12 +37,14 @@ def generate(
     options = {"split": split, "boards": boards, "relations": relations, "tasks": tasks, "group_size": group_size}
     parameters = build(BoardConfig, config, set_ or [], options | {"seed": seed, "uniform": uniform or None})
     redraws = Redraws()
-    dataset = create_dataset(out, parameters, find(assets), redraws)
+    library = find(assets)
+    with episode_progress("drawing") as progress:
+        dataset = create_dataset(out, parameters, library, redraws, progress)
     if json:
         facts = {name: getattr(dataset.info, name) for name in ("boards", "split", "seed")}
         print_json({"dataset": out, **facts, "board_hash": dataset.hashes().board, "redraws": vars(redraws)})
     else:
         goals = f" with {parameters.tasks} tasks" if parameters.tasks else ""
-        made = f"{dataset.info.boards} boards{goals} ({dataset.info.split}) in {out}"
+        made = f"{counted(dataset.info.boards, 'board')}{goals} ({dataset.info.split}) in {out}"
         say(f"{made}; {sum(vars(redraws).values())} draws did not fit and were redrawn")
-        say(f"next: {own_name()} collect {out}")
+        say(f"next: {own_name()} collect {quote(str(out))}")

@@ -1,6 +1,6 @@
 """From a configuration and a library to a dataset folder with boards and no episodes yet."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -15,17 +15,30 @@ from busybot.errors import BusybotError
 from busybot.objects.library import Library
 
 
-def create_dataset(path: Path, config: BoardConfig, library: Library, redraws: Redraws | None = None) -> Dataset:
+def create_dataset(
+    path: Path,
+    config: BoardConfig,
+    library: Library,
+    redraws: Redraws | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Dataset:
     """Draw the boards and write the dataset; it records the objects that stand on them, with their hashes.
 
     A dataset that was made from the same configuration and objects is left as it is, with its episodes.
+
+    Args:
+        progress: told after each board: drawn ones and all.
 
     Raises:
         BusybotError: the folder holds something else, or the configuration cannot be met (with the numbers).
     """
     if (path / INFO_FILE).is_file():
         return _same(Dataset.open(path), config, library)
-    boards = list(generate_boards(config, library, redraws))
+    boards = []
+    for board in generate_boards(config, library, redraws):
+        boards.append(board)
+        if progress:
+            progress(len(boards), config.boards)
     used = sorted({placed.key for board in boards for placed in board.objects})
     info = DatasetInfo(
         name=path.resolve().name,
@@ -46,14 +59,18 @@ def _same(dataset: Dataset, config: BoardConfig, library: Library) -> Dataset:
     """The dataset, if it was made from this; its recorded objects must be the library's."""
     info, wanted = dataset.info, config.model_dump(mode="json")
     recorded = info.generator.config
-    differing = sorted(name for name in wanted.keys() | recorded.keys() if wanted.get(name) != recorded.get(name))
+    differing = [
+        f"{name}: was {recorded.get(name)!r}, now {wanted.get(name)!r}"
+        for name in sorted(wanted.keys() | recorded.keys())
+        if wanted.get(name) != recorded.get(name)
+    ]
     if info.generator.version != GENERATOR_VERSION:
-        differing.append("version of the generator")
+        differing.append(f"version of the generator: was {info.generator.version}, now {GENERATOR_VERSION}")
     hashes = {key: model.sha256 for key, model in library.objects.items()}
     if any(hashes.get(key) != sha256 for key, sha256 in info.assets.sha256.items()):
-        differing.append("objects")
+        differing.append("other objects")
     if differing:
-        what = f"{dataset.path}: another dataset is there: {', '.join(differing)} differ"
+        what = f"{dataset.path}: another dataset is there: {'; '.join(differing)}"
         raise BusybotError(what, "name another folder, or remove it")
     return dataset
 

@@ -21,7 +21,7 @@ from pydantic import ValidationError
 
 from busybot.boards.spec import BoardSpec
 from busybot.config import flat
-from busybot.episodes.dataset_info import CollectInfo, DatasetInfo
+from busybot.episodes.dataset_info import CollectInfo, DatasetInfo, collect_command
 from busybot.episodes.digests import Digests, combine
 from busybot.episodes.lock import remove_leftovers, writing
 from busybot.episodes.manifest import refuse_frozen
@@ -91,6 +91,8 @@ class Dataset:
             BusybotError: if the folder holds no dataset, or one of another schema version.
         """
         path = Path(path)
+        if path.is_file():
+            raise BusybotError(f"{path} is a file", "name the dataset's folder")
         if not path.is_dir():
             raise BusybotError(f"{path}: there is no such folder", "`busybot generate OUT` makes a dataset")
         if not (path / INFO_FILE).exists():
@@ -173,12 +175,11 @@ class Dataset:
             return
         recorded, wanted = (flat(value.model_dump(mode="json")) for value in (self.info.collect, collect))
         keys = sorted(recorded.keys() | wanted.keys())
-        differing = [
-            f"{k} {recorded.get(k)!r}, now {wanted.get(k)!r}" for k in keys if recorded.get(k) != wanted.get(k)
-        ]
+        pairs = ((k, recorded.get(k), wanted.get(k)) for k in keys)
+        differing = [f"{k} {was!r}, now {now!r}" for k, was, now in pairs if was != now]
         if differing:
             what = f"{self.path}: its episodes were begun with other settings: {'; '.join(differing)}"
-            raise BusybotError(what, "continue with the recorded settings, or collect into another dataset")
+            raise BusybotError(what, f"{collect_command(self.path, self.info)}; or collect into another dataset")
 
     @contextmanager
     def locked(self) -> Iterator[None]:

@@ -1,5 +1,8 @@
 """What `dataset.json` says: one typed description of what lies in a dataset's folder."""
 
+import json
+import shlex
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -86,3 +89,22 @@ class DatasetInfo(_Plain):
         """Kind of the tasks that the boards have, None if they were generated without."""
         kind = self.generator.config.get("tasks")
         return kind if isinstance(kind, str) else None
+
+
+def collect_command(path: Path, info: DatasetInfo) -> str:
+    """The command that records the missing episodes with the recorded settings.
+
+    A learned model is recorded by its fingerprint, not by name: `--model` is left to the user.
+    """
+    command, collect = f"busybot collect {shlex.quote(str(path))}", info.collect
+    if collect is None:
+        return command
+    if collect.policy not in ("random", "learned", "scripted"):
+        return f"repeat the command that began {shlex.quote(str(path))}; its policy was {collect.policy!r}"
+    command += f" --steps {collect.steps} --policy {collect.policy}"
+    command += f" --images {collect.images}" if collect.images != "jpeg" else ""
+    command += f" --seed {collect.seed}" if collect.seed != info.seed else ""
+    command += " --strict" if collect.strict else ""
+    command += f" --set interaction.delta={collect.delta}" if collect.delta != 500 else ""
+    responders = collect.settings.get("responders", True)
+    return command + ("" if responders else f" --set responders={json.dumps(responders)}")

@@ -18,6 +18,7 @@ from busybot.episodes.belongs import is_partial
 from busybot.episodes.card import card
 from busybot.episodes.carried import OBJECTS_FOLDER, Assets, plan_assets, write_carried
 from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.episodes.dataset_info import collect_command
 from busybot.episodes.lock import LOCK_FILE
 from busybot.episodes.manifest import (
     CARD_FILE,
@@ -100,7 +101,7 @@ def refuse_unfinished(dataset: Dataset) -> None:
     done, boards = len(dataset.finished()), dataset.info.boards
     if done < boards or dataset.info.collect is None or not boards:
         what = f"{dataset.path}: the dataset is not finished: {done} of {boards} boards have an episode"
-        raise BusybotError(what, f"busybot collect {dataset.path}")
+        raise BusybotError(what, collect_command(dataset.path, dataset.info))
 
 
 def _refuse_strangers(dataset: Dataset, assets: Assets) -> None:

@@ -10,11 +10,11 @@ from pydantic import ValidationError
 
 from busybot.boards.spec import BoardSpec
 from busybot.episodes import mcap_topics as topics
-from busybot.episodes.check import MEND, check_camera, check_episode
+from busybot.episodes.check import check_camera, check_episode
 from busybot.episodes.codec import DepthScale, image_size
 from busybot.episodes.episode import Camera, Episode, Link, Step
 from busybot.episodes.images import EncodedImage, LazyImages
-from busybot.episodes.mcap_records import Records, read_records
+from busybot.episodes.mcap_records import Records, mend_of, read_records
 from busybot.episodes.protobuf import PACKAGE, compressed_image_class, message_class
 from busybot.episodes.schema import SCHEMA_VERSION
 from busybot.errors import BusybotError
@@ -189,4 +189,4 @@ def _pictures(records: Records, topic: str, count: int, camera: Camera) -> list[
 
 
 def _refuse(where: str, what: str) -> NoReturn:
-    raise BusybotError(f"{where}: {what}", MEND)
+    raise BusybotError(f"{where}: {what}", mend_of(where))

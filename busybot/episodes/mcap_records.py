@@ -5,6 +5,7 @@ says about itself is checked against what it holds; schemas in the file are neve
 """
 
 import io
+import shlex
 import struct
 import zlib
 from collections import defaultdict
@@ -20,7 +21,7 @@ from busybot.errors import BusybotError
 
 MAX_FILE_BYTES = 1 << 30
 MAX_CONTENT_BYTES = 2 << 30
-MEND = "record the episode again; `busybot dataset verify` lists all files in need of it"
+MAGIC = b"\x89MCAP0\r\n"
 
 _SUMMARY_CRC_AND_MAGIC = 12
 
@@ -54,17 +55,30 @@ def read_records(path: Path) -> Records:
 
 def parse_records(data: bytes, where: str) -> Records:
     """All records in a file's bytes; `where` names it in messages, see `read_records`."""
+    if data and not data.startswith(MAGIC[: len(data)]):
+        raise BusybotError(f"{where}: not an MCAP file", mend_of(where))
     try:
         return _parse(data)
     except BusybotError as error:
-        raise BusybotError(f"{where}: {error.what}", MEND) from None
+        raise BusybotError(f"{where}: {error.what}", mend_of(where)) from None
     except (McapError, ValueError, struct.error, zstandard.ZstdError, KeyError, OverflowError, MemoryError) as error:
         reason = str(error) or "it ends too early"
-        raise BusybotError(f"{where}: not a whole MCAP file: {reason}", MEND) from None
+        raise BusybotError(f"{where}: not a whole MCAP file: {reason}", mend_of(where)) from None
+
+
+def mend_of(where: str) -> str:
+    """What to do about a damaged episode; names its dataset where the path tells it."""
+    folder = Path(where).parent
+    dataset = shlex.quote(str(folder.parent)) if folder.name == "episodes" else "DATASET"
+    return (
+        f"`busybot dataset repair {dataset}` saves what can be saved, then `busybot collect {dataset}` records the rest"
+    )
 
 
 def _read_bytes(path: Path) -> bytes:
     try:
+        if path.is_dir():
+            raise BusybotError(f"{path} is a folder", f"name a file, as {path / 'episodes' / '000000.mcap'}")
         if not path.is_file():
             raise BusybotError(f"{path}: there is no such file")
         size = path.stat().st_size

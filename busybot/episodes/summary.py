@@ -18,6 +18,7 @@ def summarise(path: Path) -> dict[str, Any]:
     dataset = Dataset.open(path)
     info, collect = dataset.info, dataset.info.collect
     rows = dataset.episodes_table()
+    collect = collect if rows.num_rows else None  # settings of an attempt that recorded nothing say nothing
     hashes = dataset.hashes(rows)
     known = rows.filter(rows["truth"])
     return {

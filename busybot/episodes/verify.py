@@ -40,6 +40,7 @@ class Report:
 
     Attributes:
         episodes: how many it read.
+        boards: how many the dataset has; those without an episode are no problem.
         problems: in a fixed order.
         frozen: whether there is a manifest; all files were compared with it.
         objects: how many objects were compared with their recorded hashes; None if their files were not found.
@@ -49,6 +50,7 @@ class Report:
     problems: tuple[Problem, ...]
     frozen: bool = False
     objects: int | None = None
+    boards: int = 0
 
     @property
     def ok(self) -> bool:
@@ -90,7 +92,7 @@ def verify(
     dataset = Dataset.open(path)
     problems = [*_strangers(dataset)]
     if any(problem.what == LINK for problem in problems):
-        return Report(0, tuple(problems))  # nothing is read through a link
+        return Report(0, tuple(problems), boards=dataset.info.boards)  # nothing is read through a link
     digests, board_problems = _boards(dataset)
     problems += board_problems
     finished = sorted(dataset.finished())
@@ -101,7 +103,7 @@ def verify(
     if is_frozen(path):
         problems += _manifest(dataset, workers, sound=not problems)
     objects, object_problems = _objects(dataset, assets)
-    return Report(len(finished), (*problems, *object_problems), is_frozen(path), objects)
+    return Report(len(finished), (*problems, *object_problems), is_frozen(path), objects, dataset.info.boards)
 
 
 def _manifest(dataset: Dataset, workers: int, sound: bool) -> Iterator[Problem]:

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from busybot.boards.config import BoardConfig
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.episodes.dataset_info import collect_command
 from busybot.errors import BusybotError
 from busybot.interact.train_config import RecordConfig
 from busybot.objects.library import Library
@@ -67,7 +68,7 @@ class Recorder:
             create_dataset(path, drawn, library)
         dataset = Dataset.open(path)
         if library is None or len(dataset.finished()) == dataset.info.boards:
-            return finished(dataset)
+            return finished(dataset, offline=library is None)
         chooser = explorer()
         settings = CollectConfig(
             policy=chooser.name,
@@ -82,10 +83,11 @@ class Recorder:
         return Dataset.open(path)
 
 
-def finished(dataset: Dataset) -> Dataset:
+def finished(dataset: Dataset, offline: bool = False) -> Dataset:
     """The dataset, or an error that says how many of its episodes are missing."""
     recorded = len(dataset.finished())
     if recorded < dataset.info.boards or not recorded:
         what = f"{dataset.path}: {recorded} of {dataset.info.boards} episodes are recorded"
-        raise BusybotError(what, "record the others: the same command without --offline, or `busybot collect`")
+        mend = collect_command(dataset.path, dataset.info)
+        raise BusybotError(what, "record the others: the same command without --offline" if offline else mend)
     return dataset

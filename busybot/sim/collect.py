@@ -85,15 +85,17 @@ def collect(
         engine: runs the workers: `workers.run_tasks` here, `cluster.run_on_ray` on many machines.
 
     Raises:
-        BusybotError: the dataset's episodes were begun with other settings, or a worker is at fault.
+        BusybotError: the dataset's episodes were begun with other settings, the policy is unknown, or a worker is at
+            fault.
     """
+    chooser = chooser or BuiltIn(config.policy)  # refuses an unknown name before anything is written
     with dataset.locked():
         dataset.begin_collecting(_collect_info(config, dataset.info.seed, provenance))
         dataset.remove_leftovers()
         before = dataset.finished()
         missing = [index for index in range(dataset.info.boards) if index not in before]
         seed = dataset.info.seed if config.seed is None else config.seed
-        arguments = (dataset.path, library, config, seed, chooser or BuiltIn(config.policy))
+        arguments = (dataset.path, library, config, seed, chooser)
         new = _store(dataset, engine(missing, _make_work, arguments, workers), len(before), progress)
     return Collected(dataset.info.boards, len(before) + new, new)
 

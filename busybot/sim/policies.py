@@ -174,9 +174,9 @@ class BuiltIn:
 
     name: str
 
+    def __post_init__(self) -> None:
+        if self.name not in ("random", "scripted"):
+            raise BusybotError(f"unknown policy {self.name!r}", "choose random, learned or scripted")
+
     def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
-        if self.name == "random":
-            return RandomPolicy(rays)
-        if self.name == "scripted":
-            return ScriptedPolicy(scene, rays, config)
-        raise BusybotError(f"unknown policy {self.name!r}", "choose random, learned or scripted")
+        return RandomPolicy(rays) if self.name == "random" else ScriptedPolicy(scene, rays, config)

@@ -64,21 +64,22 @@ def _explained(model: type[BaseModel], first: Any, options: dict[str, Any]) -> t
     message = first["msg"].removeprefix("Value error, ")
     group, field = _field(model, [str(part) for part in first["loc"]])
     if first["type"] == "extra_forbidden":
-        return f"parameter {place}: there is no such parameter", _known(group, str(first["loc"][-1]))
+        return f"parameter {place}: {message}", _known(group, str(first["loc"][-1]))
     if field is None:
         return f"parameter {place or model.__name__}: {message}", _known(model)
-    given = f" {first['input']!r}" if isinstance(first["input"], str | int | float) else ""
-    option = options.get(place) is not None
-    name = f"--{place.replace('_', '-').split('.')[-1]}" if option else f"parameter {place}:"
+    given = repr(first["input"]) if isinstance(first["input"], str | int | float) else ""
+    if options.get(place) is not None:
+        given = f"--{place.replace('_', '-').split('.')[-1]} {given}"
     if first["type"] == "literal_error":
-        return f"{name}{given} is none of its values", f"choose {first['ctx']['expected']}"
+        return f"parameter {place}: {given} is none of its values", f"choose {first['ctx']['expected']}"
+    what = f"parameter {place}: {message}{f' (given: {given})' if given else ''}"
     if field.is_required():
-        return f"{name}{given}: {message}", f"give another value of {place}"
+        return what, f"give another value of {place}"
     default = field.get_default(call_default_factory=True)
     if isinstance(default, BaseModel):
-        return f"{name}{given}: {message}", _known(type(default))
+        return what, _known(type(default))
     shown = list(default) if isinstance(default, tuple) else default
-    return f"{name}{given}: {message}", f"the default is {shown}"
+    return what, f"the default is {shown}"
 
 
 def _field(model: type[BaseModel], path: list[str]) -> tuple[type[BaseModel], Any]:

@@ -9,15 +9,12 @@ import inspect
 import sys
 from typing import Any
 
-try:
-    import typer
-    from typer.core import TyperGroup
-    from typer.main import get_command as command_of
-    from typer.main import get_group as group_of
+import typer
+from typer.core import TyperGroup
+from typer.main import get_command as command_of
+from typer.main import get_group as group_of
 
-    from busybot.cli.common import CONTEXT, native_output_on_stderr, report_errors
-except KeyboardInterrupt:  # these imports take most of the time before a command begins
-    sys.exit(130)
+from busybot.cli.common import CONTEXT, native_output_on_stderr, report_errors
 
 COMMANDS = (
     "doctor",

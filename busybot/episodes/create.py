@@ -60,12 +60,12 @@ def _same(dataset: Dataset, config: BoardConfig, library: Library) -> Dataset:
     info, wanted = dataset.info, config.model_dump(mode="json")
     recorded = info.generator.config
     differing = [
-        f"{name}: was {recorded.get(name)!r}, now {wanted.get(name)!r}"
+        f"{name} differs (was {recorded.get(name)!r}, now {wanted.get(name)!r})"
         for name in sorted(wanted.keys() | recorded.keys())
         if wanted.get(name) != recorded.get(name)
     ]
     if info.generator.version != GENERATOR_VERSION:
-        differing.append(f"version of the generator: was {info.generator.version}, now {GENERATOR_VERSION}")
+        differing.append(f"version of the generator differs (was {info.generator.version}, now {GENERATOR_VERSION})")
     hashes = {key: model.sha256 for key, model in library.objects.items()}
     if any(hashes.get(key) != sha256 for key, sha256 in info.assets.sha256.items()):
         differing.append("other objects")

@@ -78,7 +78,9 @@ def mend_of(where: str) -> str:
 def _read_bytes(path: Path) -> bytes:
     try:
         if path.is_dir():
-            raise BusybotError(f"{path} is a folder", f"name a file, as {path / 'episodes' / '000000.mcap'}")
+            raise BusybotError(
+                f"{path}: there is no such file, it is a folder", f"name a file, as {path / 'episodes' / '000000.mcap'}"
+            )
         if not path.is_file():
             raise BusybotError(f"{path}: there is no such file")
         size = path.stat().st_size

@@ -54,7 +54,7 @@ def test_info_of_an_empty_dataset(tmp_path: Path) -> None:
 def test_verify_exits_with_1_and_names_the_fault(dataset: Path) -> None:
     assert run("verify", dataset).exit_code == 0
     sound = run("verify", dataset, "--json")
-    expected = {"ok": True, "episodes": 3, "problems": [], "frozen": False, "objects": None}
+    expected = {"ok": True, "boards": 4, "episodes": 3, "problems": [], "frozen": False, "objects": None}
     assert json.loads(sound.stdout) == expected
     (dataset / "episodes/000001.mcap").write_bytes(b"")
     broken = run("verify", dataset, "--json")

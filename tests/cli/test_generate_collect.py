@@ -40,7 +40,7 @@ def test_tasks_are_recorded_with_their_goals_by_the_learned_policy(tmp_path: Pat
     refused = busybot("generate", out, "--tasks", "one-to-many", "--relations", "one-to-one")
     assert refused.returncode == 1 and "leave relations out" in refused.stderr and not Path(out).exists()
     made = busybot("generate", out, "--tasks", "one-to-many", "--boards", "1")
-    assert made.returncode == 0 and "1 boards with one-to-many tasks" in made.stderr, made.stderr
+    assert made.returncode == 0 and "1 board with one-to-many tasks" in made.stderr, made.stderr
     collected = busybot("collect", out, "--steps", "0", "--workers", "1", *SMALL[:4], "--json")
     assert collected.returncode == 0, collected.stderr
     info = json.loads(busybot("dataset", "info", out, "--json").stdout)

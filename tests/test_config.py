@@ -56,7 +56,7 @@ def test_yaml_that_would_take_long_is_refused_at_once(text: str, tmp_path: Path)
     ("settings", "options", "what", "mend"),
     [
         ([], {"split": "novel"}, "--split 'novel' is none of its values", "'novel-config'"),
-        (["lamps=many"], {}, "parameter lamps: 'many'", "the default is [3, 5]"),
+        (["lamps=many"], {}, "parameter lamps: Input should be a valid tuple (given: 'many')", "the default is [3, 5]"),
         (["lamp=3"], {}, "parameter lamp: Extra inputs are not permitted", "did you mean lamps?"),
     ],
 )

@@ -207,7 +207,7 @@ def _origins(found: RowFound) -> list[str]:
     lines = []
     for training in found.trainings:
         data = [*training.get("rounds", []), *training.get("data", [])]
-        hashes = ", ".join(f"`{entry['content_hash'][:16]}`" for entry in data if entry.get("content_hash"))
+        hashes = ", ".join(f"`{str(entry['content_hash'])[:16]}`" for entry in data if entry.get("content_hash"))
         seed = "" if training.get("seed") is None else f"seed {training['seed']}"
         told = ", ".join(filter(None, (seed, hashes and f"content of its data {hashes}")))
         lines += [f"training: {told}"] if told else []

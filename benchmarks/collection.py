@@ -15,7 +15,6 @@ The second mode builds and plays so many boards in one process and reports its m
 
 import argparse
 import json
-import os
 import platform
 import resource
 import sys
@@ -42,6 +41,7 @@ from busybot.sim.recorder import grasp_at, record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, Simulator
 from busybot.sim.surroundings import Surroundings
+from busybot.workers import machine
 
 STEPS = 30
 SEED = 1
@@ -173,7 +173,7 @@ def main() -> None:
         "command": f"python benchmarks/collection.py --assets {library.name} {mode}",
         "seed": SEED,
         "assets_sha256": library.sha256,
-        "machine": {"system": platform.system(), "python": platform.python_version(), "cores": os.cpu_count()},
+        "machine": {**machine(), "python": platform.python_version()},
     }
     text = json.dumps(origin | result, indent=None if arguments.json else 2)
     if arguments.out:

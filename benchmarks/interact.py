@@ -3,15 +3,15 @@
     python benchmarks/interact.py [--assets DIR] [--boards 12] [--iterations 30] [--out FILE]
 
 Figures are CPU seconds of one process with one thread, medians of one run. The limit of an iteration is the time that
-the same processor needs for as many multiplications in one large bfloat16 matrix product, measured in between; its
-ratio to the limit is what could still be gained. Decisions and actions are measured on the boards of one dataset: the
-policy of the shipped model beside the scripted one, with everything that `busybot collect` does for an action.
+the same processor needs for as many multiplications in one large matrix product, in bfloat16 if it has that, else in
+float32; its ratio to the limit is what could still be gained. Decisions and actions are measured on the boards of one
+dataset: the policy of the shipped model beside the scripted one, with everything that `busybot collect` does for an
+action.
 """
 
 import argparse
 import json
 import os
-import platform
 import tempfile
 import time
 from collections.abc import Callable
@@ -44,6 +44,8 @@ from busybot.sim.policies import BuiltIn, Chooser
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
+from busybot.training.device import multiplies_bfloat16
+from busybot.workers import machine
 
 SEED = 3
 STEPS = 10
@@ -62,8 +64,8 @@ def seconds(work: Callable[[], Any], times: int) -> float:
 
 
 def product_seconds(times: int) -> float:
-    """CPU seconds per floating-point operation of a large bfloat16 matrix product."""
-    left, right = torch.randn(2, SIDE, SIDE, dtype=torch.bfloat16)
+    """CPU seconds per floating-point operation of a large matrix product."""
+    left, right = torch.randn(2, SIDE, SIDE, dtype=torch.bfloat16 if multiplies_bfloat16() else torch.float32)
     return seconds(lambda: left @ right, times) / (2 * SIDE**3)
 
 
@@ -159,7 +161,7 @@ def main() -> None:
     assets = "procedural" if arguments.assets == "procedural" else Path(arguments.assets).name
     result |= {
         "command": f"python benchmarks/interact.py --assets {assets} --boards {arguments.boards}",
-        "machine": {"cores": os.cpu_count(), "processor": platform.machine(), "torch": torch.__version__},
+        "machine": {**machine(), "torch": torch.__version__},
     }
     text = json.dumps(result, indent=1) + "\n"
     print(text, end="")

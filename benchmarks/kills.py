@@ -35,6 +35,7 @@ from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from busybot.files import scan, sha256_of, write_atomically
 from busybot.rng import generator
+from busybot.workers import machine
 
 BUSYBOT = [sys.executable, "-m", "busybot"]
 SMALL = ["--set", "render.width=160", "--set", "render.height=120"]
@@ -284,7 +285,7 @@ def main() -> None:
     result = {
         "command": f"python benchmarks/kills.py --commands {arguments.commands} --kills {arguments.kills}",
         "seed": arguments.seed,
-        "machine": {"system": platform.system(), "python": platform.python_version(), "cores": os.cpu_count()},
+        "machine": {**machine(), "python": platform.python_version()},
         "results": found,
     }
     text = json.dumps(result, indent=None if arguments.json else 2)

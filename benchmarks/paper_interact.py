@@ -38,6 +38,7 @@ from busybot.objects.library import Library, find
 from busybot.rng import generator
 from busybot.training.device import device
 from busybot.training.weights import parameters_of
+from busybot.workers import machine
 
 WARM_UP = 2
 
@@ -106,15 +107,6 @@ def extrapolate(config: PaperConfig, networks: dict[str, Any], collecting: dict[
     return result
 
 
-def processor() -> str:
-    """The processor's name where Linux tells it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.machine()
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
-
-
 def benchmark(library: Library, iterations: int, threads: int) -> dict[str, Any]:
     """All figures."""
     torch.set_num_threads(threads)
@@ -147,9 +139,7 @@ def main() -> None:
         "command": f"python benchmarks/paper_interact.py --iterations {arguments.iterations} "
         f"--assets {library.name} --threads {arguments.threads}",
         "machine": {
-            "system": platform.system(),
-            "processor": processor(),
-            "cores": os.cpu_count(),
+            **machine(),
             "threads": arguments.threads,
             "device": torch.cuda.get_device_name(on) if on.type == "cuda" else "cpu",
         },

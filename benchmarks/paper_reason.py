@@ -16,7 +16,6 @@ import argparse
 import json
 import math
 import os
-import platform
 import resource
 import sys
 import time
@@ -40,6 +39,7 @@ from busybot.reason.paper_networks import PaperNetwork
 from busybot.reason.sequence import CHANNELS, Sequence
 from busybot.rng import generator
 from busybot.training.device import device
+from busybot.workers import machine
 
 BOARDS = 10_000
 STEPS = 30
@@ -150,8 +150,7 @@ def main() -> None:
         "command": f"python benchmarks/paper_reason.py --iterations {arguments.iterations} --boards {arguments.boards} "
         f"--dense-boards {arguments.dense_boards} --threads {arguments.threads}",
         "machine": {
-            "system": platform.system(),
-            "cores": os.cpu_count(),
+            **machine(),
             "threads": arguments.threads,
             "device": torch.cuda.get_device_name() if device().type == "cuda" else "cpu",
         },

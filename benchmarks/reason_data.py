@@ -3,7 +3,8 @@
     python -m benchmarks.reason_data --model MODEL --assets FOLDER --data FOLDER [--only train,random/train] [--most N]
 
 `--model` is the interaction policy that records (`busybot train interact`). Beneath `random` lie recordings of the same
-boards without exploration. Every command resumes, so this one does.
+boards without exploration. Every board has an appearance of its own: 300 tell more than 15. Every command resumes, so
+this one does.
 """
 
 import argparse
@@ -22,13 +23,11 @@ class Recording:
     Attributes:
         split: of `busybot generate`.
         seed: no two recordings share boards, except with and without exploration.
-        group: boards that share an appearance. Judged boards have one each: 300 appearances tell more than 15.
     """
 
     split: str
     boards: int
     seed: int
-    group: int = 1
 
 
 JUDGED = {
@@ -36,7 +35,7 @@ JUDGED = {
     "novel-config": Recording("novel-config", 300, 603),
     "validation": Recording("train", 150, 602),
 }
-LEARNED = {**JUDGED, "train": Recording("train", 1000, 601, group=20)}
+LEARNED = {**JUDGED, "train": Recording("train", 1000, 601)}
 RANDOM = {name: replace(recording, boards=min(150, recording.boards)) for name, recording in JUDGED.items()}
 RANDOM["train"] = replace(LEARNED["train"], boards=300)
 """The first of the same boards: without exploration there is little to find, and fewer boards tell it."""
@@ -45,7 +44,7 @@ RANDOM["train"] = replace(LEARNED["train"], boards=300)
 def record(folder: Path, recording: Recording, most: int, assets: str, *policy: str) -> None:
     """Generate the boards and act on them; what is there is left alone."""
     seed, count = ("--seed", str(recording.seed)), str(min(most, recording.boards))
-    boards = ("--split", recording.split, "--boards", count, "--group-size", str(recording.group))
+    boards = ("--split", recording.split, "--boards", count, "--group-size", "1")
     busybot("generate", str(folder), *boards, *seed, "--assets", assets)
     busybot("collect", str(folder), "--steps", str(STEPS), "--policy", *policy, *seed, "--assets", assets)
 

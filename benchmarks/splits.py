@@ -9,7 +9,6 @@ their relations from the first 23 images. The file holds the metrics with the co
 
 import argparse
 import json
-import os
 import platform
 import subprocess
 import sys
@@ -17,6 +16,8 @@ import tempfile
 import time
 from pathlib import Path
 from typing import Any
+
+from busybot.workers import machine
 
 SPLITS = ("train", "novel-config", "novel-object")
 POLICIES = ("scripted", "random")
@@ -68,14 +69,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = arguments.keep or Path(temporary)
         rows = [run(split, policy, folder, arguments) for policy in POLICIES for split in SPLITS]
-    machine = {
-        "processor": platform.machine(),
-        "cores": os.cpu_count(),
-        "system": platform.system(),
-        "python": platform.python_version(),
-    }
     assets = "procedural" if arguments.assets == "procedural" else Path(arguments.assets).name
-    result = {"assets": assets, "seed": arguments.seed, "machine": machine, "rows": rows}
+    on = {**machine(), "python": platform.python_version()}
+    result = {"assets": assets, "seed": arguments.seed, "machine": on, "rows": rows}
     arguments.out.write_text(json.dumps(result, indent=2) + "\n")
     for row in rows:
         print(row["split"], row["policy"], row["edge_p"], row["edge_r"], row["edge_r_bound"], row["success_share"])

@@ -68,8 +68,8 @@ ROWS = {
     "strict-2": Row(("--strict",), 2, ("--strict",)),
     "oracle": Row(JOINTS, judge=JOINTS),
     "rgb": Row(("--set", "inputs=rgb")),
-    "greedy": Row(None, judge=("--mode", "greedy"), model="free-0"),
-    "ucb": Row(None, judge=("--mode", "ucb"), model="free-0"),
+    "greedy": Row(None, judge=("--mode", "greedy"), model="free-1"),
+    "ucb": Row(None, judge=("--mode", "ucb"), model="free-1"),
     "random": Row(None, model="random"),
     "without-responders-100": _delta(100),
     "without-responders-500": _delta(500),
@@ -110,7 +110,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
                 raise
             return {"commands": [], "training": None, "untrained": NOTHING_LEARNED}
         commands.append(command)
-        trained = {**told["training"], "cost": told["cost"]}
+        trained = {**told["training"], "cost": told["cost"], "machine": machine()}
     judged = {}
     for split in SPLITS:
         command = ("eval", "interact", str(boards(work, split, arguments)), "--model", model, *row.judge)

@@ -114,7 +114,8 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
             options = ("--data", str(data / "train"), "--out", model, "--seed", str(seed))
             commands.append(("train", "reason", *row.train, *options, *config))
             told = train(Path(model), *commands[-1])
-            trained.append({key: value for key, value in told.items() if key not in ("out", "model")})
+            kept = {key: value for key, value in told.items() if key not in ("out", "model")}
+            trained.append({**kept, "machine": machine()})
         for split in SPLITS:
             if (data / split).is_dir():
                 commands.append(_judging(row, model, data, split, arguments))

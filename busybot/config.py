@@ -26,12 +26,14 @@ def build(
         file: YAML with (some of) the model's fields; later sources override it.
         settings: `name=value` or `outer.inner=value`, the value in YAML.
         options: values of command line options; None means that the option was not given.
-        usual: fields whose default differs here from the model's.
+        usual: fields, by dotted names, whose default differs here from the model's.
 
     Raises:
         BusybotError: naming the file or setting, the parameter and what is wrong with it.
     """
-    values: dict[str, Any] = (usual or {}) | (_read(file) if file else {})
+    values = _read(file) if file else {}
+    for name, value in (usual or {}).items():
+        _assign_default(values, name.split("."), value)
     for setting in settings:
         path, separator, text = setting.partition("=")
         if not separator or not path:
@@ -114,6 +116,14 @@ def _read(file: Path) -> dict[str, Any]:
     if not isinstance(values, dict):
         raise BusybotError(f"{file}: not a mapping of parameters", "write lines like `boards: 100`")
     return values
+
+
+def _assign_default(values: dict[str, Any], path: list[str], value: Any) -> None:
+    for name in path[:-1]:
+        values = values.setdefault(name, {})
+        if not isinstance(values, dict):
+            return  # the file has a value where a group should be, which is refused with the others
+    values.setdefault(path[-1], value)
 
 
 def _assign(values: dict[str, Any], path: list[str], value: Any, where: str) -> None:

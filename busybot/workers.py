@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from typing import Any, TypeVar
 
 from busybot.errors import BusybotError
@@ -25,6 +26,7 @@ TASK_SECONDS = 300.0
 """A task that takes longer is killed and tried again."""
 TRIES = 3
 PR_SET_PDEATHSIG = 1
+PROCESSORS = Path("/proc/cpuinfo")
 
 Engine = Callable[..., Iterator[tuple[int, Any]]]
 """`run_tasks`, or something that keeps its contract."""
@@ -48,8 +50,28 @@ def default_workers() -> int:
 
 
 def machine() -> dict[str, Any]:
-    """What commands run on, to be told beside results: cores, operating system, kind of processor."""
-    return {"cores": os.cpu_count(), "system": platform.system(), "processor": platform.machine()}
+    """What commands run on, to be told beside results.
+
+    `processor` is its name where Linux tells it, else its kind; `bfloat16`, whether it multiplies that, decides how
+    fast networks are (None where nobody tells).
+    """
+    told = _processor()
+    able = told.get("flags", told.get("Features", "")).split()
+    return {
+        "cores": os.cpu_count(),
+        "system": platform.system(),
+        "processor": told.get("model name", platform.machine()),
+        "bfloat16": any(flag in able for flag in ("amx_bf16", "avx512_bf16", "bf16")) if able else None,
+    }
+
+
+def _processor() -> dict[str, str]:
+    """The kernel's words on the first processor, by their names; none where there is no such file."""
+    if not PROCESSORS.is_file():
+        return {}
+    lines = PROCESSORS.read_text(encoding="utf-8", errors="replace").split("\n\n")[0].splitlines()
+    pairs = (line.partition(":") for line in lines)
+    return {name.strip(): value.strip() for name, _, value in pairs}
 
 
 def run_tasks(

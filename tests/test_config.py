@@ -7,6 +7,7 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.config import build
 from busybot.errors import BusybotError
+from busybot.interact.train_config import TrainConfig
 
 
 def test_later_sources_win(tmp_path: Path) -> None:
@@ -14,6 +15,21 @@ def test_later_sources_win(tmp_path: Path) -> None:
     file.write_text("boards: 5\nlamps: [3, 4]\nseed: 1\n")
     config = build(BoardConfig, file, ["seed=2", "lamps=[2, 3]"], {"seed": 3, "boards": None})
     assert (config.boards, config.lamps, config.seed) == (5, (2, 3), 3)
+
+
+def test_another_default_yields_to_file_and_setting_within_its_group(tmp_path: Path) -> None:
+    usual = {"direction.augmentation.transposed": 0.0}
+    file = tmp_path / "train.yaml"
+    file.write_text("direction: {batch: 8, augmentation: {log_height: 0.1}}\n")
+    kept = build(TrainConfig, file, [], {}, usual).direction
+    assert (kept.batch, kept.augmentation.log_height, kept.augmentation.transposed) == (8, 0.1, 0.0)
+    file.write_text("direction: {augmentation: {transposed: 0.2}}\n")
+    assert build(TrainConfig, file, [], {}, usual).direction.augmentation.transposed == 0.2
+    setting = ["direction.augmentation.transposed=0.3"]
+    assert build(TrainConfig, file, setting, {}, usual).direction.augmentation.transposed == 0.3
+    file.write_text("direction: 3\n")
+    with pytest.raises(BusybotError, match="parameter direction"):
+        build(TrainConfig, file, [], {}, usual)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Workers: every task is done once, faults are told, the dead and the slow are replaced, and none is left behind."""
 
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import psutil
 import pytest
 
 from busybot.errors import BusybotError
-from busybot.workers import run_tasks, share
+from busybot.workers import machine, run_tasks, share
 
 
 def squares(offset: int) -> Callable[[int], tuple[int, int]]:
@@ -131,3 +132,23 @@ def test_an_error_of_the_program_is_told_at_once_and_not_tried_again(capfd: pyte
     with pytest.raises(BusybotError, match="task 5: ZeroDivisionError"):
         list(run_tasks([5], crashing, (), 1))
     assert capfd.readouterr().err.count("Traceback") == 1
+
+
+@pytest.mark.parametrize(
+    ("told", "processor", "able"),
+    [
+        ("model name\t: A new one\nflags\t\t: avx512_bf16\n\nmodel name\t: The next\nflags\t: \n", "A new one", True),
+        ("model name\t: An old one\nflags\t\t: sse4_2 avx2\n", "An old one", False),
+        ("processor\t: 0\nFeatures\t: fp asimd bf16\n", platform.machine(), True),
+        (None, platform.machine(), None),
+    ],
+)
+def test_what_a_machine_is_told_as(
+    told: str | None, processor: str, able: bool | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if told is not None:
+        (tmp_path / "cpuinfo").write_text(told)
+    monkeypatch.setattr("busybot.workers.PROCESSORS", tmp_path / "cpuinfo")
+    found = machine()
+    assert (found["processor"], found["bfloat16"]) == (processor, able)
+    assert found["cores"] == os.cpu_count()

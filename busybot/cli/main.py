@@ -106,10 +106,7 @@ def _root(
     pass
 
 
-def main() -> None:
-    """Entry of the console script: exits 0 when done, 1 when input or environment is at fault, 2 on wrong usage."""
-    try:
-        with native_output_on_stderr("--json" in sys.argv[1:]):
-            app(prog_name="busybot")
-    except KeyboardInterrupt:
-        sys.exit(130)
+def run() -> None:
+    """Run the command that stands in `sys.argv`."""
+    with native_output_on_stderr("--json" in sys.argv[1:]):
+        app(prog_name="busybot")

@@ -77,7 +77,7 @@ def _interaction(
     from busybot.interact.paper_train import PaperTraining
     from busybot.interact.rounds import Recorder, Told
     from busybot.interact.train import Source, Training
-    from busybot.interact.train_config import TrainConfig
+    from busybot.interact.train_config import STRICT, TrainConfig
     from busybot.objects.library import find
     from busybot.workers import default_workers
 
@@ -89,6 +89,6 @@ def _interaction(
         paper = build(PaperConfig, *parameters)
         recorder = Recorder(find(assets) if assets else None, paper, seed, processes, told)
         return PaperTraining(out, paper, recorder, data)
-    fast = build(TrainConfig, *parameters)
+    fast = build(TrainConfig, *parameters, STRICT if parameters[2]["interaction.strict"] else None)
     source = Source(find(assets) if assets else None, lambda known: ExploreChooser(known, fast.explore), data)
     return Training(out, fast, source, seed, processes, told)

@@ -26,7 +26,7 @@ from busybot.interact.replay import Priorities
 from busybot.interact.samples import open_samples
 from busybot.rng import generator
 from busybot.training.checkpoint import restore_training, save_tensors, training_tensors
-from busybot.training.device import device, repeat_exactly
+from busybot.training.device import device, multiplies_bfloat16, repeat_exactly
 from busybot.training.metrics_file import Metrics
 from busybot.training.weights import initialise
 
@@ -204,6 +204,7 @@ def forward(network: nn.Module, features: Tensor, config: FitConfig, rng: np.ran
     if rng is not None and config.dropout and isinstance(network, DirectionNet):
         keep = (rng.random((len(features), HIDDEN), np.float32) >= config.dropout) / (1 - config.dropout)
         arguments.append(torch.from_numpy(keep.astype(np.float32)).to(on))
-    with torch.autocast(on.type, torch.bfloat16, enabled=config.bfloat16):
+    rounded = multiplies_bfloat16() if config.bfloat16 is None else config.bfloat16
+    with torch.autocast(on.type, torch.bfloat16, enabled=rounded):
         outputs = network(*arguments)
     return tuple(output.float().cpu() for output in outputs) if isinstance(outputs, tuple) else outputs.float().cpu()

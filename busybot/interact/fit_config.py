@@ -65,7 +65,7 @@ class FitConfig(_Plain):
         weight_decay: of AdamW.
         dropout: of the direction network's hidden layer.
         direction_weight: of the directions' loss beside the position's (direction network).
-        bfloat16: multiply matrices in bfloat16 (autocast), twice as fast on current processors.
+        bfloat16: multiply matrices in bfloat16 (autocast), twice as fast on processors that can; None: where they can.
         report: a line of metrics every so many iterations.
         checkpoint: a checkpoint every so many iterations.
     """
@@ -78,7 +78,7 @@ class FitConfig(_Plain):
     weight_decay: Annotated[float, Field(ge=0)] = 1e-3
     dropout: Annotated[float, Field(ge=0, lt=1)] = 0.0
     direction_weight: Annotated[float, Field(ge=0)] = 2.0
-    bfloat16: bool = True
+    bfloat16: bool | None = None
     report: Annotated[int, Field(ge=1)] = 50
     checkpoint: Annotated[int, Field(ge=1)] = 250
     augmentation: Augmentation = Augmentation()

@@ -1,9 +1,11 @@
-"""What the agent remembers of one board: the links that it saw moving, and what failed where.
+"""What the agent remembers of one board: the links that it saw moving, what responded, and what failed where.
 
 The paper keeps a count of picks per window (UCB, section 3.1). Here what moved around a rewarded action becomes one
-link, so that neighbouring buttons stay apart, and a failure lowers the belief in what lies near it.
+link, so that neighbouring buttons stay apart, and a failure lowers the belief in what lies near it. An object that
+changed its looks while another one was acted on responds, so it is hardly a trigger: whoever learns causes tells a lamp
+from a lever by what switches it on.
 
-Only what the agent may read enters: depth before and after its own actions, the directions executed, the reward.
+Only what the agent may read enters: the pictures before and after its own actions, the directions executed, the reward.
 """
 
 from collections import Counter
@@ -13,12 +15,15 @@ from typing import Any
 import cv2
 import numpy as np
 
+from busybot.episodes.episode import Image
 from busybot.interact.beliefs import PAIR_OF, logit, sigmoid
 from busybot.interact.policy_config import PolicyConfig
 from busybot.interact.regions import enlarged, moved_region
 
 NEGLIGIBLE = 0.05
 """Failures whose weight at a candidate is lower do not reach it."""
+ANOTHER_COLOUR = 16
+"""Levels of 256 by which a channel of a pixel differs that looks otherwise; compressed pictures differ by less."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +47,7 @@ class Memory:
         pairs: link to the direction pair that moved it last.
         visits: link to how often it was moved.
         failures: those that no later success has explained.
+        responders: components that looked otherwise after another one was acted on, and of which no link has moved.
     """
 
     def __init__(self, height: np.ndarray, config: PolicyConfig, elevation: float = 0.002):
@@ -57,24 +63,35 @@ class Memory:
         self.pairs: dict[int, int] = {}
         self.visits: Counter[int] = Counter()
         self.failures: list[Failure] = []
+        self.responders: set[int] = set()
 
-    def succeeded(self, pixel: tuple[int, int], direction: int, before: np.ndarray, after: np.ndarray) -> int:
+    def succeeded(self, pixel: tuple[int, int], direction: int, before: Image, after: Image) -> int:
         """Remember an action with reward; returns the number of the link that moved.
 
         Args:
             direction: the one that worked.
-            before, after: depth images, float32 (H, W).
+            before, after: what was seen, with depth.
         """
+        assert before.depth is not None and after.depth is not None
         component = self._components[pixel[1], pixel[0]]
         body = (self._components == component) & (component > 0)
-        moved = moved_region(before, after, pixel, body, self._config)
+        moved = moved_region(before.depth, after.depth, pixel, body, self._config)
         link = self._link(moved)
         self.links[enlarged(moved) & (self.links == 0)] = link
         self.links[moved] = link
         self.pairs[link] = int(PAIR_OF[direction])
         self.visits[link] += 1
         self.failures = [one for one in self.failures if not moved[one.pixel[1], one.pixel[0]]]
+        self.responders |= self._changed(before.rgb, after.rgb)
+        self.responders -= set(np.unique(self._components[self.links > 0]).tolist())
         return link
+
+    def _changed(self, before: np.ndarray, after: np.ndarray) -> set[int]:
+        """Components that look otherwise in the second of two uint8 (H, W, 3) pictures."""
+        most = (ANOTHER_COLOUR,) * 3
+        differs = cv2.inRange(cv2.absdiff(before, after), (0, 0, 0), most) == 0
+        counts = np.bincount(self._components[differs & (self._components > 0)])
+        return set(np.flatnonzero(counts >= self._config.effect).tolist())
 
     def _link(self, moved: np.ndarray) -> int:
         """The known link that overlaps the moved region (H, W) enough to be the same, else a new number."""
@@ -106,6 +123,8 @@ class Memory:
         for failure, near in zip(self.failures, nears, strict=True):
             same = self._components[rows, columns] == self._components[failure.pixel[1], failure.pixel[0]]
             penalty += (1 - near) * (self._config.component_penalty * same + self._config.failure_penalty)
+        responding = np.isin(self._components[rows, columns], list(self.responders))
+        penalty += self._config.responder_penalty * responding
         beliefs, pairs = sigmoid(logits - np.where(links == 0, penalty, 0)), pairs.copy()
         for failure, near in zip(self.failures, nears, strict=True):
             for pair, pair_belief in failure.pairs.items():

@@ -20,7 +20,7 @@ from busybot.interact.features import ELEVATED, Inputs, Pinhole, colour_features
 from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network, members_of
 from busybot.interact.policy_config import PairTable
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
-from busybot.training.device import device
+from busybot.training.device import device, multiplies_bfloat16
 from busybot.training.model_folder import find_folder, read_info, write_info
 
 SHIPPED = Path(__file__).with_name("models")
@@ -94,11 +94,12 @@ class Model:
 
     Args:
         networks: `position` and `direction`; they are put into evaluation mode.
-        bfloat16: multiply in bfloat16, about twice as fast on current processors.
+        bfloat16: multiply in bfloat16, twice as fast on processors that can; None: where they can.
     """
 
-    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module], bfloat16: bool = True):
-        self.info, self.bfloat16, self.on = info, bfloat16, device()
+    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module], bfloat16: bool | None = None):
+        self.info, self.on = info, device()
+        self.bfloat16 = multiplies_bfloat16() if bfloat16 is None else bfloat16
         self.networks = {kind: network.eval().to(self.on) for kind, network in networks.items()}
         self._camera: tuple[Rays, Pinhole] | None = None
 

@@ -68,6 +68,8 @@ class PaperTraining:
         Raises:
             BusybotError: the folder holds another training, or recorded epochs are missing or unfinished.
         """
+        for path in self.given:
+            finished(Dataset.open(path))  # before anything is written
         begin_folder(self.out, self.config, self.recorder.seed, BEFORE)
         torch.set_num_threads(self.config.threads)
         repeat_exactly()

@@ -49,8 +49,8 @@ class Choice:
 class LearnedPolicy(Generic[V]):
     """Chooses actions on one board by a model's affordance and by what happened before.
 
-    It reads depth (and RGB, if the model sees colours), its own actions and their reward; never segmentation, boxes or
-    the simulator.
+    It reads depth (and RGB, if the model sees colours), its own actions, their reward and which pixels they changed;
+    never segmentation, boxes or the simulator.
 
     Attributes:
         view, candidates, choice: of the last decision, for pictures. `candidates` is None in modes that have none.
@@ -87,9 +87,8 @@ class LearnedPolicy(Generic[V]):
     def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
         before, memory, choice = self._image, self.memory, self.choice
         assert before is not None and memory is not None and choice is not None
-        assert before.depth is not None and after.depth is not None
         if reward:
-            memory.succeeded(action.pixel, executed[-1], before.depth, after.depth)
+            memory.succeeded(action.pixel, executed[-1], before, after)
         else:
             memory.failed(Failure(action.pixel, {int(PAIR_OF[choice.direction]): choice.pair_belief}))
 

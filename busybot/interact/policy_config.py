@@ -41,6 +41,9 @@ class PolicyConfig(BaseModel):
         component_penalty: logits that every failure takes from untouched candidates farther away on the same elevated
             component.
         failure_penalty: logits that every failure on the board takes from all untouched candidates farther away.
+        effect: so many pixels of an object look otherwise when it responds to an action on another one; a lamp, a door
+            or a toy changes several hundred.
+        responder_penalty: logits taken from candidates on an object that responded and of which nothing has moved.
         failure_sigma: how far around it a failure speaks of the candidate itself, pixels (Gaussian).
         known_pair: least belief in the direction pair that moved a known link before.
         explore: new links are tried while the best one's expected success exceeds this; then known ones are repeated.
@@ -77,6 +80,8 @@ class PolicyConfig(BaseModel):
     same_link: Share = 0.25
     component_penalty: Logit = 1.0
     failure_penalty: Logit = 0.7
+    effect: Annotated[int, Field(ge=1)] = 150
+    responder_penalty: Logit = 3.0
     failure_sigma: Annotated[float, Field(gt=0)] = 6.0
     known_pair: Share = 0.97
     explore: Share = 0.35

@@ -66,9 +66,8 @@ def remember(memory: Memory, step: Step, before: Image, after: Image, directions
         before, after: with depth.
         directions: the model's probabilities (1, 18) at the action's pixel; asked for when the action failed.
     """
-    assert before.depth is not None and after.depth is not None
     if step.reward:
-        memory.succeeded(step.pixel, step.executed[-1], before.depth, after.depth)
+        memory.succeeded(step.pixel, step.executed[-1], before, after)
         return
     believed = pair_scores(np.asarray(directions(), float))[0]
     tried = {int(PAIR_OF[one]) for one in step.executed} or {int(PAIR_OF[step.direction])}

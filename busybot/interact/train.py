@@ -68,6 +68,8 @@ class Training:
         Raises:
             BusybotError: the folder holds another training, or recorded rounds are missing or unfinished.
         """
+        for path in self.source.datasets:
+            finished(Dataset.open(path))  # before anything is written
         begin_folder(self.out, self.config, self.seed, BEFORE)
         validation = self._validation()
         datasets: list[Dataset] = []

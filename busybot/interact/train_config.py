@@ -63,6 +63,14 @@ ROUNDS = (
 """On two idle cores six minutes of training, both networks side by side, and three of collecting."""
 
 
+STRICT = {"direction.augmentation.transposed": 0.0}
+"""What has another default under `--strict`.
+
+Switches are never turned (paper, appendix "Board Generation"), so no crop needs to be. Where one of 18 directions
+counts, and not whatever moves the link, it tells a slider from a lever that the one lies and the other stands.
+"""
+
+
 class TrainConfig(RecordConfig):
     """A whole training of the `fast` variant.
 

@@ -90,9 +90,8 @@ class LearnedContacts(Generic[V]):
         return contacts_of(found.best_of_regions(), self._observed)
 
     def told(self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Image, after: Image) -> None:
-        assert before.depth is not None and after.depth is not None
         if reward:
-            self._memory.succeeded(contact.pixel, executed[-1], before.depth, after.depth)
+            self._memory.succeeded(contact.pixel, executed[-1], before, after)
         else:
             pair = int(PAIR_OF[executed[0]])
             self._memory.failed(Failure(contact.pixel, {pair: float(contact.pairs[pair])}))

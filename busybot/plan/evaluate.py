@@ -11,7 +11,7 @@ from typing import Any
 
 from busybot.boards.task import MAX_STEPS, least_steps, start_states, task_of
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.dataset_info import CollectInfo
+from busybot.episodes.dataset_info import CollectInfo, collect_command
 from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.errors import BusybotError
 from busybot.files import write_json
@@ -134,8 +134,8 @@ def _tasks(dataset: Dataset, config: PlanConfig) -> list[int]:
             mend = "make a dataset with tasks: busybot generate OUT --tasks one-to-one"
             raise BusybotError(f"{dataset.path}: board {index} has no task", mend)
         if index not in recorded:
-            mend = f"busybot collect {dataset.path}"
-            raise BusybotError(f"{dataset.path}: board {index} has no recorded interactions", mend)
+            what = f"{dataset.path}: board {index} has no recorded interactions"
+            raise BusybotError(what, collect_command(dataset.path, dataset.info))
     return list(range(count))
 
 

@@ -15,6 +15,7 @@ from pydantic import BaseModel
 
 from busybot.episodes.carried import library_of
 from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset_info import collect_command
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
@@ -159,7 +160,7 @@ def _check(dataset: Dataset, judging: Judging) -> list[int]:
     indices = sorted(dataset.finished())
     if not indices:
         what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
-        raise BusybotError(what, f"busybot collect {dataset.path}")
+        raise BusybotError(what, collect_command(dataset.path, dataset.info))
     return indices
 
 

@@ -60,7 +60,7 @@ class EventConfig(_Plain):
         weight_decay: of AdamW.
         clip: greatest norm of a gradient.
         images: how many are seen before steps are predicted: in half of the iterations, and when boards are judged. The
-            other iterations draw a number.
+            other iterations draw a number, small ones more often.
         questions: at most so many of the following steps are predicted.
         noise: standard deviation of noise added to looks, drawn from 0 to this for each responder, in units of the
             smallest change.

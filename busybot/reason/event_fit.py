@@ -70,9 +70,12 @@ class EventLearner:
         return float(loss.detach()), rate
 
     def _images(self, seen: Seen, rng: np.random.Generator) -> int:
-        """How many images are seen; at least one step remains to be predicted."""
+        """How many images are seen; at least one step remains to be predicted.
+
+        Drawn numbers are spread evenly on a logarithmic scale: what to claim is hardest to tell when little was seen.
+        """
         longest = seen.actions.shape[1]
-        usual, drawn = min(self.config.images, longest), int(rng.integers(2, longest + 1))
+        usual, drawn = min(self.config.images, longest), int(2 * ((longest + 1) / 2) ** rng.random())
         return usual if rng.random() < 0.5 else drawn
 
     def _rate(self, iteration: int) -> float:

@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset_info import collect_command
 from busybot.episodes.lock import remove_leftovers
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
@@ -134,11 +135,12 @@ def _digests(dataset: Dataset, episodes: Iterable[int] | None) -> dict[int, str]
     known = dict(zip(rows["episode"], rows["content_digest"], strict=True))
     if not known:
         what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
-        raise BusybotError(what, f"busybot collect {dataset.path}")
+        raise BusybotError(what, collect_command(dataset.path, dataset.info))
     wanted = sorted(known) if episodes is None else sorted(set(episodes))
     absent = [index for index in wanted if index not in known]
     if absent:
-        raise BusybotError(f"{dataset.path}: board {absent[0]} has no episode", f"busybot collect {dataset.path}")
+        what = f"{dataset.path}: board {absent[0]} has no episode"
+        raise BusybotError(what, collect_command(dataset.path, dataset.info))
     return {index: known[index] for index in wanted}
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset_info import collect_command
 from busybot.errors import BusybotError
 from busybot.reason.event_config import EventConfig
 from busybot.reason.features import Progress, features_of
@@ -94,7 +95,7 @@ def make_learner(config: Config, boards: Recorded, held_out: Recorded, seed: int
 def origin_of(dataset: Dataset) -> dict[str, Any]:
     """What a training depends on, wherever the dataset lies; BusybotError if nothing is recorded in it."""
     if not dataset.finished():
-        raise BusybotError(f"{dataset.path}: no board has an episode", f"busybot collect {dataset.path}")
+        raise BusybotError(f"{dataset.path}: no board has an episode", collect_command(dataset.path, dataset.info))
     hashes = dataset.hashes()
     return {
         "name": dataset.info.name,

@@ -12,7 +12,7 @@ from typing import Any
 from busybot.episodes.compare import Difference, ImageDifference, Rule, compare_episodes, rule_for
 from busybot.episodes.create import boards_again, continue_or_create
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.dataset_info import CollectInfo
+from busybot.episodes.dataset_info import CollectInfo, collect_command
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.episodes.tables import Rows, episode_rows
@@ -68,7 +68,7 @@ def regenerate(
     dataset = Dataset.open(path)
     collect, indices = dataset.info.collect, sorted(dataset.finished())
     if collect is None or not indices:
-        raise BusybotError(f"{path}: the dataset has no episodes", f"busybot collect {path}")
+        raise BusybotError(f"{path}: the dataset has no episodes", collect_command(path, dataset.info))
     recorded = dataset.boards()
     boards, origin = boards_again(dataset.info.generator, library, recorded)
     unlike = [old.index for old, new in zip(recorded, boards, strict=True) if old.digest() != new.digest()]

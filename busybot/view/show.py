@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset_info import collect_command
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
@@ -144,11 +145,12 @@ def episode_file(source: Path, number: int | None = None) -> Path:
     dataset = Dataset.open(source)
     finished = dataset.finished()
     if not finished:
-        raise BusybotError(f"{source}: the dataset has no episodes yet", f"busybot collect {source}")
+        raise BusybotError(f"{source}: the dataset has no episodes yet", collect_command(source, dataset.info))
     if number is None:
         number = min(finished)
     elif number not in finished:
-        raise BusybotError(f"{source}: episode {number} is not there", f"busybot collect {source}, or another number")
+        mend = f"{collect_command(source, dataset.info)}, or another number"
+        raise BusybotError(f"{source}: episode {number} is not there", mend)
     return dataset.episode_path(number)
 
 

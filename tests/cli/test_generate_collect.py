@@ -145,7 +145,7 @@ def test_a_killed_generate_is_made_again_but_nothing_else_is_overwritten(tmp_pat
     code = (  # killed when everything but the last step is done
         "import os, sys; os.replace = lambda *paths, real=os.replace:"
         " os.kill(os.getpid(), 9) if str(paths[1]) == sys.argv[2] else real(*paths);"
-        " from busybot.cli.main import main; main()"
+        " from busybot.__main__ import main; main()"
     )
     killed = subprocess.run([sys.executable, "-c", code, "generate", str(folder), "--boards", "2"])
     assert killed.returncode == -9 and not folder.exists()

@@ -110,6 +110,19 @@ def test_help_of_every_command_imports_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_ctrl_c_during_the_first_imports_is_quiet() -> None:
+    code = (
+        "import sys\n"
+        "class Interrupted:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'typer': raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupted())\n"
+        "from busybot.__main__ import main; main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_python_m_busybot() -> None:
     done = subprocess.run([sys.executable, "-m", "busybot", "--version"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "0.1.0\n")

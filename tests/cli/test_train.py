@@ -49,6 +49,18 @@ def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: 
     assert refused.exit_code == 1 and "seed 0, now 1" in refused.stderr
 
 
+def test_under_the_veto_crops_are_not_turned_for_directions_unless_one_says_so(
+    tmp_path: Path, rounds: list[Path]
+) -> None:
+    turned = []
+    for number, more in enumerate(((), ("--strict",), ("--strict", "--set", "direction.augmentation.transposed=0.5"))):
+        out = tmp_path / str(number)
+        result = run(*arguments(out, rounds, *more))
+        assert result.exit_code == 0, result.stderr
+        turned.append(json.loads((out / "train.json").read_text())["config"]["direction"]["augmentation"]["transposed"])
+    assert turned == [0.35, 0.0, 0.5]
+
+
 @pytest.mark.long
 def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, rounds: list[Path]) -> None:
     straight, killed = tmp_path / "straight", tmp_path / "killed"
@@ -74,6 +86,17 @@ def test_offline_without_recorded_rounds_says_so(tmp_path: Path) -> None:
     result = run("train", "interact", "--out", str(tmp_path / "run"), "--offline", *SETTINGS)
     assert result.exit_code == 1
     assert "no folder `rounds`" in result.stderr and not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("model", ["fast", "paper"])
+def test_a_dataset_without_episodes_is_refused_before_anything_is_written(tmp_path: Path, model: str) -> None:
+    made = run("generate", str(tmp_path / "empty"), "--boards", "2", "--assets", "procedural")
+    assert made.exit_code == 0, made.stderr
+    epochs = ("--set", "epochs=1") if model == "paper" else ()
+    words = ("--model", model, "--out", str(tmp_path / "run"), "--data", str(tmp_path / "empty"), *epochs)
+    result = run("train", "interact", *words)
+    assert result.exit_code == 1 and "0 of 2 episodes" in result.stderr
+    assert not (tmp_path / "run").exists()
 
 
 def test_more_datasets_than_rounds_are_refused(tmp_path: Path, rounds: list[Path]) -> None:

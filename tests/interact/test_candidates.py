@@ -55,7 +55,7 @@ def test_a_pair_fails_only_when_both_directions_do() -> None:
 def test_a_moved_link_is_a_region_of_its_own() -> None:
     before, after = board(BUTTON, BUTTON, BUTTON), board(PRESSED, BUTTON, BUTTON)
     memory = Memory(RAYS.heights(before.depth), PolicyConfig())
-    memory.succeeded((49, 49), 12, before.depth, after.depth)
+    memory.succeeded((49, 49), 12, before, after)
     found = find_candidates(MODEL, after, RAYS, memory)
     for pixel, region in zip(found.pixels, found.regions, strict=True):
         assert (region == 1) == (button_at(pixel) == 0)

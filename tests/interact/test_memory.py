@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.episodes.episode import Image
 from busybot.interact.beliefs import PAIR_OF
 from busybot.interact.memory import Failure, Memory
 from busybot.interact.policy_config import PolicyConfig
@@ -20,17 +21,20 @@ BODY_MASK = np.zeros((120, 160), bool)
 BODY_MASK[40:60, 40:80] = True
 
 
-def shown(left: float, right: float) -> np.ndarray:
-    depth = picture(SWITCH, (LEFT, left), (RIGHT, right)).depth
-    assert depth is not None
-    return depth
+def shown(left: float, right: float) -> Image:
+    return picture(SWITCH, (LEFT, left), (RIGHT, right))
+
+
+def depth_of(image: Image) -> np.ndarray:
+    assert image.depth is not None
+    return image.depth
 
 
 BOTH_UP, LEFT_DOWN, BOTH_DOWN = shown(BUTTON, BUTTON), shown(PRESSED, BUTTON), shown(PRESSED, PRESSED)
 
 
 def fresh(**changed: object) -> Memory:
-    return Memory(RAYS.heights(BOTH_UP), CONFIG.model_copy(update=changed))
+    return Memory(RAYS.heights(depth_of(BOTH_UP)), CONFIG.model_copy(update=changed))
 
 
 def logits_of(memory: Memory, *pixels: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -38,15 +42,15 @@ def logits_of(memory: Memory, *pixels: tuple[int, int]) -> tuple[np.ndarray, np.
 
 
 def test_the_region_is_what_moved_under_the_action() -> None:
-    region = moved_region(BOTH_UP, LEFT_DOWN, (50, 50), BODY_MASK, CONFIG)
+    region = moved_region(depth_of(BOTH_UP), depth_of(LEFT_DOWN), (50, 50), BODY_MASK, CONFIG)
     assert region[45:55, 45:55].all() and region.sum() == 100
 
 
 def test_motion_elsewhere_does_not_belong_to_the_link() -> None:
-    after = shown(PRESSED, BUTTON)
+    after = depth_of(shown(PRESSED, BUTTON))
     after[65:70, 50:55] -= 0.1  # another object within reach
     after[100:110, 50:60] -= 0.1  # a responder far away
-    region = moved_region(BOTH_UP, after, (50, 50), BODY_MASK, CONFIG)
+    region = moved_region(depth_of(BOTH_UP), after, (50, 50), BODY_MASK, CONFIG)
     assert region.sum() == 100
 
 
@@ -58,7 +62,7 @@ def test_a_link_that_jumps_leaves_two_places_of_one_region() -> None:
 
 
 def test_a_motion_without_visible_depth_leaves_a_small_region() -> None:
-    region = moved_region(BOTH_UP, BOTH_UP, (50, 50), BODY_MASK, CONFIG)
+    region = moved_region(depth_of(BOTH_UP), depth_of(BOTH_UP), (50, 50), BODY_MASK, CONFIG)
     assert region[50, 50] and 5 <= region.sum() <= 25
 
 
@@ -116,3 +120,44 @@ def test_known_links_are_not_doubted_for_failures_elsewhere() -> None:
     beliefs, pairs = logits_of(memory, (50, 50), (75, 42))
     assert beliefs[0] > 0.85 > 0.6 > beliefs[1]
     assert pairs[0, PAIR_OF[UP]] == CONFIG.known_pair
+
+
+LAMP, BOX = (100, 40, 120, 60), (100, 80, 120, 100)
+BESIDE = ((LAMP, BODY), (BOX, BODY))
+
+
+def lit(left: float, box: tuple[int, int, int, int], level: int) -> Image:
+    """The switch with its left button, a lamp and a box, of which one shines."""
+    image = picture(SWITCH, (LEFT, left), *BESIDE)
+    u0, v0, u1, v1 = box
+    image.rgb[v0:v1, u0:u1, 0] = level
+    return image
+
+
+def board() -> Memory:
+    return Memory(RAYS.heights(depth_of(lit(BUTTON, LAMP, 0))), CONFIG)
+
+
+def test_what_changed_its_colour_by_an_action_elsewhere_is_hardly_a_trigger() -> None:
+    memory = board()
+    before, _ = logits_of(memory, (110, 50), (110, 90))
+    memory.succeeded((50, 50), UP, lit(BUTTON, LAMP, 0), lit(PRESSED, LAMP, 200))
+    lamp, box = logits_of(memory, (110, 50), (110, 90))[0]
+    assert before[0] == before[1] == box
+    assert lamp < 0.3 < box
+
+
+@pytest.mark.parametrize(("box", "level"), [((100, 40, 110, 50), 200), (LAMP, 10)])
+def test_few_pixels_and_small_differences_are_no_response(box: tuple[int, int, int, int], level: int) -> None:
+    memory = board()
+    memory.succeeded((50, 50), UP, lit(BUTTON, box, 0), lit(PRESSED, box, level))
+    assert not memory.responders
+
+
+def test_an_object_of_which_a_link_moved_is_a_trigger_whatever_it_looks_like() -> None:
+    memory = board()
+    memory.succeeded((50, 50), UP, lit(BUTTON, SWITCH[0], 0), lit(PRESSED, SWITCH[0], 200))
+    assert not memory.responders
+    memory.succeeded((110, 50), UP, lit(PRESSED, LAMP, 0), lit(PRESSED, LAMP, 200))
+    memory.succeeded((50, 50), UP, lit(PRESSED, LAMP, 200), lit(BUTTON, LAMP, 0))
+    assert not memory.responders

@@ -123,3 +123,17 @@ def test_a_closer_look_is_taken_again_only_where_something_changed(
     assert sizes == [0, 3, 0, 2], "the crop around (20, 30) is as it was"
     anew = model.directions(model.look(after, rays), pixels[::-1])
     assert np.allclose(position, anew[0], atol=1e-5) and np.allclose(probabilities, anew[1], atol=1e-5)
+
+
+@pytest.mark.parametrize("able", [False, True])
+def test_numbers_are_rounded_where_that_is_faster_and_mean_the_same(
+    able: bool, seen: tuple[Image, Rays], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without bfloat16 in the processor, imitating it would cost several times as much as not rounding."""
+    monkeypatch.setattr("busybot.interact.model.multiplies_bfloat16", lambda: able)
+    model, exact = Model.load("procedural"), Model.load("procedural")
+    exact.bfloat16 = False
+    assert model.bfloat16 is able
+    given, wanted = (1 / (1 + np.exp(-one.look(*seen).affordance)) for one in (model, exact))
+    assert np.array_equal(given, wanted) is not able
+    assert np.abs(given - wanted)[wanted > 1e-3].mean() < 0.02

@@ -1,6 +1,6 @@
 """How many pixels a trigger's own motion changes, without any responder (Table 1, row "w/o responder").
 
-    python benchmarks/own_motion.py [--assets DIR] [--boards 100] --out benchmarks/results/own-motion.json
+    python -m benchmarks.own_motion [--assets DIR] [--boards 100] --out benchmarks/results/own-motion.json
 
 The scripted policy moves the links of training and novel boards whose responders show nothing. For each reward
 threshold: the share of true changes that exceed it, and the triggers whose median change does.
@@ -8,39 +8,41 @@ threshold: the share of true changes that exceed it, and the triggers whose medi
 
 import argparse
 import json
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from benchmarks.commands import as_typed, busybot, write_result
+from busybot.workers import machine
+
 DELTAS = (100, 500, 1000)
 SPLITS = ("train", "novel-object")
 STEPS = 20
 
 
-def busybot(*arguments: str) -> str:
-    """Run a command; returns it as a user types it."""
-    subprocess.run([sys.executable, "-m", "busybot", *arguments], check=True, stdout=subprocess.DEVNULL)
-    return "busybot " + " ".join(arguments)
-
-
-def moved(out: Path, split: str, arguments: argparse.Namespace) -> tuple[pd.DataFrame, list[str]]:
-    """Every step that moved a link: the trigger and the changed pixels."""
-    make = ("generate", str(out), "--split", split, "--boards", str(arguments.boards), "--group-size", "1")
-    commands = [
-        busybot(*make, "--seed", str(arguments.seed), "--assets", arguments.assets),
-        busybot("collect", str(out), "--policy", "scripted", "--steps", str(STEPS), "--set", "responders=false"),
-    ]
+def moved(out: Path, split: str, arguments: argparse.Namespace) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Every step that moved a link: the trigger and the changed pixels; and how they were recorded."""
+    boards = ("--split", split, "--boards", str(arguments.boards), "--group-size", "1", "--seed", str(arguments.seed))
+    commands = (
+        ("generate", str(out), *boards, "--assets", arguments.assets),
+        ("collect", str(out), "--policy", "scripted", "--steps", str(STEPS), "--set", "responders=false"),
+    )
+    for command in commands:
+        busybot(*command)
+    info = busybot("dataset", "info", str(out))
+    places = {str(out): "DATA", arguments.assets: "ASSETS"}
+    origin = {
+        "commands": [as_typed(command, places) for command in commands],
+        **{key: info[key] for key in ("board_hash", "content_hash")},
+    }
     steps, objects = (pd.read_parquet(out / "tables" / name) for name in ("steps", "objects"))
     first = objects[objects["frame"] == 0]
     named = first.assign(trigger=first["category"].astype(str) + "/" + first["instance"].astype(str))
     keys = ["episode", "object"]
     done = steps[steps["success"]].merge(named[[*keys, "trigger"]], left_on=["episode", "acted_object"], right_on=keys)
-    lines = [line.replace(str(out), "DATA").replace(arguments.assets, "ASSETS") for line in commands]
-    return done[["trigger", "changed_pixels"]], lines
+    return done[["trigger", "changed_pixels"]], origin
 
 
 def summary(changes: pd.DataFrame) -> dict[str, Any]:
@@ -70,12 +72,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
-    result: dict[str, Any] = {"seed": arguments.seed, "commands": {}, "splits": {}}
+    assets = "procedural" if arguments.assets == "procedural" else Path(arguments.assets).name
+    result: dict[str, Any] = {"assets": assets, "seed": arguments.seed, "machine": machine(), "splits": {}}
     with tempfile.TemporaryDirectory() as temporary:
         for split in SPLITS:
-            changes, result["commands"][split] = moved(Path(temporary) / split, split, arguments)
-            result["splits"][split] = summary(changes)
-    arguments.out.write_text(json.dumps(result, indent=1) + "\n")
+            changes, origin = moved(Path(temporary) / split, split, arguments)
+            result["splits"][split] = summary(changes) | origin
+    write_result(arguments.out, result)
     print(json.dumps(result["splits"], indent=1))
 
 

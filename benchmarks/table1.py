@@ -99,7 +99,7 @@ def training(row: Row, out: Path, arguments: argparse.Namespace) -> tuple[str, .
 def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     """Train a row if it has a training, and judge it on both novel splits."""
     row, work = ROWS[name], arguments.work
-    commands, trained = [], None
+    commands, trained, places = [], None, {str(work): "WORK", arguments.assets: "ASSETS"}
     model = row.model if row.model == "random" else str(work / (row.model or name))
     if row.train is not None:
         command = training(row, Path(model), arguments)
@@ -108,7 +108,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         except RuntimeError as error:
             if NOTHING_LEARNED not in str(error):
                 raise
-            return {"commands": [], "training": None, "untrained": NOTHING_LEARNED}
+            return {"commands": [as_typed(command, places)], "training": None, "untrained": NOTHING_LEARNED}
         commands.append(command)
         trained = {**told["training"], "cost": told["cost"], "machine": machine()}
     judged = {}
@@ -118,7 +118,6 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         result = busybot(*command, "--out", out, "--assets", arguments.assets)
         judged[split] = {key: result[key] for key in (*KEYS, "dataset", "versions")}
         commands.append(command)
-    places = {str(work): "WORK", arguments.assets: "ASSETS"}
     return {"commands": [as_typed(command, places) for command in commands], "training": trained, **judged}
 
 

@@ -33,9 +33,9 @@ def costs(training: list[dict[str, Any]], machine: dict[str, Any]) -> str:
     known = [told["cost"] for told in training if told["cost"]]
     if not known:
         return ""
-    minutes = [cost["seconds"] / 60 for cost in known]
+    least, most = (f"{end(cost['seconds'] for cost in known) / 60:.0f}" for end in (min, max))
     return (
-        f"From nothing to a trained model: {min(minutes):.0f} to {max(minutes):.0f} minutes and at most "
+        f"From nothing to a trained model: {least if least == most else f'{least} to {most}'} minutes and at most "
         f"{max(cost['megabytes'] for cost in known) / 1000:.1f} GB of memory on {machine['cores']} cores "
         f"({len(known)} of {len(training)} trainings that nothing interrupted)."
     )

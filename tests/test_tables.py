@@ -50,7 +50,9 @@ def test_a_table_goes_into_its_place_alone() -> None:
 def test_only_uninterrupted_trainings_have_a_cost() -> None:
     assert costs([{"cost": None}], {"cores": 2}) == ""
     told = costs([{"cost": None}, {"cost": {"seconds": 600, "megabytes": 1500}}], {"cores": 2})
-    assert "10 to 10 minutes" in told and "1.5 GB" in told and "(1 of 2 trainings" in told
+    assert "model: 10 minutes" in told and "1.5 GB" in told and "(1 of 2 trainings" in told
+    told = costs([{"cost": {"seconds": seconds, "megabytes": 1500}} for seconds in (600, 1200)], {"cores": 2})
+    assert "model: 10 to 20 minutes" in told and "(2 of 2 trainings" in told
 
 
 def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

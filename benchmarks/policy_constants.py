@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.commands import busybot, told_rows, write_result
+from busybot.workers import machine
 
 SEED = 78
 HELD_OUT = {
@@ -35,6 +36,8 @@ VALUES: dict[str, tuple[float, ...]] = {
     "opening": (3, 9),
     "same_link": (0.1, 0.5),
     "peak_radius": (2, 6),
+    "effect": (75, 400),
+    "responder_penalty": (0.0, 1.0),
 }
 """Values beside the default."""
 BEFORE = ("explore=0.35", "insist=0.35", "caution=0", "temperature=1", "after_failure=null", "dense_weight=0.5")
@@ -81,7 +84,7 @@ def main() -> None:
     rows: dict[str, tuple[str, ...]] = {"defaults": (), "before": BEFORE}
     for name in arguments.constants.split(","):
         rows |= {f"{name}={value}": (f"{name}={value}",) for value in VALUES[name]}
-    result: dict[str, Any] = {"seed": SEED, "held_out": HELD_OUT, "train": " ".join(TRAIN)}
+    result: dict[str, Any] = {"seed": SEED, "machine": machine(), "held_out": HELD_OUT, "train": " ".join(TRAIN)}
     result["rows"] = told_rows(arguments.out)
     for row, settings in rows.items():
         words = [word for setting in settings for word in ("--set", f"learned.{setting}")]

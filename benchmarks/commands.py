@@ -93,8 +93,8 @@ def write_result(out: Path, result: dict[str, Any]) -> None:
 
 
 def as_typed(command: tuple[str, ...], places: dict[str, str]) -> str:
-    """A command as a reader types it, with names for places of this machine."""
+    """A command as a reader types it, with names for places of this machine; `procedural` is none, everybody has it."""
     line = "busybot " + " ".join(command)
     for place, name in places.items():
-        line = line.replace(place, name)
+        line = line if place == "procedural" else line.replace(place, name)
     return line

@@ -1,13 +1,14 @@
 """What the paper's training of the interaction policy costs on this machine (`busybot train interact --model paper`).
 
-    python benchmarks/paper_interact.py [--iterations 50] [--assets procedural] [--threads 1] [--out FILE]
+    python -m benchmarks.paper_interact [--iterations 50] [--assets procedural] [--threads 1] [--out FILE]
 
-Two epochs' data are collected at the paper's size (16 boards of 10 actions): one as in the first 10 epochs (random
-positions, all directions), one as in the last (the position network with its bonus, the direction network, epsilon 0.1)
-with untrained networks. Then each network is trained for so many iterations on them, with the paper's pictures, batches
-and optimizer, and every iteration is timed, its batch included. The whole schedule's time is an extrapolation from the
-medians; nothing is said about how good the trained policy would be. Wall seconds grow with whatever else the machine
-does (its load is noted); CPU seconds, of all threads and of the collecting processes, do so much less.
+An epoch's data of every phase are collected at the paper's size (16 boards of 10 actions): with random positions and
+all directions, with the position network's choice and all directions, and with both networks' choice and one direction;
+the networks are untrained. Then each is trained for so many iterations on these data, with the paper's pictures,
+batches and optimizer, and every iteration is timed, its batch included. The whole schedule's time is an extrapolation
+from the medians; nothing is said about how good the trained policy would be. What is collected is a lower bound:
+untrained networks mostly miss, and a miss need not be simulated. Wall seconds grow with whatever else the machine does
+(its load is noted); CPU seconds, of all threads and of the collecting processes, do so much less.
 """
 
 import argparse
@@ -65,6 +66,11 @@ def collect(training: PaperTraining, folder: Path, epochs: tuple[int, ...]) -> d
     return figures
 
 
+def phases(config: PaperConfig) -> tuple[int, int, int]:
+    """The epochs from which data are collected in another way."""
+    return 0, config.random_epochs, config.all_directions_epochs
+
+
 def cpu_seconds() -> float:
     """Of this process and of those that it started and that have ended."""
     times = os.times()
@@ -100,8 +106,8 @@ def extrapolate(config: PaperConfig, networks: dict[str, Any], collecting: dict[
     result: dict[str, Any] = {"epochs": config.epochs, "iterations": iterations}
     for name in ("seconds", "cpu_seconds"):
         training = sum(iterations[kind] * networks[kind][f"{name}_median"] for kind in KINDS)
-        first, last = (part[name] for part in collecting.values())
-        collected = config.random_epochs * first + (config.epochs - config.random_epochs) * last
+        lengths = np.diff([*phases(config), config.epochs])
+        collected = float(sum(length * part[name] for length, part in zip(lengths, collecting.values(), strict=True)))
         hours = {"training": training / 3600, "collecting": collected / 3600, "both": (training + collected) / 3600}
         result[name.replace("seconds", "hours")] = {key: round(value, 2) for key, value in hours.items()}
     return result
@@ -115,8 +121,8 @@ def benchmark(library: Library, iterations: int, threads: int) -> dict[str, Any]
     with tempfile.TemporaryDirectory() as folder:
         training = PaperTraining(Path(folder), config, Recorder(library, config, 0, threads, told))
         training.begin((config.render.height, config.render.width))
-        collecting = collect(training, Path(folder) / "rounds", (0, config.epochs - 1))
-        samples = training.buffer(1)
+        collecting = collect(training, Path(folder) / "rounds", phases(config))
+        samples = training.buffer(len(collecting) - 1)
         networks: dict[str, Any] = {kind: measure(training, kind, samples, iterations) for kind in KINDS}
     return {
         "networks": networks,
@@ -136,7 +142,7 @@ def main() -> None:
     arguments = parser.parse_args()
     library, on = find(arguments.assets), device()
     origin = {
-        "command": f"python benchmarks/paper_interact.py --iterations {arguments.iterations} "
+        "command": f"python -m benchmarks.paper_interact --iterations {arguments.iterations} "
         f"--assets {library.name} --threads {arguments.threads}",
         "machine": {
             **machine(),

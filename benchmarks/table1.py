@@ -110,15 +110,23 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
                 raise
             return {"commands": [as_typed(command, places)], "training": None, "untrained": NOTHING_LEARNED}
         commands.append(command)
-        trained = {**told["training"], "cost": told["cost"], "machine": machine()}
-    judged = {}
+        trained = {**told["training"], "cost": told["cost"]}
+    judged, policy = {}, {}
     for split in SPLITS:
         command = ("eval", "interact", str(boards(work, split, arguments)), "--model", model, *row.judge)
         out = str(work / f"judged-{name}-{split}")
         result = busybot(*command, "--out", out, "--assets", arguments.assets)
         judged[split] = {key: result[key] for key in (*KEYS, "dataset", "versions")}
+        policy = judged_policy(result["provenance"])
         commands.append(command)
-    return {"commands": [as_typed(command, places) for command in commands], "training": trained, **judged}
+    typed = [as_typed(command, places) for command in commands]
+    return {"commands": typed, "training": trained, "policy": policy, **judged}
+
+
+def judged_policy(provenance: dict[str, Any]) -> dict[str, Any]:
+    """What was judged: hashes of the model's files, and the policy's constants; its table lies in the model's card."""
+    constants = {key: value for key, value in provenance.get("policy", {}).items() if key != "after_failure"}
+    return {"model_sha256": provenance["model"].get("sha256"), "constants": constants}
 
 
 def main() -> None:

@@ -80,6 +80,8 @@ def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.
 
 def test_commands_are_told_without_this_machines_places(tmp_path: Path) -> None:
     assert as_typed(("eval", f"{tmp_path}/x"), {str(tmp_path): "DATA"}) == "busybot eval DATA/x"
+    made = ("train", "--assets", "procedural", "--config", "benchmarks/procedural.yaml")
+    assert as_typed(made, {"procedural": "ASSETS"}) == "busybot " + " ".join(made)
     write_result(tmp_path / "r.json", {"rows": {}})
     assert [path.name for path in tmp_path.iterdir()] == ["r.json"]
 

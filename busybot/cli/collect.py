@@ -85,6 +85,8 @@ def _chooser(policy: str, model: str | None, learned: dict[str, Any]) -> "tuple[
     if policy != "learned":
         if model is not None:
             raise BusybotError(f"--model {model} goes with --policy learned, not with {policy}")
+        if learned:
+            raise BusybotError(f"--set learned.{next(iter(learned))} goes with --policy learned, not with {policy}")
         return None, None
     from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser
 

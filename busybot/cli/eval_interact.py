@@ -37,6 +37,9 @@ def evaluate_model(
     library = library_of(dataset, assets)
     chooser: Chooser
     if model in BUILT_IN:
+        if mode or config.learned:
+            unused = f"--mode {mode}" if mode else f"--set learned.{next(iter(config.learned))}"
+            raise BusybotError(f"{unused} is about a trained model's policy, {model} has none", "leave it out")
         chooser, provenance = BuiltIn(model), {"model": {"name": model}}
     else:
         named = model or DEFAULT_MODEL

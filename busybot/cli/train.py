@@ -42,6 +42,8 @@ def interact(
     """Learn where and how to act, in rounds: collect with what is known, then train on all that is recorded."""
     if offline and not data and not (out / "rounds").is_dir():
         raise BusybotError(f"{out}: it has no folder `rounds` to train on", "collect first: leave --offline out")
+    if assets and (offline or data):
+        raise BusybotError(f"--assets {assets}: nothing is collected", "leave it out, or --offline and --data")
     options = {"variant": model, "interaction.strict": strict or None}
     objects = None if offline or data else assets or "procedural"
     training = _interaction(out, (config, set_ or [], options), objects, tuple(data or ()), seed, workers)
@@ -89,6 +91,8 @@ def _interaction(
         paper = build(PaperConfig, *parameters)
         recorder = Recorder(find(assets) if assets else None, paper, seed, processes, told)
         return PaperTraining(out, paper, recorder, data)
-    fast = build(TrainConfig, *parameters, STRICT if parameters[2]["interaction.strict"] else None)
+    fast = build(TrainConfig, *parameters)
+    if fast.interaction.strict:  # whether the option said so, a setting or the file
+        fast = build(TrainConfig, *parameters, STRICT)
     source = Source(find(assets) if assets else None, lambda known: ExploreChooser(known, fast.explore), data)
     return Training(out, fast, source, seed, processes, told)

@@ -1,11 +1,15 @@
-"""Direction pairs and probabilities: a proposed direction is executed with its opposite (paper section 3.1)."""
+"""Where something can be held, direction pairs and probabilities (paper section 3.1)."""
 
 import numpy as np
 
 from busybot.boards.directions import OPPOSITE
 
+ELEVATED = 0.002
+"""A pixel belongs to an object when it lies more than this above the board, board units."""
+NOT_ELEVATED = -20.0
+"""Logit of pixels that belong to the board: nothing to take hold of."""
 PAIRS: np.ndarray = np.flatnonzero(np.arange(len(OPPOSITE)) < OPPOSITE)
-"""First direction of each of the 9 pairs, shape (9,)."""
+"""First direction of each of the 9 pairs, shape (9,); a proposed direction is executed with its opposite."""
 PAIR_OF: np.ndarray = np.searchsorted(PAIRS, np.minimum(np.arange(len(OPPOSITE)), OPPOSITE))
 """Pair of each direction, shape (18,)."""
 

@@ -16,13 +16,10 @@ from busybot.boards.directions import OPPOSITE
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.interact.beliefs import PAIRS, pair_scores, sigmoid, tempered
+from busybot.interact.beliefs import NOT_ELEVATED, PAIRS, pair_scores, sigmoid, tempered
 from busybot.interact.clusters import cluster_tops
 from busybot.interact.memory import Memory
 from busybot.interact.policy_config import PolicyConfig
-
-NOWHERE = -20.0
-"""Logit of pixels at which nothing can be held."""
 
 
 class View(Protocol):
@@ -137,7 +134,7 @@ def find_candidates(
     columns, rows = pixels.T
     at_crop, directions = model.directions(view, pixels)
     new = links[rows, columns] == 0
-    directions = tempered(np.asarray(directions, float), np.where(new, config.temperature, 1)[:, None])
+    directions = _doubting(directions, new, config)
     logits = config.dense_weight * smooth[rows, columns] + (1 - config.dense_weight) * at_crop
     logits = logits + prior_shift(config) - config.caution * new
     beliefs, pairs = sigmoid(logits), pair_scores(directions)
@@ -148,9 +145,25 @@ def find_candidates(
     return Candidates(pixels, positions, beliefs, directions, pairs, regions)
 
 
+def pairs_at(
+    model: ActionModel[V], view: V, pixel: tuple[int, int], memory: Memory, config: PolicyConfig
+) -> np.ndarray:
+    """What is believed of the direction pairs at one pixel, as of those of a candidate there, (9,)."""
+    pixels = np.array([pixel])
+    logits, directions = model.directions(view, pixels)
+    new = memory.links[pixels[:, 1], pixels[:, 0]] == 0
+    _, pairs = memory.doubted(pixels, logits, pair_scores(_doubting(directions, new, config)))
+    return pairs[0]
+
+
+def _doubting(directions: np.ndarray, new: np.ndarray, config: PolicyConfig) -> np.ndarray:
+    """The model's probabilities (K, 18), less sure where nothing has moved yet, bool (K,)."""
+    return tempered(np.asarray(directions, float), np.where(new, config.temperature, 1)[:, None])
+
+
 def smoothed(affordance: np.ndarray, width: int) -> np.ndarray:
     """Affordance logits (H, W) averaged over a few pixels; holds at a link's border become less attractive."""
-    floored = np.maximum(affordance, NOWHERE).astype(np.float32)
+    floored = np.maximum(affordance, NOT_ELEVATED).astype(np.float32)
     return cv2.GaussianBlur(floored, (width | 1, width | 1), 0)
 
 
@@ -164,7 +177,7 @@ def prior_shift(config: PolicyConfig) -> float:
 
 def held(affordance: np.ndarray) -> np.ndarray:
     """bool (H, W): pixels at which the model sees something that could be held at all."""
-    return affordance > NOWHERE / 2
+    return affordance > NOT_ELEVATED / 2
 
 
 def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, config: PolicyConfig) -> np.ndarray:
@@ -174,10 +187,10 @@ def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, co
         return cluster_tops(smooth, likely, config.clusters)
     found = _peaks(smooth, held(affordance) & (smooth > config.peak_logit), config)
     if (links > 0).any():
-        rest = np.where(links > 0, np.float32(NOWHERE), affordance)
+        rest = np.where(links > 0, np.float32(NOT_ELEVATED), affordance)
         square = np.ones((config.opening, config.opening), np.uint8)
         left = cv2.morphologyEx((rest > config.region_logit).astype(np.uint8), cv2.MORPH_OPEN, square)
-        rest = np.where(links > 0, np.float32(NOWHERE), smoothed(rest, config.blur))
+        rest = np.where(links > 0, np.float32(NOT_ELEVATED), smoothed(rest, config.blur))
         found = np.unique(np.concatenate([found, _peaks(rest, left > 0, config)]), axis=0)
     return found
 

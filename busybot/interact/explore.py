@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from busybot.boards.directions import OPPOSITE
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays, normals
-from busybot.interact.beliefs import PAIRS, pair_scores, sigmoid
+from busybot.interact.beliefs import ELEVATED, PAIRS, pair_scores, sigmoid
 from busybot.interact.candidates import ActionModel, V, held
 from busybot.interact.regions import moved_window
 from busybot.sim.policies import Action
@@ -37,7 +37,7 @@ class ExploreConfig(BaseModel):
         best: share of later actions at the best place that was not moved yet.
         unsure: share of later actions where the network is unsure; the rest is drawn by affordance.
         noise: lowest factor on affordance when the best place is sought, so that it varies.
-        prior: share of working places that the network's logits are corrected to.
+        prior: its logarithm is added to the network's logits; few of the places that one might try work.
         moved, moved_unsure: what remains of the attraction of a place that moved, for being best and for being unsure.
         failed: what remains near a failure.
         near: so far, pixels.
@@ -49,7 +49,7 @@ class ExploreConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    elevation: Annotated[float, Field(ge=0)] = 0.002
+    elevation: Annotated[float, Field(ge=0)] = ELEVATED
     smallest: Annotated[int, Field(ge=1)] = 30
     stratified: Share = 0.5
     height_classes: Annotated[int, Field(ge=1, le=100)] = 6

@@ -23,8 +23,6 @@ Inputs = Literal["depth", "rgb"]
 
 CHANNELS: dict[Inputs, int] = {"depth": 4, "rgb": 3}
 
-ELEVATED = 0.002
-"""A pixel belongs to an object when it lies more than this above the board, board units."""
 LOWEST, HIGHEST = -0.3, 1.2
 """Heights are clipped to this range, board units; where nothing was hit the height is `LOWEST`."""
 HEIGHT_GAIN = 4.0

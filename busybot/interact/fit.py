@@ -45,7 +45,6 @@ class FitJob:
         window: only the last so many samples are used.
         start, until: iterations of this round; earlier rounds ended at `start`.
         checkpoint, metrics: files that this training writes.
-        member: number in an ensemble; each has weights and draws of its own.
     """
 
     name: str
@@ -60,12 +59,6 @@ class FitJob:
     until: int
     checkpoint: Path
     metrics: Path
-    member: int = 0
-
-    @property
-    def purpose(self) -> str:
-        """Of this training's draws."""
-        return f"{self.kind}-{self.member}" if self.member else self.kind
 
 
 @dataclass
@@ -84,7 +77,7 @@ def begin(job: FitJob) -> State:
     optimizer = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
     state = State(network, optimizer, Priorities(config.replay))
     if not job.checkpoint.exists():
-        draws = generator(job.seed, "train", 0, f"initial weights/{job.purpose}")
+        draws = generator(job.seed, "train", 0, f"initial weights/{job.kind}")
         initialise(network.cpu(), torch.Generator().manual_seed(int(draws.integers(2**63))))
         network.to(device())
         return state
@@ -112,7 +105,7 @@ def fit(job: FitJob) -> dict[str, float | None]:
     reward = samples.reward
     weights = np.where(samples.dataset > 0, job.config.replay.later_rounds, 1.0)
     while state.iteration < job.until:
-        rng = generator(job.seed, "train", state.iteration, job.purpose)
+        rng = generator(job.seed, "train", state.iteration, job.kind)
         chosen = state.priorities.draw(reward, weights, samples.first, job.config.batch, rng)
         batch = draw_batch(samples, chosen, job.config, rng)
         rate = learning_rate(job.config, state.iteration - job.start, job.until - job.start)
@@ -136,7 +129,7 @@ def make_fit(jobs: list[FitJob]) -> Callable[[int], dict[str, float | None]]:
 
 
 def validate(job: FitJob, network: nn.Module) -> dict[str, float | None]:
-    """How well the network ranks what was tried on boards that it is never trained on (`ranking.figures`)."""
+    """How well the network ranks what was tried on boards that it is never trained on (`interact.ranking`)."""
     if job.validation is None:
         return {}
     samples = open_samples((job.validation,), job.inputs, sys.maxsize)

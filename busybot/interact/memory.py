@@ -8,7 +8,6 @@ from a lever by what switches it on.
 Only what the agent may read enters: the pictures before and after its own actions, the directions executed, the reward.
 """
 
-from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +15,7 @@ import cv2
 import numpy as np
 
 from busybot.episodes.episode import Image
-from busybot.interact.beliefs import PAIR_OF, logit, sigmoid
+from busybot.interact.beliefs import ELEVATED, PAIR_OF, logit, sigmoid
 from busybot.interact.policy_config import PolicyConfig
 from busybot.interact.regions import enlarged, moved_region
 
@@ -45,23 +44,21 @@ class Memory:
     Attributes:
         links: int32 (H, W), number of the known link that was seen moving at the pixel, 0 for none.
         pairs: link to the direction pair that moved it last.
-        visits: link to how often it was moved.
         failures: those that no later success has explained.
         responders: components that looked otherwise after another one was acted on, and of which no link has moved.
     """
 
-    def __init__(self, height: np.ndarray, config: PolicyConfig, elevation: float = 0.002):
+    def __init__(self, height: np.ndarray, config: PolicyConfig):
         """Start on a new board.
 
         Args:
-            height: float32 (H, W), board units above the board, at the first look.
-            elevation: what lies higher is an object; connected pixels are one component.
+            height: float32 (H, W), board units above the board, at the first look. Connected pixels of objects are one
+                component.
         """
         self._config = config
-        _, self._components = cv2.connectedComponents((height > elevation).astype(np.uint8))
+        _, self._components = cv2.connectedComponents((height > ELEVATED).astype(np.uint8))
         self.links = np.zeros(height.shape, np.int32)
         self.pairs: dict[int, int] = {}
-        self.visits: Counter[int] = Counter()
         self.failures: list[Failure] = []
         self.responders: set[int] = set()
 
@@ -80,7 +77,6 @@ class Memory:
         self.links[enlarged(moved) & (self.links == 0)] = link
         self.links[moved] = link
         self.pairs[link] = int(PAIR_OF[direction])
-        self.visits[link] += 1
         self.failures = [one for one in self.failures if not moved[one.pixel[1], one.pixel[0]]]
         self.responders |= self._changed(before.rgb, after.rgb)
         self.responders -= set(np.unique(self._components[self.links > 0]).tolist())

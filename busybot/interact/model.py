@@ -16,8 +16,9 @@ from torch.nn import functional
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.interact.features import ELEVATED, Inputs, Pinhole, colour_features, heights_of, picture_features
-from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network, members_of
+from busybot.interact.beliefs import ELEVATED, NOT_ELEVATED
+from busybot.interact.features import Inputs, Pinhole, colour_features, heights_of, picture_features
+from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network
 from busybot.interact.policy_config import PairTable
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.device import device, multiplies_bfloat16
@@ -25,8 +26,6 @@ from busybot.training.model_folder import find_folder, read_info, write_info
 
 SHIPPED = Path(__file__).with_name("models")
 
-NOT_ELEVATED = -20.0
-"""Logit of pixels that belong to the board: nothing to take hold of."""
 MARGIN = 32
 """The position network is run on what lies within so many pixels of something elevated: a third is saved."""
 
@@ -128,7 +127,7 @@ class Model:
     @staticmethod
     def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
         """An untrained network that these weights fit, if they are of this variant."""
-        return make_network(kind, inputs, members_of(tensors))
+        return make_network(kind, inputs)
 
     def save(self, folder: Path) -> None:
         """Write the folder, `model.json` last."""

@@ -5,7 +5,6 @@ position network sees the whole picture at full resolution, but works at half of
 around the position instead of the picture with a Gaussian at the position, because what moves how is a local question.
 """
 
-from collections.abc import Iterable
 from typing import Literal
 
 import torch
@@ -121,39 +120,7 @@ class DirectionNet(nn.Module):
         return logits[:, :DIRECTION_COUNT], logits[:, DIRECTION_COUNT]
 
 
-class Ensemble(nn.Module):
-    """Networks of one kind that were trained from different weights: the mean of their probabilities, as logits.
-
-    On an object unlike the training ones each is sure of something else; the mean is in doubt.
-    """
-
-    def __init__(self, members: Iterable[nn.Module]):
-        super().__init__()
-        self.members = nn.ModuleList(members)
-
-    def forward(self, features: Tensor) -> Tensor | tuple[Tensor, ...]:
-        outputs = [member(features) for member in self.members]
-        if isinstance(outputs[0], tuple):
-            return tuple(_mean_opinion(torch.stack(parts)) for parts in zip(*outputs, strict=True))
-        return _mean_opinion(torch.stack(outputs))
-
-
-def _mean_opinion(logits: Tensor) -> Tensor:
-    """Logit of the mean probability over the first axis, without ever forming a probability of 1."""
-    logits = logits.float()
-    yes, no = functional.logsigmoid(logits), functional.logsigmoid(-logits)
-    return torch.logsumexp(yes, 0) - torch.logsumexp(no, 0)
-
-
-def make_network(kind: Kind, inputs: Inputs, members: int = 1) -> nn.Module:
-    """An untrained network, or an ensemble, in the memory layout in which convolutions are fastest."""
-    if members > 1:
-        return Ensemble(make_network(kind, inputs) for _ in range(members))
+def make_network(kind: Kind, inputs: Inputs) -> nn.Module:
+    """An untrained network, in the memory layout in which convolutions are fastest."""
     network: nn.Module = (PositionNet if kind == "position" else DirectionNet)(CHANNELS[inputs])
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
-
-
-def members_of(names: Iterable[str]) -> int:
-    """How many networks the weights of these names belong to."""
-    numbers = {name.split(".")[1] for name in names if name.startswith("members.")}
-    return max(1, len(numbers))

@@ -9,8 +9,9 @@ from torch import Tensor, nn
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.interact.features import ELEVATED, LOWEST, Inputs, colour_features
-from busybot.interact.model import NOT_ELEVATED, Model, ModelInfo, View
+from busybot.interact.beliefs import ELEVATED, NOT_ELEVATED
+from busybot.interact.features import LOWEST, Inputs, colour_features
+from busybot.interact.model import Model, ModelInfo, View
 from busybot.interact.networks import Kind
 from busybot.interact.paper_inputs import depth_and_normals, with_positions
 from busybot.interact.paper_networks import SIZE, PaperDirectionNet, make_paper_network

@@ -13,9 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
-from busybot.interact.beliefs import sigmoid
+from busybot.interact.beliefs import ELEVATED, sigmoid
 from busybot.interact.candidates import ActionModel, V
-from busybot.interact.features import ELEVATED
 from busybot.interact.ucb import ucb_bonus
 from busybot.sim.policies import Action, Forgetful
 

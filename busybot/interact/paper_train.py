@@ -33,10 +33,11 @@ from busybot.interact.paper_networks import Size
 from busybot.interact.paper_policy import PaperRules
 from busybot.interact.plots import plot_paper_training
 from busybot.interact.rounds import Recorder, finished
-from busybot.interact.run_folder import BEFORE
+from busybot.interact.run_folder import BEFORE, given
 from busybot.interact.samples import Samples, cache_samples, open_samples
 from busybot.training.device import repeat_exactly
 from busybot.training.run_folder import begin_folder, learner_versions
+from busybot.workers import machine
 
 PLOT_EVERY = 10
 """Epochs between pictures of the training's course."""
@@ -69,8 +70,8 @@ class PaperTraining:
             BusybotError: the folder holds another training, or recorded epochs are missing or unfinished.
         """
         for path in self.given:
-            finished(Dataset.open(path))  # before anything is written
-        begin_folder(self.out, self.config, self.recorder.seed, BEFORE)
+            finished(Dataset.open(path), self.config)  # before anything is written
+        begin_folder(self.out, self.config, self.recorder.seed, BEFORE, **given(self.given))
         torch.set_num_threads(self.config.threads)
         repeat_exactly()
         for epoch in range(self.config.epochs):
@@ -80,7 +81,7 @@ class PaperTraining:
             self._train(epoch)
             if (epoch + 1) % PLOT_EVERY == 0 or epoch + 1 == self.config.epochs:
                 self._report()
-        model = self._model({"rounds": self._origin(), "versions": learner_versions()})
+        model = self._model({"rounds": self._origin(), "versions": learner_versions(), "machine": machine()})
         model.save(self.out / "model")
         return model
 
@@ -91,7 +92,7 @@ class PaperTraining:
     def _recorded(self, epoch: int) -> Dataset:
         """The data of an epoch; what is missing is collected with the networks of the epoch before."""
         if self.given:
-            return finished(Dataset.open(self.given[epoch]))
+            return finished(Dataset.open(self.given[epoch]), self.config)
         path = self.out / "rounds" / f"{epoch:03d}"
         config = self.config
         return self.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", lambda: self.chooser(epoch))

@@ -18,7 +18,7 @@ from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.interact.beliefs import PAIR_OF, PAIRS, pair_scores, sigmoid
+from busybot.interact.beliefs import ELEVATED, PAIR_OF, PAIRS, pair_scores, sigmoid
 from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates, held, prior_shift, smoothed
 from busybot.interact.memory import Failure, Memory
 from busybot.interact.policy_config import PolicyConfig
@@ -175,7 +175,7 @@ def _better(directions: np.ndarray, pair: int) -> int:
 
 def _guess(height: np.ndarray, rng: np.random.Generator) -> Choice:
     """Any elevated pixel, any direction."""
-    elevated = np.flatnonzero(height > 0.002)
+    elevated = np.flatnonzero(height > ELEVATED)
     chosen = int(rng.choice(elevated)) if len(elevated) else int(rng.integers(height.size))
     row, column = divmod(chosen, height.shape[1])
     return Choice((column, row), int(rng.integers(len(DIRECTIONS))), "guess", 0.1, 0.1)

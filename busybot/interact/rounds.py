@@ -1,5 +1,6 @@
 """Recording the data that a training learns from: one dataset per round, which can be browsed like any other."""
 
+import json
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -7,8 +8,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from busybot.boards.config import BoardConfig
+from busybot.config import flat
 from busybot.episodes.create import create_dataset
-from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import collect_command
 from busybot.errors import BusybotError
 from busybot.interact.train_config import RecordConfig
@@ -57,10 +59,11 @@ class Recorder:
             explorer: called only if something is to be recorded.
 
         Raises:
-            BusybotError: something is missing, and there are no objects to record it with.
+            BusybotError: something is missing, and there are no objects to record it with; or what is there was
+                recorded otherwise.
         """
         library, config = self.library, self.config
-        if library is not None and not (path / INFO_FILE).exists():
+        if library is not None:  # of a dataset that is there this asks whether it is the one
             seed = int(generator(self.seed, "train", 0, f"boards/{purpose}").integers(2**31))
             drawn = BoardConfig(
                 split="train", boards=boards, seed=seed, group_size=config.group_size, uniform=config.uniform
@@ -68,7 +71,7 @@ class Recorder:
             create_dataset(path, drawn, library)
         dataset = Dataset.open(path)
         if library is None or len(dataset.finished()) == dataset.info.boards:
-            return finished(dataset, offline=library is None)
+            return finished(dataset, config, offline=library is None)
         chooser = explorer()
         settings = CollectConfig(
             policy=chooser.name,
@@ -83,11 +86,26 @@ class Recorder:
         return Dataset.open(path)
 
 
-def finished(dataset: Dataset, offline: bool = False) -> Dataset:
-    """The dataset, or an error that says how many of its episodes are missing."""
+def finished(dataset: Dataset, config: RecordConfig, offline: bool = False) -> Dataset:
+    """The dataset, if all its episodes are recorded, and as the training says.
+
+    Raises:
+        BusybotError: how many episodes are missing, or which setting differs: it decides what is rewarded, and the
+            trained model's card would tell another one.
+    """
     recorded = len(dataset.finished())
     if recorded < dataset.info.boards or not recorded:
         what = f"{dataset.path}: {recorded} of {dataset.info.boards} episodes are recorded"
         mend = collect_command(dataset.path, dataset.info)
         raise BusybotError(what, "record the others: the same command without --offline" if offline else mend)
+    wanted = {"responders": config.responders, "interaction": config.interaction.model_dump(mode="json")}
+    collect, asked = dataset.info.collect, flat(wanted)
+    assert collect is not None  # else nothing were recorded
+    known = {"interaction.strict": collect.strict, "interaction.delta": collect.delta, **flat(collect.settings)}
+    for name in sorted(asked.keys() & known.keys()):
+        if known[name] != asked[name]:
+            what = f"{dataset.path}: recorded with {name} {json.dumps(known[name])}, not {json.dumps(asked[name])}"
+            vetoed = name == "interaction.strict" and asked[name]
+            mend = "train without --strict" if vetoed else f"train with --set {name}={json.dumps(known[name])}"
+            raise BusybotError(what, mend)
     return dataset

@@ -10,11 +10,12 @@ from torch import nn
 from busybot.episodes.dataset import Dataset
 from busybot.errors import BusybotError
 from busybot.interact.fit import FitJob
-from busybot.interact.networks import Ensemble, make_network
+from busybot.interact.networks import make_network
 from busybot.interact.samples import open_samples
 from busybot.interact.train_config import Round, TrainConfig
 from busybot.training.checkpoint import load_tensors, load_weights, network_tensors
 from busybot.training.run_folder import learner_versions
+from busybot.workers import machine
 
 BEFORE = ("rounds", "validation")
 """What may lie in a folder in which a training begins: recorded rounds, to train on with `--offline`."""
@@ -32,13 +33,16 @@ def schedule_for(config: TrainConfig, datasets: int) -> tuple[Round, ...]:
     return (*config.rounds[: datasets - 1], config.rounds[-1])
 
 
-def network_of(jobs: Sequence[FitJob]) -> nn.Module:
-    """The network with the weights of the job's checkpoint; of several jobs, their ensemble."""
-    members = []
-    for job in jobs:
-        members.append(make_network(job.kind, job.inputs))
-        load_weights(members[-1], network_tensors(load_tensors(job.checkpoint).tensors), job.checkpoint)
-    return members[0] if len(members) == 1 else Ensemble(members)
+def given(datasets: Sequence[Path]) -> dict[str, Any]:
+    """For `train.json`, hashes of the contents of datasets that a training is given; of its own rounds, nothing."""
+    return {"data": [Dataset.open(path).hashes().content for path in datasets]} if datasets else {}
+
+
+def network_of(job: FitJob) -> nn.Module:
+    """The network with the weights of the job's checkpoint."""
+    network = make_network(job.kind, job.inputs)
+    load_weights(network, network_tensors(load_tensors(job.checkpoint).tensors), job.checkpoint)
+    return network
 
 
 def describe(
@@ -71,4 +75,5 @@ def describe(
         "rounds": rounds,
         "validation": {kind: dict(values) for kind, values in figures.items()},
         "versions": learner_versions(),
+        "machine": machine(),
     }

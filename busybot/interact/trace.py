@@ -12,8 +12,8 @@ import numpy as np
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.interact.beliefs import PAIR_OF, pair_scores, sigmoid
-from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates, prior_shift
+from busybot.interact.beliefs import PAIR_OF, sigmoid
+from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates, pairs_at, prior_shift
 from busybot.interact.memory import Failure, Memory
 from busybot.interact.policy_config import PolicyConfig
 
@@ -56,23 +56,19 @@ def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None
         affordance = sigmoid(view.affordance + prior_shift(config))
         known = bool(memory.links[step.pixel[1], step.pixel[0]])
         yield Thought(index, affordance, found, memory.links.copy(), known)
-        remember(memory, step, before, after, partial(_directions_at, model, view, step.pixel))
+        remember(memory, step, before, after, partial(pairs_at, model, view, step.pixel, memory, config))
 
 
-def remember(memory: Memory, step: Step, before: Image, after: Image, directions: Callable[[], np.ndarray]) -> None:
+def remember(memory: Memory, step: Step, before: Image, after: Image, pairs: Callable[[], np.ndarray]) -> None:
     """Tell a memory what came of a recorded action.
 
     Args:
         before, after: with depth.
-        directions: the model's probabilities (1, 18) at the action's pixel; asked for when the action failed.
+        pairs: `candidates.pairs_at` the action's pixel, (9,); asked for when the action failed.
     """
     if step.reward:
         memory.succeeded(step.pixel, step.executed[-1], before, after)
         return
-    believed = pair_scores(np.asarray(directions(), float))[0]
+    believed = pairs()
     tried = {int(PAIR_OF[one]) for one in step.executed} or {int(PAIR_OF[step.direction])}
     memory.failed(Failure(step.pixel, {pair: float(believed[pair]) for pair in sorted(tried)}))
-
-
-def _directions_at(model: ActionModel[V], view: V, pixel: tuple[int, int]) -> np.ndarray:
-    return model.directions(view, np.array([pixel]))[1]

@@ -10,8 +10,8 @@ model/                        the last one, with provenance and figures
 metrics/{position,direction}.jsonl, training.png
 checkpoints/, cache/          to go on from where a killed training stopped; derived samples
 
-The weights depend on the recorded steps and the seed alone: training again from a copy of the datasets ends in the same
-ones (`--offline`), and so does a training that was killed and continued.
+The weights depend on the recorded steps, the seed and whether the processor multiplies bfloat16: training again from a
+copy of the datasets ends in the same ones (`--offline`), and so does a training that was killed and continued.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from busybot.interact.networks import KINDS, Kind
 from busybot.interact.plots import plot_training
 from busybot.interact.redirection import after_failure
 from busybot.interact.rounds import Explorer, Recorder, Told, finished
-from busybot.interact.run_folder import BEFORE, describe, network_of, schedule_for
+from busybot.interact.run_folder import BEFORE, describe, given, network_of, schedule_for
 from busybot.interact.samples import cache_samples, open_samples
 from busybot.interact.train_config import TrainConfig
 from busybot.objects.library import Library
@@ -69,8 +69,8 @@ class Training:
             BusybotError: the folder holds another training, or recorded rounds are missing or unfinished.
         """
         for path in self.source.datasets:
-            finished(Dataset.open(path))  # before anything is written
-        begin_folder(self.out, self.config, self.seed, BEFORE)
+            finished(Dataset.open(path), self.config)  # before anything is written
+        begin_folder(self.out, self.config, self.seed, BEFORE, **given(self.source.datasets))
         validation = self._validation()
         datasets: list[Dataset] = []
         for number in range(len(self.schedule)):
@@ -88,7 +88,7 @@ class Training:
     def _recorded(self, number: int) -> Dataset:
         """The dataset of a round, with an episode for each of its boards."""
         if self.source.datasets:
-            return finished(Dataset.open(self.source.datasets[number]))
+            return finished(Dataset.open(self.source.datasets[number]), self.config)
         model = str(self._model_folder(number - 1)) if number else None
         path, plan = self.out / "rounds" / f"{number:02d}", self.schedule[number]
         return self._collect(path, plan.boards, plan.steps, model, f"round {number}")
@@ -109,10 +109,9 @@ class Training:
         inputs, cache = self.config.inputs, self.out / "cache"
         caches = tuple(cache_samples(dataset, cache, inputs) for dataset in datasets)
         held_out = cache_samples(validation, cache, inputs) if validation else None
-        members = range(self.config.members if number == len(self.schedule) - 1 else 1)
-        jobs = [self._job(kind, number, caches, held_out, member) for member in members for kind in KINDS]
+        jobs = [self._job(kind, number, caches, held_out) for kind in KINDS]
         results = dict(run_tasks(range(len(jobs)), make_fit, (jobs,), self.workers, task_seconds=FIT_SECONDS))
-        figures: dict[str, Any] = {job.purpose: results[place] for place, job in enumerate(jobs)}
+        figures: dict[str, Any] = {job.kind: results[place] for place, job in enumerate(jobs)}
         samples = open_samples(caches, inputs, self.config.window)
         info = ModelInfo(
             variant=self.config.variant,
@@ -120,19 +119,14 @@ class Training:
             after_failure=after_failure(samples.executed, samples.worked),
             training=describe(self.config, self.seed, datasets, caches, figures),
         )
-        networks = {kind: network_of([job for job in jobs if job.kind == kind]) for kind in KINDS}
-        Model(info, networks).save(self._model_folder(number))
+        Model(info, {job.kind: network_of(job) for job in jobs}).save(self._model_folder(number))
 
-    def _job(
-        self, kind: Kind, number: int, caches: tuple[Path, ...], validation: Path | None, member: int = 0
-    ) -> FitJob:
-        """The first member goes on from the round before; the others begin in the last one, with all that is there."""
+    def _job(self, kind: Kind, number: int, caches: tuple[Path, ...], validation: Path | None) -> FitJob:
         ends = [0]
         for plan in self.schedule:
             ends.append(ends[-1] + getattr(plan, kind))
-        file = f"{kind}-{member}" if member else kind
         return FitJob(
-            name=f"round {number}: {kind} network" + (f", member {member}" if member else ""),
+            name=f"round {number}: {kind} network",
             kind=kind,
             inputs=self.config.inputs,
             config=getattr(self.config, kind),
@@ -140,9 +134,8 @@ class Training:
             caches=caches,
             validation=validation,
             window=self.config.window,
-            start=0 if member else ends[number],
+            start=ends[number],
             until=ends[number + 1],
-            checkpoint=self.out / "checkpoints" / f"{file}.safetensors",
-            metrics=self.out / "metrics" / f"{file}.jsonl",
-            member=member,
+            checkpoint=self.out / "checkpoints" / f"{kind}.safetensors",
+            metrics=self.out / "metrics" / f"{kind}.jsonl",
         )

@@ -80,8 +80,6 @@ class TrainConfig(RecordConfig):
         window: steps that the replay buffer holds; older ones are forgotten.
         validation: boards of the training split that are collected as in round 0 and never trained on; 0 for none.
         validation_steps: proposed actions on each.
-        members: networks of each kind in the last model, whose mean opinion counts (`networks.Ensemble`); the rounds
-            before it do with one.
         explore: who collects.
         position, direction: how the networks are trained.
     """
@@ -91,7 +89,6 @@ class TrainConfig(RecordConfig):
     window: Annotated[int, Field(ge=1)] = 1_000_000
     validation: Annotated[int, Field(ge=0, le=100_000)] = 40
     validation_steps: Annotated[int, Field(ge=1, le=1000)] = 24
-    members: Annotated[int, Field(ge=1, le=20)] = 1
     explore: ExploreConfig = ExploreConfig()
     position: FitConfig = FitConfig()
     direction: DirectionFitConfig = DirectionFitConfig()

@@ -14,7 +14,7 @@ from busybot.episodes.episode import Episode, Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.interact.beliefs import PAIR_OF, pair_scores
-from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates
+from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates, pairs_at
 from busybot.interact.memory import Failure, Memory
 from busybot.interact.policy_config import PolicyConfig
 from busybot.interact.trace import remember
@@ -148,9 +148,11 @@ def memory_of(history: Episode, model: ActionModel[V], rays: Rays, config: Polic
         raise BusybotError(what, "collect the history with depth")
     memory = Memory(rays.heights(np.asarray(pictures[0].depth)), config)
     for step, before, after in zip(history.steps, pictures, pictures[1:], strict=False):
-        remember(memory, step, before, after, partial(_asked, model, before, rays, step.pixel))
+        remember(memory, step, before, after, partial(_asked, model, before, rays, step.pixel, memory, config))
     return memory
 
 
-def _asked(model: ActionModel[V], image: Image, rays: Rays, pixel: tuple[int, int]) -> np.ndarray:
-    return model.directions(model.look(image, rays), np.array([pixel]))[1]
+def _asked(
+    model: ActionModel[V], image: Image, rays: Rays, pixel: tuple[int, int], memory: Memory, config: PolicyConfig
+) -> np.ndarray:
+    return pairs_at(model, model.look(image, rays), pixel, memory, config)

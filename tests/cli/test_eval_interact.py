@@ -74,6 +74,8 @@ def test_mistakes_are_told(dataset: Path, model: Path) -> None:
         (("--model", model, "--mode", "clever"), "no mode 'clever'"),
         (("--model", model, "--figures", "1"), "give --out and --record"),
         (("--model", model, "--set", "learned.explor=1"), "parameter explor of the learned policy"),
+        (("--model", "random", "--mode", "ucb"), "--mode ucb is about a trained model's policy, random has none"),
+        (("--model", "scripted", "--set", "learned.explore=1"), "--set learned.explore is about a trained"),
     ):
         result = run("eval", "interact", dataset, *arguments, "--workers", "1")
         assert result.exit_code == 1 and words in result.output
@@ -90,5 +92,6 @@ def test_a_model_collects_and_another_is_refused(dataset: Path, model: Path, tmp
     Model(ModelInfo(), {kind: make_network(kind, "depth") for kind in KINDS}).save(other)
     result = run(*command, "--model", other)
     assert result.exit_code == 1 and "begun with other settings" in result.output
-    result = run("collect", dataset, "--policy", "random", "--model", model)
-    assert result.exit_code == 1 and "goes with --policy learned" in result.output
+    for unused in (("--model", model), ("--set", "learned.explore=1")):
+        result = run("collect", dataset, "--policy", "random", *unused)
+        assert result.exit_code == 1 and "goes with --policy learned" in result.output

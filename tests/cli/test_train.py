@@ -1,6 +1,7 @@
 """`busybot train interact`, as a user runs it, on rounds that were recorded before."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -52,13 +53,37 @@ def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: 
 def test_under_the_veto_crops_are_not_turned_for_directions_unless_one_says_so(
     tmp_path: Path, rounds: list[Path]
 ) -> None:
-    turned = []
-    for number, more in enumerate(((), ("--strict",), ("--strict", "--set", "direction.augmentation.transposed=0.5"))):
+    turned, vetoed = [], make_rounds(tmp_path / "vetoed", strict=True)
+    set_, otherwise = ("--set", "interaction.strict=true"), ("--set", "direction.augmentation.transposed=0.5")
+    for number, more in enumerate(((), ("--strict",), set_, ("--strict", *otherwise))):
         out = tmp_path / str(number)
-        result = run(*arguments(out, rounds, *more))
+        result = run(*arguments(out, vetoed if more else rounds, *more))
         assert result.exit_code == 0, result.stderr
         turned.append(json.loads((out / "train.json").read_text())["config"]["direction"]["augmentation"]["transposed"])
-    assert turned == [0.35, 0.0, 0.5]
+    assert turned == [0.35, 0.0, 0.0, 0.5]
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (("--strict",), r"interaction\.strict false, not true(.|\n)*train without --strict"),
+        (("--set", "interaction.delta=7"), r"interaction\.delta 20, not 7(.|\n)*--set interaction\.delta=20"),
+    ],
+)
+def test_rounds_that_were_recorded_otherwise_are_refused(
+    tmp_path: Path, rounds: list[Path], more: tuple[str, ...], message: str
+) -> None:
+    """Their rewards would not be what the model's card says."""
+    result = run(*arguments(tmp_path / "run", rounds, *more))
+    assert result.exit_code == 1 and re.search(message, result.stderr) and not (tmp_path / "run").exists()
+
+
+def test_a_training_goes_on_with_its_own_data_alone(tmp_path: Path, rounds: list[Path]) -> None:
+    assert run(*arguments(tmp_path / "run", rounds)).exit_code == 0
+    copied = [Path(shutil.copytree(path, tmp_path / "copy" / path.name)) for path in rounds]
+    assert run(*arguments(tmp_path / "run", copied)).exit_code == 0
+    refused = run(*arguments(tmp_path / "run", rounds[::-1]))
+    assert refused.exit_code == 1 and "a training with other parameters was begun there: data " in refused.stderr
 
 
 @pytest.mark.long
@@ -97,6 +122,11 @@ def test_a_dataset_without_episodes_is_refused_before_anything_is_written(tmp_pa
     result = run("train", "interact", *words)
     assert result.exit_code == 1 and "0 of 2 episodes" in result.stderr
     assert not (tmp_path / "run").exists()
+
+
+def test_objects_are_refused_where_nothing_is_collected(tmp_path: Path, rounds: list[Path]) -> None:
+    result = run(*arguments(tmp_path / "run", rounds, "--assets", "procedural"))
+    assert result.exit_code == 1 and "--assets procedural: nothing is collected" in result.stderr
 
 
 def test_more_datasets_than_rounds_are_refused(tmp_path: Path, rounds: list[Path]) -> None:

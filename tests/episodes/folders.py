@@ -12,7 +12,11 @@ COLLECT = CollectInfo(policy="random", steps=6, images="jpeg", strict=False, del
 
 
 def make_dataset(
-    path: Path, boards: int = 4, finished: Iterable[int] = (0, 1, 3), images: ImageFormat = "jpeg"
+    path: Path,
+    boards: int = 4,
+    finished: Iterable[int] = (0, 1, 3),
+    images: ImageFormat = "jpeg",
+    strict: bool = False,
 ) -> Dataset:
     """A dataset with some episodes and up-to-date tables."""
     info = DatasetInfo(
@@ -24,7 +28,7 @@ def make_dataset(
         assets=AssetsInfo(source="procedural", name="p", seed=0, sha256={key: "0" * 64 for key, _ in KEYS}),
     )
     dataset = Dataset.create(path, info, [make_board(i) for i in range(boards)])
-    dataset.begin_collecting(COLLECT.model_copy(update={"images": images}))
+    dataset.begin_collecting(COLLECT.model_copy(update={"images": images, "strict": strict}))
     for index in finished:
         write_episode(dataset.episode_path(index), make_episode(index), images)
     dataset.write_tables()

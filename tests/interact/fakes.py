@@ -28,7 +28,6 @@ class OracleModel:
 
     Args:
         noise: standard deviation of the logits' noise, smooth over some pixels.
-        wrong: share of pixels off the links whose affordance is that of links.
     """
 
     def __init__(self, scene: BoardScene, config: InteractionConfig, noise: float = 0.0, seed: int = 0):

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from busybot.interact.networks import CROP, HIDDEN, KINDS, Ensemble, Kind, make_network, members_of
+from busybot.interact.networks import CROP, HIDDEN, KINDS, Kind, make_network
 from busybot.training.weights import initialise, parameters_of
 
 
@@ -38,36 +38,3 @@ def test_dropout_is_what_the_caller_drew() -> None:
     everything, nothing = network(crops, torch.ones(2, HIDDEN)), network(crops, torch.zeros(2, HIDDEN))
     assert torch.equal(everything[0], network(crops)[0])
     assert torch.allclose(nothing[0], network.head.bias[:18].expand(2, 18))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_an_ensemble_has_the_mean_probability_of_its_members(kind: Kind) -> None:
-    members = [make_network(kind, "depth").eval() for _ in range(3)]
-    for seed, member in enumerate(members):
-        initialise(member, torch.Generator().manual_seed(seed))
-    crops = torch.randn(2, 4, CROP, CROP)
-    single, together = [member(crops) for member in members], Ensemble(members)(crops)
-    if kind == "position":
-        single, together = [(one,) for one in single], (together,)
-    for output, parts in zip(together, zip(*single, strict=True), strict=True):
-        assert torch.allclose(torch.sigmoid(output), torch.stack(parts).sigmoid().mean(0), atol=1e-6)
-
-
-def test_an_ensemble_of_certainties_stays_finite() -> None:
-    sure, contrary = (Constant(value) for value in (200.0, -200.0))
-    assert torch.isfinite(Ensemble([sure, sure])(torch.zeros(1))).all()
-    assert Ensemble([sure, contrary])(torch.zeros(1)).item() == pytest.approx(0)
-
-
-class Constant(torch.nn.Module):
-    def __init__(self, logit: float) -> None:
-        super().__init__()
-        self.logit = logit
-
-    def forward(self, features: torch.Tensor) -> torch.Tensor:
-        return torch.full((1,), self.logit)
-
-
-def test_the_names_of_weights_tell_the_number_of_members() -> None:
-    assert members_of(make_network("position", "depth").state_dict()) == 1
-    assert members_of(make_network("position", "depth", members=12).state_dict()) == 12

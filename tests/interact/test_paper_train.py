@@ -10,8 +10,9 @@ import pytest
 from busybot.episodes.geometry import Rays
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
+from busybot.interact.beliefs import NOT_ELEVATED
 from busybot.interact.chooser import LearnedChooser, usual_mode
-from busybot.interact.model import NOT_ELEVATED, Model
+from busybot.interact.model import Model
 from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_fit import Learner
 from busybot.interact.paper_model import PaperModel
@@ -34,6 +35,7 @@ CONFIG = PaperConfig.model_validate(
         "joint_epochs": 3,
         "buffer": 20,
         "threads": 1,
+        "interaction": {"delta": 20},
         "position": {"batch": 2, "iterations": 2},
         "direction": {"batch": 2, "iterations": 3},
     }

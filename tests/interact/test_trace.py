@@ -1,14 +1,21 @@
 """What a model thought before every action follows from the recording."""
 
+import numpy as np
+
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
+from busybot.episodes.episode import Image
+from busybot.episodes.geometry import Rays
+from busybot.interact.chooser import DEFAULT_MODEL
+from busybot.interact.model import Model, View
+from busybot.interact.policy import LearnedPolicy
 from busybot.interact.trace import retrace
 from busybot.objects.library import find
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import BuiltIn
+from busybot.sim.policies import Action, BuiltIn, Policy
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
-from busybot.sim.scene import Simulator
+from busybot.sim.scene import BoardScene, Simulator
 from tests.interact.scenes import ButtonModel
 
 
@@ -23,3 +30,25 @@ def test_links_are_known_once_they_moved() -> None:
     assert thoughts[5].links.max() == len(moved)
     for thought in thoughts:
         assert thought.affordance.shape == (480, 640) and 0 <= thought.affordance.min() <= thought.affordance.max() <= 1
+
+
+def test_who_acted_by_the_model_thought_the_same() -> None:
+    library, model, thought = find("procedural"), Model.load(DEFAULT_MODEL), []
+
+    class Remembered(LearnedPolicy[View]):
+        def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
+            thought.append(self.candidates)
+            super().told(action, executed, reward, after)
+
+    class Remembering:
+        name = "learned"
+
+        def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+            return Remembered(model, rays)
+
+    (board,) = generate_boards(BoardConfig(split="novel-object", boards=1, seed=3), library)
+    episode = record_episode(Simulator(library, RenderConfig()), board, Remembering(), 8, InteractionConfig(), 0)
+    assert {step.reward for step in episode.steps} == {0, 1}, "of both the memory has to make the same"
+    for acted, again in zip(thought, retrace(episode, model), strict=True):
+        assert acted is not None and np.array_equal(acted.pixels, again.candidates.pixels)
+        assert np.allclose(acted.beliefs, again.candidates.beliefs) and np.allclose(acted.pairs, again.candidates.pairs)

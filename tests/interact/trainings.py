@@ -14,7 +14,7 @@ ROUND = "{boards: 1, steps: 1, position: 8, direction: 8}"
 SMALL = (
     f"rounds=[{ROUND}, {ROUND}]",
     "validation=0",
-    "members=2",
+    "interaction.delta=20",
     "position.batch=4",
     "position.side=32",
     "position.report=2",
@@ -26,10 +26,11 @@ SMALL = (
 """Two rounds of 8 iterations."""
 
 
-def make_rounds(folder: Path) -> list[Path]:
+def make_rounds(folder: Path, strict: bool = False) -> list[Path]:
     """Two recorded rounds, of 24 and 12 steps."""
     counts = {"00": 4, "01": 2}
-    return [make_dataset(folder / name, boards=count, finished=range(count)).path for name, count in counts.items()]
+    made = (make_dataset(folder / name, count, range(count), strict=strict) for name, count in counts.items())
+    return [dataset.path for dataset in made]
 
 
 def permute_privileged(dataset: Dataset) -> None:

@@ -82,6 +82,18 @@ def test_table_1_is_that_of_the_results() -> None:
     assert page(written, result) == written, "python -m benchmarks.table1_page"
 
 
+@pytest.mark.parametrize("name", ["own-motion", "paper_interact"])
+def test_tables_beside_table_1_are_those_of_the_results(name: str) -> None:
+    from benchmarks.interact_pages import page
+
+    written = (ROOT / "docs" / "interact.md").read_text(encoding="utf-8")
+    result, place = ROOT / "benchmarks" / "results" / f"{name}.json", name.replace("_", "-")
+    if result.exists():
+        assert page(written, json.loads(result.read_text(encoding="utf-8"))) == written, "benchmarks.interact_pages"
+    else:
+        assert f"<!-- {place} -->" not in written, "a table without its result"
+
+
 def test_the_table_of_robustness_is_that_of_the_results() -> None:
     from benchmarks.robustness_page import page
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import plan_pages, table2, table3
+from benchmarks import interact_pages, plan_pages, table2, table3
 from benchmarks.commands import as_typed, told_rows, write_result
 from benchmarks.pages import costs, put
 from benchmarks.table2 import DETAILS, SCORES, across
@@ -123,3 +123,24 @@ def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch:
     assert lines[3].startswith("| behaviour cloning") and len(lines) == 4
     text = "<!-- plan-procedural -->\n<!-- end of plan-procedural -->"
     assert plan_pages.page(text, {"agents": result["rows"]}).splitlines()[1:-1] == lines
+
+
+def test_what_the_papers_interaction_networks_cost() -> None:
+    network = {
+        "parameters": 2_100_000,
+        "batch": 16,
+        "iterations": 50,
+        "seconds_median": 9.04,
+        "cpu_seconds_median": 8.5,
+    }
+    hours = {"training": 15.2, "collecting": 3.9, "both": 19.1}
+    result = {
+        "machine": {"processor": "P", "threads": 1},
+        "networks": {"position": network},
+        "extrapolated": {"epochs": 400, "iterations": {"position": 2960}, "hours": hours, "cpu_hours": hours},
+    }
+    text = interact_pages.page("<!-- paper-interact --><!-- end of paper-interact -->", result)
+    assert "| position | 2.1 million | 16 | 50 | 9.0 | 8.5 | 2960 |" in text
+    assert (
+        "(P, 1 thread) the 400 epochs take 19 hours, of CPU 19: 15 for training and at least 4 for collecting." in text
+    )

@@ -81,7 +81,7 @@ NOTHING_LEARNED = "no recorded action succeeded"
 
 def boards(work: Path, split: str, arguments: argparse.Namespace) -> Path:
     """The boards that all rows are judged on, made once."""
-    folder = work / f"judge-{split}"
+    folder = work / f"judge-{arguments.judge_seed}-{split}"
     if not (folder / "dataset.json").exists():
         seed, number = str(arguments.judge_seed), str(arguments.boards)
         options = ("--split", split, "--boards", number, "--seed", seed, "--group-size", "1")
@@ -114,7 +114,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     judged, policy = {}, {}
     for split in SPLITS:
         command = ("eval", "interact", str(boards(work, split, arguments)), "--model", model, *row.judge)
-        out = str(work / f"judged-{name}-{split}")
+        out = str(work / f"judged-{arguments.judge_seed}-{name}-{split}")
         result = busybot(*command, "--out", out, "--assets", arguments.assets)
         judged[split] = {key: result[key] for key in (*KEYS, "dataset", "versions")}
         policy = judged_policy(result["provenance"])
@@ -136,7 +136,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--rows", default=",".join(ROWS), help="which rows, in this order")
     parser.add_argument("--boards", type=int, default=200, help="per split")
-    parser.add_argument("--judge-seed", type=int, default=303)
+    parser.add_argument("--judge-seed", type=int, default=303, help="of the boards that rows are judged on")
     parser.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = parser.parse_args()
     assets = "procedural" if arguments.assets == "procedural" else Path(arguments.assets).name

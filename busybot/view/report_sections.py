@@ -99,7 +99,8 @@ def _rest(results: Results) -> list[str]:
             found = results.tables.get(table.number, {}).get(row.name)
             columns = 0 if found is None else len(found.cells)
             part = "measured in part" if columns else "**missing**"
-            told["measured" if columns == len(table.columns()) else part].append(row.words)
+            note = f" ({found.note})" if found is not None and found.note else ""  # nothing to measure
+            told["measured" if note or columns == len(table.columns()) else part].append(row.words + note)
         lines += [f"Table {table.number}, {state}: {'; '.join(rows)}" for state, rows in told.items() if rows]
     return lines
 

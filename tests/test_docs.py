@@ -82,18 +82,6 @@ def test_table_1_is_that_of_the_results() -> None:
     assert page(written, result) == written, "python -m benchmarks.table1_page"
 
 
-@pytest.mark.parametrize("name", ["own-motion", "paper_interact"])
-def test_tables_beside_table_1_are_those_of_the_results(name: str) -> None:
-    from benchmarks.interact_pages import page
-
-    written = (ROOT / "docs" / "interact.md").read_text(encoding="utf-8")
-    result, place = ROOT / "benchmarks" / "results" / f"{name}.json", name.replace("_", "-")
-    if result.exists():
-        assert page(written, json.loads(result.read_text(encoding="utf-8"))) == written, "benchmarks.interact_pages"
-    else:
-        assert f"<!-- {place} -->" not in written, "a table without its result"
-
-
 def test_the_table_of_robustness_is_that_of_the_results() -> None:
     from benchmarks.robustness_page import page
 
@@ -106,14 +94,23 @@ def test_the_table_of_robustness_is_that_of_the_results() -> None:
         assert "<!-- robustness -->\n<!-- end of robustness -->" in written, "a table without its result"
 
 
-@pytest.mark.parametrize("name", ["decision_time", "plan-procedural"])
-def test_tables_beside_table_3_are_those_of_the_results(name: str) -> None:
-    from benchmarks.plan_pages import page
+@pytest.mark.parametrize(
+    ("where", "name"),
+    [
+        ("interact", "own-motion"),
+        ("interact", "paper_interact"),
+        ("plan", "decision_time"),
+        ("plan", "plan-procedural"),
+    ],
+)
+def test_tables_beside_tables_1_and_3_are_those_of_the_results(where: str, name: str) -> None:
+    from benchmarks import interact_pages, plan_pages
 
-    written = (ROOT / "docs" / "plan.md").read_text(encoding="utf-8")
+    page = {"interact": interact_pages.page, "plan": plan_pages.page}[where]
+    written = (ROOT / "docs" / f"{where}.md").read_text(encoding="utf-8")
     result, place = ROOT / "benchmarks" / "results" / f"{name}.json", name.replace("_", "-")
     if result.exists():
-        assert page(written, json.loads(result.read_text(encoding="utf-8"))) == written, "benchmarks.plan_pages"
+        assert page(written, json.loads(result.read_text(encoding="utf-8"))) == written, f"benchmarks.{where}_pages"
     else:
         assert f"<!-- {place} -->\n<!-- end of {place} -->" in written, "a table without its result"
 

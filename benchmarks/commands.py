@@ -64,9 +64,13 @@ class Cost:
 
 
 def _below(pid: int) -> list[int]:
-    found = []
+    found: list[int] = []
     for task in Path(f"/proc/{pid}/task").glob("*/children"):
-        for child in task.read_text().split():
+        try:
+            children = task.read_text().split()
+        except OSError:
+            continue  # the thread has just ended
+        for child in children:
             found += [int(child), *_below(int(child))]
     return found
 

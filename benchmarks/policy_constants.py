@@ -72,19 +72,23 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="for library, model and boards; continued")
     parser.add_argument("--boards", type=int, default=100)
     parser.add_argument("--constants", default=",".join(VALUES))
+    parser.add_argument("--config", type=Path, help="YAML file with parameters of the training")
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
+    names = arguments.constants.split(",")
+    if unknown := [name for name in names if name not in VALUES]:
+        parser.error(f"there are no constants {', '.join(unknown)}, but {', '.join(VALUES)}")
     arguments.work.mkdir(parents=True, exist_ok=True)
     library = str(held_out_library(arguments.assets, arguments.work / "objects"))
     model, boards = str(arguments.work / "model"), arguments.work / "boards"
-    busybot("train", "interact", "--out", model, "--assets", library, *TRAIN)
-    if not (boards / "dataset.json").exists():
-        options = ("--split", "novel-object", "--boards", str(arguments.boards), "--seed", str(SEED))
-        busybot("generate", str(boards), *options, "--group-size", "1", "--assets", library)
+    config = ("--config", str(arguments.config)) if arguments.config else ()
+    trained = busybot("train", "interact", "--out", model, "--assets", library, *TRAIN, *config)["training"]
+    options = ("--split", "novel-object", "--boards", str(arguments.boards), "--seed", str(SEED))
+    busybot("generate", str(boards), *options, "--group-size", "1", "--assets", library)  # refuses other boards there
     rows: dict[str, tuple[str, ...]] = {"defaults": (), "before": BEFORE}
-    for name in arguments.constants.split(","):
+    for name in names:
         rows |= {f"{name}={value}": (f"{name}={value}",) for value in VALUES[name]}
-    result: dict[str, Any] = {"seed": SEED, "machine": machine(), "held_out": HELD_OUT, "train": " ".join(TRAIN)}
+    result: dict[str, Any] = {"seed": SEED, "machine": machine(), "held_out": HELD_OUT, "training": trained}
     result["rows"] = told_rows(arguments.out)
     for row, settings in rows.items():
         words = [word for setting in settings for word in ("--set", f"learned.{setting}")]

@@ -79,14 +79,11 @@ NOTHING_LEARNED = "no recorded action succeeded"
 """What training says where not a single action was rewarded: there is no model to judge."""
 
 
-def boards(work: Path, split: str, arguments: argparse.Namespace) -> Path:
-    """The boards that all rows are judged on, made once."""
-    folder = work / f"judge-{arguments.judge_seed}-{split}"
-    if not (folder / "dataset.json").exists():
-        seed, number = str(arguments.judge_seed), str(arguments.boards)
-        options = ("--split", split, "--boards", number, "--seed", seed, "--group-size", "1")
-        busybot("generate", str(folder), *options, "--assets", arguments.assets)
-    return folder
+def boards(folder: Path, split: str, arguments: argparse.Namespace) -> tuple[str, ...]:
+    """The command that makes the boards that all rows are judged on; it refuses others that are there already."""
+    seed, number = str(arguments.judge_seed), str(arguments.boards)
+    options = ("--split", split, "--boards", number, "--seed", seed, "--group-size", "1")
+    return ("generate", str(folder), *options, "--assets", arguments.assets)
 
 
 def training(row: Row, out: Path, arguments: argparse.Namespace) -> tuple[str, ...]:
@@ -113,9 +110,14 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         trained = {**told["training"], "cost": told["cost"]}
     judged, policy = {}, {}
     for split in SPLITS:
-        command = ("eval", "interact", str(boards(work, split, arguments)), "--model", model, *row.judge)
-        out = str(work / f"judged-{arguments.judge_seed}-{name}-{split}")
-        result = busybot(*command, "--out", out, "--assets", arguments.assets)
+        folder, out = (
+            work / f"judge-{arguments.judge_seed}-{split}",
+            work / f"judged-{arguments.judge_seed}-{name}-{split}",
+        )
+        commands.append(boards(folder, split, arguments))
+        busybot(*commands[-1])
+        command = ("eval", "interact", str(folder), "--model", model, *row.judge)
+        result = busybot(*command, "--out", str(out), "--assets", arguments.assets)
         judged[split] = {key: result[key] for key in (*KEYS, "dataset", "versions")}
         policy = judged_policy(result["provenance"])
         commands.append(command)
@@ -141,7 +143,10 @@ def main() -> None:
     arguments = parser.parse_args()
     assets = "procedural" if arguments.assets == "procedural" else Path(arguments.assets).name
     result: dict[str, Any] = {"assets": assets, "machine": machine(), "rows": told_rows(arguments.out)}
-    for name in arguments.rows.split(","):
+    names = arguments.rows.split(",")
+    if unknown := [name for name in names if name not in ROWS]:
+        parser.error(f"there are no rows {', '.join(unknown)}, but {', '.join(ROWS)}")
+    for name in names:
         result["rows"][name] = run(name, arguments)
         write_result(arguments.out, result)
         for split in SPLITS:

@@ -83,10 +83,12 @@ def _engine(name: str) -> "Engine":
 def _chooser(policy: str, model: str | None, learned: dict[str, Any]) -> "tuple[Chooser | None, dict[str, Any] | None]":
     """Who makes the policies, and what it is made of; nobody for the built-in ones."""
     if policy != "learned":
+        mend = "leave it out, or say --policy learned"
         if model is not None:
-            raise BusybotError(f"--model {model} goes with --policy learned, not with {policy}")
+            raise BusybotError(f"--model {model} goes with --policy learned, not with {policy}", mend)
         if learned:
-            raise BusybotError(f"--set learned.{next(iter(learned))} goes with --policy learned, not with {policy}")
+            what = f"--set learned.{next(iter(learned))} goes with --policy learned, not with {policy}"
+            raise BusybotError(what, mend)
         return None, None
     from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser
 

@@ -113,7 +113,10 @@ def find_candidates(
     Args:
         model: affordance of positions and directions.
         image: its depth (and RGB, for a model that sees colours) is used, nothing else.
+        rays: of the camera that took it: `Rays(episode.camera)`.
         memory: what was learnt on this board; without it every region is new and nothing has failed yet.
+        config: the policy's constants. A model has some of its own, which commands use:
+            `chooser.policy_config(model.info, {})`. The defaults without it.
         view: what `model.look(image, rays)` returned, if it was called already.
 
     Returns:
@@ -124,7 +127,9 @@ def find_candidates(
     """
     config = config or PolicyConfig()
     if image.depth is None:
-        raise BusybotError("action candidates need depth images", "record the episode with depth")
+        raise BusybotError(
+            "action candidates need depth images", "record the episode with `busybot collect`, which records depth"
+        )
     view = model.look(image, rays) if view is None else view
     links = memory.links if memory is not None else np.zeros(view.height.shape, np.int32)
     smooth = smoothed(view.affordance, config.blur)

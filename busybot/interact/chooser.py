@@ -23,6 +23,15 @@ from busybot.training.model_folder import INFO_FILE, file_hashes
 
 DEFAULT_MODEL = "procedural"
 """The shipped model that commands use when none is named."""
+_OF_THE_BONUS = frozenset({"ucb_c", "ucb_window"})
+_OF_THE_HIGHEST = frozenset({"blur", "prior"})
+_NOT_READ: dict[Mode, frozenset[str]] = {
+    "evaluate": _OF_THE_BONUS | {"collect", "untried_first"},
+    "collect": _OF_THE_BONUS | {"explore", "insist"},
+    "greedy": frozenset(PolicyConfig.model_fields) - _OF_THE_HIGHEST,
+    "ucb": frozenset(PolicyConfig.model_fields) - _OF_THE_HIGHEST - _OF_THE_BONUS,
+}
+"""Constants that change nothing in a mode."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +54,7 @@ class LearnedChooser:
         return policy_name(self.mode)
 
     def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
-        model = load_once(self.model)
-        constants = policy_config(model.info, self.overrides)
+        model, constants = load_once(self.model), self._constants()
         if model.info.variant == "paper" and self.mode in ("ucb", "greedy"):
             c = constants.ucb_c if self.mode == "ucb" else 0
             return PaperPolicy(model, rays, PaperRules(ucb_c=c, ucb_window=constants.ucb_window), self.name)
@@ -54,7 +62,23 @@ class LearnedChooser:
 
     def provenance(self) -> dict[str, Any]:
         """Everything that decides the choices, JSON values; two models are the same if this is."""
-        return {"mode": self.mode, "policy": _resolved(self.model, self.overrides), "model": fingerprint(self.model)}
+        policy = self._constants().model_dump(mode="json")
+        return {"mode": self.mode, "policy": policy, "model": fingerprint(self.model)}
+
+    def _constants(self) -> PolicyConfig:
+        """The policy's constants.
+
+        Raises:
+            BusybotError: an override names no constant, has no allowed value, or one that this mode does not read.
+        """
+        info = load_once(self.model).info
+        config = policy_config(info, self.overrides)
+        by_paper = info.variant == "paper" and self.mode in ("ucb", "greedy")
+        unread = _NOT_READ[self.mode] | (_OF_THE_HIGHEST if by_paper else frozenset())
+        for name in sorted(unread.intersection(self.overrides)):
+            what = f"learned.{name} changes nothing in mode {self.mode}" + (" of the paper's model" if by_paper else "")
+            raise BusybotError(what, "leave it out")
+        return config
 
 
 @dataclass(frozen=True)
@@ -144,7 +168,3 @@ def load_once(name_or_path: str) -> Model:
 @lru_cache(maxsize=2)
 def _load(folder: str, changed: int) -> Model:
     return Model.load(Path(folder))
-
-
-def _resolved(model: str, overrides: dict[str, Any]) -> dict[str, Any]:
-    return policy_config(load_once(model).info, overrides).model_dump(mode="json")

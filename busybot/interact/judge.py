@@ -12,12 +12,13 @@ Annotated = Mapping[str, Sequence[Sequence[float]]]
 """Object key to its annotated effective directions, not normalised, board frame."""
 
 
-def judge(episode: Episode, annotated: Annotated, angle_deg: float = 30.0) -> JudgedBoard:
+def judge(episode: Episode, annotated: Annotated, delta: int, angle_deg: float = 30.0) -> JudgedBoard:
     """Put the truth beside every action.
 
     Args:
         episode: with segmentation.
         annotated: of every trigger object on the board.
+        delta: more changed pixels than this are a reward, whatever the policy was rewarded by.
         angle_deg: a direction farther from every annotated one is off the axis.
     """
     keys = [placed.key for placed in episode.board.objects]
@@ -50,7 +51,7 @@ def judge(episode: Episode, annotated: Annotated, angle_deg: float = 30.0) -> Ju
                 key=key,
                 link=numbers.get((step.acted_object, step.acted_link), -1),
                 success=step.success,
-                reward=bool(step.reward),
+                reward=step.changed_pixels > delta,
                 changed_pixels=step.changed_pixels,
                 off_axis=off,
                 vetoed=step.vetoed,

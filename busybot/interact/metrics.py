@@ -46,7 +46,7 @@ class JudgedAction(BaseModel):
         key: the object at the pixel, "" for the board.
         link: index of the held link among the board's links, -1 for none.
         success: the link's state changed.
-        reward: what the pixels said.
+        reward: what the pixels said: more of them differ than the threshold asks for.
         changed_pixels: how many differed.
         off_axis: the direction that worked is more than 30 degrees off every annotated one; None without success.
         vetoed: strict mode refused all directions.

@@ -140,9 +140,12 @@ class Model:
 
         Args:
             earlier: of the same board, saves closer looks at what has not changed.
+
+        Raises:
+            BusybotError: the image has no depth.
         """
         if image.depth is None:
-            raise BusybotError("the interaction policy needs depth images")
+            raise BusybotError("the interaction policy needs depth images", "give images with depth")
         features = picture_features(image.depth, self._pinhole(rays))
         height = heights_of(features)
         if self.info.inputs == "rgb":

@@ -51,7 +51,7 @@ class PaperModel(Model):
             BusybotError: there is no depth, or the picture has another size than those of the training.
         """
         if image.depth is None:
-            raise BusybotError("the interaction policy needs depth images")
+            raise BusybotError("the interaction policy needs depth images", "give images with depth")
         self._check_size(image.depth.shape)
         height = np.nan_to_num(rays.heights(image.depth), nan=LOWEST).astype(np.float32)
         if self.info.inputs == "rgb":

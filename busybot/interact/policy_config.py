@@ -55,7 +55,7 @@ class PolicyConfig(BaseModel):
         untried_first: when data for reasoning are collected, candidates that were neither moved nor tried come before
             the others. Without it the draw is among all candidates, as in the paper: of six links, one in 55 is not
             among 22 draws.
-        ucb_c, ucb_window: the paper's bonus and the side of its window, pixels.
+        ucb_c, ucb_window: the paper's bonus and the side of its window, pixels, even.
         clusters: k of the K-means candidates: no board has more movable links.
         cluster_belief: least affordance of a pixel that takes part in the clusters.
     """
@@ -89,6 +89,6 @@ class PolicyConfig(BaseModel):
     collect: Share = 0.005
     untried_first: bool = True
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
-    ucb_window: Annotated[int, Field(ge=1, le=200)] = 10
+    ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
     clusters: Annotated[int, Field(ge=1, le=100)] = 7
     cluster_belief: Share = 0.5

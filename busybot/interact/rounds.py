@@ -90,15 +90,15 @@ def finished(dataset: Dataset, config: RecordConfig, offline: bool = False) -> D
     """The dataset, if all its episodes are recorded, and as the training says.
 
     Raises:
-        BusybotError: how many episodes are missing, or which setting differs: it decides what is rewarded, and the
-            trained model's card would tell another one.
+        BusybotError: how many episodes are missing, or which setting differs: it decides what is seen and rewarded,
+            and the trained model's card would tell another one.
     """
     recorded = len(dataset.finished())
     if recorded < dataset.info.boards or not recorded:
         what = f"{dataset.path}: {recorded} of {dataset.info.boards} episodes are recorded"
         mend = collect_command(dataset.path, dataset.info)
         raise BusybotError(what, "record the others: the same command without --offline" if offline else mend)
-    wanted = {"responders": config.responders, "interaction": config.interaction.model_dump(mode="json")}
+    wanted = config.model_dump(mode="json", include={"responders", "interaction", "render"})
     collect, asked = dataset.info.collect, flat(wanted)
     assert collect is not None  # else nothing were recorded
     known = {"interaction.strict": collect.strict, "interaction.delta": collect.delta, **flat(collect.settings)}

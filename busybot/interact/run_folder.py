@@ -57,12 +57,14 @@ def describe(
     rounds = []
     for number, dataset in enumerate(datasets):
         of_round = samples.dataset == number
-        hashes = dataset.hashes()
+        hashes, collect = dataset.hashes(), dataset.info.collect
+        assert collect is not None  # it has samples
         rounds.append(
             {
                 "boards": dataset.info.boards,
                 "seed": dataset.info.seed,
                 "assets": dataset.info.assets.name,
+                "policy": collect.policy,
                 "board_hash": hashes.board,
                 "content_hash": hashes.content,
                 "samples": int(of_round.sum()),

@@ -31,6 +31,7 @@ SIDE = 160
 CACHE_VERSION = "1"
 INDEX, SQUARES = "index.npz", "squares.bin"
 COLUMNS = ("pixels", "executed", "worked", "scale")
+ONE_CAMERA = "record all episodes of a dataset with the same --set render.* parameters"
 ROW = "row"
 """A further column of caches of whole pictures: which picture a sample saw."""
 
@@ -115,7 +116,7 @@ def _same_camera(known: Camera | None, camera: Camera, where: Path) -> Camera:
         return camera
     same = (known.width, known.height) == (camera.width, camera.height)
     if not same or not np.array_equal(known.matrix, camera.matrix) or not np.array_equal(known.pose, camera.pose):
-        raise BusybotError(f"{where}: recorded with another camera than the episodes before it")
+        raise BusybotError(f"{where}: recorded with another camera than the episodes before it", ONE_CAMERA)
     return camera
 
 

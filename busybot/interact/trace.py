@@ -40,6 +40,9 @@ class Thought:
 def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None = None) -> Iterator[Thought]:
     """Thoughts before every action of an episode, in order.
 
+    Args:
+        config: the policy's constants; a model's own are `chooser.policy_config(model.info, {})`.
+
     Raises:
         BusybotError: the episode was recorded without depth.
     """
@@ -49,7 +52,8 @@ def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None
     for index, step in enumerate(episode.steps):
         before, after = episode.image(index), episode.image(index + 1)
         if before.depth is None or after.depth is None:
-            raise BusybotError(f"board {episode.board.index}: affordances need depth images, the episode has none")
+            what = f"board {episode.board.index}: affordances need depth images, the episode has none"
+            raise BusybotError(what, "record it with `busybot collect`, which records depth")
         view = model.look(before, rays)
         memory = memory or Memory(view.height, config)
         found = find_candidates(model, before, rays, memory, config, view)

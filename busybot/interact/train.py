@@ -97,6 +97,8 @@ class Training:
         """The boards that are never trained on."""
         config, path = self.config, self.out / "validation"
         absent = not (path / INFO_FILE).exists() and self.source.library is None
+        if config.validation and absent:
+            self.recorder.told.say("no boards are held out to watch the training on: none are recorded")
         if not config.validation or absent:
             return None
         return self._collect(path, config.validation, config.validation_steps, None, "validation")

@@ -16,6 +16,7 @@ def ucb_bonus(shape: tuple[int, ...], picks: Sequence[tuple[int, int]], c: float
         shape: rows and columns of the picture.
         picks: pixels (u, v) chosen on this board so far. A window reaches from window / 2 pixels before its pick to
             window / 2 - 1 after it.
+        window: its side, pixels, even.
     """
     counts, half = np.ones(shape), window // 2
     for column, row in picks:

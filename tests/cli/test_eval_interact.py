@@ -74,6 +74,11 @@ def test_mistakes_are_told(dataset: Path, model: Path) -> None:
         (("--model", model, "--mode", "clever"), "no mode 'clever'"),
         (("--model", model, "--figures", "1"), "give --out and --record"),
         (("--model", model, "--set", "learned.explor=1"), "parameter explor of the learned policy"),
+        (
+            ("--model", model, "--mode", "greedy", "--set", "learned.explore=0.5"),
+            "learned.explore changes nothing in mode",
+        ),
+        (("--model", model, "--mode", "ucb", "--set", "learned.ucb_window=5"), "parameter ucb_window"),
         (("--model", "random", "--mode", "ucb"), "--mode ucb is about a trained model's policy, random has none"),
         (("--model", "scripted", "--set", "learned.explore=1"), "--set learned.explore is about a trained"),
     ):

@@ -68,6 +68,7 @@ def test_under_the_veto_crops_are_not_turned_for_directions_unless_one_says_so(
     [
         (("--strict",), r"interaction\.strict false, not true(.|\n)*train without --strict"),
         (("--set", "interaction.delta=7"), r"interaction\.delta 20, not 7(.|\n)*--set interaction\.delta=20"),
+        (("--set", "render.fov_deg=50"), r"render\.fov_deg 69\.4, not 50(.|\n)*--set render\.fov_deg=69\.4"),
     ],
 )
 def test_rounds_that_were_recorded_otherwise_are_refused(

@@ -8,7 +8,9 @@ from busybot.episodes.dataset_info import AssetsInfo, CollectInfo, DatasetInfo, 
 from busybot.episodes.mcap_file import ImageFormat, write_episode
 from tests.episodes.synthetic import DELTA, KEYS, make_board, make_episode
 
-COLLECT = CollectInfo(policy="random", steps=6, images="jpeg", strict=False, delta=DELTA)
+COLLECT = CollectInfo(
+    policy="random", steps=6, images="jpeg", strict=False, delta=DELTA, settings={"render": {"fov_deg": 69.4}}
+)
 
 
 def make_dataset(

@@ -12,7 +12,7 @@ from busybot.interact.chooser import ExploreChooser, LearnedChooser, policy_conf
 from busybot.interact.explore import GuidedExplorer, UnguidedExplorer
 from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, make_network
-from busybot.interact.policy import LearnedPolicy
+from busybot.interact.policy import LearnedPolicy, mode_named
 from busybot.sim.interaction import InteractionConfig
 from tests.episodes.synthetic import make_camera, make_episode
 
@@ -31,6 +31,19 @@ def test_the_card_comes_before_the_defaults_and_overrides_before_the_card() -> N
     assert (config.prior, config.explore, config.collect, config.peak_radius) == (0.3, 0.6, 0.8, 3)
     with pytest.raises(BusybotError, match="parameter explor of the learned policy"):
         policy_config(info, {"explor": 1})
+
+
+def test_constants_that_a_mode_does_not_read_are_refused(model: Path) -> None:
+    for mode, read, unread in (
+        ("evaluate", {"explore": 0.2, "caution": 0.5}, {"collect": 0.2}),
+        ("collect", {"collect": 0.2, "untried_first": False}, {"insist": 0.3}),
+        ("greedy", {"prior": 0.2}, {"ucb_c": 1.0}),
+        ("ucb", {"ucb_c": 1.0, "blur": 5}, {"explore": 0.2}),
+    ):
+        kept = LearnedChooser(str(model), mode_named(mode), read).provenance()["policy"]
+        assert read.items() <= kept.items()
+        with pytest.raises(BusybotError, match=f"learned.{next(iter(unread))} changes nothing in mode {mode}"):
+            LearnedChooser(str(model), mode_named(mode), unread).provenance()
 
 
 def test_provenance_knows_the_weights_and_not_the_place(model: Path, tmp_path: Path) -> None:

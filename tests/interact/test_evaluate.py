@@ -14,6 +14,7 @@ from busybot.files import read_json
 from busybot.interact.evaluate import EvaluateConfig, evaluate
 from busybot.interact.evaluate_folder import BOARDS, RESULT
 from busybot.objects.library import find
+from busybot.sim.interaction import InteractionConfig
 from tests.interact.fakes import OracleChooser
 
 CONFIG = EvaluateConfig(actions=4)
@@ -60,6 +61,12 @@ def test_another_measurement_in_the_same_folder_is_refused(dataset: Dataset, tmp
     (tmp_path / "other" / "notes.txt").write_text("mine")
     with pytest.raises(BusybotError, match="holds no evaluation"):
         run(dataset, out=tmp_path / "other")
+
+
+def test_what_the_pixels_say_is_judged_whatever_the_reward_is(dataset: Dataset) -> None:
+    interaction = InteractionConfig(reward="joints", delta=1_000_000)  # which no change of this picture exceeds
+    result = run(dataset, config=CONFIG.model_copy(update={"boards": 1, "interaction": interaction}))
+    assert (result["precision"], result["precision_reward"], result["reward_agreement"]) == (1.0, 0.0, 0.0)
 
 
 def test_episodes_can_be_recorded(dataset: Dataset, tmp_path: Path) -> None:

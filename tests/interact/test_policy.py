@@ -121,7 +121,7 @@ def shares(library: Library, boards: int, split: str, strict: bool = False) -> d
     simulator, interaction = Simulator(library, RenderConfig()), InteractionConfig(strict=strict)
     chooser = OracleChooser(noise=1.0)
     judged = [
-        judge(record_episode(simulator, board, chooser, 10, interaction, 0), annotated)
+        judge(record_episode(simulator, board, chooser, 10, interaction, 0), annotated, interaction.delta)
         for board in generate_boards(config, library)
     ]
     return {name: value for name, value in micro(judged).items() if value is not None}

@@ -127,6 +127,8 @@ def test_rewards_have_no_false_positives_and_effects_are_larger_than_delta(real_
                     scene, grasp_at(scene, image, rays, action.pixel), action.directions[0], InteractionConfig(), image
                 )
                 assert step.reward == int(step.success)
+                if not step.success:  # nothing was rendered: look whether everything is as it was
+                    assert changed_pixels(image.rgb, scene.observe().rgb, InteractionConfig().tolerance) == 0
                 image = after or image
 
 

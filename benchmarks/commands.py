@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections import deque
@@ -19,12 +20,17 @@ def busybot(*arguments: str) -> dict[str, Any]:
     """
     command = [sys.executable, "-m", "busybot", *arguments, "--json"]
     said: deque[str] = deque(maxlen=5)
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None and process.stderr is not None
+    with (
+        tempfile.TemporaryFile("w+") as out,  # a pipe that nobody reads meanwhile would fill up
+        subprocess.Popen(command, stdout=out, stderr=subprocess.PIPE, text=True) as process,
+    ):
+        assert process.stderr is not None
         for line in process.stderr:
             print(line, end="", file=sys.stderr, flush=True)
             said.append(line.strip())
-        printed = process.stdout.read()
+        process.wait()
+        out.seek(0)
+        printed = out.read()
     if process.returncode:
         raise RuntimeError(" ".join(said))
     return dict(json.loads(printed))
@@ -64,12 +70,17 @@ class Cost:
 
 
 def _below(pid: int) -> list[int]:
+    """Processes below one; what ends while this looks is left out."""
     found: list[int] = []
-    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+    try:
+        threads = os.listdir(f"/proc/{pid}/task")
+    except OSError:
+        return found
+    for thread in threads:
         try:
-            children = task.read_text().split()
+            children = Path(f"/proc/{pid}/task/{thread}/children").read_text().split()
         except OSError:
-            continue  # the thread has just ended
+            continue
         for child in children:
             found += [int(child), *_below(int(child))]
     return found

@@ -52,8 +52,12 @@ if __name__ == "__main__":
     parser.add_argument("--model", nargs="+", required=True)
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
+    names = [path.parent.name if path.name == "model" else path.name for path in map(Path, arguments.model)]
+    if len(set(names)) < len(names):
+        parser.error(f"two models have the same name: {', '.join(names)}")
     judged = {
-        Path(name).parent.name or name: coverage(Dataset.open(arguments.dataset), name) for name in arguments.model
+        name: coverage(Dataset.open(arguments.dataset), model)
+        for name, model in zip(names, arguments.model, strict=True)
     }
     write_result(
         arguments.out,

@@ -193,7 +193,7 @@ def speed(arguments: argparse.Namespace) -> dict[str, Any]:
     dataset = Dataset.open(arguments.dataset)
     dataset.hashes()  # so that the tables, not the first encoder, pay for reading what they need
     with tempfile.TemporaryDirectory() as store:
-        before, began = _processor_seconds(), time.monotonic()
+        load, before, began = os.getloadavg()[0], _processor_seconds(), time.monotonic()
         features = features_of(dataset, arguments.encoder, store=Path(store), workers=arguments.workers)
         seconds, used = time.monotonic() - began, _processor_seconds() - before
         frames = sum(len(values) for values in features.values())
@@ -209,7 +209,7 @@ def speed(arguments: argparse.Namespace) -> dict[str, Any]:
         "frames_per_second": round(frames / seconds, 1),
         "frames_per_cpu_second": round(frames / used, 1),
         "pictures_per_cpu_second": round(pictures / used, 1),
-        "load_before": round(os.getloadavg()[1], 2),
+        "load_before": round(load, 2),
         "cores": os.cpu_count(),
     }
 

@@ -118,6 +118,7 @@ def acting(library: Library, boards: list[BoardSpec], folder: Path) -> dict[str,
     }
     spent: dict[str, list[float]] = {name: [] for name in choosers}
     for board in boards:
+        simulator.board(board)  # loads its objects, for whoever acts first
         for name, chooser in choosers.items():
             began = time.process_time()
             write_episode(folder / "episode.mcap", record_episode(simulator, board, chooser, STEPS, config, SEED))

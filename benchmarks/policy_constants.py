@@ -88,7 +88,15 @@ def main() -> None:
     rows: dict[str, tuple[str, ...]] = {"defaults": (), "before": BEFORE}
     for name in names:
         rows |= {f"{name}={value}": (f"{name}={value}",) for value in VALUES[name]}
-    result: dict[str, Any] = {"seed": SEED, "machine": machine(), "held_out": HELD_OUT, "training": trained}
+    result: dict[str, Any] = {
+        "assets": arguments.assets.name,
+        "seed": SEED,
+        "machine": machine(),
+        "held_out": HELD_OUT,
+        "training": trained,
+    }
+    if arguments.out.exists() and json.loads(arguments.out.read_text())["training"] != trained:
+        parser.error(f"{arguments.out} has rows of another model: name another file, or remove it")
     result["rows"] = told_rows(arguments.out)
     for row, settings in rows.items():
         words = [word for setting in settings for word in ("--set", f"learned.{setting}")]

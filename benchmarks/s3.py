@@ -107,3 +107,6 @@ if __name__ == "__main__":
     told = {"command": "python -m benchmarks.s3 --server moto_server", "machine": machine(), "result": result}
     write_result(arguments.out, told)
     print(json.dumps(result, indent=1))
+    refused = result["without_credentials"]
+    well = result["verified"] and result["equal"] and refused["exit"] == 1 and not refused["traceback"]
+    sys.exit(0 if well else 1)

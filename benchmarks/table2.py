@@ -98,6 +98,8 @@ ROWS = {
     "paper-without-exploration": Row(train=PAPER, data="random"),
 }
 """By name. `pc` conditions on other variables, `pc-pairs` tests each pair by itself."""
+WHOLE_SCHEDULE = ("paper", "paper-without-inference", "paper-without-exploration")
+"""Rows of days; they are trained only if they are named."""
 
 
 def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
@@ -162,7 +164,8 @@ def main() -> None:
     parser.add_argument("--work", type=Path, required=True, help="for models and results; continued if it exists")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--assets", help="objects, if they are not found by their hashes")
-    parser.add_argument("--rows", default=",".join(ROWS), help="which rows, in this order")
+    usual = ",".join(name for name in ROWS if name not in WHOLE_SCHEDULE)
+    parser.add_argument("--rows", default=usual, help="which rows, in this order")
     parser.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)

@@ -97,7 +97,8 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 print(f"{split:13} {kind:12} {agent:24} {100 * scores['success']:5.1f}", flush=True)
             for name, folder in _learned(options).items():
                 rows[name]["training"] = [training(folder)]
-            yield {"machine": machine(), "tasks": options.boards, "commands": typed, "rows": rows}
+            assets = "procedural" if options.assets == "procedural" else Path(options.assets).name
+            yield {"assets": assets, "machine": machine(), "tasks": options.boards, "commands": typed, "rows": rows}
 
 
 def parsed(description: str | None, **given: Any) -> argparse.Namespace:
@@ -106,7 +107,7 @@ def parsed(description: str | None, **given: Any) -> argparse.Namespace:
     parser.add_argument("--policy-model", required=not given)
     parser.add_argument("--reasoner", nargs="+", required=not given, help="one for each seed")
     parser.add_argument("--learned", nargs="*", default=[], help="learned baselines, as bc=FOLDER")
-    parser.add_argument("--assets", default="procedural")
+    parser.add_argument("--assets", default="procedural", required=not given)
     parser.add_argument("--boards", type=int, default=50, help="tasks in each cell")
     parser.add_argument("--work", type=Path, required=True)
     parser.add_argument("--out", type=Path, required=True)

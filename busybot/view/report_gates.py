@@ -29,18 +29,14 @@ class Verdict:
     by_bound: bool = False
 
 
-def judge(table: Table, row: Row, split: str, key: str, cell: Cell | None, several: bool = False) -> Verdict | None:
-    """Compare a number with its gate; None if there is no gate for it.
-
-    Args:
-        several: the cell is a mean over seeds; the gate is for every seed.
-    """
+def judge(table: Table, row: Row, split: str, key: str, cell: Cell | None) -> Verdict | None:
+    """Compare a number, or the worst of several seeds, with its gate; None if there is no gate for it."""
     gate = None if row.gate is None else table.at(table.gates[row.gate], split, key)
     if gate is None:
         return None
     if cell is None:
         return Verdict(table, row, split, key, gate)
-    worst = cell.low if several and cell.low is not None else cell.value
+    worst = cell.low if cell.several and cell.low is not None else cell.value
     slack = BOUND_SLACK.get(key)
     enough = round(worst, 6) >= gate  # shares times 100 are not exact
     near = slack is not None and cell.bound is not None and round(worst - cell.bound + slack[1], 6) >= 0
@@ -56,7 +52,7 @@ def verdicts(results: Results) -> list[Verdict]:
             told = rows.get(row.name)
             for split, key in table.columns():
                 measured = None if told is None else told.cells.get((split, key))
-                verdict = judge(table, row, split, key, measured, told is not None and len(told.trainings) > 1)
+                verdict = judge(table, row, split, key, measured)
                 if verdict is not None:
                     found.append(verdict)
     return found

@@ -83,6 +83,7 @@ class _Row2(Lenient):
 
 class _Success(Lenient):
     success: float | None
+    seeds: list[float] = []
     interval: tuple[float, float] | None = None
 
 
@@ -90,6 +91,9 @@ class _Row3(Lenient):
     commands: list[str] = []
     training: list[dict[str, Any]] = []
     splits: dict[str, dict[str, _Success]] = {}
+
+
+Ends = tuple[float | None, float | None] | None
 
 
 @dataclass(frozen=True)
@@ -101,12 +105,14 @@ class Cell:
         low: end of the 95 % interval over boards, or the least seed.
         high: the other end.
         bound: what the recordings determine at all, if that limits this number.
+        several: the value is a mean over seeds, of which low and high are the least and the greatest.
     """
 
     value: float
     low: float | None = None
     high: float | None = None
     bound: float | None = None
+    several: bool = False
 
 
 @dataclass
@@ -250,22 +256,19 @@ def _put(found: RowFound, split: str, result: InteractResult, table: Table) -> N
 def cell_of(result: InteractResult | ReasonResult, key: str) -> Cell | None:
     """A number of a single evaluation with its interval over boards; None if it is undefined."""
     share, interval = getattr(result, key), result.intervals.get(INTERVALS.get(key, key))
-    low, high = interval if interval else (None, None)
-    return cell(share, low, high, _bound(result, key))
+    return cell(share, interval, _bound(result, key))
 
 
 INTERVALS = {"edge_p": "precision", "edge_r": "recall"}
 """Names of intervals that differ from those of the values."""
 
 
-def cell(
-    share: float | None, low: float | None = None, high: float | None = None, bound: float | None = None
-) -> Cell | None:
+def cell(share: float | None, ends: Ends = None, bound: float | None = None, several: bool = False) -> Cell | None:
     """A cell from shares, None without a value."""
     if share is None:
         return None
-    ends = (None if x is None else 100 * x for x in (low, high, bound))
-    return Cell(100 * share, *ends)
+    low, high, most = (None if x is None else 100 * x for x in (*(ends or (None, None)), bound))
+    return Cell(100 * share, low, high, most, several)
 
 
 def _bound(result: Any, key: str) -> float | None:
@@ -278,11 +281,9 @@ def _row2(value: dict[str, Any]) -> RowFound:
     for split, judged in row.splits.items():
         first = judged.seeds[0]
         for key in TABLES[1].keys:
-            several = len(judged.seeds) > 1
-            ends = (judged.least.get(key), judged.most.get(key)) if several else (None, None)
-            single = cell_of(first, key)
-            bound = _bound(first, key)
-            found.cells[split, key] = cell(judged.mean.get(key), *ends, bound) if several else single
+            ends = (judged.least.get(key), judged.most.get(key))
+            mean = cell(judged.mean.get(key), ends, _bound(first, key), several=True)
+            found.cells[split, key] = mean if len(judged.seeds) > 1 else cell_of(first, key)
         found.judged[split], found.results[split] = first.dataset, first
     return found
 
@@ -292,6 +293,7 @@ def _row3(value: dict[str, Any]) -> RowFound:
     found = RowFound(commands=row.commands, trainings=list(map(training_of, row.training)))
     for split, kinds in row.splits.items():
         for kind, told in kinds.items():
-            low, high = told.interval or (None, None)
-            found.cells[split, kind] = cell(told.success, low, high)
+            several = len(told.seeds) > 1  # the interval is the first one's
+            ends = (min(told.seeds), max(told.seeds)) if several else told.interval
+            found.cells[split, kind] = cell(told.success, ends, several=several)
     return found

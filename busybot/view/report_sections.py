@@ -123,10 +123,10 @@ def _value(cell: Cell | None) -> str:
     return "-" if cell is None else number(cell.value)
 
 
-def _spread(cell: Cell, several: bool = False) -> str:
+def _spread(cell: Cell) -> str:
     if cell.low is None or cell.high is None:
         return ""
-    return f"({number(cell.low)} to {number(cell.high)})" if several else half_width(cell.low, cell.high)
+    return f"({number(cell.low)} to {number(cell.high)})" if cell.several else half_width(cell.low, cell.high)
 
 
 def table_grid(table: Table, rows: dict[str, RowFound]) -> Grid:
@@ -151,7 +151,6 @@ def row_entries(table: Table, row: Row, found: RowFound | None) -> tuple[Entry, 
     """The cells of a row: numbers with their spread, marked where there is a gate."""
     if found is None:
         return (MISSING,) * len(table.columns())
-    several = len(found.trainings) > 1
     entries = []
     for split, key in table.columns():
         cell = found.cells.get((split, key))
@@ -160,9 +159,9 @@ def row_entries(table: Table, row: Row, found: RowFound | None) -> tuple[Entry, 
         elif cell is None:
             entries.append(NONE)
         else:
-            verdict = judge(table, row, split, key, cell, several)
+            verdict = judge(table, row, split, key, cell)
             tone: Tone = "" if verdict is None else "reached" if verdict.reached else "missed"
-            entries.append(Entry(number(cell.value), _spread(cell, several), tone))
+            entries.append(Entry(number(cell.value), _spread(cell), tone))
     return tuple(entries)
 
 

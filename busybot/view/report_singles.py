@@ -56,10 +56,9 @@ def _plan_grid(result: PlanResult) -> Grid:
         paper = PLANNING.paper.get((row.paper if row else None) or "")
         gate = PLANNING.gates.get((row.gate if row else None) or "")
         beside = [PLANNING.at(values, split, kind) if known and values else None for values in (paper, gate)]
-        low, high = scores.interval or (None, None)
         shares = (Entry(number(100 * scores.solved)) if scores.solved is not None else NONE,)
         steps = (Entry(number(scores.steps)) if scores.steps is not None else NONE,)
-        measured = _measured(cell(scores.success, low, high))
+        measured = _measured(cell(scores.success, scores.interval))
         lines.append((row.words if row else agent, (*measured, *shares, *steps, *map(_percent, beside))))
     heads = ("success", "95 % interval", "tasks solved", "steps", "the paper", "gate")
     return Grid((), heads, tuple(lines), f"percent, {result.tasks} tasks")

@@ -1,5 +1,7 @@
 """Collecting for training: places without and with a network, pairs in order, all told from depth alone."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
@@ -73,8 +75,14 @@ def test_what_moved_and_what_failed_attract_less() -> None:
 
 
 def test_only_depth_is_read() -> None:
-    for policy in (UnguidedExplorer(RAYS), GuidedExplorer(ButtonModel(), RAYS)):
-        draws = rng()
-        action = policy.choose(BOARD, draws)
-        policy.told(action, action.directions[:1], 1, PRESSED_BOARD)
-        assert BOARD.segmentation is None and policy.choose(PRESSED_BOARD, draws).directions
+    """The same depth in other colours, without segmentation: the same actions."""
+    recoloured = [replace(board, rgb=255 - board.rgb[::-1]) for board in (BOARD, PRESSED_BOARD)]
+    assert all(board.segmentation is None for board in recoloured)
+    for make in (lambda: UnguidedExplorer(RAYS), lambda: GuidedExplorer(ButtonModel(), RAYS)):
+        chosen = []
+        for before, after in ((BOARD, PRESSED_BOARD), recoloured):
+            policy, draws = make(), rng()
+            action = policy.choose(before, draws)
+            policy.told(action, action.directions[:1], 1, after)
+            chosen.append((action, policy.choose(after, draws)))
+        assert chosen[0] == chosen[1]

@@ -34,7 +34,7 @@ def make_rounds(folder: Path, strict: bool = False) -> list[Path]:
 
 
 def permute_privileged(dataset: Dataset) -> None:
-    """Give everything that only the simulator knows other values, in every episode."""
+    """Give everything that only the simulator knows of pictures and actions other values, in every episode."""
     for index in dataset.finished():
         path = dataset.episode_path(index)
         episode = read_episode(path)
@@ -54,6 +54,9 @@ def permute_privileged(dataset: Dataset) -> None:
                 trigger_states_after=tuple(1 - state for state in step.trigger_states_after),
                 joint_positions_before=tuple(-value for value in step.joint_positions_before),
                 joint_positions_after=tuple(-value for value in step.joint_positions_after),
+                responder_states_before=tuple(one if one < 0 else 1 - one for one in step.responder_states_before),
+                responder_states_after=tuple(one if one < 0 else 1 - one for one in step.responder_states_after),
+                vetoed=not step.vetoed,
             )
             for step in episode.steps
         ]

@@ -168,6 +168,14 @@ def test_planning_has_its_place(tmp_path: Path) -> None:
     assert "**Procedural objects**" in write_report([write(file, told)], tmp_path / "out").markdown.read_text()
 
 
+def test_of_planning_too_a_gate_is_for_the_worst_seed(tmp_path: Path) -> None:
+    kinds = {"one-to-one": {"success": 0.97, "seeds": [1.0, 0.99, 0.92], "interval": [0.99, 1.0]}}
+    file = write(tmp_path / "table3.json", {"rows": {"search": {"splits": {"novel-config": kinds}}}})
+    done = write_report([file], tmp_path / "out")
+    assert "97.0 (92.0 to 100.0) ✗" in done.markdown.read_text()
+    assert [one.worst for one in done.verdicts if one.reached is False] == [92.0]
+
+
 def test_an_evaluation_of_planning_stands_beside_the_paper(tmp_path: Path) -> None:
     agents = {
         "search": {"success": 0.975, "interval": [0.95, 1.0], "solved": 0.9, "steps": 2.5},

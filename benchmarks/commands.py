@@ -8,6 +8,7 @@ import tempfile
 import threading
 import time
 from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,23 @@ def _private(pid: int) -> float:
     except OSError:
         return 0.0  # it has just ended
     return sum(int(line.split()[1]) for line in lines if line.startswith(("Pss_Anon", "Pss_Shmem"))) / 1000
+
+
+def chosen(names: str, known: Iterable[str]) -> list[str]:
+    """Names from a comma-separated option; all are checked before hours are spent on the first.
+
+    Raises:
+        SystemExit: there is no such name.
+    """
+    listed, there = names.split(","), list(known)
+    if unknown := [name for name in listed if name not in there]:
+        raise SystemExit(f"there is no {', '.join(unknown)}; choose among {', '.join(there)}")
+    return listed
+
+
+def assets_name(assets: str) -> str:
+    """What a result calls the objects: never where they lie."""
+    return "procedural" if assets == "procedural" else Path(assets).name
 
 
 def told_rows(out: Path) -> dict[str, Any]:

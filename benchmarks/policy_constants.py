@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import busybot, told_rows, write_result
+from benchmarks.commands import busybot, chosen, told_rows, write_result
 from busybot.workers import machine
 
 SEED = 78
@@ -75,9 +75,7 @@ def main() -> None:
     parser.add_argument("--config", type=Path, help="YAML file with parameters of the training")
     parser.add_argument("--out", type=Path, required=True)
     arguments = parser.parse_args()
-    names = arguments.constants.split(",")
-    if unknown := [name for name in names if name not in VALUES]:
-        parser.error(f"there are no constants {', '.join(unknown)}, but {', '.join(VALUES)}")
+    names = chosen(arguments.constants, VALUES)
     arguments.work.mkdir(parents=True, exist_ok=True)
     library = str(held_out_library(arguments.assets, arguments.work / "objects"))
     model, boards = str(arguments.work / "model"), arguments.work / "boards"

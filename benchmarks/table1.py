@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import as_typed, busybot, told_rows, train, write_result
+from benchmarks.commands import as_typed, assets_name, busybot, chosen, told_rows, train, write_result
 from busybot.workers import machine
 
 SPLITS = ("novel-config", "novel-object")
@@ -110,10 +110,8 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         trained = {**told["training"], "cost": told["cost"]}
     judged, policy = {}, {}
     for split in SPLITS:
-        folder, out = (
-            work / f"judge-{arguments.judge_seed}-{split}",
-            work / f"judged-{arguments.judge_seed}-{name}-{split}",
-        )
+        folder = work / f"judge-{arguments.judge_seed}-{split}"
+        out = work / f"judged-{arguments.judge_seed}-{name}-{split}"
         commands.append(boards(folder, split, arguments))
         busybot(*commands[-1])
         command = ("eval", "interact", str(folder), "--model", model, *row.judge)
@@ -141,11 +139,12 @@ def main() -> None:
     parser.add_argument("--judge-seed", type=int, default=303, help="of the boards that rows are judged on")
     parser.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = parser.parse_args()
-    assets = "procedural" if arguments.assets == "procedural" else Path(arguments.assets).name
-    result: dict[str, Any] = {"assets": assets, "machine": machine(), "rows": told_rows(arguments.out)}
-    names = arguments.rows.split(",")
-    if unknown := [name for name in names if name not in ROWS]:
-        parser.error(f"there are no rows {', '.join(unknown)}, but {', '.join(ROWS)}")
+    result: dict[str, Any] = {
+        "assets": assets_name(arguments.assets),
+        "machine": machine(),
+        "rows": told_rows(arguments.out),
+    }
+    names = chosen(arguments.rows, ROWS)
     for name in names:
         result["rows"][name] = run(name, arguments)
         write_result(arguments.out, result)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import as_typed, busybot, told_rows, train, write_result
+from benchmarks.commands import as_typed, busybot, chosen, told_rows, train, write_result
 from busybot.workers import machine
 
 SPLITS = ("validation", "novel-config", "novel-object")
@@ -170,7 +170,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.work.mkdir(parents=True, exist_ok=True)
     result: dict[str, Any] = {"machine": machine(), "rows": told_rows(arguments.out)}
-    for name in arguments.rows.split(","):
+    for name in chosen(arguments.rows, ROWS):
         result["rows"][name] = run(name, arguments)
         write_result(arguments.out, result)
         for split, scores in result["rows"][name]["splits"].items():

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import as_typed, busybot, write_result
+from benchmarks.commands import as_typed, assets_name, busybot, write_result
 from busybot.files import read_json
 from busybot.training.model_folder import INFO_FILE
 from busybot.workers import machine
@@ -97,8 +97,8 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 print(f"{split:13} {kind:12} {agent:24} {100 * scores['success']:5.1f}", flush=True)
             for name, folder in _learned(options).items():
                 rows[name]["training"] = [training(folder)]
-            assets = "procedural" if options.assets == "procedural" else Path(options.assets).name
-            yield {"assets": assets, "machine": machine(), "tasks": options.boards, "commands": typed, "rows": rows}
+            origin = {"assets": assets_name(options.assets), "machine": machine()}
+            yield {**origin, "tasks": options.boards, "commands": typed, "rows": rows}
 
 
 def parsed(description: str | None, **given: Any) -> argparse.Namespace:

@@ -1,13 +1,15 @@
 """Tables beside Table 1 as Markdown, from their result files into docs/interact.md, which has places for them.
 
-python -m benchmarks.interact_pages benchmarks/results/own-motion.json docs/interact.md
+python -m benchmarks.interact_pages benchmarks/results/changed_pixels.json docs/interact.md
 python -m benchmarks.interact_pages benchmarks/results/paper_interact.json docs/interact.md
+python -m benchmarks.interact_pages benchmarks/results/policy_constants.json docs/interact.md
 """
 
 from typing import Any
 
-from benchmarks.pages import put, write_page
+from benchmarks.pages import put, with_interval, write_page
 
+JUDGED = {"precision": "precision", "recall": "recall", "precision_exploring": "new links"}
 SPLITS = {"train": "training objects", "novel-object": "novel objects"}
 
 
@@ -15,25 +17,39 @@ def page(text: str, result: dict[str, Any]) -> str:
     """The page with the result's table in its place."""
     if "extrapolated" in result:
         return put(text, "paper-interact", paper_cost(result))
-    return put(text, "own-motion", own_motion(result["splits"]))
+    if "held_out" in result:
+        return put(text, "policy-constants", policy_constants(result))
+    return put(text, "changed-pixels", changed_pixels(result["splits"]))
 
 
-def own_motion(splits: dict[str, Any]) -> str:
-    """For each threshold: the share of true changes above it, and how many triggers' median change is."""
-    heads = [f"{words}: {what}" for words in SPLITS.values() for what in ("changes", "switches")]
-    lines = ["| changed pixels above | " + " | ".join(heads) + " |", "|---" * (1 + len(heads)) + "|"]
-    for delta in splits["train"]["exceeding"]:
-        cells = []
-        for split in SPLITS:
-            above = splits[split]["exceeding"][delta]
-            cells += [
-                f"{100 * above['share_of_steps']:.1f} %",
-                f"{len(above['triggers'])} of {splits[split]['triggers']}",
-            ]
-        lines.append(f"| {delta} | {' | '.join(cells)} |")
-    pixels = {words: splits[split]["pixels"] for split, words in SPLITS.items()}
-    told = (f"{words} {one['median']:.0f} and {one['most']:.0f}" for words, one in pixels.items())
-    return "\n".join([*lines, "", f"Median and most changed pixels: {', '.join(told)}."])
+def changed_pixels(splits: dict[str, Any]) -> str:
+    """Of the moves on each kind of board, how many pixels change, and the share above each threshold."""
+    deltas = list(splits["train"]["with"]["exceeding"])
+    heads = ["least", "median", "most", *(f"above {delta}" for delta in deltas)]
+    lines = ["| changed pixels | " + " | ".join(heads) + " |", "|---" * (1 + len(heads)) + "|"]
+    for split, words in SPLITS.items():
+        for name, told in splits[split].items():
+            pixels = [f"{told['pixels'][key]:.0f}" for key in heads[:3]]
+            shares = [f"{100 * told['exceeding'][delta]['share_of_moves']:.1f} %" for delta in deltas]
+            lines.append(f"| {words}, {name} responders | {' | '.join([*pixels, *shares])} |")
+    lines += ["", "| switches above it without responders: ever (in most moves) | " + " | ".join(deltas) + " |"]
+    lines.append("|---" * (1 + len(deltas)) + "|")
+    for split, words in SPLITS.items():
+        alone = splits[split]["without"]
+        above = [alone["exceeding"][delta] for delta in deltas]
+        cells = [f"{len(one['ever'])} ({len(one['mostly'])})" for one in above]
+        lines.append(f"| {words}, {len(alone['triggers'])} switches | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def policy_constants(result: dict[str, Any]) -> str:
+    """A line for each setting: which constant, its default, the other value, and what it brings in percent."""
+    lines = ["| constant | default | here | " + " | ".join(JUDGED.values()) + " |", "|---" * (3 + len(JUDGED)) + "|"]
+    for setting, row in result["rows"].items():
+        name, _, value = setting.partition("=")
+        what = f"`{name}` | {result['default'][name]:g} | {float(value):g}" if value else f"*{name}* | |"
+        lines.append(f"| {what} | {' | '.join(with_interval(row, key) for key in JUDGED)} |")
+    return "\n".join(lines)
 
 
 def paper_cost(result: dict[str, Any]) -> str:

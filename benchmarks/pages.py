@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.view.protocol import Table
+from busybot.view.report_sections import half_width, number
 
 
 def put(text: str, name: str, content: str) -> str:
@@ -20,6 +21,14 @@ def head(table: Table) -> list[str]:
     """The first two lines of a table as Markdown."""
     heads = [f"{split}: {table.keys[key]}" for split, key in table.columns()]
     return ["| | " + " | ".join(heads) + " |", "|---" * (1 + len(heads)) + "|"]
+
+
+def with_interval(judged: dict[str, Any], key: str) -> str:
+    """A share as percent with half the width of its 95 % interval."""
+    if judged[key] is None:
+        return "-"
+    low, high = judged["intervals"][key] or (judged[key], judged[key])
+    return f"{number(100 * judged[key])} {half_width(100 * low, 100 * high)}"
 
 
 def paper_lines(table: Table) -> list[str]:

@@ -1,6 +1,7 @@
 """The constants of the learned policy, one varied at a time, on training objects that the model has not seen.
 
-    python -m benchmarks.policy_constants --assets DIR --work FOLDER --out benchmarks/results/policy-constants.json
+    python -m benchmarks.policy_constants --assets DIR --work FOLDER --out benchmarks/results/policy_constants.json
+    python -m benchmarks.interact_pages benchmarks/results/policy_constants.json docs/interact.md
 
 Of the training objects some are held out: a copy of the library calls them novel and has no real novel object at all. A
 strict model is trained on the others and judged, under the veto, on boards of those that were held out, where it makes
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.commands import busybot, chosen, told_rows, write_result
+from busybot.interact.policy_config import PolicyConfig
 from busybot.workers import machine
 
 SEED = 78
@@ -42,7 +44,7 @@ VALUES: dict[str, tuple[float, ...]] = {
 """Values beside the default."""
 BEFORE = ("explore=0.35", "insist=0.35", "caution=0", "temperature=1", "after_failure=null", "dense_weight=0.5")
 """What was there before doubt on new objects was: one row varies them together."""
-KEYS = ("precision", "recall", "precision_exploring", "failures_by_object", "missed_links")
+KEYS = ("precision", "recall", "precision_exploring", "intervals", "failures_by_object", "missed_links")
 TRAIN = ("--strict",)
 
 
@@ -91,6 +93,7 @@ def main() -> None:
         "seed": SEED,
         "machine": machine(),
         "held_out": HELD_OUT,
+        "default": {name: getattr(PolicyConfig(), name) for name in VALUES},
         "training": trained,
     }
     if arguments.out.exists() and json.loads(arguments.out.read_text())["training"] != trained:

@@ -37,7 +37,7 @@ from busybot.reason.forecast import BOUND, NEAREST, Forecast, Watched, forecast
 from busybot.reason.infer import reasoner_of
 from busybot.reason.judge import Nearest, judged_objects
 from busybot.reason.lookup import Lookup, LookupConfig
-from busybot.reason.models import SHIPPED, WEIGHTS_FILE, ModelInfo
+from busybot.reason.models import WEIGHTS_FILE, ModelInfo
 from busybot.reason.observed import acted_objects
 from busybot.reason.reasoner import Reasoner
 from busybot.reason.result import InferredGraph
@@ -240,7 +240,7 @@ def _work(task: tuple[int, Path], asked: Asked) -> list[tuple[Row, Told]]:
 
 def _origin(folder: str) -> dict[str, Any]:
     """What a model is and was trained on, without where it lies."""
-    found = find_folder(folder, SHIPPED, "reason")
+    found = find_folder(folder, "reason")
     digest = hashlib.sha256((found / WEIGHTS_FILE).read_bytes()).hexdigest()
     return {"weights": digest, **read_info(found, ModelInfo).training}
 

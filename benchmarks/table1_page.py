@@ -7,9 +7,8 @@ The place is between `<!-- table1 -->` and `<!-- end of table1 -->`. A row that 
 
 from typing import Any
 
-from benchmarks.pages import costs, head, paper_lines, put, write_page
+from benchmarks.pages import costs, head, paper_lines, put, with_interval, write_page
 from busybot.view.protocol import INTERACTION
-from busybot.view.report_sections import half_width, number
 
 
 def table(result: dict[str, Any]) -> str:
@@ -24,11 +23,7 @@ def table(result: dict[str, Any]) -> str:
 def _cell(row: dict[str, Any] | None, split: str, key: str) -> str:
     if row is None or split not in row:
         return "missing" if row is None else "no reward"
-    judged = row[split]
-    if judged[key] is None:
-        return "-"
-    low, high = judged["intervals"][key] or (judged[key], judged[key])
-    return f"{number(100 * judged[key])} {half_width(100 * low, 100 * high)}"
+    return with_interval(row[split], key)
 
 
 def page(text: str, result: dict[str, Any]) -> str:

@@ -121,7 +121,7 @@ def models_below(folder: Path) -> list[Path]:
 
 def find(name_or_path: str) -> Path:
     """The folder of a model of any skill, by its name or path; a training's folder stands for its final model."""
-    return find_folder(name_or_path, SHIPPED.values(), "interact|reason")
+    return find_folder(name_or_path, *SHIPPED)
 
 
 def about(folder: Path) -> About:

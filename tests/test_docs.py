@@ -99,8 +99,9 @@ def test_the_table_of_robustness_is_that_of_the_results() -> None:
 @pytest.mark.parametrize(
     ("where", "name"),
     [
-        ("interact", "own-motion"),
+        ("interact", "changed_pixels"),
         ("interact", "paper_interact"),
+        ("interact", "policy_constants"),
         ("plan", "decision_time"),
         ("plan", "plan-procedural"),
     ],

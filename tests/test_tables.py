@@ -4,9 +4,10 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
-from benchmarks import interact_pages, plan_pages, table2, table3
+from benchmarks import changed_pixels, interact_pages, plan_pages, table2, table3
 from benchmarks.commands import as_typed, told_rows, write_result
 from benchmarks.pages import costs, put
 from benchmarks.table2 import DETAILS, SCORES, across
@@ -144,3 +145,24 @@ def test_what_the_papers_interaction_networks_cost() -> None:
     assert (
         "(P, 1 thread) the 400 epochs take 19 hours, of CPU 19: 15 for training and at least 4 for collecting." in text
     )
+
+
+def test_the_policys_constants_are_told_beside_their_defaults() -> None:
+    keys = ("precision", "recall", "precision_exploring")
+    judged = {**dict.fromkeys(keys, 0.9), "intervals": {"precision": [0.88, 0.92], "recall": None, keys[2]: [0.8, 1.0]}}
+    result = {"held_out": {}, "default": {"explore": 0.35}, "rows": {"before": judged, "explore=0.2": judged}}
+    text = interact_pages.page("<!-- policy-constants --><!-- end of policy-constants -->", result)
+    assert "| *before* | | | 90.0 ± 2.0 | 90.0 ± 0.0 | 90.0 ± 10.0 |" in text
+    assert "| `explore` | 0.35 | 0.2 | 90.0 ± 2.0 |" in text
+
+
+def test_moves_with_and_without_responders_beside_each_other() -> None:
+    both, alone = (
+        changed_pixels.summary(pd.DataFrame({"trigger": ["a", "a", "b"], "changed_pixels": pixels}))
+        for pixels in ([900, 1200, 700], [90, 700, 50])
+    )
+    assert alone["exceeding"]["500"] == {"share_of_moves": 0.3333, "ever": ["a"], "mostly": []}
+    splits = {name: {"with": both, "without": alone} for name in interact_pages.SPLITS}
+    text = interact_pages.page("<!-- changed-pixels --><!-- end of changed-pixels -->", {"splits": splits})
+    assert "| training objects, with responders | 700 | 900 | 1200 | 100.0 % | 100.0 % | 33.3 % |" in text
+    assert "| novel objects, 2 switches | 1 (1) | 1 (0) | 0 (0) |" in text

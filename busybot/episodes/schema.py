@@ -123,7 +123,7 @@ _STEPS = (
     Column("executed", _SMALL_NUMBERS, "directions that were tried, in order, vetoed ones among them"),
     Column("distance", pa.float32(), "reached in the last executed direction when the motion stopped", "board unit"),
     Column("changed_pixels", pa.int32(), "pixels that differ between the raw images before and after", "pixel"),
-    Column("reward", pa.int8(), "1 if changed_pixels exceeds delta"),
+    Column("reward", pa.int8(), "1 if changed_pixels exceeds delta, or, if joint states reward, if one changed"),
     _truth("vetoed", pa.bool_(), "strict mode vetoed every direction, so that nothing could move"),
     _truth("acted_object", pa.int16(), "index of the object that the gripper held, -1 for a miss"),
     _truth("acted_link", pa.string(), "name of the link that the gripper held, empty for a miss"),

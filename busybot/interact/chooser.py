@@ -24,12 +24,11 @@ from busybot.training.model_folder import INFO_FILE, file_hashes
 DEFAULT_MODEL = "procedural"
 """The shipped model that commands use when none is named."""
 _OF_THE_BONUS = frozenset({"ucb_c", "ucb_window"})
-_OF_THE_HIGHEST = frozenset({"blur", "prior"})
 _NOT_READ: dict[Mode, frozenset[str]] = {
     "evaluate": _OF_THE_BONUS | {"collect", "untried_first"},
     "collect": _OF_THE_BONUS | {"explore", "insist"},
-    "greedy": frozenset(PolicyConfig.model_fields) - _OF_THE_HIGHEST,
-    "ucb": frozenset(PolicyConfig.model_fields) - _OF_THE_HIGHEST - _OF_THE_BONUS,
+    "greedy": frozenset(PolicyConfig.model_fields) - {"blur"},
+    "ucb": frozenset(PolicyConfig.model_fields) - {"blur", "prior"} - _OF_THE_BONUS,
 }
 """Constants that change nothing in a mode."""
 
@@ -74,7 +73,7 @@ class LearnedChooser:
         info = load_once(self.model).info
         config = policy_config(info, self.overrides)
         by_paper = info.variant == "paper" and self.mode in ("ucb", "greedy")
-        unread = _NOT_READ[self.mode] | (_OF_THE_HIGHEST if by_paper else frozenset())
+        unread = _NOT_READ[self.mode] | ({"blur", "prior"} if by_paper else set())
         for name in sorted(unread.intersection(self.overrides)):
             what = f"learned.{name} changes nothing in mode {self.mode}" + (" of the paper's model" if by_paper else "")
             raise BusybotError(what, "leave it out")

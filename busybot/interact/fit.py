@@ -2,7 +2,7 @@
 
 Everything that an iteration draws comes from a generator of its own, so a training that was killed goes on from its
 last checkpoint and ends in the same weights, bit by bit. One thread per network: sums have one order whatever the
-machine, and the two networks are trained side by side. Where there is a GPU both are trained on it.
+number of cores, and the two networks are trained side by side. Where there is a GPU both are trained on it.
 """
 
 import math

@@ -24,8 +24,6 @@ from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.device import device, multiplies_bfloat16
 from busybot.training.model_folder import find_folder, read_info, write_info
 
-SHIPPED = Path(__file__).with_name("models")
-
 MARGIN = 32
 """The position network is run on what lies within so many pixels of something elevated: a third is saved."""
 
@@ -201,7 +199,7 @@ class Model:
 
 def find_model(name_or_path: str | Path) -> Path:
     """The folder that a name or a path means."""
-    return find_folder(name_or_path, [SHIPPED], "interact")
+    return find_folder(name_or_path, "interact")
 
 
 def weights_file(folder: Path, kind: Kind) -> Path:

@@ -57,7 +57,7 @@ class PaperConfig(RecordConfig):
         joint_epochs: until this epoch the direction is random; from then on both networks are trained.
         epsilon_lowest: the share of random choices that remains.
         buffer: steps that the replay buffer holds, first in, first out.
-        ucb_c, ucb_window: of the bonus for places that were not picked yet; the window's side in pixels.
+        ucb_c, ucb_window: of the bonus for places that were not picked yet; the window's side in pixels, even.
         position, direction: how the networks are trained.
         checkpoint: iterations after which a checkpoint is written, beside the one at the end of an epoch.
         threads: of PyTorch on a CPU; the order of sums, and so the last bits of the weights, depend on it.
@@ -73,7 +73,7 @@ class PaperConfig(RecordConfig):
     epsilon_lowest: Annotated[float, Field(ge=0, le=1)] = 0.1
     buffer: Annotated[int, Field(ge=2)] = 6400
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
-    ucb_window: Annotated[int, Field(ge=1, le=200)] = 10
+    ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
     position: LearnConfig = POSITION
     direction: LearnConfig = DIRECTION
     checkpoint: Annotated[int, Field(ge=1)] = 8

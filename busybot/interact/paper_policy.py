@@ -36,7 +36,7 @@ class PaperRules(BaseModel):
     epsilon_direction: Share = 0.0
     all_directions: bool = False
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
-    ucb_window: Annotated[int, Field(ge=1, le=200)] = 10
+    ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
 
     def needs_model(self) -> bool:
         """Whether a network is asked at all."""

@@ -10,7 +10,7 @@ model/                        the last one, with provenance and figures
 metrics/{position,direction}.jsonl, training.png
 checkpoints/, cache/          to go on from where a killed training stopped; derived samples
 
-The weights depend on the recorded steps, the seed and whether the processor multiplies bfloat16: training again from a
+The weights depend on the recorded steps, the seed and the kind of processor: on the same one, training again from a
 copy of the datasets ends in the same ones (`--offline`), and so does a training that was killed and continued.
 """
 

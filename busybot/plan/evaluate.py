@@ -19,11 +19,9 @@ from busybot.interact.chooser import fingerprint, load_once, policy_config
 from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
-from busybot.plan.learned.models import SHIPPED as POLICIES
 from busybot.plan.player import TRAINED, PlanConfig, Player, kind_of, name_of
 from busybot.reason.features import features_of
 from busybot.reason.infer import REASONERS, config_class, reasoner_of
-from busybot.reason.models import SHIPPED
 from busybot.rng import generator
 from busybot.sim.scene import Simulator
 from busybot.training.model_folder import file_hashes, find_folder
@@ -143,14 +141,14 @@ def _reasoner_provenance(reasoner: str) -> dict[str, Any]:
     """What decides what a reasoner says, without where it lies."""
     if reasoner in REASONERS:
         return {"name": reasoner, "config": config_class(reasoner)().model_dump(mode="json")}
-    folder = find_folder(reasoner, [SHIPPED], "reason")
+    folder = find_folder(reasoner, "reason")
     return {"name": folder.name, "sha256": file_hashes(folder)}
 
 
 def _policy_provenance(agent: str) -> dict[str, Any]:
     """What decides what a trained agent does, without where it lies."""
     name, _, model = agent.partition("=")
-    folder = find_folder(model, [POLICIES], name)
+    folder = find_folder(model, name)
     return {"name": folder.name, "sha256": file_hashes(folder)}
 
 

@@ -12,7 +12,6 @@ from busybot.reason.reasoner import Reasoner
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.model_folder import INFO_FILE, find_folder, read_info, write_info
 
-SHIPPED = Path(__file__).with_name("models")
 WEIGHTS_FILE = "weights.safetensors"
 
 
@@ -49,7 +48,7 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
     Raises:
         BusybotError: there is no such model, or its files are damaged or do not belong together.
     """
-    folder = find_folder(name_or_path, [SHIPPED], "reason")
+    folder = find_folder(name_or_path, "reason")
     info = read_info(folder, ModelInfo)
     tensors = load_tensors(folder / WEIGHTS_FILE).tensors
     try:

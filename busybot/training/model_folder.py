@@ -19,12 +19,11 @@ CALLED = {"interact": "an interaction model", "reason": "a model of relations"}
 Info = TypeVar("Info", bound=BaseModel)
 
 
-def find_folder(name_or_path: str | Path, shipped: Iterable[Path], skill: str) -> Path:
+def find_folder(name_or_path: str | Path, *skills: str) -> Path:
     """The folder that a name or a path means; a training's folder stands for its final model.
 
     Args:
-        shipped: folders of the models that can be called by their names.
-        skill: as in `busybot train SKILL`.
+        skills: as in `busybot train SKILL`; their shipped models can be called by their names.
 
     Raises:
         BusybotError: there is none.
@@ -33,21 +32,23 @@ def find_folder(name_or_path: str | Path, shipped: Iterable[Path], skill: str) -
     for folder in (given, given / "model"):
         if (folder / INFO_FILE).is_file():
             return folder
-    named = {path.parent.name: path.parent for place in shipped for path in place.glob(f"*/{INFO_FILE}")}
+    places = [SHIPPED[skill] for skill in skills if skill in SHIPPED]
+    named = {path.parent.name: path.parent for place in places for path in place.glob(f"*/{INFO_FILE}")}
     if str(name_or_path) in named:
         return named[str(name_or_path)]
-    _refuse_other(str(name_or_path), skill, sorted(named))
+    _refuse_other(str(name_or_path), skills, sorted(named))
     known = f"the shipped models are {', '.join(sorted(named))}; " if named else ""
     raise BusybotError(
         f"{name_or_path}: no model of that name, and no folder with {INFO_FILE}",
-        f"{known}`busybot train {skill} --out DIR` makes one",
+        f"{known}`busybot train {'|'.join(skills)} --out DIR` makes one",
     )
 
 
-def _refuse_other(name: str, skill: str, named: list[str]) -> None:
+def _refuse_other(name: str, skills: tuple[str, ...], named: list[str]) -> None:
     """Say so if the name is that of a shipped model of another skill."""
+    skill = skills[0]
     for other, place in SHIPPED.items():
-        if skill in CALLED and other != skill and Path(name).name == name and (place / name / INFO_FILE).is_file():
+        if skill in CALLED and other not in skills and Path(name).name == name and (place / name / INFO_FILE).is_file():
             choice = ", ".join([*named, "or a folder of one"])
             raise BusybotError(
                 f"`{name}` is {CALLED[other]}; here {CALLED[skill]} is needed",

@@ -12,6 +12,7 @@ from busybot.interact.batches import (
     MIRROR_Y,
     TRANSPOSE,
     Batch,
+    _draw_sides,
     _resize,
     apply_symmetry,
     cut_batch,
@@ -95,13 +96,18 @@ def test_a_batch_depends_on_its_generator_alone(samples: Samples) -> None:
 
 
 def test_scaled_crops_scale_their_heights(samples: Samples) -> None:
+    """What is shown k times as wide is shown k times as high."""
     plain = Augmentation(scaled=1, log_scale=0.3, log_stretch=0, log_height=0, transposed=0)
     config = FitConfig(side=64, jitter=0, augmentation=plain)
-    heights = cut_batch(samples, np.array([0]), 64).features[0, 0, 32, 32]
+    height = cut_batch(samples, np.array([0]), 64).features[0, 0, 32, 32]
+    factors = []
     for index in range(4):
-        batch = draw_batch(samples, np.array([0]), config, generator(0, "train", index, "scale"))
-        ratio = batch.features[0, 0, batch.rows[0], batch.columns[0]] / heights
-        assert 0.7 < ratio < 1.4
+        first, again = (generator(0, "train", index, "scale") for _ in range(2))
+        factors.append(64 / _draw_sides(config, first)[0])
+        batch = draw_batch(samples, np.array([0]), config, again)
+        ratio = batch.features[0, 0, batch.rows[0], batch.columns[0]] / height
+        assert float(ratio) == pytest.approx(factors[-1], rel=0.03)
+    assert min(factors) < 0.95 and max(factors) > 1.05
 
 
 def test_a_stretched_slope_has_the_normal_of_the_stretched_slope() -> None:

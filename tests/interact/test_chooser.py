@@ -4,6 +4,7 @@ import multiprocessing
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from busybot.episodes.geometry import Rays
@@ -37,7 +38,7 @@ def test_constants_that_a_mode_does_not_read_are_refused(model: Path) -> None:
     for mode, read, unread in (
         ("evaluate", {"explore": 0.2, "caution": 0.5}, {"collect": 0.2}),
         ("collect", {"collect": 0.2, "untried_first": False}, {"insist": 0.3}),
-        ("greedy", {"prior": 0.2}, {"ucb_c": 1.0}),
+        ("greedy", {"blur": 5}, {"prior": 0.2}),
         ("ucb", {"ucb_c": 1.0, "blur": 5}, {"explore": 0.2}),
     ):
         kept = LearnedChooser(str(model), mode_named(mode), read).provenance()["policy"]
@@ -70,6 +71,8 @@ def test_choosers_make_policies_that_need_no_segmentation(model: Path) -> None:
     for chooser, kind in kinds:
         policy = chooser.make(None, rays, InteractionConfig())  # type: ignore[arg-type]
         assert isinstance(policy, kind) and policy.name == chooser.name and not policy.oracle
+        column, row = policy.choose(image, np.random.default_rng(0)).pixel or (-1, -1)
+        assert 0 <= column < image.depth.shape[1] and 0 <= row < image.depth.shape[0]
 
 
 def test_choosers_go_to_other_processes(model: Path) -> None:

@@ -128,12 +128,13 @@ def test_without_successes_an_epoch_is_left_out(samples: Samples, tmp_path: Path
     assert not learner.job.metrics.exists()
 
 
-def test_what_only_the_simulator_knows_does_not_change_the_weights(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "toys")
     weights = []
     for name in ("one", "two"):
         cache = cache_samples(dataset, tmp_path / "cache", "depth", whole=True)
-        job = job_for("position", tmp_path / name)
+        job = job_for(kind, tmp_path / name)
         begin_learner(job).train(open_samples([cache], "depth", 1000, whole=True), 0)
         weights.append((cache, job.checkpoint.read_bytes()))
         permute_privileged(dataset)

@@ -13,8 +13,6 @@ from busybot.reason.models import WEIGHTS_FILE
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.model_folder import find_folder, read_info, write_info
 
-SHIPPED = Path(__file__).with_name("models")
-
 Name = Literal["bc", "ppo"]
 
 
@@ -54,7 +52,7 @@ def read_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, Poli
     Raises:
         BusybotError: there is no such policy, or its files are damaged or do not belong together.
     """
-    folder = find_folder(name_or_path, [SHIPPED], agent)
+    folder = find_folder(name_or_path, agent)
     info = read_info(folder, PolicyInfo)
     if info.agent != agent:
         raise BusybotError(f"{folder}: a policy of agent {info.agent}, not {agent}", f"name it as {info.agent}")

@@ -88,12 +88,12 @@ def _below(pid: int) -> list[int]:
 
 
 def _private(pid: int) -> float:
-    """Memory that no file backs, MB; pages shared by processes are divided among them."""
+    """Memory that no file backs, MB (the system tells KiB); pages shared by processes are divided among them."""
     try:
         lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
     except OSError:
         return 0.0  # it has just ended
-    return sum(int(line.split()[1]) for line in lines if line.startswith(("Pss_Anon", "Pss_Shmem"))) / 1000
+    return sum(int(line.split()[1]) for line in lines if line.startswith(("Pss_Anon", "Pss_Shmem"))) * 1024 / 1e6
 
 
 def chosen(names: str, known: Iterable[str]) -> list[str]:

@@ -1,12 +1,13 @@
 """What learning to interact costs: an iteration of training, a decision, a recorded action.
 
-    python benchmarks/interact.py [--assets DIR] [--boards 12] [--iterations 30] [--out FILE]
+    python -m benchmarks.interact [--assets DIR] [--boards 12] [--iterations 30] [--out FILE]
 
 Figures are CPU seconds of one process with one thread, medians of one run. The limit of an iteration is the time that
 the same processor needs for as many multiplications in one large matrix product, in bfloat16 if it has that, else in
 float32; its ratio to the limit is what could still be gained. Decisions and actions are measured on the boards of one
 dataset: the policy of the shipped model beside the scripted one, with everything that `busybot collect` does for an
-action.
+action. What the dense position network needs for a whole board, its features included, is told for each number of
+threads, by the clock.
 """
 
 import argparse
@@ -22,6 +23,7 @@ import numpy as np
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
+from benchmarks.commands import assets_name
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
@@ -33,6 +35,7 @@ from busybot.files import write_atomically
 from busybot.interact.batches import draw_batch
 from busybot.interact.chooser import DEFAULT_MODEL, ExploreChooser, LearnedChooser
 from busybot.interact.fit import FitJob, begin, learn
+from busybot.interact.model import Model
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.samples import cache_samples, open_samples
 from busybot.interact.train_config import TrainConfig
@@ -144,6 +147,20 @@ def deciding(simulator: Simulator, boards: list[BoardSpec], config: InteractionC
     return round(1000 * float(np.median(spent[1:])), 1)
 
 
+def looking(library: Library, boards: list[BoardSpec], threads: int) -> float:
+    """Milliseconds by the clock from a new image to the affordance of all its pixels."""
+    simulator, model, spent = Simulator(library, RenderConfig()), Model.load(DEFAULT_MODEL), []
+    torch.set_num_threads(threads)
+    for board in boards:
+        scene = simulator.board(board)
+        image, rays = scene.observe(), Rays(scene.camera)
+        began = time.perf_counter()
+        model.look(image, rays)
+        spent.append(time.perf_counter() - began)
+    torch.set_num_threads(1)
+    return round(1000 * float(np.median(spent[1:])), 1)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--assets", default="procedural")
@@ -158,10 +175,11 @@ def main() -> None:
         folder = Path(temporary)
         cache = record(folder, library, arguments.boards)
         iterations = {kind: iteration(kind, cache, folder, arguments.iterations) for kind in KINDS}
-        result = {"iteration": iterations, **acting(library, boards, folder)}
-    assets = "procedural" if arguments.assets == "procedural" else Path(arguments.assets).name
+        looks = {str(threads): looking(library, boards, threads) for threads in range(1, (os.cpu_count() or 1) + 1)}
+        result = {"iteration": iterations, "milliseconds_per_look": looks, **acting(library, boards, folder)}
+    assets = assets_name(arguments.assets)
     result |= {
-        "command": f"python benchmarks/interact.py --assets {assets} --boards {arguments.boards}",
+        "command": f"python -m benchmarks.interact --assets {assets} --boards {arguments.boards}",
         "machine": {**machine(), "torch": torch.__version__},
     }
     text = json.dumps(result, indent=1) + "\n"

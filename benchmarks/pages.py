@@ -46,7 +46,7 @@ def costs(training: list[dict[str, Any]], machine: dict[str, Any]) -> str:
     return (
         f"From nothing to a trained model: {least if least == most else f'{least} to {most}'} minutes and at most "
         f"{max(cost['megabytes'] for cost in known) / 1000:.1f} GB of memory on {machine['cores']} cores "
-        f"({len(known)} of {len(training)} trainings that nothing interrupted)."
+        f"({len(known)} of {len(training)} trainings; what was interrupted is not timed)."
     )
 
 

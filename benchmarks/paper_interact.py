@@ -2,13 +2,14 @@
 
     python -m benchmarks.paper_interact [--iterations 50] [--assets procedural] [--threads 1] [--out FILE]
 
-An epoch's data of every phase are collected at the paper's size (16 boards of 10 actions): with random positions and
-all directions, with the position network's choice and all directions, and with both networks' choice and one direction;
-the networks are untrained. Then each is trained for so many iterations on these data, with the paper's pictures,
-batches and optimizer, and every iteration is timed, its batch included. The whole schedule's time is an extrapolation
-from the medians; nothing is said about how good the trained policy would be. What is collected is a lower bound:
-untrained networks mostly miss, and a miss need not be simulated. Wall seconds grow with whatever else the machine does
-(its load is noted); CPU seconds, of all threads and of the collecting processes, do so much less.
+The data of the first epoch of every phase are collected at the paper's size (16 boards of 10 actions), with untrained
+networks and as the schedule has it there: random positions until the epsilon of positions falls, all directions until
+the last phase, whose first direction is random. Then each network is trained for so many iterations on these data, with
+the paper's pictures, batches and optimizer, and every iteration is timed, its batch included. The whole schedule's time
+is an extrapolation from the medians; nothing is said about how good the trained policy would be. What is collected is a
+lower bound: later in each phase a network is asked more often, and untrained networks mostly miss, and a miss need not
+be simulated. Wall seconds grow with whatever else the machine does (its load is noted); CPU seconds, of all threads and
+of the collecting processes, do so much less.
 """
 
 import argparse

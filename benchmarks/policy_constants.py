@@ -72,7 +72,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--assets", type=Path, required=True, help="folder of annotated objects")
     parser.add_argument("--work", type=Path, required=True, help="for library, model and boards; continued")
-    parser.add_argument("--boards", type=int, default=100)
+    parser.add_argument("--boards", type=int, default=60)
     parser.add_argument("--constants", default=",".join(VALUES))
     parser.add_argument("--config", type=Path, help="YAML file with parameters of the training")
     parser.add_argument("--out", type=Path, required=True)

@@ -105,7 +105,8 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         except RuntimeError as error:
             if NOTHING_LEARNED not in str(error):
                 raise
-            return {"commands": [as_typed(command, places)], "training": None, "untrained": NOTHING_LEARNED}
+            told = {"commands": [as_typed(command, places)], "machine": machine()}
+            return {**told, "training": None, "untrained": NOTHING_LEARNED}
         commands.append(command)
         trained = {**told["training"], "cost": told["cost"]}
     judged, policy = {}, {}
@@ -120,7 +121,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         policy = judged_policy(result["provenance"])
         commands.append(command)
     typed = [as_typed(command, places) for command in commands]
-    return {"commands": typed, "training": trained, "policy": policy, **judged}
+    return {"commands": typed, "machine": machine(), "training": trained, "policy": policy, **judged}
 
 
 def judged_policy(provenance: dict[str, Any]) -> dict[str, Any]:
@@ -141,7 +142,7 @@ def main() -> None:
     arguments = parser.parse_args()
     result: dict[str, Any] = {
         "assets": assets_name(arguments.assets),
-        "machine": machine(),
+        "machine": machine(),  # of this run; each row has its own
         "rows": told_rows(arguments.out),
     }
     names = chosen(arguments.rows, ROWS)

@@ -1,7 +1,8 @@
 """The constants of the learned policy, in one place.
 
 They were chosen on boards of training objects; `caution`, `temperature` and `explore` on training objects that the
-model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is right. A model's card may
+model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is right. That there is a
+`responder_penalty` was thought of after failures on novel objects (docs/interact.md tells of it). A model's card may
 carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides both.
 """
 

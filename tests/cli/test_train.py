@@ -14,7 +14,7 @@ from busybot.interact.model import Model
 from busybot.interact.paper_fit import Learner
 from busybot.interact.samples import Samples
 from busybot.training.metrics_file import read_metrics
-from tests.cli.killing import kill_once_it_learns
+from tests.cli.killing import kill_once, kill_once_it_learns
 from tests.interact.trainings import SMALL, make_rounds, weights
 
 SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
@@ -95,6 +95,26 @@ def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, rounds
     assert not (killed / "model").exists()
     assert run(*arguments(killed, rounds)).exit_code == 0
     assert weights(killed) == weights(straight)
+
+
+@pytest.mark.long
+def test_killed_while_it_collects_by_its_model_it_ends_in_the_same_weights(tmp_path: Path) -> None:
+    """Both rounds are recorded by the training itself, the second one by the model of the first."""
+    rounds = (
+        "rounds=[{boards: 2, steps: 4, position: 4, direction: 4}, {boards: 4, steps: 2, position: 4, direction: 4}]"
+    )
+    settings = ("--set", rounds, *SETTINGS[2:], "--assets", "procedural", "--workers", "1")
+    straight, killed = tmp_path / "straight", tmp_path / "killed"
+    commands = {out: ["train", "interact", "--out", str(out), *settings] for out in (straight, killed)}
+    assert run(*commands[straight]).exit_code == 0
+    kill_once(commands[killed], lambda: any((killed / "rounds" / "01" / "episodes").glob("*.mcap")))
+    assert not (killed / "model").exists()
+    result = run(*commands[killed])
+    assert result.exit_code == 0, result.stderr
+    assert weights(killed) == weights(straight)
+    for index in ("00", "01"):
+        hashes = [Dataset.open(out / "rounds" / index).hashes().content for out in (straight, killed)]
+        assert hashes[0] == hashes[1]
 
 
 @pytest.mark.long

@@ -3,21 +3,33 @@
 import json
 from pathlib import Path
 
-from busybot.interact.chooser import DEFAULT_MODEL
+from busybot.interact.chooser import DEFAULT_MODEL, policy_config
 from busybot.interact.model import Model, find_model
+from busybot.training.model_folder import file_hashes
 
 RESULT = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "interact-procedural.json"
+ROW = json.loads(RESULT.read_text())["rows"]["free-0"]
 KEYS = ("precision", "recall", "precision_exploring")
+CARD = "README.md"
 
 
 def test_the_card_has_the_results_numbers() -> None:
-    folder = find_model(DEFAULT_MODEL)
-    card, row = (folder / "README.md").read_text(), json.loads(RESULT.read_text())["rows"]["free-0"]
+    card, cost = (find_model(DEFAULT_MODEL) / CARD).read_text(), ROW["training"]["cost"]
     for split in ("novel-config", "novel-object"):
-        cells = " | ".join(f"{100 * row[split][key]:.1f}" for key in KEYS)
+        cells = " | ".join(f"{100 * ROW[split][key]:.1f}" for key in KEYS)
         assert f"| {split} | {cells} |" in card
-    assert row["training"]["rounds"] == Model.load(DEFAULT_MODEL).info.training["rounds"]
+    assert f"{cost['seconds'] / 60:.0f} minutes and at most {cost['megabytes'] / 1000:.1f} GB" in card
+    missed = sum(link["missed"] for link in ROW["novel-object"]["missed_links"].values())
+    assert f"Of {missed} links" in card
+    assert f"Of its {sum(ROW['novel-object']['failures_by_cause'].values())} failures" in card
 
 
-def test_it_is_small() -> None:
+def test_the_model_is_the_one_that_was_judged() -> None:
+    hashes = file_hashes(find_model(DEFAULT_MODEL))
+    assert {name: value for name, value in hashes.items() if name != CARD} == ROW["policy"]["model_sha256"]
+    assert policy_config(Model.load(DEFAULT_MODEL).info, {}).after_failure is not None
+
+
+def test_it_is_small_and_was_trained_in_45_minutes() -> None:
     assert sum(path.stat().st_size for path in find_model(DEFAULT_MODEL).iterdir()) < 5_000_000
+    assert ROW["training"]["cost"]["seconds"] < 45 * 60 and ROW["training"]["cost"]["megabytes"] < 4000

@@ -74,6 +74,7 @@ def measure_board(simulators: dict[str, Simulator], board: BoardSpec, folder: Pa
     times.setdefault("bytes per frame", []).append(size / len(episode.images))
     for number in range(2 * STEPS):
         action = policies[number % 2].choose(image, rng)
+        assert action is not None, "every board has links to move"
         step, after, seconds = timed_action(
             scene, grasp_at(scene, image, rays, action.pixel), action.directions[0], image
         )

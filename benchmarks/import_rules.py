@@ -135,7 +135,7 @@ def compare(truth: ObjectModel, category_known: bool) -> dict[str, Any]:
         reason = error.what.replace(str(truth.folder), truth.key)
         return {"key": truth.key, "refused": reason, "agrees": {name: False for name in JUDGES}}
     verdicts = {name: judge(rule, truth) for name, judge in JUDGES.items()}
-    row = {"key": truth.key, "split": catalogue()[truth.key].split, "category": rule.category}
+    row: dict[str, Any] = {"key": truth.key, "split": catalogue()[truth.key].split, "category": rule.category}
     row |= {"scale": [rule.scale, truth.scale], "notes": list(decision.notes)}
     return row | {"agrees": {name: verdict for name, verdict in verdicts.items() if verdict is not None}}
 

@@ -101,8 +101,8 @@ def main() -> None:
     result["rows"] = told_rows(arguments.out)
     for row, settings in rows.items():
         words = [word for setting in settings for word in ("--set", f"learned.{setting}")]
-        options = ("--model", model, "--assets", library, "--strict", *words)
-        told = busybot("eval", "interact", str(boards), *options, "--out", str(arguments.work / f"judged-{row}"))
+        judging = ("--model", model, "--assets", library, "--strict", *words)
+        told = busybot("eval", "interact", str(boards), *judging, "--out", str(arguments.work / f"judged-{row}"))
         result |= {key: told["dataset"][key] for key in ("boards", "board_hash") if key in told["dataset"]}
         result["rows"][row] = {key: told[key] for key in KEYS}
         print(f"{row:24} P {100 * told['precision']:5.1f} R {100 * told['recall']:5.1f}", file=sys.stderr, flush=True)

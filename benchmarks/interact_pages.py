@@ -8,8 +8,8 @@ python -m benchmarks.interact_pages benchmarks/results/policy_constants.json doc
 from typing import Any
 
 from benchmarks.pages import put, with_interval, write_page
+from busybot.view.protocol import INTERACTION
 
-JUDGED = {"precision": "precision", "recall": "recall", "precision_exploring": "new links"}
 SPLITS = {"train": "training objects", "novel-object": "novel objects"}
 
 
@@ -44,11 +44,15 @@ def changed_pixels(splits: dict[str, Any]) -> str:
 
 def policy_constants(result: dict[str, Any]) -> str:
     """A line for each setting: which constant, its default, the other value, and what it brings in percent."""
-    lines = ["| constant | default | here | " + " | ".join(JUDGED.values()) + " |", "|---" * (3 + len(JUDGED)) + "|"]
+    keys = INTERACTION.keys
+    lines = [
+        "| constant | default | here | " + " | ".join(keys.values()) + " |",
+        "|---" * (3 + len(keys)) + "|",
+    ]
     for setting, row in result["rows"].items():
         name, _, value = setting.partition("=")
         what = f"`{name}` | {result['default'][name]:g} | {float(value):g}" if value else f"*{name}* | |"
-        lines.append(f"| {what} | {' | '.join(with_interval(row, key) for key in JUDGED)} |")
+        lines.append(f"| {what} | {' | '.join(with_interval(row, key) for key in keys)} |")
     return "\n".join(lines)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.commands import busybot, chosen, told_rows, write_result
-from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.policy_config import STRICT_POLICY, PolicyConfig
 from busybot.workers import machine
 
 SEED = 78
@@ -40,9 +40,18 @@ VALUES: dict[str, tuple[float, ...]] = {
     "peak_radius": (2, 6),
     "effect": (75, 400),
     "responder_penalty": (0.0, 1.0),
+    "trigger_bonus": (0.0, 2.0),
 }
 """Values beside the default."""
-BEFORE = ("explore=0.35", "insist=0.35", "caution=0", "temperature=1", "after_failure=null", "dense_weight=0.5")
+BEFORE = (
+    "explore=0.35",
+    "insist=0.35",
+    "caution=0",
+    "temperature=1",
+    "after_failure=null",
+    "dense_weight=0.5",
+    "trigger_bonus=0",
+)
 """What was there before doubt on new objects was: one row varies them together."""
 KEYS = ("precision", "recall", "precision_exploring", "intervals", "failures_by_object", "missed_links")
 TRAIN = ("--strict",)
@@ -93,7 +102,7 @@ def main() -> None:
         "seed": SEED,
         "machine": machine(),
         "held_out": HELD_OUT,
-        "default": {name: getattr(PolicyConfig(), name) for name in VALUES},
+        "default": {**{name: getattr(PolicyConfig(), name) for name in VALUES}, **STRICT_POLICY},
         "training": trained,
     }
     if arguments.out.exists() and json.loads(arguments.out.read_text())["training"] != trained:

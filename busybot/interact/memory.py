@@ -3,7 +3,7 @@
 The paper keeps a count of picks per window (UCB, section 3.1). Here what moved around a rewarded action becomes one
 link, so that neighbouring buttons stay apart, and a failure lowers the belief in what lies near it. An object that
 changed its looks while another one was acted on responds, so it is hardly a trigger: whoever learns causes tells a lamp
-from a lever by what switches it on.
+from a lever by what switches it on. One of which a link moved is a trigger, and likely to have another.
 
 Only what the agent may read enters: the pictures before and after its own actions, the directions executed, the reward.
 """
@@ -121,6 +121,7 @@ class Memory:
             penalty += (1 - near) * (self._config.component_penalty * same + self._config.failure_penalty)
         responding = np.isin(self._components[rows, columns], list(self.responders))
         penalty += self._config.responder_penalty * responding
+        penalty -= self._config.trigger_bonus * np.isin(self._components[rows, columns], list(self._triggers()))
         beliefs, pairs = sigmoid(logits - np.where(links == 0, penalty, 0)), pairs.copy()
         for failure, near in zip(self.failures, nears, strict=True):
             for pair, pair_belief in failure.pairs.items():
@@ -129,6 +130,11 @@ class Memory:
         for link, pair in self.pairs.items():
             pairs[links == link, pair] = np.maximum(pairs[links == link, pair], self._config.known_pair)
         return beliefs, pairs
+
+    def _triggers(self) -> set[int]:
+        """Components of which a link has moved and no action failed."""
+        moved = set(np.unique(self._components[self.links > 0]).tolist()) - {0}
+        return moved - {int(self._components[one.pixel[1], one.pixel[0]]) for one in self.failures}
 
     def tried(self, pixels: np.ndarray) -> np.ndarray:
         """Which of the pixels (K, 2) lie where a pair has failed, bool (K,)."""

@@ -1,7 +1,7 @@
 """The constants of the learned policy, in one place.
 
-They were chosen on boards of training objects; `caution`, `temperature` and `explore` on training objects that the
-model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is right. That there is a
+They were chosen on boards of training objects; `caution`, `temperature`, `explore` and `insist` also on training objects
+that the model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is right. That there is a
 `responder_penalty` was thought of after failures on novel objects (docs/interact.md tells of it). A model's card may
 carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides both.
 """
@@ -16,6 +16,10 @@ Logit = Annotated[float, Field(ge=-50, le=50)]
 PairRow = Annotated[tuple[Logit, ...], Field(min_length=9, max_length=9)]
 Pixels = Annotated[int, Field(ge=0, le=200)]
 PairTable = Annotated[tuple[PairRow, ...], Field(min_length=9, max_length=9)]
+
+STRICT_POLICY: dict[str, float | str] = {"explore": 0.35, "insist": 0.1}
+"""What goes with a model that was trained under the veto: of new objects it knows the directions less well, and where one
+failed another is likely to work."""
 
 
 class PolicyConfig(BaseModel):
@@ -45,11 +49,13 @@ class PolicyConfig(BaseModel):
         effect: so many pixels of an object look otherwise when it responds to an action on another one; a lamp, a door
             or a toy changes several hundred.
         responder_penalty: logits taken from candidates on an object that responded and of which nothing has moved.
+        trigger_bonus: logits given to new candidates on an elevated component of which a link has moved, until an action
+            fails there: it is a trigger, and many have further links.
         failure_sigma: how far around it a failure speaks of the candidate itself, pixels (Gaussian).
         known_pair: least belief in the direction pair that moved a known link before.
         explore: new links are tried while the best one's expected success exceeds this; then known ones are repeated.
-        insist: where a pair has failed already, others are tried while their expected success exceeds this: it is known
-            what they have to compete with, and that the place looks right.
+        insist: where a pair has failed already, others are tried while their expected success exceeds this. Physics
+            alone lets most pairs work, so that a failure says that the place is wrong.
         collect: least expected success of a new candidate when data for reasoning are collected. Low, because a link
             that is never touched has no relations that could be found; what fails soon promises less
             (`benchmarks/coverage.py`: so many places elsewhere promise as much).
@@ -83,10 +89,11 @@ class PolicyConfig(BaseModel):
     failure_penalty: Logit = 0.7
     effect: Annotated[int, Field(ge=1)] = 150
     responder_penalty: Logit = 3.0
+    trigger_bonus: Logit = 1.2
     failure_sigma: Annotated[float, Field(gt=0)] = 6.0
     known_pair: Share = 0.97
-    explore: Share = 0.35
-    insist: Share = 0.1
+    explore: Share = 0.25
+    insist: Share = 0.35
     collect: Share = 0.005
     untried_first: bool = True
     ucb_c: Annotated[float, Field(ge=0)] = 0.5

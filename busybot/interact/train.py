@@ -24,6 +24,7 @@ from busybot.interact.fit import FitJob, make_fit
 from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.plots import plot_training
+from busybot.interact.policy_config import STRICT_POLICY
 from busybot.interact.redirection import after_failure
 from busybot.interact.rounds import Explorer, Recorder, Told, finished
 from busybot.interact.run_folder import BEFORE, describe, given, network_of, schedule_for
@@ -119,6 +120,7 @@ class Training:
             variant=self.config.variant,
             inputs=inputs,
             after_failure=after_failure(samples.executed, samples.worked),
+            thresholds=STRICT_POLICY if self.config.interaction.strict else {},
             training=describe(self.config, self.seed, datasets, caches, figures),
         )
         Model(info, {job.kind: network_of(job) for job in jobs}).save(self._model_folder(number))

@@ -12,6 +12,7 @@ from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
 from busybot.interact.model import Model
 from busybot.interact.paper_fit import Learner
+from busybot.interact.policy_config import STRICT_POLICY
 from busybot.interact.samples import Samples
 from busybot.training.metrics_file import read_metrics
 from tests.cli.killing import kill_once, kill_once_it_learns
@@ -50,17 +51,17 @@ def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: 
     assert refused.exit_code == 1 and "seed 0, now 1" in refused.stderr
 
 
-def test_under_the_veto_crops_are_not_turned_for_directions_unless_one_says_so(
-    tmp_path: Path, rounds: list[Path]
-) -> None:
-    turned, vetoed = [], make_rounds(tmp_path / "vetoed", strict=True)
+def test_the_veto_has_its_own_turning_of_crops_and_its_own_doubt(tmp_path: Path, rounds: list[Path]) -> None:
+    turned, cards, vetoed = [], [], make_rounds(tmp_path / "vetoed", strict=True)
     set_, otherwise = ("--set", "interaction.strict=true"), ("--set", "direction.augmentation.transposed=0.5")
     for number, more in enumerate(((), ("--strict",), set_, ("--strict", *otherwise))):
         out = tmp_path / str(number)
         result = run(*arguments(out, vetoed if more else rounds, *more))
         assert result.exit_code == 0, result.stderr
         turned.append(json.loads((out / "train.json").read_text())["config"]["direction"]["augmentation"]["transposed"])
+        cards.append(json.loads((out / "model" / "model.json").read_text())["thresholds"])
     assert turned == [0.35, 0.0, 0.0, 0.5]
+    assert cards == [{}, STRICT_POLICY, STRICT_POLICY, STRICT_POLICY]
 
 
 @pytest.mark.parametrize(

@@ -161,3 +161,15 @@ def test_an_object_of_which_a_link_moved_is_a_trigger_whatever_it_looks_like() -
     memory.succeeded((110, 50), UP, lit(PRESSED, LAMP, 0), lit(PRESSED, LAMP, 200))
     memory.succeeded((50, 50), UP, lit(PRESSED, LAMP, 200), lit(BUTTON, LAMP, 0))
     assert not memory.responders
+
+
+def test_a_trigger_is_likely_to_have_more_links_until_an_action_on_it_fails() -> None:
+    memory = board()
+    other_button, lamp = (61, 50), (110, 50)
+    memory.succeeded((50, 50), UP, lit(BUTTON, LAMP, 0), lit(PRESSED, LAMP, 0))
+    beliefs = logits_of(memory, other_button, lamp)[0]
+    assert np.log(beliefs / (1 - beliefs)) == pytest.approx([2 + CONFIG.trigger_bonus, 2])
+    memory.failed(Failure((42, 42), {3: 0.9}))  # too far away to say anything about the place itself
+    less = CONFIG.failure_penalty + CONFIG.component_penalty
+    beliefs = logits_of(memory, other_button, lamp)[0]
+    assert np.log(beliefs / (1 - beliefs)) == pytest.approx([2 - less, 2 - CONFIG.failure_penalty], abs=1e-3)

@@ -1,9 +1,9 @@
 """The constants of the learned policy, in one place.
 
-They were chosen on boards of training objects; `caution`, `temperature`, `explore` and `insist` also on training objects
-that the model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is right. That there is a
-`responder_penalty` was thought of after failures on novel objects (docs/interact.md tells of it). A model's card may
-carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides both.
+They were chosen on boards of training objects; `caution`, `temperature`, `explore`, `insist` and `trigger_bonus` also on
+training objects that the model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is
+right. That there is a `responder_penalty` was thought of after failures on novel objects (docs/interact.md tells of it).
+A model's card may carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides both.
 """
 
 from typing import Annotated, Literal
@@ -18,8 +18,8 @@ Pixels = Annotated[int, Field(ge=0, le=200)]
 PairTable = Annotated[tuple[PairRow, ...], Field(min_length=9, max_length=9)]
 
 STRICT_POLICY: dict[str, float | str] = {"explore": 0.35, "insist": 0.1}
-"""What goes with a model that was trained under the veto: of new objects it knows the directions less well, and where one
-failed another is likely to work."""
+"""What goes with a model that was trained under the veto: it knows the directions of new objects less well, and where
+one failed, another is likely to work."""
 
 
 class PolicyConfig(BaseModel):
@@ -49,8 +49,8 @@ class PolicyConfig(BaseModel):
         effect: so many pixels of an object look otherwise when it responds to an action on another one; a lamp, a door
             or a toy changes several hundred.
         responder_penalty: logits taken from candidates on an object that responded and of which nothing has moved.
-        trigger_bonus: logits given to new candidates on an elevated component of which a link has moved, until an action
-            fails there: it is a trigger, and many have further links.
+        trigger_bonus: logits given to new candidates on an elevated component of which a link has moved, until an
+            action fails there: it is a trigger, and many have further links.
         failure_sigma: how far around it a failure speaks of the candidate itself, pixels (Gaussian).
         known_pair: least belief in the direction pair that moved a known link before.
         explore: new links are tried while the best one's expected success exceeds this; then known ones are repeated.

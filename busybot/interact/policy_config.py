@@ -1,9 +1,9 @@
 """The constants of the learned policy, in one place.
 
-They were chosen on boards of training objects; `caution`, `temperature`, `explore`, `insist` and `trigger_bonus` also on
-training objects that the model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is
-right. That there is a `responder_penalty` was thought of after failures on novel objects (docs/interact.md tells of it).
-A model's card may carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides both.
+They were chosen on boards of training objects, `caution`, `temperature`, `explore`, `insist` and `trigger_bonus` on
+further ones that the model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is
+right. That there is a `responder_penalty` was thought of after failures on novel objects (docs/interact.md tells it). A
+model's card may carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides both.
 """
 
 from typing import Annotated, Literal

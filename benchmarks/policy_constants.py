@@ -40,7 +40,7 @@ VALUES: dict[str, tuple[float, ...]] = {
     "peak_radius": (2, 6),
     "effect": (75, 400),
     "responder_penalty": (0.0, 1.0),
-    "trigger_bonus": (0.0, 2.0),
+    "trigger_bonus": (1.2,),
 }
 """Values beside the default."""
 BEFORE = (

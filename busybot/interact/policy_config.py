@@ -18,8 +18,8 @@ Pixels = Annotated[int, Field(ge=0, le=200)]
 PairTable = Annotated[tuple[PairRow, ...], Field(min_length=9, max_length=9)]
 
 STRICT_POLICY: dict[str, float | str] = {"explore": 0.35, "insist": 0.1, "trigger_bonus": 0.0}
-"""What goes with a model that was trained under the veto. It knows the directions of new objects less well, and where one
-failed, another is likely to work; more failures would not find it more links."""
+"""What goes with a model that was trained under the veto. It knows the directions of new objects less well, and where
+one failed, another is likely to work; trying more places would find it no more links."""
 
 
 class PolicyConfig(BaseModel):

@@ -11,6 +11,8 @@ from benchmarks.pages import put, with_interval, write_page
 from busybot.view.protocol import INTERACTION
 
 SPLITS = {"train": "training objects", "novel-object": "novel objects"}
+FREE_SPLITS = {"novel-object": "held out", "novel-config": "known"}
+FREE_KEYS = ("precision", "recall")
 
 
 def page(text: str, result: dict[str, Any]) -> str:
@@ -43,17 +45,35 @@ def changed_pixels(splits: dict[str, Any]) -> str:
 
 
 def policy_constants(result: dict[str, Any]) -> str:
-    """A line for each setting: which constant, its default, the other value, and what it brings in percent."""
+    """A line for each setting: which constant, its default, the other value, and what it brings in percent.
+
+    The second table is without the veto, on objects that were held out and on those that the model knows.
+    """
     keys = INTERACTION.keys
-    lines = [
-        "| constant | default | here | " + " | ".join(keys.values()) + " |",
-        "|---" * (3 + len(keys)) + "|",
-    ]
+    lines = [*_heads(["under the veto", "default", "here", *keys.values()])]
     for setting, row in result["rows"].items():
-        name, _, value = setting.partition("=")
-        what = f"`{name}` | {result['default'][name]:g} | {float(value):g}" if value else f"*{name}* | |"
-        lines.append(f"| {what} | {' | '.join(with_interval(row, key) for key in keys)} |")
+        cells = [with_interval(row, key) for key in keys]
+        lines.append(_line(_setting(setting, result["default_strict"]), cells))
+    both = [f"{words}: {keys[key]}" for words in FREE_SPLITS.values() for key in FREE_KEYS]
+    lines += ["", *_heads(["without", "default", "here", *both])]
+    for setting, row in result["free"].items():
+        cells = [with_interval(row[split], key) for split in FREE_SPLITS for key in FREE_KEYS]
+        lines.append(_line(_setting(setting, result["default"]), cells))
     return "\n".join(lines)
+
+
+def _heads(names: list[str]) -> list[str]:
+    return [_line(" | ".join(names), []), "|---" * len(names) + "|"]
+
+
+def _line(what: str, cells: list[str]) -> str:
+    return f"| {' | '.join([what, *cells])} |"
+
+
+def _setting(setting: str, default: dict[str, Any]) -> str:
+    """Name, default and value of a varied constant; rows that vary none or several have a name."""
+    name, _, value = setting.partition("=")
+    return f"`{name}` | {default[name]:g} | {float(value):g}" if value else f"*{name}* | |"
 
 
 def paper_cost(result: dict[str, Any]) -> str:

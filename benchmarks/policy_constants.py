@@ -5,7 +5,8 @@
 
 Of the training objects some are held out: a copy of the library calls them novel and has no real novel object at all. A
 strict model is trained on the others and judged, under the veto, on boards of those that were held out, where it makes
-the mistakes that the constants are for. Run it again with the same FOLDER after an interruption: it goes on.
+the mistakes that the constants are for. What differs without the veto is varied without it, there and on new boards of
+the objects that the model knows. Run it again with the same FOLDER after an interruption: it goes on.
 """
 
 import argparse
@@ -15,11 +16,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.commands import busybot, chosen, told_rows, write_result
+from benchmarks.commands import busybot, chosen, write_result
 from busybot.interact.policy_config import STRICT_POLICY, PolicyConfig
 from busybot.workers import machine
 
 SEED = 78
+OBJECTS, MODEL = "objects", "model"
 HELD_OUT = {
     "Switch": ("100849", "100906", "100934", "100976", "100979", "100981", "102812", "102836"),
     "Lamp": ("13491",),
@@ -43,18 +45,20 @@ VALUES: dict[str, tuple[float, ...]] = {
     "trigger_bonus": (1.2,),
 }
 """Values beside the default."""
-BEFORE = (
-    "explore=0.35",
-    "insist=0.35",
-    "caution=0",
-    "temperature=1",
-    "after_failure=null",
-    "dense_weight=0.5",
-    "trigger_bonus=0",
-)
+BEFORE = {
+    "explore": 0.35,
+    "insist": 0.35,
+    "caution": 0,
+    "temperature": 1,
+    "after_failure": "null",
+    "dense_weight": 0.5,
+    "trigger_bonus": 0,
+}
 """What was there before doubt on new objects was: one row varies them together."""
 KEYS = ("precision", "recall", "precision_exploring", "intervals", "failures_by_object", "missed_links")
 TRAIN = ("--strict",)
+FREE_SPLITS = ("novel-object", "novel-config")
+"""Held-out objects, and those that the model knows."""
 
 
 def held_out_library(assets: Path, folder: Path) -> Path:
@@ -77,7 +81,63 @@ def held_out_library(assets: Path, folder: Path) -> Path:
     return folder
 
 
+def settings(values: dict[str, Any]) -> list[str]:
+    """Options that set constants of the learned policy."""
+    return [word for name, value in values.items() for word in ("--set", f"learned.{name}={value}")]
+
+
+def judge(work: Path, boards: int, part: str, split: str, row: str, *options: str) -> tuple[dict[str, Any], ...]:
+    """What came of one setting on one kind of boards, and which boards they were."""
+    library, folder = str(work / OBJECTS), work / ("boards" if split == "novel-object" else f"boards-{split}")
+    drawn = ("--split", split, "--boards", str(boards), "--seed", str(SEED), "--group-size", "1")
+    busybot("generate", str(folder), *drawn, "--assets", library)  # refuses other boards there
+    out = work / "-".join(["judged", *([] if part == "rows" else [part, split]), row])
+    command = ("eval", "interact", str(folder), "--model", str(work / MODEL), "--assets", library, *options)
+    values = busybot(*command, "--out", str(out))
+    shares = f"P {100 * values['precision']:5.1f} R {100 * values['recall']:5.1f}"
+    print(f"{part:5} {split:13} {row:24} {shares}", file=sys.stderr, flush=True)
+    return {key: values[key] for key in KEYS}, {key: values["dataset"][key] for key in ("boards", "board_hash")}
+
+
 def main() -> None:
+    arguments = parsed()
+    names, work = chosen(arguments.constants, VALUES), arguments.work
+    work.mkdir(parents=True, exist_ok=True)
+    library = str(held_out_library(arguments.assets, work / OBJECTS))
+    config = ("--config", str(arguments.config)) if arguments.config else ()
+    trained = busybot("train", "interact", "--out", str(work / MODEL), "--assets", library, *TRAIN, *config)["training"]
+    known = json.loads(arguments.out.read_text()) if arguments.out.exists() else {"training": trained}
+    if known["training"] != trained:
+        raise SystemExit(f"{arguments.out} has rows of another model: name another file, or remove it")
+    default = PolicyConfig().model_dump(include=set(VALUES))
+    result: dict[str, Any] = {
+        "assets": arguments.assets.name,
+        "seed": SEED,
+        "machine": machine(),
+        "held_out": HELD_OUT,
+        "default": default,
+        "default_strict": {**default, **STRICT_POLICY},
+        "training": trained,
+        **{part: known.get(part, {}) for part in ("boards", "rows", "free")},
+    }
+    varied: dict[str, dict[str, Any]] = {"defaults": {}, "before": BEFORE}
+    varied |= {f"{name}={value}": {name: value} for name in names for value in VALUES[name]}
+    for row, values in varied.items():
+        options = ("--strict", *settings(values))
+        result["rows"][row], _ = judge(work, arguments.boards, "rows", "novel-object", row, *options)
+        write_result(arguments.out, result)
+    free = {name: default[name] for name in STRICT_POLICY}  # the model's card has the veto's
+    varied = {"defaults": {}, "strict": STRICT_POLICY, **{f"{k}={v}": {k: v} for k, v in STRICT_POLICY.items()}}
+    for row, values in varied.items():
+        result["free"][row] = {}
+        for split in FREE_SPLITS:
+            options = tuple(settings({**free, **values}))
+            judged = judge(work, arguments.boards, "free", split, row, *options)
+            result["free"][row][split], result["boards"][split] = judged
+        write_result(arguments.out, result)
+
+
+def parsed() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--assets", type=Path, required=True, help="folder of annotated objects")
     parser.add_argument("--work", type=Path, required=True, help="for library, model and boards; continued")
@@ -85,37 +145,7 @@ def main() -> None:
     parser.add_argument("--constants", default=",".join(VALUES))
     parser.add_argument("--config", type=Path, help="YAML file with parameters of the training")
     parser.add_argument("--out", type=Path, required=True)
-    arguments = parser.parse_args()
-    names = chosen(arguments.constants, VALUES)
-    arguments.work.mkdir(parents=True, exist_ok=True)
-    library = str(held_out_library(arguments.assets, arguments.work / "objects"))
-    model, boards = str(arguments.work / "model"), arguments.work / "boards"
-    config = ("--config", str(arguments.config)) if arguments.config else ()
-    trained = busybot("train", "interact", "--out", model, "--assets", library, *TRAIN, *config)["training"]
-    options = ("--split", "novel-object", "--boards", str(arguments.boards), "--seed", str(SEED))
-    busybot("generate", str(boards), *options, "--group-size", "1", "--assets", library)  # refuses other boards there
-    rows: dict[str, tuple[str, ...]] = {"defaults": (), "before": BEFORE}
-    for name in names:
-        rows |= {f"{name}={value}": (f"{name}={value}",) for value in VALUES[name]}
-    result: dict[str, Any] = {
-        "assets": arguments.assets.name,
-        "seed": SEED,
-        "machine": machine(),
-        "held_out": HELD_OUT,
-        "default": {**{name: getattr(PolicyConfig(), name) for name in VALUES}, **STRICT_POLICY},
-        "training": trained,
-    }
-    if arguments.out.exists() and json.loads(arguments.out.read_text())["training"] != trained:
-        parser.error(f"{arguments.out} has rows of another model: name another file, or remove it")
-    result["rows"] = told_rows(arguments.out)
-    for row, settings in rows.items():
-        words = [word for setting in settings for word in ("--set", f"learned.{setting}")]
-        judging = ("--model", model, "--assets", library, "--strict", *words)
-        told = busybot("eval", "interact", str(boards), *judging, "--out", str(arguments.work / f"judged-{row}"))
-        result |= {key: told["dataset"][key] for key in ("boards", "board_hash") if key in told["dataset"]}
-        result["rows"][row] = {key: told[key] for key in KEYS}
-        print(f"{row:24} P {100 * told['precision']:5.1f} R {100 * told['recall']:5.1f}", file=sys.stderr, flush=True)
-        write_result(arguments.out, result)
+    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -150,10 +150,17 @@ def test_what_the_papers_interaction_networks_cost() -> None:
 def test_the_policys_constants_are_told_beside_their_defaults() -> None:
     keys = ("precision", "recall", "precision_exploring")
     judged = {**dict.fromkeys(keys, 0.9), "intervals": {"precision": [0.88, 0.92], "recall": None, keys[2]: [0.8, 1.0]}}
-    result = {"held_out": {}, "default": {"explore": 0.35}, "rows": {"before": judged, "explore=0.2": judged}}
+    result = {
+        "held_out": {},
+        "default_strict": {"explore": 0.35},
+        "rows": {"before": judged, "explore=0.2": judged},
+        "default": {"explore": 0.25},
+        "free": {"explore=0.35": {"novel-object": judged, "novel-config": {**judged, "recall": 0.8}}},
+    }
     text = interact_pages.page("<!-- policy-constants --><!-- end of policy-constants -->", result)
     assert "| *before* | | | 90.0 ± 2.0 | 90.0 ± 0.0 | 90.0 ± 10.0 |" in text
     assert "| `explore` | 0.35 | 0.2 | 90.0 ± 2.0 |" in text
+    assert "| `explore` | 0.25 | 0.35 | 90.0 ± 2.0 | 90.0 ± 0.0 | 90.0 ± 2.0 | 80.0 ± 0.0 |" in text
 
 
 def test_moves_with_and_without_responders_beside_each_other() -> None:

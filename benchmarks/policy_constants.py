@@ -120,20 +120,24 @@ def main() -> None:
         "training": trained,
         **{part: known.get(part, {}) for part in ("boards", "rows", "free")},
     }
-    varied: dict[str, dict[str, Any]] = {"defaults": {}, "before": BEFORE}
-    varied |= {f"{name}={value}": {name: value} for name in names for value in VALUES[name]}
-    for row, values in varied.items():
-        options = ("--strict", *settings(values))
-        result["rows"][row], _ = judge(work, arguments.boards, "rows", "novel-object", row, *options)
-        write_result(arguments.out, result)
     free = {name: default[name] for name in STRICT_POLICY}  # the model's card has the veto's
-    varied = {"defaults": {}, "strict": STRICT_POLICY, **{f"{k}={v}": {k: v} for k, v in STRICT_POLICY.items()}}
+    varied: dict[str, dict[str, Any]] = {
+        "defaults": {},
+        "strict": STRICT_POLICY,
+        **{f"{k}={v}": {k: v} for k, v in STRICT_POLICY.items()},
+    }
     for row, values in varied.items():
         result["free"][row] = {}
         for split in FREE_SPLITS:
             options = tuple(settings({**free, **values}))
             judged = judge(work, arguments.boards, "free", split, row, *options)
             result["free"][row][split], result["boards"][split] = judged
+        write_result(arguments.out, result)
+    varied = {"defaults": {}, "before": BEFORE}
+    varied |= {f"{name}={value}": {name: value} for name in names for value in VALUES[name]}
+    for row, values in varied.items():
+        options = ("--strict", *settings(values))
+        result["rows"][row], _ = judge(work, arguments.boards, "rows", "novel-object", row, *options)
         write_result(arguments.out, result)
 
 

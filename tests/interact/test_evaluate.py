@@ -13,11 +13,13 @@ from busybot.errors import BusybotError
 from busybot.files import read_json
 from busybot.interact.evaluate import EvaluateConfig, evaluate
 from busybot.interact.evaluate_folder import BOARDS, RESULT
+from busybot.interact.policy_config import PolicyConfig
 from busybot.objects.library import find
 from busybot.sim.interaction import InteractionConfig
 from tests.interact.fakes import OracleChooser
 
 CONFIG = EvaluateConfig(actions=4)
+CHOOSER = OracleChooser(config=PolicyConfig(temperature=1))  # what knows the truth has no doubt about directions
 KEYS = {
     "precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "boards", "macro", "intervals",
     "failures_by_cause", "failures_by_object", "missed_links", "by_step", "provenance", "dataset", "seed", "strict",
@@ -32,7 +34,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 
 def run(dataset: Dataset, workers: int = 1, config: EvaluateConfig = CONFIG, **more: Any) -> dict[str, Any]:
-    return evaluate(dataset, find("procedural"), OracleChooser(), config, 3, workers, **more)
+    return evaluate(dataset, find("procedural"), CHOOSER, config, 3, workers, **more)
 
 
 def test_a_stopped_evaluation_goes_on(dataset: Dataset, tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ class Memory:
         self.pairs[link] = int(PAIR_OF[direction])
         self.failures = [one for one in self.failures if not moved[one.pixel[1], one.pixel[0]]]
         self.responders |= self._changed(before.rgb, after.rgb)
-        self.responders -= set(np.unique(self._components[self.links > 0]).tolist())
+        self.responders -= self._moved()
         return link
 
     def _changed(self, before: np.ndarray, after: np.ndarray) -> set[int]:
@@ -115,13 +115,13 @@ class Memory:
         """
         columns, rows = pixels.T
         links, nears = self.links[rows, columns], [self._near(failure, pixels) for failure in self.failures]
-        penalty = np.zeros(len(pixels))
+        penalty, components = np.zeros(len(pixels)), self._components[rows, columns]
         for failure, near in zip(self.failures, nears, strict=True):
-            same = self._components[rows, columns] == self._components[failure.pixel[1], failure.pixel[0]]
+            same = components == self._components[failure.pixel[1], failure.pixel[0]]
             penalty += (1 - near) * (self._config.component_penalty * same + self._config.failure_penalty)
-        responding = np.isin(self._components[rows, columns], list(self.responders))
+        responding = np.isin(components, list(self.responders))
         penalty += self._config.responder_penalty * responding
-        penalty -= self._config.trigger_bonus * np.isin(self._components[rows, columns], list(self._triggers()))
+        penalty -= self._config.trigger_bonus * np.isin(components, list(self._triggers()))
         beliefs, pairs = sigmoid(logits - np.where(links == 0, penalty, 0)), pairs.copy()
         for failure, near in zip(self.failures, nears, strict=True):
             for pair, pair_belief in failure.pairs.items():
@@ -131,10 +131,13 @@ class Memory:
             pairs[links == link, pair] = np.maximum(pairs[links == link, pair], self._config.known_pair)
         return beliefs, pairs
 
+    def _moved(self) -> set[int]:
+        """Components of which a link has moved, and 0 where one reached beyond them."""
+        return set(np.unique(self._components[self.links > 0]).tolist())
+
     def _triggers(self) -> set[int]:
         """Components of which a link has moved and no action failed."""
-        moved = set(np.unique(self._components[self.links > 0]).tolist()) - {0}
-        return moved - {int(self._components[one.pixel[1], one.pixel[0]]) for one in self.failures}
+        return self._moved() - {0} - {int(self._components[one.pixel[1], one.pixel[0]]) for one in self.failures}
 
     def tried(self, pixels: np.ndarray) -> np.ndarray:
         """Which of the pixels (K, 2) lie where a pair has failed, bool (K,)."""

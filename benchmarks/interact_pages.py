@@ -3,6 +3,7 @@
 python -m benchmarks.interact_pages benchmarks/results/changed_pixels.json docs/interact.md
 python -m benchmarks.interact_pages benchmarks/results/paper_interact.json docs/interact.md
 python -m benchmarks.interact_pages benchmarks/results/policy_constants.json docs/interact.md
+python -m benchmarks.interact_pages benchmarks/results/interact.json docs/interact.md
 """
 
 from typing import Any
@@ -11,7 +12,7 @@ from benchmarks.pages import put, with_interval, write_page
 from busybot.view.protocol import INTERACTION
 
 SPLITS = {"train": "training objects", "novel-object": "novel objects"}
-FREE_SPLITS = {"novel-object": "held out", "novel-config": "known"}
+FREE_SPLITS = {"novel-object": "held out", "novel-config": "known", "other": "free seed 0"}
 FREE_KEYS = ("precision", "recall")
 
 
@@ -21,6 +22,8 @@ def page(text: str, result: dict[str, Any]) -> str:
         return put(text, "paper-interact", paper_cost(result))
     if "held_out" in result:
         return put(text, "policy-constants", policy_constants(result))
+    if "iteration" in result:
+        return put(text, "interact", cost(result))
     return put(text, "changed-pixels", changed_pixels(result["splits"]))
 
 
@@ -41,23 +44,30 @@ def changed_pixels(splits: dict[str, Any]) -> str:
         above = [alone["exceeding"][delta] for delta in deltas]
         cells = [f"{len(one['ever'])} ({len(one['mostly'])})" for one in above]
         lines.append(f"| {words}, {len(alone['triggers'])} switches | {' | '.join(cells)} |")
+    for split, words in SPLITS.items():
+        for delta, one in splits[split]["without"]["exceeding"].items():
+            if one["ever"]:
+                names = ", ".join(name.removeprefix("Switch/") for name in one["ever"])
+                lines += ["", f"Above {delta}, {words}: {names}."]
     return "\n".join(lines)
 
 
 def policy_constants(result: dict[str, Any]) -> str:
     """A line for each setting: which constant, its default, the other value, and what it brings in percent.
 
-    The second table is without the veto, on objects that were held out and on those that the model knows.
+    The second table is without the veto, on objects that were held out, on those that the model knows, and with another
+    model on all that it knows.
     """
     keys = INTERACTION.keys
     lines = [*_heads(["under the veto", "default", "here", *keys.values()])]
     for setting, row in result["rows"].items():
         cells = [with_interval(row, key) for key in keys]
         lines.append(_line(_setting(setting, result["default_strict"]), cells))
-    both = [f"{words}: {keys[key]}" for words in FREE_SPLITS.values() for key in FREE_KEYS]
-    lines += ["", *_heads(["without", "default", "here", *both])]
+    columns = [(split, key) for split in FREE_SPLITS for key in FREE_KEYS]
+    words = [f"{FREE_SPLITS[split]}: {keys[key]}" for split, key in columns]
+    lines += ["", *_heads(["without", "default", "here", *words])]
     for setting, row in result["free"].items():
-        cells = [with_interval(row[split], key) for split in FREE_SPLITS for key in FREE_KEYS]
+        cells = [with_interval(row[split], key) if split in row else "missing" for split, key in columns]
         lines.append(_line(_setting(setting, result["default"]), cells))
     return "\n".join(lines)
 
@@ -74,6 +84,25 @@ def _setting(setting: str, default: dict[str, Any]) -> str:
     """Name, default and value of a varied constant; rows that vary none or several have a name."""
     name, _, value = setting.partition("=")
     return f"`{name}` | {default[name]:g} | {float(value):g}" if value else f"*{name}* | |"
+
+
+def cost(result: dict[str, Any]) -> str:
+    """Milliseconds of what training and acting consist of."""
+    machine, looks = result["machine"], result["milliseconds_per_look"]
+    lines = [_line(f"milliseconds, {machine['processor']}, one thread", [""]), "|---|---|"]
+    for kind, one in result["iteration"].items():
+        what = f"iteration of the {kind} network, {one['batch']} crops"
+        limit = f"{one['ratio_to_limit']:.1f} times as long as one matrix product of as many operations takes"
+        lines.append(_line(f"{what} ({limit})", [f"{one['milliseconds']:.0f}"]))
+    for threads, milliseconds in looks.items():
+        counted = f"{threads} thread{'s' if int(threads) > 1 else ''}"
+        lines.append(_line(f"affordance of a whole picture, {counted}, by the clock", [f"{milliseconds:.0f}"]))
+    lines.append(_line("decision, from the first picture of a board", [f"{result['milliseconds_per_decision']:.0f}"]))
+    for policy, milliseconds in result["milliseconds_per_recorded_action"].items():
+        lines.append(
+            _line(f"recorded action, policy `{policy}`: simulated, rendered, written", [f"{milliseconds:.0f}"])
+        )
+    return "\n".join(lines)
 
 
 def paper_cost(result: dict[str, Any]) -> str:

@@ -1,18 +1,21 @@
 """The constants of the learned policy, one varied at a time, on training objects that the model has not seen.
 
-    python -m benchmarks.policy_constants --assets DIR --work FOLDER --out benchmarks/results/policy_constants.json
+    python -m benchmarks.policy_constants --assets DIR --work FOLDER --other MODEL \
+        --out benchmarks/results/policy_constants.json
     python -m benchmarks.interact_pages benchmarks/results/policy_constants.json docs/interact.md
 
 Of the training objects some are held out: a copy of the library calls them novel and has no real novel object at all. A
 strict model is trained on the others and judged, under the veto, on boards of those that were held out, where it makes
-the mistakes that the constants are for. What differs without the veto is varied without it, there and on new boards of
-the objects that the model knows. Run it again with the same FOLDER after an interruption: it goes on.
+the mistakes that the constants are for. What differs without the veto is varied without it, there, on new boards of the
+objects that the model knows, and, with `--other`, with a model that was trained on all training objects without the
+veto, on new boards of them. Run it again with the same FOLDER after an interruption: it goes on.
 """
 
 import argparse
 import json
 import shutil
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -57,8 +60,51 @@ BEFORE = {
 """What was there before doubt on new objects was: one row varies them together."""
 KEYS = ("precision", "recall", "precision_exploring", "intervals", "failures_by_object", "missed_links")
 TRAIN = ("--strict",)
-FREE_SPLITS = ("novel-object", "novel-config")
-"""Held-out objects, and those that the model knows."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Which model is judged on which boards.
+
+    Attributes:
+        name: of the boards: `novel-object` for held-out objects, `novel-config` for those that the model knows, `other`
+            for the other model on boards of what it knows.
+        library: the objects.
+        folder: of the boards.
+        split: of the library.
+        boards: how many.
+    """
+
+    name: str
+    model: Path
+    library: Path
+    folder: Path
+    split: str
+    boards: int
+
+    def judge(self, out: Path, *options: str) -> dict[str, Any]:
+        """All metrics of the model with these options; what was judged before is read."""
+        drawn = ("--split", self.split, "--boards", str(self.boards), "--seed", str(SEED), "--group-size", "1")
+        busybot("generate", str(self.folder), *drawn, "--assets", str(self.library))  # refuses other boards there
+        command = ("eval", "interact", str(self.folder), "--model", str(self.model), "--assets", str(self.library))
+        values = busybot(*command, *options, "--out", str(out))
+        shares = f"P {100 * values['precision']:5.1f} R {100 * values['recall']:5.1f}"
+        print(f"{out.name:60} {shares}", file=sys.stderr, flush=True)
+        return values
+
+
+def places(arguments: argparse.Namespace) -> list[Place]:
+    """Held-out objects first; the other model only if one is named."""
+    work, count = arguments.work, arguments.boards
+    own = (work / MODEL, work / OBJECTS)
+    found = [
+        Place("novel-object", *own, work / "boards", "novel-object", count),
+        Place("novel-config", *own, work / "boards-novel-config", "novel-config", count),
+    ]
+    if arguments.other:
+        boards = (work / "boards-other", "novel-config", arguments.other_boards)
+        found.append(Place("other", arguments.other, arguments.assets, *boards))
+    return found
 
 
 def held_out_library(assets: Path, folder: Path) -> Path:
@@ -86,19 +132,6 @@ def settings(values: dict[str, Any]) -> list[str]:
     return [word for name, value in values.items() for word in ("--set", f"learned.{name}={value}")]
 
 
-def judge(work: Path, boards: int, part: str, split: str, row: str, *options: str) -> tuple[dict[str, Any], ...]:
-    """What came of one setting on one kind of boards, and which boards they were."""
-    library, folder = str(work / OBJECTS), work / ("boards" if split == "novel-object" else f"boards-{split}")
-    drawn = ("--split", split, "--boards", str(boards), "--seed", str(SEED), "--group-size", "1")
-    busybot("generate", str(folder), *drawn, "--assets", library)  # refuses other boards there
-    out = work / "-".join(["judged", *([] if part == "rows" else [part, split]), row])
-    command = ("eval", "interact", str(folder), "--model", str(work / MODEL), "--assets", library, *options)
-    values = busybot(*command, "--out", str(out))
-    shares = f"P {100 * values['precision']:5.1f} R {100 * values['recall']:5.1f}"
-    print(f"{part:5} {split:13} {row:24} {shares}", file=sys.stderr, flush=True)
-    return {key: values[key] for key in KEYS}, {key: values["dataset"][key] for key in ("boards", "board_hash")}
-
-
 def main() -> None:
     arguments = parsed()
     names, work = chosen(arguments.constants, VALUES), arguments.work
@@ -118,27 +151,30 @@ def main() -> None:
         "default": default,
         "default_strict": {**default, **STRICT_POLICY},
         "training": trained,
-        **{part: known.get(part, {}) for part in ("boards", "rows", "free")},
+        **{part: known.get(part, {}) for part in ("boards", "models", "rows", "free")},
     }
+    held_out, *_ = everywhere = places(arguments)
     free = {name: default[name] for name in STRICT_POLICY}  # the model's card has the veto's
-    varied: dict[str, dict[str, Any]] = {
-        "defaults": {},
-        "strict": STRICT_POLICY,
-        **{f"{k}={v}": {k: v} for k, v in STRICT_POLICY.items()},
-    }
-    for row, values in varied.items():
-        result["free"][row] = {}
-        for split in FREE_SPLITS:
-            options = tuple(settings({**free, **values}))
-            judged = judge(work, arguments.boards, "free", split, row, *options)
-            result["free"][row][split], result["boards"][split] = judged
+    for row, values in without_veto().items():
+        result["free"][row] = dict(known.get("free", {}).get(row, {}))
+        for place in everywhere:
+            told = place.judge(work / f"judged-free-{place.name}-{row}", *settings({**free, **values}))
+            result["free"][row][place.name] = {key: told[key] for key in KEYS}
+            result["boards"][place.name] = {key: told["dataset"][key] for key in ("boards", "board_hash")}
+            result["models"][place.name] = told["provenance"]["model"]["sha256"]
         write_result(arguments.out, result)
-    varied = {"defaults": {}, "before": BEFORE}
+    varied: dict[str, dict[str, Any]] = {"defaults": {}, "before": BEFORE}
     varied |= {f"{name}={value}": {name: value} for name in names for value in VALUES[name]}
     for row, values in varied.items():
-        options = ("--strict", *settings(values))
-        result["rows"][row], _ = judge(work, arguments.boards, "rows", "novel-object", row, *options)
+        told = held_out.judge(work / f"judged-{row}", "--strict", *settings(values))
+        result["rows"][row] = {key: told[key] for key in KEYS}
         write_result(arguments.out, result)
+
+
+def without_veto() -> dict[str, dict[str, Any]]:
+    """What is varied without the veto: all that differs under it together, and one by one."""
+    alone = {f"{name}={value}": {name: value} for name, value in STRICT_POLICY.items()}
+    return {"defaults": {}, "strict": dict(STRICT_POLICY), **alone}
 
 
 def parsed() -> argparse.Namespace:
@@ -146,6 +182,8 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--assets", type=Path, required=True, help="folder of annotated objects")
     parser.add_argument("--work", type=Path, required=True, help="for library, model and boards; continued")
     parser.add_argument("--boards", type=int, default=60)
+    parser.add_argument("--other", type=Path, help="a model trained on all training objects, without the veto")
+    parser.add_argument("--other-boards", type=int, default=200)
     parser.add_argument("--constants", default=",".join(VALUES))
     parser.add_argument("--config", type=Path, help="YAML file with parameters of the training")
     parser.add_argument("--out", type=Path, required=True)

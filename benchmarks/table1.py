@@ -71,10 +71,14 @@ ROWS = {
     "greedy": Row(None, judge=("--mode", "greedy"), model="free-1"),
     "ucb": Row(None, judge=("--mode", "ucb"), model="free-1"),
     "random": Row(None, model="random"),
+    "free-0-delta-1000": Row(None, judge=("--set", "interaction.delta=1000"), model="free-0"),
     "without-responders-100": _delta(100),
     "without-responders-500": _delta(500),
     "without-responders-1000": _delta(1000),
+    "paper": Row(("--model", "paper")),
 }
+ON_REQUEST = ("paper",)
+"""Rows that only `--rows` runs: days on a CPU."""
 NOTHING_LEARNED = "no recorded action succeeded"
 """What training says where not a single action was rewarded: there is no model to judge."""
 
@@ -135,7 +139,8 @@ def main() -> None:
     parser.add_argument("--assets", default="procedural")
     parser.add_argument("--work", type=Path, required=True, help="for models and results; continued if it exists")
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--rows", default=",".join(ROWS), help="which rows, in this order")
+    usual = ",".join(name for name in ROWS if name not in ON_REQUEST)
+    parser.add_argument("--rows", default=usual, help=f"which rows, in this order; {', '.join(ON_REQUEST)} on request")
     parser.add_argument("--boards", type=int, default=200, help="per split")
     parser.add_argument("--judge-seed", type=int, default=303, help="of the boards that rows are judged on")
     parser.add_argument("--config", type=Path, help="YAML file with parameters of every training")

@@ -100,6 +100,7 @@ def test_the_table_of_robustness_is_that_of_the_results() -> None:
     ("where", "name"),
     [
         ("interact", "changed_pixels"),
+        ("interact", "interact"),
         ("interact", "paper_interact"),
         ("interact", "policy_constants"),
         ("plan", "decision_time"),

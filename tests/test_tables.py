@@ -7,11 +7,12 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from benchmarks import changed_pixels, interact_pages, plan_pages, table2, table3
+from benchmarks import changed_pixels, commands, interact_pages, plan_pages, table1, table2, table3
 from benchmarks.commands import as_typed, told_rows, write_result
 from benchmarks.pages import costs, put
 from benchmarks.table2 import DETAILS, SCORES, across
 from benchmarks.table2_page import page, table
+from busybot.view.protocol import INTERACTION
 
 
 def scores(**values: float | None) -> dict[str, Any]:
@@ -160,7 +161,8 @@ def test_the_policys_constants_are_told_beside_their_defaults() -> None:
     text = interact_pages.page("<!-- policy-constants --><!-- end of policy-constants -->", result)
     assert "| *before* | | | 90.0 ± 2.0 | 90.0 ± 0.0 | 90.0 ± 10.0 |" in text
     assert "| `explore` | 0.35 | 0.2 | 90.0 ± 2.0 |" in text
-    assert "| `explore` | 0.25 | 0.35 | 90.0 ± 2.0 | 90.0 ± 0.0 | 90.0 ± 2.0 | 80.0 ± 0.0 |" in text
+    held_out, known = "90.0 ± 2.0 | 90.0 ± 0.0", "90.0 ± 2.0 | 80.0 ± 0.0"
+    assert f"| `explore` | 0.25 | 0.35 | {held_out} | {known} | missing | missing |" in text
 
 
 def test_moves_with_and_without_responders_beside_each_other() -> None:
@@ -173,3 +175,36 @@ def test_moves_with_and_without_responders_beside_each_other() -> None:
     text = interact_pages.page("<!-- changed-pixels --><!-- end of changed-pixels -->", {"splits": splits})
     assert "| training objects, with responders | 700 | 900 | 1200 | 100.0 % | 100.0 % | 33.3 % |" in text
     assert "| novel objects, 2 switches | 1 (1) | 1 (0) | 0 (0) |" in text
+    assert "Above 500, training objects: a.\n" in text and "Above 1000" not in text
+
+
+def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def answer(*arguments: str) -> dict[str, Any]:
+        asked.append(arguments)
+        if "responders=false" in arguments:
+            raise RuntimeError("round 0: no recorded action succeeded, so there is nothing to learn")
+        if arguments[0] == "train":
+            return {"training": {"seed": 1}}
+        keys = dict.fromkeys((*table1.KEYS, "dataset", "versions"), 0.5)
+        policy = {"explore": 0.25, "after_failure": [[0.0]]}
+        return keys | {"provenance": {"policy": policy, "model": {"sha256": {"a": "b"}}}}
+
+    for module in (table1, commands):
+        monkeypatch.setattr(module, "busybot", answer)
+    (tmp_path / "w").mkdir()
+    out, rows = tmp_path / "table1.json", "free-1,greedy,without-responders-1000"
+    monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--rows", rows])
+    table1.main()
+    told = json.loads(out.read_text())["rows"]
+    assert list(told) == rows.split(",") and told["without-responders-1000"]["untrained"]
+    assert told["free-1"]["policy"] == {"model_sha256": {"a": "b"}, "constants": {"explore": 0.25}}
+    assert told["free-1"]["training"]["cost"].keys() == {"seconds", "megabytes"} and not told["greedy"]["training"]
+    assert (
+        told["greedy"]["commands"][1]
+        == "busybot eval interact WORK/judge-303-novel-config --model WORK/free-1 --mode greedy"
+    )
+    trained = [command for command in asked if command[0] == "train"]
+    assert len(trained) == 2 and "--seed" in trained[0] and trained[0][trained[0].index("--seed") + 1] == "1"
+    assert "paper" in table1.ROWS and {row.name for row in INTERACTION.rows} == set(table1.ROWS)

@@ -109,7 +109,7 @@ def make_work(
         episode = record_episode(simulator, board, chooser, config.actions, config.interaction, seed)
         if recorded is not None:
             write_episode(recorded.episode_path(index), episode, "jpeg")
-        judged = judge(episode, annotated, config.interaction.delta, config.interaction.strict_angle_deg)
+        judged = judge(episode, annotated, config.interaction.delta)
         # a board's number in its dataset, which is where results are looked up
         return judged.model_copy(update={"board": index}).model_dump_json()
 

@@ -144,7 +144,7 @@ class GuidedExplorer(Generic[V]):
             self._moved |= moved_window(
                 self._image.depth, after.depth, action.pixel, self._config.reach, self._config.change
             )
-        if after is self._image:
+        if after is self._image:  # nothing moved; what moves without a reward ("w/o responder") may be tried again
             (column, row), near = action.pixel, self._config.near
             around = (slice(max(row - near, 0), row + near + 1), slice(max(column - near, 0), column + near + 1))
             self._best[around] *= self._config.failed

@@ -40,6 +40,9 @@ class FitJob:
     Attributes:
         name: for people.
         kind: which network.
+        inputs: what it sees.
+        config: how it is trained.
+        seed: of its first weights and of all batches.
         caches: of the rounds recorded so far, the oldest first.
         validation: cache of the boards that are never trained on.
         window: only the last so many samples are used.

@@ -10,16 +10,17 @@ from busybot.interact.metrics import JudgedAction, JudgedBoard, JudgedLink, Targ
 
 Annotated = Mapping[str, Sequence[Sequence[float]]]
 """Object key to its annotated effective directions, not normalised, board frame."""
+OFF_AXIS_DEG = 30.0
+"""`off_axis_share` counts successes farther off, whatever angle a veto has (protocol "Interaction")."""
 
 
-def judge(episode: Episode, annotated: Annotated, delta: int, angle_deg: float = 30.0) -> JudgedBoard:
+def judge(episode: Episode, annotated: Annotated, delta: int) -> JudgedBoard:
     """Put the truth beside every action.
 
     Args:
         episode: with segmentation.
         annotated: of every trigger object on the board.
         delta: more changed pixels than this are a reward, whatever the policy was rewarded by.
-        angle_deg: a direction farther from every annotated one is off the axis.
     """
     keys = [placed.key for placed in episode.board.objects]
     first = episode.image(0).segmentation
@@ -41,7 +42,7 @@ def judge(episode: Episode, annotated: Annotated, delta: int, angle_deg: float =
         on, key = _target(episode, episode.image(index), step)
         off = None
         if step.success:
-            off = off_axis(step.executed[-1], annotated[keys[step.acted_object]], angle_deg)
+            off = off_axis(step.executed[-1], annotated[keys[step.acted_object]])
         actions.append(
             JudgedAction(
                 pixel=step.pixel,
@@ -60,13 +61,13 @@ def judge(episode: Episode, annotated: Annotated, delta: int, angle_deg: float =
     return JudgedBoard(board=episode.board.index, links=links, actions=tuple(actions))
 
 
-def off_axis(direction: int, annotated: Sequence[Sequence[float]], angle_deg: float) -> bool:
-    """Whether a direction is more than `angle_deg` off every annotated one; true if there is none."""
+def off_axis(direction: int, annotated: Sequence[Sequence[float]]) -> bool:
+    """Whether one of the 18 directions is more than `OFF_AXIS_DEG` off every annotated one; true if there is none."""
     known = np.array(annotated, float).reshape(-1, 3)
     if not len(known):
         return True
     known /= np.linalg.norm(known, axis=1, keepdims=True)
-    return bool((known @ DIRECTIONS[direction]).max() <= np.cos(np.deg2rad(angle_deg)))
+    return bool((known @ DIRECTIONS[direction]).max() <= np.cos(np.deg2rad(OFF_AXIS_DEG)))
 
 
 def _target(episode: Episode, image: Image, step: Step) -> tuple[Target, str]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -19,7 +19,7 @@ from busybot.errors import BusybotError
 from busybot.interact.beliefs import ELEVATED, NOT_ELEVATED
 from busybot.interact.features import Inputs, Pinhole, colour_features, heights_of, picture_features
 from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network
-from busybot.interact.policy_config import PairTable
+from busybot.interact.policy_config import PairTable, Threshold, check_thresholds
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.device import device, multiplies_bfloat16
 from busybot.training.model_folder import find_folder, read_info, write_info
@@ -48,7 +48,7 @@ class ModelInfo(BaseModel):
     inputs: Inputs = "depth"
     prior: Annotated[float, Field(gt=0, lt=1)] = 0.15
     after_failure: PairTable | None = None
-    thresholds: dict[str, float | str] = {}
+    thresholds: Annotated[dict[str, Threshold], AfterValidator(check_thresholds)] = {}
     training: dict[str, Any] = {}
     files: dict[str, str] = {}
 

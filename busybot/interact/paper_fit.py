@@ -38,7 +38,11 @@ class PaperJob:
     """One network's training.
 
     Attributes:
+        kind: which network.
+        inputs: what it sees.
         size: rows and columns of the pictures.
+        config: how it is trained.
+        seed: of its first weights and of all batches.
         every: iterations between checkpoints.
         checkpoint, metrics: files that this training writes.
     """

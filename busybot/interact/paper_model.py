@@ -15,9 +15,22 @@ from busybot.interact.model import Model, ModelInfo, View
 from busybot.interact.networks import Kind
 from busybot.interact.paper_inputs import depth_and_normals, with_positions
 from busybot.interact.paper_networks import SIZE, PaperDirectionNet, make_paper_network
+from busybot.interact.policy_config import Threshold
 
-PAPER_POLICY: dict[str, float | str] = {"candidates": "kmeans", "blur": 1, "caution": 0, "temperature": 1}
-"""What the learned policy's constants are with a paper model: clusters, affordance and directions as they are."""
+PAPER_POLICY: dict[str, Threshold] = {
+    "candidates": "kmeans",
+    "blur": 1,
+    "caution": 0,
+    "temperature": 1,
+    "component_penalty": 0,
+    "failure_penalty": 0,
+    "responder_penalty": 0,
+    "trigger_bonus": 0,
+    "collect": 0.5,
+    "untried_first": False,
+}
+"""What the learned policy's constants are with a paper model: clusters, affordance and directions as they are, and
+data for reasoning by a draw among all candidates (appendix A.2)."""
 PAPER_PRIOR = 0.5
 """The affordance is taken as it is: no correction for how rare working places are."""
 SAVED_SIZE = "size"

@@ -32,7 +32,7 @@ from busybot.interact.paper_model import PAPER_POLICY, PAPER_PRIOR, PaperModel
 from busybot.interact.paper_networks import Size
 from busybot.interact.paper_policy import PaperRules
 from busybot.interact.plots import plot_paper_training
-from busybot.interact.rounds import Recorder, finished
+from busybot.interact.rounds import Recorder, checked, finished
 from busybot.interact.run_folder import BEFORE, given
 from busybot.interact.samples import Samples, cache_samples, open_samples
 from busybot.training.device import repeat_exactly
@@ -69,8 +69,7 @@ class PaperTraining:
         Raises:
             BusybotError: the folder holds another training, or recorded epochs are missing or unfinished.
         """
-        for path in self.given:
-            finished(Dataset.open(path), self.config)  # before anything is written
+        checked(self.given, self.config, self.recorder.told)
         begin_folder(self.out, self.config, self.recorder.seed, BEFORE, **given(self.given))
         torch.set_num_threads(self.config.threads)
         repeat_exactly()

@@ -8,7 +8,7 @@ model's card may carry other values (`thresholds` in model.json), and `--set lea
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Inner = Annotated[float, Field(gt=0, lt=1)]
@@ -17,7 +17,10 @@ PairRow = Annotated[tuple[Logit, ...], Field(min_length=9, max_length=9)]
 Pixels = Annotated[int, Field(ge=0, le=200)]
 PairTable = Annotated[tuple[PairRow, ...], Field(min_length=9, max_length=9)]
 
-STRICT_POLICY: dict[str, float | str] = {"explore": 0.35, "insist": 0.1, "trigger_bonus": 0.0}
+Threshold = bool | float | str
+"""A constant's value on a model's card."""
+
+STRICT_POLICY: dict[str, Threshold] = {"explore": 0.35, "insist": 0.1, "trigger_bonus": 0.0}
 """What goes with a model that was trained under the veto. It knows the directions of new objects less well, and where
 one failed, another is likely to work; trying more places would find it no more links."""
 
@@ -100,3 +103,13 @@ class PolicyConfig(BaseModel):
     ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
     clusters: Annotated[int, Field(ge=1, le=100)] = 7
     cluster_belief: Share = 0.5
+
+
+def check_thresholds(thresholds: dict[str, Threshold]) -> dict[str, Threshold]:
+    """The constants of a card as they are; ValueError names the one that does not exist or has no allowed value."""
+    try:
+        PolicyConfig.model_validate(thresholds)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+    return thresholds

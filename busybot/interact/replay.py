@@ -49,7 +49,7 @@ class Priorities:
         )
 
     def update(self, numbers: np.ndarray, losses: np.ndarray) -> None:
-        """Enter the losses of the samples with these numbers; of a sample that was drawn twice the last one counts."""
+        """Enter the losses (B,) of the samples with these numbers (B,); of one that was drawn twice the last counts."""
         config = self.config
         old = self.values[numbers]
         self.values[numbers] = config.memory * old + (1 - config.memory) * np.minimum(losses, config.highest_loss)

@@ -1,7 +1,7 @@
 """Recording the data that a training learns from: one dataset per round, which can be browsed like any other."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,6 +84,18 @@ class Recorder:
         with self.told.count(f"{purpose}: collecting") as progress:
             collect(dataset, library, settings, self.workers, progress, chooser, chooser.provenance())
         return Dataset.open(path)
+
+
+def checked(given: Sequence[Path], config: RecordConfig, told: Told) -> None:
+    """Look at all given datasets before anything is written; of boards on which models are judged, it is said.
+
+    Raises:
+        BusybotError: see `finished`.
+    """
+    for path in given:
+        split = finished(Dataset.open(path), config).info.split
+        if split != "train":
+            told.say(f"{path}: its boards are of the split {split}; the model cannot be judged on that split honestly")
 
 
 def finished(dataset: Dataset, config: RecordConfig, offline: bool = False) -> Dataset:

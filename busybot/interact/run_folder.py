@@ -62,6 +62,7 @@ def describe(
         rounds.append(
             {
                 "boards": dataset.info.boards,
+                "split": dataset.info.split,
                 "seed": dataset.info.seed,
                 "assets": dataset.info.assets.name,
                 "policy": collect.policy,

@@ -26,7 +26,7 @@ from busybot.interact.networks import KINDS, Kind
 from busybot.interact.plots import plot_training
 from busybot.interact.policy_config import STRICT_POLICY
 from busybot.interact.redirection import after_failure
-from busybot.interact.rounds import Explorer, Recorder, Told, finished
+from busybot.interact.rounds import Explorer, Recorder, Told, checked, finished
 from busybot.interact.run_folder import BEFORE, describe, given, network_of, schedule_for
 from busybot.interact.samples import cache_samples, open_samples
 from busybot.interact.train_config import TrainConfig
@@ -69,8 +69,7 @@ class Training:
         Raises:
             BusybotError: the folder holds another training, or recorded rounds are missing or unfinished.
         """
-        for path in self.source.datasets:
-            finished(Dataset.open(path), self.config)  # before anything is written
+        checked(self.source.datasets, self.config, self.recorder.told)
         begin_folder(self.out, self.config, self.seed, BEFORE, **given(self.source.datasets))
         validation = self._validation()
         datasets: list[Dataset] = []

@@ -97,4 +97,9 @@ class TrainConfig(RecordConfig):
     def _sides(self) -> "TrainConfig":
         if self.direction.side != CROP:
             raise ValueError(f"direction.side: the direction network takes crops of {CROP} pixels")
+        if self.direction.jitter:
+            raise ValueError("direction.jitter: the direction network looks at the middle of its crop; leave it at 0")
+        for name in ("dropout", "direction_weight"):
+            if getattr(self.position, name) != FitConfig.model_fields[name].default:
+                raise ValueError(f"position.{name}: only the direction network has it; set direction.{name}")
         return self

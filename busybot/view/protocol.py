@@ -78,6 +78,7 @@ INTERACTION = Table(
         Row("strict-0", "**ours**, strict, seed 0", "ours", "BusyBot", "strict"),
         Row("strict-1", "**ours**, strict, seed 1", "ours", "BusyBot", "strict"),
         Row("strict-2", "**ours**, strict, seed 2", "ours", "BusyBot", "strict"),
+        Row("free-0-delta-1000", "free seed 0, judged at the paper's threshold of 1000", "ablation", "BusyBot"),
         Row("oracle", "oracle: reward from joint states", "bound", "oracle"),
         Row("rgb", "RGB instead of depth", "ablation", "RGB"),
         Row("without-responders-100", "without responders, threshold 100", "ablation", "without responders"),

@@ -16,6 +16,7 @@ from busybot.interact.policy_config import STRICT_POLICY
 from busybot.interact.samples import Samples
 from busybot.training.metrics_file import read_metrics
 from tests.cli.killing import kill_once, kill_once_it_learns
+from tests.episodes.folders import make_dataset
 from tests.interact.trainings import SMALL, make_rounds, weights
 
 SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
@@ -78,6 +79,24 @@ def test_rounds_that_were_recorded_otherwise_are_refused(
     """Their rewards would not be what the model's card says."""
     result = run(*arguments(tmp_path / "run", rounds, *more))
     assert result.exit_code == 1 and re.search(message, result.stderr) and not (tmp_path / "run").exists()
+
+
+def test_what_no_network_reads_is_refused(tmp_path: Path, rounds: list[Path]) -> None:
+    for wrong, message in (
+        ("direction.jitter=5", "direction.jitter: the direction network looks at the middle"),
+        ("position.dropout=0.2", "position.dropout: only the direction network has it"),
+        ("position.direction_weight=1", "position.direction_weight: only the direction network has it"),
+    ):
+        result = run(*arguments(tmp_path / "run", rounds, "--set", wrong))
+        assert result.exit_code == 1 and message in " ".join(result.stderr.split())
+        assert not (tmp_path / "run").exists()
+
+
+def test_boards_for_judging_are_named_and_told_on_the_card(tmp_path: Path) -> None:
+    data = make_dataset(tmp_path / "data", finished=range(4), split="novel-object").path
+    result = run(*arguments(tmp_path / "run", [data]))
+    assert result.exit_code == 0 and "its boards are of the split novel-object" in " ".join(result.stderr.split())
+    assert [told["split"] for told in Model.load(tmp_path / "run").info.training["rounds"]] == ["novel-object"]
 
 
 def test_a_training_goes_on_with_its_own_data_alone(tmp_path: Path, rounds: list[Path]) -> None:

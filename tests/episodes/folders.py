@@ -19,19 +19,20 @@ def make_dataset(
     finished: Iterable[int] = (0, 1, 3),
     images: ImageFormat = "jpeg",
     strict: bool = False,
+    split: str = "train",
 ) -> Dataset:
     """A dataset with some episodes and up-to-date tables."""
     info = DatasetInfo(
         name="toys",
-        split="train",
+        split=split,
         seed=0,
         boards=boards,
         generator=GeneratorInfo(version="1", config={"boards": boards}),
         assets=AssetsInfo(source="procedural", name="p", seed=0, sha256={key: "0" * 64 for key, _ in KEYS}),
     )
-    dataset = Dataset.create(path, info, [make_board(i) for i in range(boards)])
+    dataset = Dataset.create(path, info, [make_board(i, split=split) for i in range(boards)])
     dataset.begin_collecting(COLLECT.model_copy(update={"images": images, "strict": strict}))
     for index in finished:
-        write_episode(dataset.episode_path(index), make_episode(index), images)
+        write_episode(dataset.episode_path(index), make_episode(index, split=split), images)
     dataset.write_tables()
     return dataset

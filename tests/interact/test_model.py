@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 import torch
 
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.interact.beliefs import NOT_ELEVATED
 from busybot.interact.model import Model, ModelInfo, find_model
 from busybot.interact.networks import KINDS, make_network
+from busybot.objects.library import find
+from busybot.sim.render import RenderConfig
+from busybot.sim.scene import Simulator
 from busybot.training.weights import initialise
 from tests.episodes.synthetic import make_episode
 
@@ -19,7 +24,7 @@ NO_BOXES = np.empty((0, 4), np.int16)
 
 
 def untrained(inputs: str = "depth") -> Model:
-    info = ModelInfo(inputs=inputs, thresholds={"explore_above": 0.3})
+    info = ModelInfo(inputs=inputs, thresholds={"explore": 0.3})
     networks = {kind: make_network(kind, info.inputs) for kind in KINDS}
     for network in networks.values():
         initialise(network, torch.Generator().manual_seed(3))
@@ -66,6 +71,36 @@ def test_what_is_far_from_every_object_does_not_change_what_is_seen(seen: tuple[
     assert ((view.affordance > NOT_ELEVATED) == (lone < board)).all()
     empty = untrained().look(Image(image.rgb, np.full_like(lone, board), None, NO_BOXES), rays)
     assert (empty.affordance == NOT_ELEVATED).all()
+
+
+def test_around_what_is_elevated_it_sees_what_it_sees_in_the_whole_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the window leaves out is board, which says next to nothing about what stands on it."""
+    library, model = find("procedural"), Model.load("procedural")
+    board = next(iter(generate_boards(BoardConfig(boards=1, seed=1, group_size=1), library)))
+    scene = Simulator(library, RenderConfig()).board(board)
+    picture, rays = scene.observe(), Rays(scene.camera)
+    model.bfloat16 = False
+    sizes: list[tuple[int, ...]] = []
+    run = model._run
+    monkeypatch.setattr(model, "_run", lambda kind, x: (sizes.append(tuple(x.shape[-2:])), run(kind, x))[1])
+    part = model.look(picture, rays)
+    monkeypatch.setattr("busybot.interact.model.MARGIN", 640)
+    whole = model.look(picture, rays)
+    assert sizes[1] == (480, 640) and np.prod(sizes[0]) < np.prod(sizes[1])
+    elevated = whole.affordance > NOT_ELEVATED
+    given, wanted = (1 / (1 + np.exp(-view.affordance[elevated])) for view in (part, whole))
+    assert np.ptp(wanted) > 0.9, "the picture has something to tell apart"
+    assert np.abs(given - wanted).max() < 0.05
+
+
+def test_a_card_with_a_constant_that_does_not_exist_is_refused_by_its_file(tmp_path: Path) -> None:
+    untrained().save(tmp_path)
+    card = tmp_path / "model.json"
+    for thresholds, message in (('"explor": 0.3', "explor: Extra"), ('"explore": 3.0', "explore: Input should be")):
+        card.write_text(card.read_text().replace('"explore": 0.3', thresholds))
+        with pytest.raises(BusybotError, match=rf"model\.json: thresholds: .*{message}"):
+            Model.load(tmp_path)
+        card.write_text(card.read_text().replace(thresholds, '"explore": 0.3'))
 
 
 def test_directions_of_some_pixels(seen: tuple[Image, Rays]) -> None:

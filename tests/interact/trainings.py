@@ -61,6 +61,12 @@ def permute_privileged(dataset: Dataset) -> None:
             for step in episode.steps
         ]
         episode.positions = episode.positions[::-1].copy()
+        wired = [one.responder for one in episode.board.relations]
+        relations = tuple(
+            one.model_copy(update={"responder": other})
+            for one, other in zip(episode.board.relations, wired[::-1], strict=True)
+        )
+        episode.board = episode.board.model_copy(update={"relations": relations})
         write_episode(path, episode)
     dataset.write_tables()
 

@@ -17,6 +17,7 @@ from benchmarks.commands import as_typed, assets_name, busybot, chosen, told_row
 from busybot.workers import machine
 
 SPLITS = ("novel-config", "novel-object")
+JUDGE_SEED = 303
 KEYS = (
     "precision",
     "recall",
@@ -142,12 +143,13 @@ def main() -> None:
     usual = ",".join(name for name in ROWS if name not in ON_REQUEST)
     parser.add_argument("--rows", default=usual, help=f"which rows, in this order; {', '.join(ON_REQUEST)} on request")
     parser.add_argument("--boards", type=int, default=200, help="per split")
-    parser.add_argument("--judge-seed", type=int, default=303, help="of the boards that rows are judged on")
+    parser.add_argument("--judge-seed", type=int, default=JUDGE_SEED, help="of the boards that rows are judged on")
     parser.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = parser.parse_args()
     result: dict[str, Any] = {
         "assets": assets_name(arguments.assets),
         "machine": machine(),  # of this run; each row has its own
+        "judge_seed": arguments.judge_seed,
         "rows": told_rows(arguments.out),
     }
     names = chosen(arguments.rows, ROWS)

@@ -76,11 +76,12 @@ def test_the_format_reference_is_the_schemas() -> None:
     assert page(written) == written, "python -m busybot.episodes.reference docs/dataset-format.md"
 
 
-def test_table_1_is_that_of_the_results() -> None:
+@pytest.mark.parametrize("name", ["table1", "further-boards"])
+def test_table_1_is_that_of_the_results(name: str) -> None:
     from benchmarks.table1_page import page
 
     written = (ROOT / "docs" / "interact.md").read_text(encoding="utf-8")
-    result = json.loads((ROOT / "benchmarks" / "results" / "table1.json").read_text(encoding="utf-8"))
+    result = json.loads((ROOT / "benchmarks" / "results" / f"{name}.json").read_text(encoding="utf-8"))
     assert page(written, result) == written, "python -m benchmarks.table1_page"
 
 

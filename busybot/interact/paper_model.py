@@ -30,7 +30,7 @@ PAPER_POLICY: dict[str, Threshold] = {
     "untried_first": False,
 }
 """What the learned policy's constants are with a paper model: clusters, affordance and directions as they are, and
-data for reasoning by a draw among all candidates (appendix A.2)."""
+data for reasoning by a draw among all candidates (section 3.2, "Data collection")."""
 PAPER_PRIOR = 0.5
 """The affordance is taken as it is: no correction for how rare working places are."""
 SAVED_SIZE = "size"

@@ -32,12 +32,11 @@ from busybot.episodes.dataset import Dataset
 from busybot.episodes.geometry import Rays
 from busybot.episodes.mcap_file import write_episode
 from busybot.files import write_atomically
-from busybot.interact.batches import draw_batch
 from busybot.interact.chooser import DEFAULT_MODEL, ExploreChooser, LearnedChooser
-from busybot.interact.fit import FitJob, begin, learn
+from busybot.interact.fit import FastAffordanceLearner, FitJob
 from busybot.interact.model import Model
 from busybot.interact.networks import KINDS, Kind
-from busybot.interact.samples import cache_samples, open_samples
+from busybot.interact.samples import cache_samples
 from busybot.interact.train_config import TrainConfig
 from busybot.objects.library import Library, find
 from busybot.rng import generator
@@ -86,22 +85,14 @@ def iteration(kind: Kind, cache: Path, folder: Path, iterations: int) -> dict[st
     config = getattr(TrainConfig(), kind)
     nowhere = folder / "unused"
     job = FitJob(kind, kind, "depth", config, SEED, (cache,), None, 10**6, 0, 10**6, nowhere, nowhere)
-    samples = open_samples((cache,), "depth", 10**6)
-    state = begin(job)
-    state.priorities.grow(len(samples))
+    learner = FastAffordanceLearner(job)
     rng = generator(SEED, "train", 0, f"benchmark/{kind}")
-    weights = np.ones(len(samples))
-
-    def draw() -> Any:
-        chosen = state.priorities.draw(samples.reward, weights, 0, config.batch, rng)
-        return draw_batch(samples, chosen, config, rng)
-
-    batch = draw()
+    _, batch = learner.draw(rng)
     with FlopCounterMode(display=False) as counted:
-        learn(state, batch, job, 1e-4, rng)
+        learner.learn(batch, 1e-4, rng)
     per_operation = product_seconds(iterations)
-    drawing = seconds(draw, iterations)
-    learning = seconds(lambda: learn(state, batch, job, 1e-4, rng), iterations)
+    drawing = seconds(lambda: learner.draw(rng), iterations)
+    learning = seconds(lambda: learner.learn(batch, 1e-4, rng), iterations)
     limit = counted.get_total_flops() * per_operation
     return {
         "batch": config.batch,

@@ -84,7 +84,7 @@ def measure(training: PaperTraining, kind: Kind, samples: Samples, iterations: i
     rng, wall, cpu = generator(0, "", 0, "benchmark"), [], []
     for number in range(WARM_UP + iterations):
         first, first_cpu = time.perf_counter(), time.process_time()
-        learner.iterate(samples, rng)
+        learner.learn(samples, rng)
         if number >= WARM_UP:
             wall.append(time.perf_counter() - first)
             cpu.append(time.process_time() - first_cpu)

@@ -1,11 +1,9 @@
 """Training one network of the `fast` variant on what is recorded, up to a given iteration.
 
-Everything that an iteration draws comes from a generator of its own, so a training that was killed goes on from its
-last checkpoint and ends in the same weights, bit by bit. One thread per network: sums have one order whatever the
-number of cores, and the two networks are trained side by side. Where there is a GPU both are trained on it.
+One thread per network: sums have one order whatever the number of cores, and the two networks are trained side by side.
+Where there is a GPU both are trained on it.
 """
 
-import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,9 +23,9 @@ from busybot.interact.ranking import direction_figures, position_figures
 from busybot.interact.replay import Priorities
 from busybot.interact.samples import open_samples
 from busybot.rng import generator
-from busybot.training.checkpoint import restore_training, save_tensors, training_tensors
+from busybot.training.checkpoint import Checkpoint
 from busybot.training.device import device, multiplies_bfloat16, repeat_exactly
-from busybot.training.metrics_file import Metrics
+from busybot.training.loop import Learner, Loop, cosine_rate, descend
 from busybot.training.weights import initialise
 
 VALIDATION_BATCH = 128
@@ -64,65 +62,80 @@ class FitJob:
     metrics: Path
 
 
-@dataclass
-class State:
-    """What changes while training."""
+class FastAffordanceLearner(Learner):
+    """One round of a network of the `fast` variant.
 
-    network: nn.Module
-    optimizer: torch.optim.Optimizer
-    priorities: Priorities
-    iteration: int = 0
+    Attributes:
+        samples: recorded so far.
+        priorities: of all samples.
+    """
 
-
-def begin(job: FitJob) -> State:
-    """New weights, or those of the last checkpoint."""
-    network, config = make_network(job.kind, job.inputs).to(device()), job.config
-    optimizer = torch.optim.AdamW(network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay)
-    state = State(network, optimizer, Priorities(config.replay))
-    if not job.checkpoint.exists():
+    def __init__(self, job: FitJob):
+        config = job.config
+        self.job, self.name = job, job.kind
+        self.samples = open_samples(job.caches, job.inputs, job.window)
+        self.network = make_network(job.kind, job.inputs)
         draws = generator(job.seed, "train", 0, f"initial weights/{job.kind}")
-        initialise(network.cpu(), torch.Generator().manual_seed(int(draws.integers(2**63))))
-        network.to(device())
-        return state
-    saved = restore_training(job.checkpoint, network, optimizer)
-    state.priorities = Priorities(config.replay, saved.tensors["priorities"].numpy())
-    state.iteration = int(saved.values["iteration"])
-    return state
+        initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))))
+        self.network.to(device())
+        self.optimizer = torch.optim.AdamW(
+            self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+        )
+        self.weights = np.where(self.samples.dataset > 0, config.replay.later_rounds, 1.0)
+        self._prioritise(None)
 
+    def _prioritise(self, known: np.ndarray | None) -> None:
+        self.priorities = Priorities(self.job.config.replay, known)
+        self.priorities.grow(self.samples.first + len(self.samples))
 
-def save_state(job: FitJob, state: State) -> None:
-    """Write the checkpoint, whole or not at all."""
-    tensors = training_tensors(state.network, state.optimizer)
-    tensors["priorities"] = torch.from_numpy(state.priorities.values)
-    save_tensors(job.checkpoint, tensors, {"iteration": state.iteration})
+    def iterate(self, iteration: int) -> tuple[float, float]:
+        """One step of the optimizer on a batch drawn by priority."""
+        job = self.job
+        rng = generator(job.seed, "train", iteration, job.kind)
+        chosen, batch = self.draw(rng)
+        config = job.config
+        rate = cosine_rate(config.learning_rate, config.warm_up, iteration - job.start, job.until - job.start)
+        loss, losses = self.learn(batch, rate, rng)
+        self.priorities.update(self.samples.first + chosen, losses)
+        return loss, rate
+
+    def draw(self, rng: np.random.Generator) -> tuple[np.ndarray, Batch]:
+        """Samples of the window, int (B,), and their batch."""
+        samples, config = self.samples, self.job.config
+        chosen = self.priorities.draw(samples.reward, self.weights, samples.first, config.batch, rng)
+        return chosen, draw_batch(samples, chosen, config, rng)
+
+    def learn(self, batch: Batch, rate: float, rng: np.random.Generator) -> tuple[float, np.ndarray]:
+        """One step of the optimizer; returns the loss, and each sample's loss, float32 (B,)."""
+        self.network.train()
+        loss, losses = sample_losses(self.network, batch, self.job.kind, self.job.config, rng)
+        descend(self.optimizer, loss, rate)
+        return float(loss.detach()), losses.detach().cpu().numpy()
+
+    def judge(self) -> dict[str, float | None]:
+        """How well the network ranks what was tried on boards that it is never trained on (`interact.ranking`)."""
+        return validate(self.job, self.network)
+
+    def state(self) -> Checkpoint:
+        """Priorities of all samples."""
+        return Checkpoint({"priorities": torch.from_numpy(self.priorities.values)}, {})
+
+    def restore(self, saved: Checkpoint) -> None:
+        """Samples that were recorded since are new."""
+        self._prioritise(saved.tensors["priorities"].numpy())
 
 
 def fit(job: FitJob) -> dict[str, float | None]:
     """Train to the end of the round, from wherever the checkpoint is; returns the validation figures."""
     torch.set_num_threads(1)
     repeat_exactly()
-    samples = open_samples(job.caches, job.inputs, job.window)
-    state = begin(job)
-    state.priorities.grow(samples.first + len(samples))
-    metrics = Metrics(job.metrics, job.name, state.iteration, job.start, job.until, job.config.report)
-    reward = samples.reward
-    weights = np.where(samples.dataset > 0, job.config.replay.later_rounds, 1.0)
-    while state.iteration < job.until:
-        rng = generator(job.seed, "train", state.iteration, job.kind)
-        chosen = state.priorities.draw(reward, weights, samples.first, job.config.batch, rng)
-        batch = draw_batch(samples, chosen, job.config, rng)
-        rate = learning_rate(job.config, state.iteration - job.start, job.until - job.start)
-        loss, losses = learn(state, batch, job, rate, rng)
-        state.priorities.update(samples.first + chosen, losses)
-        state.iteration += 1
-        metrics.add(state.iteration, loss, rate)
-        if state.iteration % job.config.checkpoint == 0 or state.iteration == job.until:
-            metrics.write()
-            save_state(job, state)
+    learner = FastAffordanceLearner(job)
+    loop = Loop(learner, job.checkpoint, job.metrics, job.config.report, job.config.checkpoint)
+    metrics = loop.run(job.name, job.start, job.until)
     if not job.checkpoint.exists():  # a round without iterations
-        save_state(job, state)
-    figures = validate(job, state.network)
-    metrics.end(state.iteration, figures)
+        loop.save()
+    figures = learner.judge()
+    metrics.end(loop.progress.iteration, figures)
     return figures
 
 
@@ -151,24 +164,6 @@ def validate(job: FitJob, network: nn.Module) -> dict[str, float | None]:
     if job.kind == "direction":
         figures |= direction_figures(scores[0], *samples.direction_labels(np.arange(len(samples))))
     return figures
-
-
-def learn(state: State, batch: Batch, job: FitJob, rate: float, rng: np.random.Generator) -> tuple[float, np.ndarray]:
-    """One step of the optimizer; returns the loss, and each sample's loss, float32 (B,)."""
-    for group in state.optimizer.param_groups:
-        group["lr"] = rate
-    state.network.train()
-    loss, losses = sample_losses(state.network, batch, job.kind, job.config, rng)
-    state.optimizer.zero_grad()
-    loss.backward()
-    state.optimizer.step()
-    return float(loss.detach()), losses.detach().cpu().numpy()
-
-
-def learning_rate(config: FitConfig, iteration: int, iterations: int) -> float:
-    """Linear warm-up and cosine, over the iterations of one round."""
-    cosine = 0.5 + 0.5 * math.cos(math.pi * iteration / iterations)
-    return config.learning_rate * min(1.0, (iteration + 1) / config.warm_up) * cosine
 
 
 def sample_losses(

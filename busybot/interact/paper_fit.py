@@ -7,12 +7,9 @@ A sample is the paper's tuple of picture, position, direction and reward. Where 
 - The direction network learns that the direction that worked did so (reward 1), or that those that were executed in
   vain, the proposed one and its opposite, did not (reward 0): the mean of their binary cross entropies.
 - Half of a batch has reward and half has none; within each half samples are drawn uniformly, with replacement.
-
-Every iteration draws from a generator of its own, so a training that was killed goes on from its last checkpoint and
-ends in the same weights.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +24,9 @@ from busybot.interact.paper_inputs import recorded_pictures, with_positions
 from busybot.interact.paper_networks import Size, make_paper_network
 from busybot.interact.samples import Samples
 from busybot.rng import generator
-from busybot.training.checkpoint import restore_training, save_tensors, training_tensors
+from busybot.training.checkpoint import Checkpoint
 from busybot.training.device import device
-from busybot.training.metrics_file import Metrics
+from busybot.training.loop import Learner, Loop, descend
 from busybot.training.weights import initialise
 
 
@@ -57,83 +54,63 @@ class PaperJob:
     metrics: Path
 
 
-@dataclass
-class Progress:
-    """How far a training has come.
+class PaperAffordanceLearner(Learner):
+    """A network of the `paper` variant, epoch by epoch; it begins with new weights, or those of the last checkpoint.
 
     Attributes:
+        loop: its training.
         epoch: the next one to train in, or the one that was begun.
         done: iterations done in it.
-        total: iterations done in all epochs.
     """
 
-    epoch: int = 0
-    done: int = 0
-    total: int = 0
-
-
-@dataclass
-class Learner:
-    """A network while it is trained."""
-
-    job: PaperJob
-    network: nn.Module
-    optimizer: torch.optim.Optimizer
-    progress: Progress = field(default_factory=Progress)
+    def __init__(self, job: PaperJob):
+        self.job, self.name = job, job.kind
+        self.network = make_paper_network(job.kind, job.inputs, job.size)
+        draws = generator(job.seed, "train", 0, f"paper/initial weights/{job.kind}")
+        initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))), biases=True)
+        self.network.to(device())
+        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=job.config.learning_rate)
+        self.epoch = self.done = 0
+        self._samples: Samples | None = None
+        self.loop = Loop(self, job.checkpoint, job.metrics, report=1, every=job.every)
 
     def behind(self, epoch: int) -> bool:
         """Whether iterations of this epoch are left to do."""
-        progress = self.progress
-        return progress.epoch < epoch or (progress.epoch == epoch and progress.done < self.job.config.iterations)
+        return self.epoch < epoch or (self.epoch == epoch and self.done < self.job.config.iterations)
 
     def train(self, samples: Samples, epoch: int) -> None:
         """All iterations of an epoch that are not done yet."""
-        job, progress = self.job, self.progress
-        if progress.epoch < epoch:
-            self.progress = progress = Progress(epoch, 0, progress.total)
+        if self.epoch < epoch:
+            self.epoch, self.done = epoch, 0
         if samples.reward.all() or not samples.reward.any():
             return
-        iterations, start = job.config.iterations, progress.total - progress.done
-        metrics = Metrics(
-            job.metrics, f"epoch {epoch}: {job.kind} network", progress.total, start, start + iterations, every=1
-        )
-        while progress.done < iterations:
-            rng = generator(job.seed, "train", epoch, f"paper/{job.kind}/{progress.done}")
-            loss = self.iterate(samples, rng)
-            progress.done, progress.total = progress.done + 1, progress.total + 1
-            metrics.add(progress.total, loss, job.config.learning_rate)
-            if progress.done % job.every == 0 or progress.done == iterations:
-                metrics.write()
-                self.save()
+        self._samples = samples
+        start = self.loop.progress.iteration - self.done
+        self.loop.run(f"epoch {epoch}: {self.job.kind} network", start, start + self.job.config.iterations)
 
-    def iterate(self, samples: Samples, rng: np.random.Generator) -> float:
+    def iterate(self, iteration: int) -> tuple[float, float]:
+        """One step of the optimizer on the epoch's samples."""
+        assert self._samples is not None, "`train` gives them"
+        job = self.job
+        loss = self.learn(self._samples, generator(job.seed, "train", self.epoch, f"paper/{job.kind}/{self.done}"))
+        self.done += 1
+        return loss, job.config.learning_rate
+
+    def learn(self, samples: Samples, rng: np.random.Generator) -> float:
         """Draw a batch and take one step of the optimizer; returns the loss."""
         self.network.train()
         chosen = draw_half(samples.reward, self.job.config.batch, rng)
         loss = batch_loss(self.network, self.job.kind, samples, chosen)
-        self.optimizer.zero_grad()
-        loss.backward()
-        self.optimizer.step()
+        descend(self.optimizer, loss)
         return float(loss.detach())
 
-    def save(self) -> None:
-        """Write the checkpoint, whole or not at all."""
-        tensors = training_tensors(self.network, self.optimizer)
-        save_tensors(self.job.checkpoint, tensors, dict(vars(self.progress)))
+    def state(self) -> Checkpoint:
+        """The place in the epochs: those without successes have no iterations."""
+        return Checkpoint({}, {"epoch": self.epoch, "done": self.done})
 
-
-def begin_learner(job: PaperJob) -> Learner:
-    """New weights, or those of the last checkpoint."""
-    network = make_paper_network(job.kind, job.inputs, job.size)
-    draws = generator(job.seed, "train", 0, f"paper/initial weights/{job.kind}")
-    initialise(network, torch.Generator().manual_seed(int(draws.integers(2**63))), biases=True)
-    network.to(device())
-    optimizer = torch.optim.Adam(network.parameters(), lr=job.config.learning_rate)
-    learner = Learner(job, network, optimizer)
-    if job.checkpoint.exists():
-        saved = restore_training(job.checkpoint, network, optimizer)
-        learner.progress = Progress(**{name: int(value) for name, value in saved.values.items()})
-    return learner
+    def restore(self, saved: Checkpoint) -> None:
+        """Go on in that epoch."""
+        self.epoch, self.done = int(saved.values["epoch"]), int(saved.values["done"])
 
 
 def draw_half(reward: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -27,7 +27,7 @@ from busybot.interact.chooser import PaperChooser
 from busybot.interact.model import ModelInfo
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.paper_config import PaperConfig
-from busybot.interact.paper_fit import Learner, PaperJob, begin_learner
+from busybot.interact.paper_fit import PaperAffordanceLearner, PaperJob
 from busybot.interact.paper_model import PAPER_POLICY, PAPER_PRIOR, PaperModel
 from busybot.interact.paper_networks import Size
 from busybot.interact.paper_policy import PaperRules
@@ -61,7 +61,7 @@ class PaperTraining:
         self.out, self.config, self.recorder, self.given = out, config, recorder, datasets
         self.datasets: list[Dataset] = []
         self.caches: dict[int, Path] = {}
-        self.learners: dict[Kind, Learner] = {}
+        self.learners: dict[Kind, PaperAffordanceLearner] = {}
 
     def run(self) -> PaperModel:
         """All epochs that are not done yet; returns the final model.
@@ -86,7 +86,7 @@ class PaperTraining:
 
     def begin(self, size: Size) -> None:
         """New networks for pictures of this size, or those of the last checkpoints."""
-        self.learners = {kind: begin_learner(self._job(kind, size)) for kind in KINDS}
+        self.learners = {kind: PaperAffordanceLearner(self._job(kind, size)) for kind in KINDS}
 
     def _recorded(self, epoch: int) -> Dataset:
         """The data of an epoch; what is missing is collected with the networks of the epoch before."""

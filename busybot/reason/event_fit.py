@@ -1,9 +1,7 @@
 """Training the `event` model. Neither relations nor states are known to it: it learns from what happened next."""
 
-import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
@@ -19,14 +17,15 @@ from busybot.reason.event_loss import loss_of
 from busybot.reason.event_net import EventNet
 from busybot.reason.sequence import Sequence
 from busybot.rng import generator
+from busybot.training.loop import Learner, cosine_rate, descend
 from busybot.training.weights import initialise
 
 JUDGED_AT_ONCE = 64
 BINS = 100
 
 
-class EventLearner:
-    """See `fit.Learner`. One thread: sums have one order whatever the machine.
+class EventLearner(Learner):
+    """One thread: sums have one order whatever the machine.
 
     Args:
         boards: to train on.
@@ -58,15 +57,10 @@ class EventLearner:
         everything = seen_of(Batch.from_data_list([self.boards[index] for index in chosen]), self.network.scale)
         everything = _noisy(everything, config.noise, rng)
         seen, asked, outcome = split(everything, self._images(everything, rng) - 1, config.questions)
-        rate = self._rate(iteration)
-        for group in self.optimizer.param_groups:
-            group["lr"] = rate
+        rate = cosine_rate(config.learning_rate, config.warm_up, iteration, self.iterations)
         self.network.train()
         loss = loss_of(self.network, seen, asked, outcome, config.loss).total
-        self.optimizer.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.clip)
-        self.optimizer.step()
+        descend(self.optimizer, loss, rate, config.clip)
         return float(loss.detach()), rate
 
     def _images(self, seen: Seen, rng: np.random.Generator) -> int:
@@ -77,10 +71,6 @@ class EventLearner:
         longest = seen.actions.shape[1]
         usual, drawn = min(self.config.images, longest), int(2 * ((longest + 1) / 2) ** rng.random())
         return usual if rng.random() < 0.5 else drawn
-
-    def _rate(self, iteration: int) -> float:
-        cosine = 0.5 + 0.5 * math.cos(math.pi * iteration / self.iterations)
-        return self.config.learning_rate * min(1.0, (iteration + 1) / self.config.warm_up) * cosine
 
     @torch.no_grad()
     def judge(self) -> Mapping[str, float]:
@@ -109,13 +99,6 @@ class EventLearner:
             everything = seen_of(batch, self.network.scale)
             steps = min(self.config.images, everything.actions.shape[1]) - 1
             yield split(everything, steps, self.config.questions)
-
-    def values(self) -> dict[str, Any]:
-        """Nothing beside the weights and the optimizer."""
-        return {}
-
-    def restore(self, values: dict[str, Any]) -> None:
-        """Nothing to put back."""
 
 
 def _noisy(seen: Seen, most: float, rng: np.random.Generator) -> Seen:

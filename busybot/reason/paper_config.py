@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
-from busybot.reason.loop_config import LoopConfig
+from busybot.training.loop import LoopConfig
 
 Width = Annotated[int, Field(ge=1, le=65_536)]
 

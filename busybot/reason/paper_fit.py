@@ -23,6 +23,7 @@ from busybot.reason.paper_config import PaperReasonConfig
 from busybot.reason.paper_history import PaperHistoryNetwork
 from busybot.reason.paper_networks import PaperNetwork, Relations
 from busybot.rng import generator
+from busybot.training.loop import descend
 from busybot.training.weights import drawing
 
 Network = PaperNetwork | PaperHistoryNetwork
@@ -88,9 +89,7 @@ def iterate(
     loss = error + config.prior_weight * divergence
     taken = bool(loss < config.explosion * last)  # False for what is not a number, too
     if taken:
-        optimizer.zero_grad()
-        loss.backward()
-        optimizer.step()
+        descend(optimizer, loss)
     return Outcome(float(loss.detach()), float(error.detach()), float(divergence.detach()), taken)
 
 

@@ -1,9 +1,8 @@
-"""Training the `paper` model as `fit` does it with any model (see `fit.Learner`)."""
+"""What the training loop asks of the `paper` model: the schedule of its iterations, and its judgements."""
 
 import math
 from collections.abc import Mapping
 from collections.abc import Sequence as Several
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,13 +14,15 @@ from busybot.reason.paper_fit import batches, iterate, losses, make_network, mak
 from busybot.reason.recorded import Recorded
 from busybot.reason.sequence import Sequence
 from busybot.rng import generator
+from busybot.training.checkpoint import Checkpoint
 from busybot.training.device import device, repeat_exactly
+from busybot.training.loop import Learner
 
 Known = Recorded | Several[Sequence]
 
 
-class PaperLearner:
-    """See `fit.Learner`. Boards are read when an iteration needs them.
+class PaperLearner(Learner):
+    """Boards are read when an iteration needs them.
 
     Args:
         boards: to train on.
@@ -69,10 +70,11 @@ class PaperLearner:
             answers += weight
         return dict(zip(("loss", "loss_of_no_change"), sums / answers, strict=True)) if answers else {}
 
-    def values(self) -> dict[str, Any]:
+    def state(self) -> Checkpoint:
         """The loss below twice of which the next one must stay."""
-        return {"last": None if math.isinf(self.last) else self.last}
+        return Checkpoint({}, {"last": None if math.isinf(self.last) else self.last})
 
-    def restore(self, values: dict[str, Any]) -> None:
-        """Put back what `values` returned."""
-        self.last = math.inf if values["last"] is None else float(values["last"])
+    def restore(self, saved: Checkpoint) -> None:
+        """Put back that loss."""
+        last = saved.values["last"]
+        self.last = math.inf if last is None else float(last)

@@ -21,11 +21,11 @@ from busybot.episodes.dataset_info import collect_command
 from busybot.errors import BusybotError
 from busybot.reason.event_config import EventConfig
 from busybot.reason.features import Progress, features_of
-from busybot.reason.fit import Learner, fit
 from busybot.reason.models import ModelInfo, save_model
 from busybot.reason.paper_config import PaperReasonConfig
 from busybot.reason.plots import plot_fit
 from busybot.reason.recorded import Recorded, held_apart
+from busybot.training.loop import Learner, fit
 from busybot.training.model_folder import INFO_FILE, read_info
 from busybot.training.run_folder import begin_folder, learner_versions
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
 from busybot.interact.model import Model
-from busybot.interact.paper_fit import Learner
+from busybot.interact.paper_fit import PaperAffordanceLearner
 from busybot.interact.policy_config import STRICT_POLICY
 from busybot.interact.samples import Samples
 from busybot.training.metrics_file import read_metrics
@@ -210,10 +210,10 @@ interaction: {reward: joints}
 """
 
 
-train_learner = Learner.train
+train_learner = PaperAffordanceLearner.train
 
 
-def dies_in_epoch_two(self: Learner, samples: Samples, epoch: int) -> None:
+def dies_in_epoch_two(self: PaperAffordanceLearner, samples: Samples, epoch: int) -> None:
     if epoch == 2:
         raise KeyboardInterrupt
     train_learner(self, samples, epoch)
@@ -237,7 +237,7 @@ def test_the_paper_variant_collects_trains_is_judged_and_collects_again(
     assert last.settings["chooser"]["model"]["card"]["training"]["epochs"] == 2
     killed = tmp_path / "killed"
     with monkeypatch.context() as patched:  # killed when the last epoch was half collected
-        patched.setattr(Learner, "train", dies_in_epoch_two)
+        patched.setattr(PaperAffordanceLearner, "train", dies_in_epoch_two)
         assert train(killed).exit_code != 0
     (killed / "rounds" / "002" / "episodes" / "000001.mcap").unlink()
     assert train(killed).exit_code == 0 and weights(killed) == weights(out)

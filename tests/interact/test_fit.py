@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from busybot.interact import fit as module
-from busybot.interact.fit import FitJob, fit
+from busybot.interact.fit import FastAffordanceLearner, FitJob, fit
 from busybot.interact.fit_config import DirectionFitConfig, FitConfig
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.samples import cache_samples
@@ -47,7 +46,7 @@ def test_interrupted_and_resumed_ends_in_the_same_weights(
     straight = job_for(kind, cache, tmp_path / "straight")
     figures = fit(straight)
     broken = job_for(kind, cache, tmp_path / "broken")
-    learn, calls = module.learn, []
+    learn, calls = FastAffordanceLearner.learn, []
 
     def dies(*arguments):
         calls.append(1)
@@ -55,7 +54,7 @@ def test_interrupted_and_resumed_ends_in_the_same_weights(
             raise KeyboardInterrupt
         return learn(*arguments)
 
-    monkeypatch.setattr(module, "learn", dies)
+    monkeypatch.setattr(FastAffordanceLearner, "learn", dies)
     with pytest.raises(KeyboardInterrupt):
         fit(broken)
     assert broken.checkpoint.read_bytes() != straight.checkpoint.read_bytes()

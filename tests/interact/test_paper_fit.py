@@ -13,7 +13,7 @@ from busybot.errors import BusybotError
 from busybot.interact.features import Inputs
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.paper_config import PaperConfig
-from busybot.interact.paper_fit import Learner, PaperJob, begin_learner, draw_half, paper_labels
+from busybot.interact.paper_fit import PaperAffordanceLearner, PaperJob, draw_half, paper_labels
 from busybot.interact.samples import SQUARES, Samples, cache_samples, open_samples
 from busybot.rng import generator
 from busybot.training.metrics_file import read_metrics
@@ -87,7 +87,7 @@ def test_a_damaged_cache_of_pictures_is_refused(tmp_path: Path) -> None:
 
 def test_adam_with_the_papers_learning_rates(tmp_path: Path) -> None:
     for kind, rate in zip(KINDS, (5e-4, 1e-4), strict=True):
-        optimizer = begin_learner(job_for(kind, tmp_path)).optimizer
+        optimizer = PaperAffordanceLearner(job_for(kind, tmp_path)).optimizer
         assert type(optimizer) is torch.optim.Adam
         assert [(group["lr"], group["weight_decay"]) for group in optimizer.param_groups] == [(rate, 0)]
 
@@ -97,24 +97,24 @@ def test_interrupted_and_resumed_ends_in_the_same_weights(
     kind: Kind, samples: Samples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     straight, broken = job_for(kind, tmp_path / "straight"), job_for(kind, tmp_path / "broken")
-    learner = begin_learner(straight)
+    learner = PaperAffordanceLearner(straight)
     for epoch in (4, 5):
         learner.train(samples, epoch)
-    iterate, calls = Learner.iterate, []
+    learn, calls = PaperAffordanceLearner.learn, []
 
-    def dies(self: Learner, samples: Samples, rng: np.random.Generator) -> float:
+    def dies(self: PaperAffordanceLearner, samples: Samples, rng: np.random.Generator) -> float:
         calls.append(1)
         if len(calls) == 6:
             raise KeyboardInterrupt
-        return iterate(self, samples, rng)
+        return learn(self, samples, rng)
 
-    monkeypatch.setattr(Learner, "iterate", dies)
-    interrupted = begin_learner(broken)
+    monkeypatch.setattr(PaperAffordanceLearner, "learn", dies)
+    interrupted = PaperAffordanceLearner(broken)
     interrupted.train(samples, 4)
     with pytest.raises(KeyboardInterrupt):
         interrupted.train(samples, 5)
-    resumed = begin_learner(broken)
-    assert not resumed.behind(4) and resumed.behind(5) and resumed.progress.done == 2
+    resumed = PaperAffordanceLearner(broken)
+    assert not resumed.behind(4) and resumed.behind(5) and resumed.done == 2
     resumed.train(samples, 5)
     assert broken.checkpoint.read_bytes() == straight.checkpoint.read_bytes()
     assert read_metrics(broken.metrics) == read_metrics(straight.metrics)
@@ -122,9 +122,9 @@ def test_interrupted_and_resumed_ends_in_the_same_weights(
 
 
 def test_without_successes_an_epoch_is_left_out(samples: Samples, tmp_path: Path) -> None:
-    learner = begin_learner(job_for("position", tmp_path))
+    learner = PaperAffordanceLearner(job_for("position", tmp_path))
     learner.train(replace(samples, worked=np.full(len(samples), -1)), 0)
-    assert learner.progress.total == 0 and not learner.job.checkpoint.exists()
+    assert learner.loop.progress.iteration == 0 and not learner.job.checkpoint.exists()
     assert not learner.job.metrics.exists()
 
 
@@ -135,7 +135,7 @@ def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, t
     for name in ("one", "two"):
         cache = cache_samples(dataset, tmp_path / "cache", "depth", whole=True)
         job = job_for(kind, tmp_path / name)
-        begin_learner(job).train(open_samples([cache], "depth", 1000, whole=True), 0)
+        PaperAffordanceLearner(job).train(open_samples([cache], "depth", 1000, whole=True), 0)
         weights.append((cache, job.checkpoint.read_bytes()))
         permute_privileged(dataset)
     assert weights[0][0] != weights[1][0] and weights[0][1] == weights[1][1]
@@ -145,6 +145,6 @@ def test_colours_alone_can_be_learned_from(tmp_path: Path) -> None:
     cache = cache_samples(make_dataset(tmp_path / "toys"), tmp_path, "rgb", whole=True)
     colours = open_samples([cache], "rgb", 1000, whole=True)
     job = job_for("direction", tmp_path, "rgb")
-    learner = begin_learner(replace(job, config=job.config.model_copy(update={"learning_rate": 1e-3})))
-    losses = [learner.iterate(colours, generator(0, "", 0, "test")) for _ in range(20)]  # one batch again and again
+    learner = PaperAffordanceLearner(replace(job, config=job.config.model_copy(update={"learning_rate": 1e-3})))
+    losses = [learner.learn(colours, generator(0, "", 0, "test")) for _ in range(20)]  # one batch again and again
     assert losses[-1] < 0.5 * losses[0]

@@ -14,7 +14,7 @@ from busybot.interact.beliefs import NOT_ELEVATED
 from busybot.interact.chooser import LearnedChooser, usual_mode
 from busybot.interact.model import Model
 from busybot.interact.paper_config import PaperConfig
-from busybot.interact.paper_fit import Learner
+from busybot.interact.paper_fit import PaperAffordanceLearner
 from busybot.interact.paper_model import PaperModel
 from busybot.interact.paper_policy import PaperPolicy
 from busybot.interact.paper_train import PaperTraining
@@ -89,15 +89,15 @@ def test_only_what_is_in_the_buffer_stays_cached(trained: Path, recorded: Path) 
 def test_killed_and_continued_it_ends_in_the_same_weights(
     trained: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    iterate, calls = Learner.iterate, []
+    learn, calls = PaperAffordanceLearner.learn, []
 
-    def dies(self: Learner, samples: Samples, rng: np.random.Generator) -> float:
+    def dies(self: PaperAffordanceLearner, samples: Samples, rng: np.random.Generator) -> float:
         calls.append(1)
         if len(calls) in (2, 6):
             raise KeyboardInterrupt
-        return iterate(self, samples, rng)
+        return learn(self, samples, rng)
 
-    monkeypatch.setattr(Learner, "iterate", dies)
+    monkeypatch.setattr(PaperAffordanceLearner, "learn", dies)
     for _ in range(2):
         with pytest.raises(KeyboardInterrupt):
             training(tmp_path / "run", recorded).run()

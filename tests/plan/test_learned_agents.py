@@ -21,9 +21,8 @@ from busybot.plan.learned.practice import Rollout
 from busybot.plan.learned.train import make_learner
 from busybot.plan.player import kind_of, name_of
 from busybot.reason.baselines import Persistence
-from busybot.reason.fit import Learner, fit
-from busybot.reason.loop_config import LoopConfig
 from busybot.rng import generator
+from busybot.training.loop import Learner, LoopConfig, fit
 from tests.plan.practice import ACTIONS, buttons, toys, two_buttons
 from tests.plan.toy import Link, World, two_buttons_and_a_lever
 

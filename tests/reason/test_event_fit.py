@@ -15,9 +15,8 @@ from busybot.reason.event import EventReasoner
 from busybot.reason.event_config import EventConfig, LossConfig, NetConfig
 from busybot.reason.event_data import board_data
 from busybot.reason.event_fit import EventLearner, smallest_change
-from busybot.reason.fit import fit
-from busybot.reason.loop_config import LoopConfig
 from busybot.reason.sequence import Sequence
+from busybot.training.loop import LoopConfig, fit
 from tests.reason.boards import make_boards
 
 SMALL = EventConfig(iterations=8, batch=4, net=NetConfig(width=8, heads=2))

@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from busybot.errors import BusybotError
-from busybot.reason.fit import fit
 from busybot.reason.models import ModelInfo, load_reasoner, save_model
 from busybot.reason.paper_boards import Boards, boards_of
 from busybot.reason.paper_config import PaperLoopConfig, PaperNetworkConfig, PaperReasonConfig
@@ -17,6 +16,7 @@ from busybot.reason.paper_history import PaperHistoryReasoner
 from busybot.reason.paper_learner import PaperLearner
 from busybot.reason.paper_reasoner import PaperReasoner
 from busybot.reason.sequence import Sequence
+from busybot.training.loop import fit
 from tests.reason.paper_scenes import SMALL, watched
 
 CONFIG = PaperReasonConfig(

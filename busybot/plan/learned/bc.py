@@ -6,13 +6,11 @@ in every iteration, on boards drawn at random.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from busybot.plan.learned.budget import Budget
 from busybot.plan.learned.config import BcConfig
 from busybot.plan.learned.encoding import OBJECTS, STOP, Observation, stacked
 from busybot.plan.learned.explored import Explored
@@ -20,11 +18,12 @@ from busybot.plan.learned.judged import success_of
 from busybot.plan.learned.network import PolicyNetwork, rows_of
 from busybot.plan.learned.practice import Rollout
 from busybot.rng import generator
+from busybot.training.loop import Budget, Learner, descend
 from busybot.training.weights import drawing
 
 
-class BcLearner:
-    """See `reason.fit.Learner`. One thread: sums have one order whatever the machine.
+class BcLearner(Learner):
+    """One thread: sums have one order whatever the machine.
 
     Args:
         boards: to train on.
@@ -42,7 +41,7 @@ class BcLearner:
         self.optimizer = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
-        self.budget = Budget(config.minutes)
+        self.budget: Budget = Budget(config.minutes)
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """One step of the optimizer."""
@@ -51,16 +50,9 @@ class BcLearner:
         orders = [rng.permutation(OBJECTS) if config.shuffle else None for _ in chosen]
         shown = [demonstrate(*one, rng, config.noise) for one in zip(chosen, orders, strict=True)]
         rate = config.rate(iteration)
-        for group in self.optimizer.param_groups:
-            group["lr"] = rate
         self.network.train()
         loss = imitation_loss(self.network, shown)
-        self.optimizer.zero_grad()
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), config.clip)
-        self.optimizer.step()
-        if self.budget.spent():
-            self.iterations = iteration + 1
+        descend(self.optimizer, loss, rate, config.clip)
         return float(loss.detach()), rate
 
     @torch.no_grad()
@@ -72,14 +64,6 @@ class BcLearner:
             shown = [demonstrate(board, None, rng) for board in self.held_out]
             figures["loss"] = float(imitation_loss(self.network, shown))
         return figures
-
-    def values(self) -> dict[str, Any]:
-        """The time that was used."""
-        return {"seconds": self.budget.seconds}
-
-    def restore(self, values: dict[str, Any]) -> None:
-        """Go on counting."""
-        self.budget.seconds = values["seconds"]
 
 
 Shown = tuple[Observation, np.ndarray]

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from busybot.plan.learned.explore import ExploreConfig
 from busybot.plan.learned.network import NetConfig
-from busybot.reason.loop_config import LoopConfig
+from busybot.training.loop import LoopConfig, linear_rate
 
 Count = Annotated[int, Field(ge=1)]
 Positive = Annotated[float, Field(gt=0)]
@@ -40,7 +40,7 @@ class _Common(_Plain):
 
     def rate(self, iteration: int) -> float:
         """Learning rate of an iteration."""
-        return self.learning_rate * (1 - iteration / self.iterations)
+        return linear_rate(self.learning_rate, iteration, self.iterations)
 
 
 class BcConfig(_Common):

@@ -12,12 +12,12 @@ import torch
 
 from busybot.errors import BusybotError
 from busybot.plan.goal_env import GoalEnv
-from busybot.plan.learned.budget import Budget
 from busybot.plan.learned.config import PpoConfig
 from busybot.plan.learned.explored import Explored
 from busybot.plan.learned.judged import success_of
 from busybot.plan.learned.network import PolicyNetwork
 from busybot.rng import generator
+from busybot.training.loop import Budget, Learner
 from busybot.training.weights import drawing
 
 MOST = 2**31
@@ -32,8 +32,8 @@ def check_installed() -> None:
         raise BusybotError("sb3-contrib is not installed", "pip install 'busybot[baselines]'") from None
 
 
-class PpoLearner:
-    """See `reason.fit.Learner`. One thread: sums have one order whatever the machine.
+class PpoLearner(Learner):
+    """One thread: sums have one order whatever the machine.
 
     Args:
         boards: to train on.
@@ -52,22 +52,13 @@ class PpoLearner:
         self.boards, self.held_out = boards, held_out
         with drawing(generator(seed, "train", 0, "initial weights/ppo")):
             self._model = _recurrent_ppo(config, boards)
-        self.budget = Budget(config.minutes)
-
-    @property
-    def network(self) -> torch.nn.Module:
-        """Actor and critic."""
-        return self._model.policy
+        self.network, self.optimizer = self._model.policy, self._model.policy.optimizer  # actor and critic
+        self.budget: Budget = Budget(config.minutes)
 
     @property
     def policy(self) -> PolicyNetwork:
         """The actor, which is all that plays."""
         return self._model.policy.network
-
-    @property
-    def optimizer(self) -> torch.optim.Optimizer:
-        """sb3's."""
-        return self._model.policy.optimizer
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """Collect experience and learn from it."""
@@ -80,22 +71,12 @@ class PpoLearner:
             self._model.env.seed(int(rng.integers(MOST)))
             self._model.lr_schedule = lambda _: rate
             self._model.learn(self.config.envs * self.config.steps, log_interval=self.config.iterations + 1)
-        if self.budget.spent():
-            self.iterations = iteration + 1
         return float(self._model.logger.name_to_value["train/loss"]), rate
 
     def judge(self) -> Mapping[str, float]:
         """Success; what is to be least is the success that is missing on held-out boards."""
         figures = success_of(self.policy, self.boards, self.held_out)
         return figures | ({"loss": 1 - figures["success"]} if self.held_out else {})
-
-    def values(self) -> dict[str, Any]:
-        """The time that was used."""
-        return {"seconds": self.budget.seconds}
-
-    def restore(self, values: dict[str, Any]) -> None:
-        """Go on counting."""
-        self.budget.seconds = values["seconds"]
 
 
 def _recurrent_ppo(config: PpoConfig, boards: Sequence[Explored]) -> Any:

@@ -31,9 +31,9 @@ from busybot.plan.learned.models import PolicyInfo, save_policy
 from busybot.plan.learned.plots import plot_training
 from busybot.plan.learned.ppo import PpoLearner, check_installed
 from busybot.reason.baselines import Persistence
-from busybot.reason.fit import fit
 from busybot.reason.recorded import groups_apart
 from busybot.reason.train import origin_of
+from busybot.training.loop import fit
 from busybot.training.model_folder import INFO_FILE, read_info
 from busybot.training.run_folder import begin_folder, learner_versions
 

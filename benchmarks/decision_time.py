@@ -12,9 +12,9 @@ from typing import Any
 
 from benchmarks.commands import write_result
 from benchmarks.table3 import KINDS, SEEDS, cell, parsed, place
+from busybot.evaluation.folder import RESULT
 from busybot.files import read_json
 from busybot.interact.chooser import DEFAULT_MODEL
-from busybot.interact.evaluate_folder import RESULT
 from busybot.reason.infer import DEFAULT_REASONER
 from busybot.workers import machine
 

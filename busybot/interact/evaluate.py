@@ -1,11 +1,10 @@
 """Measure an interaction policy on a dataset's boards (protocol "Interaction", Table 1).
 
 The boards alone are needed: every evaluation acts on them anew. The result of a board depends on the board, the policy
-and the seed, so an evaluation that was stopped goes on where it was (`evaluate_folder`).
+and the seed.
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,9 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
 from busybot.episodes.mcap_file import write_episode
-from busybot.files import write_json
+from busybot.evaluation.folder import BoardWork, Progress, Recording, conclude, judge_boards, versions
 from busybot.interact import metrics as m
-from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
 from busybot.interact.judge import judge
 from busybot.objects.library import Library
 from busybot.rng import generator
@@ -25,10 +23,6 @@ from busybot.sim.policies import Chooser
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
-from busybot.workers import run_tasks
-
-Progress = Callable[[int, int], None]
-"""Told after each board: boards judged, and boards."""
 
 
 class EvaluateConfig(BaseModel):
@@ -77,41 +71,29 @@ def evaluate(
     """
     settings = _settings(dataset, chooser.name, config, seed, provenance or {})
     count = min(config.boards or dataset.info.boards, dataset.info.boards)
-    judged = begin(out, settings, m.JudgedBoard) if out is not None else {}
-    with ExitStack() as stack:
-        recorded = stack.enter_context(recording(record, dataset, _collected(settings))) if record else None
-        done = set(judged) & recorded.finished() if recorded is not None else set(judged)
-        missing = [index for index in range(count) if index not in done]
-        arguments = (dataset.path, library, config, seed, chooser, record)
-        for index, text in run_tasks(missing, make_work, arguments, workers):
-            judged[index] = m.JudgedBoard.model_validate_json(text)
-            if out is not None:
-                append(out, text)
-            if progress:
-                progress(len(judged), count)
-    result = plain({**summarise([judged[index] for index in range(count)], seed, dataset.info.split), **settings})
-    if out is not None:
-        write_json(out / RESULT, result)
-    return result
+    work = BoardWork(m.JudgedBoard, make_work, (dataset.path, library, config, seed, chooser, record), workers)
+    recordings = [Recording(record, dataset, _collected(settings))] if record else []
+    judged = judge_boards(range(count), work, settings, progress, out, recordings)
+    return conclude(out, {**summarise(judged, seed, dataset.info.split), **settings})
 
 
 def make_work(
     path: Path, library: Library, config: EvaluateConfig, seed: int, chooser: Chooser, record: Path | None
-) -> Callable[[int], str]:
-    """What a worker does with a board's index: act on it, record it if wanted, judge it; returns JSON."""
+) -> Callable[[int], m.JudgedBoard]:
+    """What a worker does with a board's index: act on it, record it if wanted, judge it."""
     dataset = Dataset.open(path)
     recorded = Dataset.open(record) if record else None
     simulator = Simulator(library, config.render, config.responders)
     annotated = {key: model.directions for key, model in library.objects.items()}
 
-    def work(index: int) -> str:
+    def work(index: int) -> m.JudgedBoard:
         board = dataset.board(index)
         episode = record_episode(simulator, board, chooser, config.actions, config.interaction, seed)
         if recorded is not None:
             write_episode(recorded.episode_path(index), episode, "jpeg")
         judged = judge(episode, annotated, config.interaction.delta)
         # a board's number in its dataset, which is where results are looked up
-        return judged.model_copy(update={"board": index}).model_dump_json()
+        return judged.model_copy(update={"board": index})
 
     return work
 

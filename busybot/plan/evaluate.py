@@ -1,11 +1,10 @@
 """Measure agents on a dataset of tasks with recorded histories (protocol "Planning", Table 3).
 
-The result of a task depends on the board, its history, the models and the seed, so an evaluation that was stopped goes
-on where it was (`interact.evaluate_folder`). Processor times differ from run to run and stand apart, under `timing`.
+The result of a task depends on the board, its history, the models and the seed. Processor times differ from run to run
+and stand apart, under `timing`.
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +13,8 @@ from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo, collect_command
 from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.errors import BusybotError
-from busybot.files import write_json
+from busybot.evaluation.folder import BoardWork, Progress, Recording, conclude, judge_boards, versions
 from busybot.interact.chooser import fingerprint, load_once, policy_config
-from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
 from busybot.plan.player import TRAINED, PlanConfig, Player, kind_of, name_of
@@ -25,10 +23,6 @@ from busybot.reason.infer import REASONERS, config_class, reasoner_of
 from busybot.rng import generator
 from busybot.sim.scene import Simulator
 from busybot.training.model_folder import file_hashes, find_folder
-from busybot.workers import run_tasks
-
-Progress = Callable[[int, int], None]
-"""Told after each task: tasks judged, and tasks."""
 
 
 def evaluate(
@@ -67,26 +61,12 @@ def evaluate(
     tasks = _tasks(dataset, config)
     settings = _settings(dataset, agents, reasoner, policy_model, config, seed)
     features_of(dataset, reasoner_of(reasoner).encoder, episodes=tasks, workers=workers)
-    judged = begin(out, settings, m.JudgedTask) if out is not None else {}
-    with ExitStack() as stack:
-        done = set(judged)
-        for name in names if record is not None else ():
-            assert record is not None
-            done &= stack.enter_context(recording(record / name, dataset, _collected(settings, name))).finished()
-        missing = [index for index in tasks if index not in done]
-        arguments = (dataset.path, library, tuple(agents), reasoner, policy_model, config, seed, record)
-        for index, text in run_tasks(missing, make_work, arguments, workers):
-            judged[index] = m.JudgedTask.model_validate_json(text)
-            if out is not None:
-                append(out, text)
-            if progress:
-                progress(len(judged), len(tasks))
-    found = [judged[index] for index in tasks]
+    arguments = (dataset.path, library, tuple(agents), reasoner, policy_model, config, seed, record)
+    work = BoardWork(m.JudgedTask, make_work, arguments, workers)
+    recordings = [Recording(record / name, dataset, _collected(settings, name)) for name in names] if record else []
+    found = judge_boards(tasks, work, settings, progress, out, recordings)
     rng = generator(seed, dataset.info.split, 0, "plan/bootstrap")
-    result = plain({**m.summarise(found, names, rng), **settings, "timing": m.timing(found, names)})
-    if out is not None:
-        write_json(out / RESULT, result)
-    return result
+    return conclude(out, {**m.summarise(found, names, rng), **settings, "timing": m.timing(found, names)})
 
 
 def make_work(
@@ -98,15 +78,15 @@ def make_work(
     config: PlanConfig,
     seed: int,
     record: Path | None,
-) -> Callable[[int], str]:
-    """What a worker does with a board's index: all agents play its task; returns JSON."""
+) -> Callable[[int], m.JudgedTask]:
+    """What a worker does with a board's index: all agents play its task."""
     dataset, loaded, model = Dataset.open(path), reasoner_of(reasoner), load_once(policy_model)
     simulator = Simulator(library, config.render)
     policy = policy_config(model.info, config.learned)
     player = Player(simulator, loaded, model, policy, config.interaction, seed)
     stored = {name: Dataset.open(record / name) for name in map(name_of, agents)} if record else {}
 
-    def work(index: int) -> str:
+    def work(index: int) -> m.JudgedTask:
         history = read_episode(dataset.episode_path(index))
         task = player.prepare(history, features_of(dataset, loaded.encoder, episodes=[index], workers=1)[index])
         rollouts = []
@@ -118,7 +98,7 @@ def make_work(
         board = history.board
         least = least_steps(start_states(board), task_of(board).goal)
         kind = task_of(board).kind
-        return m.JudgedTask(board=index, kind=kind, least_steps=least, rollouts=tuple(rollouts)).model_dump_json()
+        return m.JudgedTask(board=index, kind=kind, least_steps=least, rollouts=tuple(rollouts))
 
     return work
 

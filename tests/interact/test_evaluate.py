@@ -10,9 +10,9 @@ from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
+from busybot.evaluation.folder import BOARDS, RESULT
 from busybot.files import read_json
 from busybot.interact.evaluate import EvaluateConfig, evaluate
-from busybot.interact.evaluate_folder import BOARDS, RESULT
 from busybot.interact.policy_config import PolicyConfig
 from busybot.objects.library import find
 from busybot.sim.interaction import InteractionConfig

@@ -12,9 +12,9 @@ from busybot.episodes.dataset import Dataset
 from busybot.episodes.mcap_file import read_episode
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
+from busybot.evaluation.folder import BOARDS, RESULT
 from busybot.files import read_json
 from busybot.interact.chooser import load_once
-from busybot.interact.evaluate_folder import BOARDS, RESULT
 from busybot.objects.library import find
 from busybot.plan.agent import Act, Briefing, Contact, Situation, Stop
 from busybot.plan.agents.simple import Noop

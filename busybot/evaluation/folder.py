@@ -1,18 +1,24 @@
-"""Where an evaluation's results lie, so that one that was stopped can go on, and its recorded episodes.
+"""Evaluates the boards of a dataset, each by itself; with a folder for the results, a stopped evaluation goes on.
+
+A skill says what a worker process does with a board (`BoardWork`) and how judged boards become a result. The folder:
 
 settings.json       what is measured: another measurement is refused in the same folder
 boards.jsonl        what was judged, one board per line, in the order in which they were finished
 result.json         all metrics, when every board is judged
+
+The result of a board depends on the board and the settings alone, so it is the same whatever the number of workers and
+interruptions.
 """
 
 import json
 import os
 import platform
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -21,18 +27,90 @@ from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
 from busybot.errors import BusybotError
 from busybot.files import read_json, write_json
+from busybot.workers import run_tasks
 
 SETTINGS, BOARDS, RESULT = "settings.json", "boards.jsonl", "result.json"
 
-
+Progress = Callable[[int, int], None]
+"""Told after each board: boards judged, and boards."""
 J = TypeVar("J", bound=BaseModel)
+"""A judged board; it has the board's number in its dataset as `board`."""
+
+
+@dataclass(frozen=True)
+class BoardWork(Generic[J]):
+    """What worker processes do.
+
+    Attributes:
+        judged: what they make of a board.
+        make: importable by name; what it returns for the arguments judges the board with a number.
+        workers: processes that share the work.
+    """
+
+    judged: type[J]
+    make: Callable[..., Callable[[int], J]]
+    arguments: tuple[Any, ...]
+    workers: int
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A new dataset for the episodes of an evaluation, or one to go on with.
+
+    Attributes:
+        dataset: which has the boards.
+        collected: how the episodes come about.
+    """
+
+    path: Path
+    dataset: Dataset
+    collected: CollectInfo
+
+
+def judge_boards(
+    boards: Sequence[int],
+    work: BoardWork[J],
+    settings: dict[str, Any],
+    progress: Progress | None = None,
+    out: Path | None = None,
+    recordings: Sequence[Recording] = (),
+) -> list[J]:
+    """Judge all of these boards that are not judged yet; returns them in this order.
+
+    Args:
+        boards: numbers.
+        settings: what is measured, JSON values.
+        out: folder for the results.
+        recordings: boards without an episode in one of them are judged again.
+
+    Raises:
+        BusybotError: `out` or a recording hold something else, or a worker is at fault.
+    """
+    judged = begin(out, settings, work.judged) if out is not None else {}
+    with ExitStack() as stack:
+        done = set(judged)
+        for recording in recordings:
+            done &= stack.enter_context(_recorded(recording)).finished()
+        missing = [index for index in boards if index not in done]
+        for index, one in run_tasks(missing, work.make, work.arguments, work.workers):
+            judged[index] = one
+            if out is not None:
+                append(out, one.model_dump_json())
+            if progress:
+                progress(len(judged), len(boards))
+    return [judged[index] for index in boards]
+
+
+def conclude(out: Path | None, result: dict[str, Any]) -> dict[str, Any]:
+    """Write the result, if there is a folder for it; returns it as it comes back from there."""
+    values = plain(result)
+    if out is not None:
+        write_json(out / RESULT, values)
+    return values
 
 
 def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
     """Start or continue a folder; returns what is judged already, by board.
-
-    Args:
-        kind: of the lines; it has the number of the board as `board`.
 
     Raises:
         BusybotError: the folder holds something else, or a measurement with other settings.
@@ -87,12 +165,13 @@ def append(out: Path, line: str) -> None:
 
 
 @contextmanager
-def recording(path: Path, dataset: Dataset, collected: CollectInfo) -> Iterator[Dataset]:
-    """A dataset with the same boards, locked, for the episodes of an evaluation; its tables are written at the end.
+def _recorded(recording: Recording) -> Iterator[Dataset]:
+    """A dataset with the same boards, locked; its tables are written at the end.
 
     Raises:
         BusybotError: it has other boards, or its episodes were begun with other settings.
     """
+    path, dataset = recording.path, recording.dataset
     if path.exists() and any(path.iterdir()):
         target = Dataset.open(path)
         if target.hashes().board != dataset.hashes().board:
@@ -101,7 +180,7 @@ def recording(path: Path, dataset: Dataset, collected: CollectInfo) -> Iterator[
         info = dataset.info.model_copy(update={"collect": None})
         target = Dataset.create(path, info, dataset.boards())
     with target.locked():
-        target.begin_collecting(collected)
+        target.begin_collecting(recording.collected)
         target.remove_leftovers()
         try:
             yield target

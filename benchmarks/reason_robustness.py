@@ -37,7 +37,7 @@ from busybot.reason.forecast import BOUND, NEAREST, Forecast, Watched, forecast
 from busybot.reason.infer import reasoner_of
 from busybot.reason.judge import Nearest, judged_objects
 from busybot.reason.lookup import Lookup, LookupConfig
-from busybot.reason.models import WEIGHTS_FILE, ModelInfo
+from busybot.reason.models import ModelInfo
 from busybot.reason.observed import acted_objects
 from busybot.reason.reasoner import Reasoner
 from busybot.reason.result import InferredGraph
@@ -45,7 +45,7 @@ from busybot.reason.sequence import sequence_of
 from busybot.reason.summary import Judged
 from busybot.reason.truth import truth_of
 from busybot.rng import generator
-from busybot.training.model_folder import find_folder, read_info
+from busybot.training.model_folder import WEIGHTS_FILE, find_folder, read_info
 from busybot.workers import machine, share
 
 ENCODER = "embedded"

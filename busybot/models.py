@@ -227,7 +227,7 @@ def _load_reason(folder: Path, _: str) -> None:
 
 
 def _load_plan(folder: Path, agent: Any) -> None:
-    from busybot.plan.learned.models import read_policy
+    from busybot.plan.learned.network import read_policy
 
     read_policy(folder, agent)
 

@@ -11,11 +11,11 @@ from busybot.cli.main import app
 from busybot.errors import BusybotError
 from busybot.interact.model import Model
 from busybot.models import about, find, models_below, shipped_models, verify
-from busybot.plan.learned.models import PolicyInfo, save_policy
-from busybot.plan.learned.network import PolicyNetwork
+from busybot.plan.learned.network import PolicyInfo, PolicyNetwork
 from busybot.reason.event_config import EventConfig, NetConfig
 from busybot.reason.event_net import EventNet
-from busybot.reason.models import ModelInfo, save_model
+from busybot.reason.models import ModelInfo
+from busybot.training.checkpoint import save_model
 
 CONFIG = EventConfig(net=NetConfig(width=8, heads=2))
 TRAINING = {"seed": 3, "data": [{"name": "d", "assets": "procedural", "seed": 1, "episodes": 4, "content_hash": "ab"}]}
@@ -35,7 +35,7 @@ def folder(tmp_path: Path) -> Path:
 def test_policies_that_plan_are_models_like_others(tmp_path: Path) -> None:
     folder = tmp_path / "bc" / "model"
     info = PolicyInfo(agent="bc", encoder="embedded", training={"seed": 5})
-    save_policy(folder, info, PolicyNetwork(info.net).state_dict())
+    save_model(folder, info, PolicyNetwork(info.net).state_dict())
     told = about(find(str(folder.parent)))
     assert (told.skill, told.kind, told.seed, list(told.hashes)) == ("plan", "bc", 5, ["weights.safetensors"])
     assert verify(folder).ok

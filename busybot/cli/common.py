@@ -42,6 +42,16 @@ def say(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
+@contextmanager
+def kept_in(out: Path) -> Iterator[None]:
+    """Around work that goes on where it stopped: after Ctrl-C, say so."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say(f"what is done is kept in {out}; the same command continues")
+        raise
+
+
 def counted(number: int, thing: str) -> str:
     """`1 problem`, `2 problems`."""
     return f"{number} {thing}{'' if number == 1 else 's'}"

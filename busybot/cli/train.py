@@ -6,7 +6,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from busybot.cli import train_plan, train_reason
-from busybot.cli.common import CONTEXT, JsonOption, SeedOption, WorkersOption, episode_progress, print_json, say
+from busybot.cli.common import (
+    CONTEXT,
+    JsonOption,
+    SeedOption,
+    WorkersOption,
+    episode_progress,
+    kept_in,
+    print_json,
+    say,
+)
 from busybot.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -47,11 +56,8 @@ def interact(
     options = {"variant": model, "interaction.strict": strict or None}
     objects = None if offline or data else assets or "procedural"
     training = _interaction(out, (config, set_ or [], options), objects, tuple(data or ()), seed, workers)
-    try:
+    with kept_in(out):
         trained = training.run()
-    except KeyboardInterrupt:
-        say(f"what is done is kept in {out}; the same command continues")
-        raise
     if json:
         print_json({"out": out, "model": out / "model", "training": trained.info.training})
     else:

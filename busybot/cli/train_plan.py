@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, WorkersOption, episode_progress, print_json, say
+from busybot.cli.common import JsonOption, SeedOption, WorkersOption, episode_progress, kept_in, print_json, say
 
 OutOption = Annotated[Path, typer.Option(help="Folder of the training; the same command continues in it.")]
 DataOption = Annotated[
@@ -69,11 +69,8 @@ def _train(
     explored, assets, seed, workers = given
     built: Any = build(CONFIGS[agent], *parameters, {})
     named, processes = policy_model or DEFAULT_MODEL, workers or default_workers()
-    try:
+    with kept_in(out):
         info, budget = train_policy(out, built, tuple(data), named, assets, seed, processes, episode_progress, explored)
-    except KeyboardInterrupt:
-        say(f"what is done is kept in {out}; the same command continues")
-        raise
     if json:
         print_json({"out": out, "model": out / "model", "training": info.training, "budget": budget})
     else:

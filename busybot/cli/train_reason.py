@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, WorkersOption, episode_progress, print_json, say
+from busybot.cli.common import JsonOption, SeedOption, WorkersOption, episode_progress, kept_in, print_json, say
 from busybot.errors import BusybotError
 
 
@@ -31,11 +31,8 @@ def reason(
     if model not in CONFIGS:
         raise BusybotError(f"there is no model {model!r} of relations to train", f"choose {' or '.join(CONFIGS)}")
     parameters = build(CONFIGS[model], config, set_ or [], {"encoder": encoder})
-    try:
+    with kept_in(out):
         trained = train_reason(out, parameters, tuple(data), seed, episode_progress, workers)
-    except KeyboardInterrupt:
-        say(f"what is done is kept in {out}; the same command continues")
-        raise
     if json:
         print_json({"out": out, "model": out / "model", "training": trained.training})
     else:

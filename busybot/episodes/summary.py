@@ -6,7 +6,9 @@ from typing import Any
 import pyarrow.compute as pc
 
 from busybot.episodes.dataset import Dataset
+from busybot.episodes.dataset_info import collect_command
 from busybot.episodes.manifest import is_frozen
+from busybot.errors import BusybotError
 
 
 def summarise(path: Path) -> dict[str, Any]:
@@ -45,6 +47,27 @@ def summarise(path: Path) -> dict[str, Any]:
         "success_share": _total(known["successes"]) / _total(known["steps"]) if _total(known["steps"]) else None,
         "assets": f"{info.assets.source}: {info.assets.name} ({len(info.assets.sha256)} objects)",
         "generator": info.generator.version,
+    }
+
+
+def origin_of(dataset: Dataset) -> dict[str, Any]:
+    """What a training on the dataset depends on, wherever it lies; JSON values.
+
+    Raises:
+        BusybotError: nothing is recorded in it.
+    """
+    episodes = len(dataset.finished())
+    if not episodes:
+        raise BusybotError(f"{dataset.path}: no board has an episode", collect_command(dataset.path, dataset.info))
+    hashes = dataset.hashes()
+    return {
+        "name": dataset.info.name,
+        "split": dataset.info.split,
+        "seed": dataset.info.seed,
+        "assets": dataset.info.assets.name,
+        "episodes": episodes,
+        "board_hash": hashes.board,
+        "content_hash": hashes.content,
     }
 
 

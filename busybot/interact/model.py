@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, Field
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -22,13 +22,13 @@ from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_n
 from busybot.interact.policy_config import PairTable, Threshold, check_thresholds
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.device import device, multiplies_bfloat16
-from busybot.training.model_folder import find_folder, read_info, write_info
+from busybot.training.model_folder import ModelCard, find_folder, read_info, write_info
 
 MARGIN = 32
 """The position network is run on what lies within so many pixels of something elevated: a third is saved."""
 
 
-class ModelInfo(BaseModel):
+class ModelInfo(ModelCard):
     """What `model.json` says.
 
     Attributes:
@@ -37,20 +37,13 @@ class ModelInfo(BaseModel):
         prior: share of elevated pixels that work, as training batches (half of each) do not show it.
         after_failure: what to try where a direction failed, see `interact.redirection`.
         thresholds: constants of the policy that go with this model.
-        training: provenance: datasets with hashes, seed, configuration, figures; JSON values.
-        files: SHA-256 of the weights by name, written by saving; older folders have none.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    format: Literal["1"] = "1"
     variant: Literal["fast", "paper"] = "fast"
     inputs: Inputs = "depth"
     prior: Annotated[float, Field(gt=0, lt=1)] = 0.15
     after_failure: PairTable | None = None
     thresholds: Annotated[dict[str, Threshold], AfterValidator(check_thresholds)] = {}
-    training: dict[str, Any] = {}
-    files: dict[str, str] = {}
 
 
 @dataclass(frozen=True)

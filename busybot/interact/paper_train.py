@@ -31,11 +31,11 @@ from busybot.interact.paper_fit import PaperAffordanceLearner, PaperJob
 from busybot.interact.paper_model import PAPER_POLICY, PAPER_PRIOR, PaperModel
 from busybot.interact.paper_networks import Size
 from busybot.interact.paper_policy import PaperRules
-from busybot.interact.plots import plot_paper_training
-from busybot.interact.rounds import Recorder, checked, finished
-from busybot.interact.run_folder import BEFORE, given
+from busybot.interact.rounds import BEFORE, Recorder, checked, finished, given, loss_panel
 from busybot.interact.samples import Samples, cache_samples, open_samples
 from busybot.training.device import repeat_exactly
+from busybot.training.metrics_file import read_metrics
+from busybot.training.plots import Panel, draw
 from busybot.training.run_folder import begin_folder, learner_versions
 from busybot.workers import machine
 
@@ -165,9 +165,12 @@ class PaperTraining:
         lines = []
         for epoch, dataset in enumerate(self.datasets):
             epsilons = {f"epsilon_{kind}": self.config.epsilon(kind, epoch) for kind in KINDS}
-            lines.append(json.dumps({"epoch": epoch, **_collected(dataset), **epsilons}, sort_keys=True) + "\n")
-        write_atomically(self.out / "metrics" / "epochs.jsonl", "".join(lines).encode())
-        plot_paper_training(self.out)
+            lines.append({"epoch": epoch, **_collected(dataset), **epsilons})
+        text = "".join(json.dumps(line, sort_keys=True) + "\n" for line in lines)
+        write_atomically(self.out / "metrics" / "epochs.jsonl", text.encode())
+        known = {kind: read_metrics(self.out / "metrics" / f"{kind}.jsonl") for kind in KINDS}
+        above = [loss_panel(kind, known[kind], "half-positive batches") for kind in KINDS]
+        draw(self.out / "training.png", [above, [_epochs_panel(kind, lines) for kind in KINDS]])
 
 
 def rules_for(config: PaperConfig, epoch: int) -> PaperRules:
@@ -179,6 +182,14 @@ def rules_for(config: PaperConfig, epoch: int) -> PaperRules:
         ucb_c=config.ucb_c,
         ucb_window=config.ucb_window,
     )
+
+
+def _epochs_panel(kind: Kind, lines: list[dict[str, Any]]) -> Panel:
+    """What each epoch's actions earned."""
+    rewarded = [(line["epoch"], line["rewarded"] / max(line["steps"], 1)) for line in lines]
+    by_chance = [(line["epoch"], line[f"epsilon_{kind}"]) for line in lines]
+    curves = {"actions with reward": rewarded, f"random {kind}s": by_chance}
+    return Panel("share of an epoch's actions", curves, along="epoch", shares=True)
 
 
 def _size(dataset: Dataset) -> Size:

@@ -18,6 +18,10 @@ from busybot.objects.library import Library
 from busybot.rng import generator
 from busybot.sim.collect import CollectConfig, Progress, collect
 from busybot.sim.policies import Chooser
+from busybot.training.plots import Lines, Panel, losses
+
+BEFORE = ("rounds", "validation")
+"""What may lie in a folder in which a training begins: recorded rounds, to train on with `--offline`."""
 
 
 class Explorer(Chooser, Protocol):
@@ -121,3 +125,13 @@ def finished(dataset: Dataset, config: RecordConfig, offline: bool = False) -> D
             mend = "train without --strict" if vetoed else f"train with --set {name}={json.dumps(known[name])}"
             raise BusybotError(what, mend)
     return dataset
+
+
+def given(datasets: Sequence[Path]) -> dict[str, Any]:
+    """For `train.json`, hashes of the contents of datasets that a training is given; of its own rounds, nothing."""
+    return {"data": [Dataset.open(path).hashes().content for path in datasets]} if datasets else {}
+
+
+def loss_panel(kind: str, lines: Lines, batches: str) -> Panel:
+    """The losses of a network's batches, for the picture of a training."""
+    return Panel(f"{kind} network", {f"loss of {batches}": losses(lines)}, logarithmic=True)

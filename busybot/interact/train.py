@@ -14,26 +14,31 @@ The weights depend on the recorded steps, the seed and the kind of processor: on
 copy of the datasets ends in the same ones (`--offline`), and so does a training that was killed and continued.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from torch import nn
+
 from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.errors import BusybotError
 from busybot.interact.fit import FitJob, make_fit
 from busybot.interact.model import Model, ModelInfo
-from busybot.interact.networks import KINDS, Kind
-from busybot.interact.plots import plot_training
+from busybot.interact.networks import KINDS, Kind, make_network
 from busybot.interact.policy_config import STRICT_POLICY
 from busybot.interact.redirection import after_failure
-from busybot.interact.rounds import Explorer, Recorder, Told, checked, finished
-from busybot.interact.run_folder import BEFORE, describe, given, network_of, schedule_for
+from busybot.interact.rounds import BEFORE, Explorer, Recorder, Told, checked, finished, given, loss_panel
 from busybot.interact.samples import cache_samples, open_samples
-from busybot.interact.train_config import TrainConfig
+from busybot.interact.train_config import Round, TrainConfig
 from busybot.objects.library import Library
+from busybot.training.checkpoint import load_tensors, load_weights, network_tensors
+from busybot.training.metrics_file import read_metrics
 from busybot.training.model_folder import INFO_FILE as MODEL_FILE
-from busybot.training.run_folder import begin_folder
-from busybot.workers import run_tasks
+from busybot.training.plots import Panel, draw, judgements
+from busybot.training.run_folder import begin_folder, learner_versions
+from busybot.workers import machine, run_tasks
 
 FIT_SECONDS = 7 * 86400.0
 """One network may be trained for so long in one round."""
@@ -77,7 +82,7 @@ class Training:
             datasets.append(self._recorded(number))
             if not (self._model_folder(number) / MODEL_FILE).exists():
                 self._train(number, datasets, validation)
-                plot_training(self.out)
+                self._plot()
         final = Model.load(self._model_folder(len(self.schedule) - 1))
         final.save(self.out / "model")
         return final
@@ -142,3 +147,66 @@ class Training:
             checkpoint=self.out / "checkpoints" / f"{kind}.safetensors",
             metrics=self.out / "metrics" / f"{kind}.jsonl",
         )
+
+    def _plot(self) -> None:
+        """Draw `training.png`: losses, and figures on boards that were never trained on."""
+        lines = {kind: read_metrics(self.out / "metrics" / f"{kind}.jsonl") for kind in KINDS}
+        above = [loss_panel(kind, lines[kind], "prioritised batches") for kind in KINDS]
+        below = [Panel("held-out boards, end of round", judgements(lines[kind])) for kind in KINDS]
+        draw(self.out / "training.png", [above, below])
+
+
+def schedule_for(config: TrainConfig, datasets: int) -> tuple[Round, ...]:
+    """The rounds; for n given datasets the first n - 1 of them and the last one."""
+    if not datasets or datasets == len(config.rounds):
+        return config.rounds
+    if datasets > len(config.rounds):
+        raise BusybotError(
+            f"{datasets} datasets for {len(config.rounds)} rounds of training",
+            "set as many rounds: --set 'rounds=[{boards: 1, steps: 1, position: 1500, direction: 2000}, ...]'",
+        )
+    return (*config.rounds[: datasets - 1], config.rounds[-1])
+
+
+def network_of(job: FitJob) -> nn.Module:
+    """The network with the weights of the job's checkpoint."""
+    network = make_network(job.kind, job.inputs)
+    load_weights(network, network_tensors(load_tensors(job.checkpoint).tensors), job.checkpoint)
+    return network
+
+
+def describe(
+    config: TrainConfig,
+    seed: int,
+    datasets: Sequence[Dataset],
+    caches: Sequence[Path],
+    figures: Mapping[str, Mapping[str, float | None]],
+) -> dict[str, Any]:
+    """A model's provenance, JSON values."""
+    samples = open_samples(caches, config.inputs, config.window)
+    rounds = []
+    for number, dataset in enumerate(datasets):
+        of_round = samples.dataset == number
+        hashes, collect = dataset.hashes(), dataset.info.collect
+        assert collect is not None  # it has samples
+        rounds.append(
+            {
+                "boards": dataset.info.boards,
+                "split": dataset.info.split,
+                "seed": dataset.info.seed,
+                "assets": dataset.info.assets.name,
+                "policy": collect.policy,
+                "board_hash": hashes.board,
+                "content_hash": hashes.content,
+                "samples": int(of_round.sum()),
+                "rewarded": int(np.count_nonzero(samples.reward & of_round)),
+            }
+        )
+    return {
+        "seed": seed,
+        "config": config.model_dump(mode="json"),
+        "rounds": rounds,
+        "validation": {kind: dict(values) for kind, values in figures.items()},
+        "versions": learner_versions(),
+        "machine": machine(),
+    }

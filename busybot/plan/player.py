@@ -23,7 +23,7 @@ from busybot.plan.agents.simple import Noop, Random
 from busybot.plan.briefing import brief
 from busybot.plan.contacts import LearnedContacts, memory_of, worked_in
 from busybot.plan.judge import judge
-from busybot.plan.learned.models import Name, load_policy
+from busybot.plan.learned.network import Name, load_policy
 from busybot.plan.metrics import JudgedRollout
 from busybot.plan.notes import notes
 from busybot.plan.oracle import Oracle, TrueContacts, TrueRelations

@@ -33,6 +33,7 @@ class EventLearner(Learner):
     """
 
     name = "event"
+    network: EventNet
 
     def __init__(self, config: EventConfig, boards: Iterable[Sequence], held_out: Iterable[Sequence], seed: int):
         torch.set_num_threads(1)

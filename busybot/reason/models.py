@@ -4,42 +4,27 @@ from pathlib import Path
 from typing import Any, Literal
 
 import torch
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 from torch import Tensor
 
 from busybot.errors import BusybotError
 from busybot.reason.reasoner import Reasoner
-from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
-from busybot.training.model_folder import INFO_FILE, find_folder, read_info, write_info
-
-WEIGHTS_FILE = "weights.safetensors"
+from busybot.training.checkpoint import load_tensors, load_weights
+from busybot.training.model_folder import INFO_FILE, WEIGHTS_FILE, ModelCard, find_folder, read_info
 
 
-class ModelInfo(BaseModel):
+class ModelInfo(ModelCard):
     """What `model.json` says.
 
     Attributes:
         model: which kind.
         encoder: which features it reads.
         config: of the training; the networks' part tells their size.
-        training: provenance: datasets with hashes, seed, figures; JSON values.
-        files: SHA-256 of the weights by name, written by saving; older folders have none.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    format: Literal["1"] = "1"
     model: Literal["event", "paper"]
     encoder: str
     config: dict[str, Any]
-    training: dict[str, Any] = {}
-    files: dict[str, str] = {}
-
-
-def save_model(folder: Path, info: ModelInfo, tensors: dict[str, Tensor]) -> None:
-    """Write the folder, `model.json` last."""
-    save_tensors(folder / WEIGHTS_FILE, tensors)
-    write_info(folder, info, [folder / WEIGHTS_FILE])
 
 
 def load_reasoner(name_or_path: str | Path) -> Reasoner:

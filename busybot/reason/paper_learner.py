@@ -10,7 +10,7 @@ import torch
 from busybot.errors import BusybotError
 from busybot.reason.paper_boards import boards_of
 from busybot.reason.paper_config import PaperReasonConfig
-from busybot.reason.paper_fit import batches, iterate, losses, make_network, make_optimizer
+from busybot.reason.paper_fit import Network, batches, iterate, losses, make_network, make_optimizer
 from busybot.reason.recorded import Recorded
 from busybot.reason.sequence import Sequence
 from busybot.rng import generator
@@ -30,6 +30,7 @@ class PaperLearner(Learner):
     """
 
     name = "paper"
+    network: Network
 
     def __init__(self, config: PaperReasonConfig, boards: Known, held_out: Known, seed: int):
         torch.set_num_threads(config.threads)

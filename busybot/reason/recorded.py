@@ -1,19 +1,14 @@
-"""The boards of several datasets that a model of relations is trained on, and those that it is held back from.
+"""The boards of several datasets that a model of relations is trained on, and those that it is held back from."""
 
-Boards of one appearance group look alike, so a group is trained on or held out as a whole.
-"""
-
-import math
 from collections.abc import Iterable, Iterator
 from collections.abc import Sequence as Several
 from dataclasses import dataclass
-from typing import Any
 
 from busybot.episodes.dataset import Dataset
 from busybot.errors import BusybotError
 from busybot.reason.features import Features
 from busybot.reason.sequence import Sequence
-from busybot.rng import generator
+from busybot.training.splits import groups_apart
 
 
 @dataclass(frozen=True)
@@ -64,16 +59,3 @@ def held_apart(
     train = tuple(place for place, group in group_of.items() if group not in held)
     judge = tuple(place for place, group in group_of.items() if group in held)
     return Recorded(known, train[:most]), Recorded(known, judge)
-
-
-def groups_apart(groups: set[Any], share: float, seed: int, purpose: str) -> set[Any]:
-    """The groups that are held out.
-
-    Args:
-        share: of them, rounded up; 0 for none. Of a single group none is.
-        purpose: of the draw.
-    """
-    known = sorted(groups)
-    order = generator(seed, "train", 0, purpose).permutation(len(known))
-    count = math.ceil(share * len(known)) if len(known) > 1 else 0
-    return {known[place] for place in order[:count]}

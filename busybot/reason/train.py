@@ -14,25 +14,32 @@ Relations, states and what the gripper truly held are never read (`observed`).
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
 
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.dataset_info import collect_command
-from busybot.errors import BusybotError
+from busybot.episodes.summary import origin_of
 from busybot.reason.event_config import EventConfig
 from busybot.reason.features import Progress, features_of
-from busybot.reason.models import ModelInfo, save_model
+from busybot.reason.models import ModelInfo
 from busybot.reason.paper_config import PaperReasonConfig
-from busybot.reason.plots import plot_fit
 from busybot.reason.recorded import Recorded, held_apart
+from busybot.training.checkpoint import save_model
 from busybot.training.loop import Learner, fit
+from busybot.training.metrics_file import read_metrics
 from busybot.training.model_folder import INFO_FILE, read_info
+from busybot.training.plots import Panel, draw, judgements, losses
 from busybot.training.run_folder import begin_folder, learner_versions
 
 Config = EventConfig | PaperReasonConfig
 CONFIGS: dict[str, type[EventConfig] | type[PaperReasonConfig]] = {"event": EventConfig, "paper": PaperReasonConfig}
 """Parameters by model."""
 
+SHOWN = {
+    "loss": "held out",
+    "loss_of_no_change": "held out, if nothing changed",
+    "right": "all steps",
+    "right_changes": "steps that changed something",
+}
+"""Names of figures on held-out boards in the picture."""
 Told = Callable[[str], AbstractContextManager[Progress]]
 """Opens a progress display of this name."""
 
@@ -61,7 +68,7 @@ def train_reason(
     boards, held_out = held_apart(datasets, features, config.loop.held_out, seed, config.loop.boards)
     learner = make_learner(config, boards, held_out, seed)
     figures = fit(learner, out, config.loop)
-    plot_fit(out, learner.name)
+    _plot(out, learner.name)
     info = ModelInfo(
         model=config.model,
         encoder=config.encoder,
@@ -92,17 +99,14 @@ def make_learner(config: Config, boards: Recorded, held_out: Recorded, seed: int
     return EventLearner(config, boards, held_out, seed)
 
 
-def origin_of(dataset: Dataset) -> dict[str, Any]:
-    """What a training depends on, wherever the dataset lies; BusybotError if nothing is recorded in it."""
-    if not dataset.finished():
-        raise BusybotError(f"{dataset.path}: no board has an episode", collect_command(dataset.path, dataset.info))
-    hashes = dataset.hashes()
-    return {
-        "name": dataset.info.name,
-        "split": dataset.info.split,
-        "seed": dataset.info.seed,
-        "assets": dataset.info.assets.name,
-        "episodes": len(dataset.finished()),
-        "board_hash": hashes.board,
-        "content_hash": hashes.content,
-    }
+def _plot(out: Path, name: str) -> None:
+    """Draw `training.png`: losses, and shares on held-out boards if known."""
+    lines = read_metrics(out / "metrics" / f"{name}.jsonl")
+    known = {figure for line in lines for figure in line.get("validation", {})}
+    of_loss = {figure: label for figure, label in SHOWN.items() if figure in known and figure.startswith("loss")}
+    shares = {figure: label for figure, label in SHOWN.items() if figure in known and figure not in of_loss}
+    curves = {"trained on": losses(lines), **judgements(lines, of_loss)}
+    panels = [Panel(f"loss of the {name} model", curves, logarithmic=True)]
+    if shares:
+        panels.append(Panel("held-out steps predicted rightly", judgements(lines, shares), shares=True))
+    draw(out / "training.png", [panels])

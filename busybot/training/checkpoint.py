@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from busybot.errors import BusybotError
 from busybot.files import write_atomically
+from busybot.training.model_folder import WEIGHTS_FILE, ModelCard, write_info
 
 NETWORK, OPTIMIZER = "network.", "optimizer."
 
@@ -50,6 +51,12 @@ def load_tensors(path: Path) -> Checkpoint:
         return Checkpoint(tensors, json.loads(header.get("values", "{}")))
     except (SafetensorError, OSError, ValueError) as error:
         raise BusybotError(f"{path}: damaged: {error}", "remove it, or copy it again") from None
+
+
+def save_model(folder: Path, info: ModelCard, tensors: dict[str, Tensor]) -> None:
+    """Write the folder of a model with one network, `model.json` last."""
+    save_tensors(folder / WEIGHTS_FILE, tensors)
+    write_info(folder, info, [folder / WEIGHTS_FILE])
 
 
 def network_tensors(tensors: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -2,14 +2,16 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, Literal, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from busybot.errors import BusybotError
 from busybot.files import read_json, sha256_of, write_json
 
 INFO_FILE = "model.json"
+WEIGHTS_FILE = "weights.safetensors"
+"""Of models with one network."""
 
 PACKAGE = Path(__file__).parents[1]
 SHIPPED = {skill: PACKAGE / skill / "models" for skill in ("interact", "reason")}
@@ -17,6 +19,21 @@ SHIPPED = {skill: PACKAGE / skill / "models" for skill in ("interact", "reason")
 CALLED = {"interact": "an interaction model", "reason": "a model of relations"}
 
 Info = TypeVar("Info", bound=BaseModel)
+
+
+class ModelCard(BaseModel):
+    """What `model.json` says of every model; each skill's has more.
+
+    Attributes:
+        training: provenance: datasets with hashes, seed, configuration, figures; JSON values.
+        files: SHA-256 of the weights by name, written by saving; older folders have none.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: Literal["1"] = "1"
+    training: dict[str, Any] = {}
+    files: dict[str, str] = {}
 
 
 def find_folder(name_or_path: str | Path, *skills: str) -> Path:

@@ -14,14 +14,14 @@ from busybot.plan.agents.learned import Learned, learned
 from busybot.plan.learned.bc import BcLearner, demonstrate
 from busybot.plan.learned.config import BcConfig, PpoConfig
 from busybot.plan.learned.encoding import STOP
-from busybot.plan.learned.models import PolicyInfo, load_policy, save_policy
-from busybot.plan.learned.network import NetConfig, PolicyNetwork, as_tensors, play, rows_of
+from busybot.plan.learned.network import NetConfig, PolicyInfo, PolicyNetwork, as_tensors, load_policy, play, rows_of
 from busybot.plan.learned.ppo import PpoLearner
 from busybot.plan.learned.practice import Rollout
 from busybot.plan.learned.train import make_learner
 from busybot.plan.player import kind_of, name_of
 from busybot.reason.baselines import Persistence
 from busybot.rng import generator
+from busybot.training.checkpoint import save_model
 from busybot.training.loop import Learner, LoopConfig, fit
 from tests.plan.practice import ACTIONS, buttons, toys, two_buttons
 from tests.plan.toy import Link, World, two_buttons_and_a_lever
@@ -128,7 +128,7 @@ def test_ppo_plays_the_same_after_its_export(tmp_path: Path) -> None:
     boards = toys(4)
     student = PpoLearner(PPO, boards, [], 0)
     student.iterate(0)
-    save_policy(tmp_path, PolicyInfo(agent="ppo", encoder="embedded", net=NET), student.policy.state_dict())
+    save_model(tmp_path, PolicyInfo(agent="ppo", encoder="embedded", net=NET), student.policy.state_dict())
     alone = load_policy(tmp_path, "ppo")[1]
     policy = student._model.policy
     row = demonstrate(boards[0], None, generator(0, "", 0, "test"))[0]
@@ -206,7 +206,7 @@ def test_an_agent_that_cannot_go_on_says_so() -> None:
 
 
 def test_agents_are_named_with_their_models(tmp_path: Path) -> None:
-    save_policy(tmp_path / "a", PolicyInfo(agent="bc", encoder="embedded", net=NET), network().state_dict())
+    save_model(tmp_path / "a", PolicyInfo(agent="bc", encoder="embedded", net=NET), network().state_dict())
     make = kind_of(f"bc={tmp_path / 'a'}").make
     assert make is not None and make(Persistence()).name == "bc" and name_of("bc=runs/bc") == "bc"
     for agent, problem in (
@@ -220,7 +220,7 @@ def test_agents_are_named_with_their_models(tmp_path: Path) -> None:
 
 
 def test_a_policy_of_other_features_is_refused(tmp_path: Path) -> None:
-    save_policy(tmp_path, PolicyInfo(agent="bc", encoder="random", net=NET), network().state_dict())
+    save_model(tmp_path, PolicyInfo(agent="bc", encoder="random", net=NET), network().state_dict())
     with pytest.raises(BusybotError, match="reads features of random"):
         learned("bc", str(tmp_path), Persistence())
     (tmp_path / "weights.safetensors").write_bytes(b"x")

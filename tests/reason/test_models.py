@@ -10,7 +10,8 @@ from busybot.errors import BusybotError
 from busybot.reason.event import EventReasoner
 from busybot.reason.event_config import EventConfig, NetConfig
 from busybot.reason.event_net import EventNet
-from busybot.reason.models import ModelInfo, load_reasoner, save_model
+from busybot.reason.models import ModelInfo, load_reasoner
+from busybot.training.checkpoint import save_model
 from tests.reason.boards import make_boards
 
 CONFIG = EventConfig(net=NetConfig(width=8, heads=2))

@@ -18,7 +18,8 @@ from busybot.reason.evaluate import Judging, evaluate_dataset, judge_episode
 from busybot.reason.event_config import EventConfig
 from busybot.reason.event_net import EventNet
 from busybot.reason.features import features_of
-from busybot.reason.models import ModelInfo, save_model
+from busybot.reason.models import ModelInfo
+from busybot.training.checkpoint import save_model
 from tests.episodes.folders import COLLECT, make_dataset
 from tests.episodes.synthetic import make_episode, make_real_episode
 

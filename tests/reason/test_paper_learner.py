@@ -9,13 +9,14 @@ import pytest
 import torch
 
 from busybot.errors import BusybotError
-from busybot.reason.models import ModelInfo, load_reasoner, save_model
+from busybot.reason.models import ModelInfo, load_reasoner
 from busybot.reason.paper_boards import Boards, boards_of
 from busybot.reason.paper_config import PaperLoopConfig, PaperNetworkConfig, PaperReasonConfig
 from busybot.reason.paper_history import PaperHistoryReasoner
 from busybot.reason.paper_learner import PaperLearner
 from busybot.reason.paper_reasoner import PaperReasoner
 from busybot.reason.sequence import Sequence
+from busybot.training.checkpoint import save_model
 from busybot.training.loop import fit
 from tests.reason.paper_scenes import SMALL, watched
 

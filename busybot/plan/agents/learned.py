@@ -10,8 +10,7 @@ from busybot.errors import BusybotError
 from busybot.plan.agent import Act, Briefing, Situation, Stop
 from busybot.plan.agents.simple import NO_CANDIDATE
 from busybot.plan.learned.encoding import OBJECTS, STOP, Deed, Encoder, Observation, offer, stacked
-from busybot.plan.learned.models import Name, load_policy
-from busybot.plan.learned.network import PolicyNetwork, State, rows_of
+from busybot.plan.learned.network import Name, PolicyNetwork, State, load_policy, rows_of
 from busybot.reason.reasoner import Reasoner
 
 

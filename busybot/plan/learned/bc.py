@@ -14,8 +14,7 @@ from torch import Tensor
 from busybot.plan.learned.config import BcConfig
 from busybot.plan.learned.encoding import OBJECTS, STOP, Observation, stacked
 from busybot.plan.learned.explored import Explored
-from busybot.plan.learned.judged import success_of
-from busybot.plan.learned.network import PolicyNetwork, rows_of
+from busybot.plan.learned.network import PolicyNetwork, rows_of, success_of
 from busybot.plan.learned.practice import Rollout
 from busybot.rng import generator
 from busybot.training.loop import Budget, Learner, descend
@@ -31,6 +30,8 @@ class BcLearner(Learner):
     """
 
     name = "bc"
+    network: PolicyNetwork
+    budget: Budget
 
     def __init__(self, config: BcConfig, boards: Sequence[Explored], held_out: Sequence[Explored], seed: int):
         torch.set_num_threads(1)
@@ -41,7 +42,7 @@ class BcLearner(Learner):
         self.optimizer = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
-        self.budget: Budget = Budget(config.minutes)
+        self.budget = Budget(config.minutes)
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """One step of the optimizer."""

@@ -7,10 +7,14 @@
 
 The paper tells no more than that an LSTM encodes the history. A score for each choice from what is known of it, instead
 of one output per index, is chosen here: candidates come in no fixed order.
+
+A trained policy is a folder with `weights.safetensors` and `model.json`, which says what they are (`PolicyInfo`).
 """
 
 from collections.abc import Sequence
-from typing import Annotated
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 import torch
@@ -18,19 +22,25 @@ from pydantic import BaseModel, ConfigDict, Field
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence, pad_sequence
 
+from busybot.errors import BusybotError
 from busybot.plan.learned.encoding import FACTS, OBJECTS, STOP, Observation, stacked
 from busybot.plan.learned.explored import Explored
 from busybot.plan.learned.practice import Rollout
 from busybot.reason.sequence import CHANNELS
+from busybot.training.checkpoint import load_tensors, load_weights
+from busybot.training.model_folder import WEIGHTS_FILE, ModelCard, find_folder, read_info
 
 IMPOSSIBLE = -1e9
 """Score of what is no choice."""
+SHOWN = 64
+"""So many of the boards that are trained on are judged."""
 
 Tensors = dict[str, Tensor]
 """Observations, `encoding.SHAPES` behind any leading axes."""
 State = tuple[Tensor, Tensor]
 """Hidden and cell state of the LSTM, (1, B, hidden) each."""
 Width = Annotated[int, Field(ge=1, le=1024)]
+Name = Literal["bc", "ppo"]
 
 
 class NetConfig(BaseModel):
@@ -128,3 +138,46 @@ def play(network: PolicyNetwork, boards: Sequence[Explored]) -> np.ndarray:
             if not rollout.over:
                 rollout.act(int(choice))
     return np.array([rollout.success for rollout in rollouts])
+
+
+def success_of(network: PolicyNetwork, boards: Sequence[Explored], held_out: Sequence[Explored]) -> dict[str, float]:
+    """Mean success at the end of a task, on boards that are trained on and on those that are held out."""
+    network.eval()
+    found = {"success_seen": float(play(network, boards[:SHOWN]).mean())}
+    return found | ({"success": float(play(network, held_out).mean())} if held_out else {})
+
+
+class PolicyInfo(ModelCard):
+    """What `model.json` says.
+
+    Attributes:
+        agent: how it was trained.
+        encoder: which features it reads.
+        net: size of the network.
+    """
+
+    agent: Name
+    encoder: str
+    net: NetConfig = NetConfig()
+
+
+def read_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, PolicyNetwork]:
+    """A shipped policy by its name, or any by its folder (a training's folder stands for its final model).
+
+    Args:
+        agent: that it must be of.
+
+    Raises:
+        BusybotError: there is no such policy, or its files are damaged or do not belong together.
+    """
+    folder = find_folder(name_or_path, agent)
+    info = read_info(folder, PolicyInfo)
+    if info.agent != agent:
+        raise BusybotError(f"{folder}: a policy of agent {info.agent}, not {agent}", f"name it as {info.agent}")
+    network = PolicyNetwork(info.net)
+    load_weights(network, load_tensors(folder / WEIGHTS_FILE).tensors, folder / WEIGHTS_FILE)
+    return info, network.eval()
+
+
+load_policy = lru_cache(maxsize=4)(read_policy)
+"""The same, read once in a process."""

@@ -14,8 +14,7 @@ from busybot.errors import BusybotError
 from busybot.plan.goal_env import GoalEnv
 from busybot.plan.learned.config import PpoConfig
 from busybot.plan.learned.explored import Explored
-from busybot.plan.learned.judged import success_of
-from busybot.plan.learned.network import PolicyNetwork
+from busybot.plan.learned.network import PolicyNetwork, success_of
 from busybot.rng import generator
 from busybot.training.loop import Budget, Learner
 from busybot.training.weights import drawing
@@ -44,6 +43,7 @@ class PpoLearner(Learner):
     """
 
     name = "ppo"
+    budget: Budget
 
     def __init__(self, config: PpoConfig, boards: Sequence[Explored], held_out: Sequence[Explored], seed: int):
         check_installed()
@@ -53,7 +53,7 @@ class PpoLearner(Learner):
         with drawing(generator(seed, "train", 0, "initial weights/ppo")):
             self._model = _recurrent_ppo(config, boards)
         self.network, self.optimizer = self._model.policy, self._model.policy.optimizer  # actor and critic
-        self.budget: Budget = Budget(config.minutes)
+        self.budget = Budget(config.minutes)
 
     @property
     def policy(self) -> PolicyNetwork:

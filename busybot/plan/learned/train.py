@@ -20,6 +20,7 @@ from torch import Tensor
 
 from busybot.episodes.carried import library_of
 from busybot.episodes.dataset import Dataset
+from busybot.episodes.summary import origin_of
 from busybot.errors import BusybotError
 from busybot.files import read_json, write_json
 from busybot.interact.chooser import fingerprint
@@ -27,15 +28,16 @@ from busybot.plan.learned.bc import BcLearner
 from busybot.plan.learned.config import BcConfig, PpoConfig
 from busybot.plan.learned.explore import explored_boards
 from busybot.plan.learned.explored import Explored
-from busybot.plan.learned.models import PolicyInfo, save_policy
-from busybot.plan.learned.plots import plot_training
+from busybot.plan.learned.network import PolicyInfo
 from busybot.plan.learned.ppo import PpoLearner, check_installed
 from busybot.reason.baselines import Persistence
-from busybot.reason.recorded import groups_apart
-from busybot.reason.train import origin_of
+from busybot.training.checkpoint import save_model
 from busybot.training.loop import fit
+from busybot.training.metrics_file import read_metrics
 from busybot.training.model_folder import INFO_FILE, read_info
+from busybot.training.plots import Panel, draw, judgements, losses
 from busybot.training.run_folder import begin_folder, learner_versions
+from busybot.training.splits import groups_apart
 
 BUDGET = "budget.json"
 
@@ -85,7 +87,7 @@ def train_policy(
     boards, held_out = _apart(found, config.loop.held_out, seed)
     learner = make_learner(config, boards, held_out, seed)
     figures = fit(learner, out, config.loop)
-    plot_training(out, config.agent)
+    _plot(out, config.agent)
     budget = _budget(found, learner, figures)
     write_json(out / BUDGET, budget)
     training = {
@@ -99,7 +101,7 @@ def train_policy(
         "versions": learner_versions(),
     }
     info = PolicyInfo(agent=config.agent, encoder=Persistence.encoder, net=config.net, training=training)
-    save_policy(out / "model", info, _played(learner))
+    save_model(out / "model", info, _played(learner))
     return info, budget
 
 
@@ -148,3 +150,16 @@ def _budget(found: Sequence[Explored], learner: BcLearner | PpoLearner, figures:
         "states_explored": sum(len(board.graph.success) for board in found),
         "exploring_cpu_minutes": round(sum(board.cpu_s for board in found) / 60, 2),
     }
+
+
+def _plot(out: Path, agent: str) -> None:
+    """Draw `training.png`: the loss, and success on tasks."""
+    lines = read_metrics(out / "metrics" / f"{agent}.jsonl")
+    # what is to be least for ppo is no loss of the same kind
+    held_out = judgements(lines, {"loss": "held out"}) if agent == "bc" else {}
+    success = judgements(lines, {"success_seen": "trained on", "success": "held out"})
+    panels = [
+        Panel(f"loss of {agent}", {"trained on": losses(lines), **held_out}),
+        Panel("responders in their goal state at the end, share", success, shares=True),
+    ]
+    draw(out / "training.png", [panels])

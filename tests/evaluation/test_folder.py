@@ -1,0 +1,57 @@
+"""Boards judged in workers: kept as they are finished, and none is judged twice."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from busybot.errors import BusybotError
+from busybot.evaluation.folder import BOARDS, RESULT, BoardWork, conclude, judge_boards
+from busybot.files import read_json
+
+BROKEN = 3
+
+
+class Counted(BaseModel):
+    """A judged board."""
+
+    board: int
+    value: int
+
+
+def make(factor: int) -> Callable[[int], Counted]:
+    """Judges boards until one breaks."""
+
+    def work(index: int) -> Counted:
+        if factor < 0 and index == BROKEN:
+            raise BusybotError(f"board {index} is damaged", "restore it")
+        return Counted(board=index, value=abs(factor) * index)
+
+    return work
+
+
+def test_boards_come_in_their_order_whatever_the_workers_and_interruptions(tmp_path: Path) -> None:
+    boards, told = (4, 0, 2, BROKEN), []
+    with pytest.raises(BusybotError, match="board 3 is damaged"):
+        judge_boards(boards, BoardWork(Counted, make, (-10,), 1), {"scale": 10}, out=tmp_path)
+    lines = (tmp_path / BOARDS).read_text()
+    assert lines.count("\n") == 3
+    (tmp_path / BOARDS).write_text(lines + '{"board": 3, "val')  # killed while writing a line
+    work = BoardWork(Counted, make, (10,), 2)
+    judged = judge_boards(boards, work, {"scale": 10}, lambda *two: told.append(two), tmp_path)
+    assert [(one.board, one.value) for one in judged] == [(4, 40), (0, 0), (2, 20), (3, 30)] and told == [(4, 4)]
+    assert judged == judge_boards(boards, work, {"scale": 10})
+    assert (tmp_path / BOARDS).read_text().startswith(lines) and (tmp_path / BOARDS).read_text().count("\n") == 4
+
+
+def test_a_result_is_what_its_file_says(tmp_path: Path) -> None:
+    assert conclude(tmp_path, {"share": 0.5, "pair": (1, 2)}) == read_json(tmp_path / RESULT)
+    assert conclude(None, {"pair": (1, 2)}) == {"pair": [1, 2]}
+
+
+def test_lines_that_are_no_judgements_are_named(tmp_path: Path) -> None:
+    judge_boards((), BoardWork(Counted, make, (1,), 1), {}, out=tmp_path)
+    (tmp_path / BOARDS).write_text('{"board": 0, "value": 1}\n{"board": "first"}\n')
+    with pytest.raises(BusybotError, match="line 2"):
+        judge_boards((0,), BoardWork(Counted, make, (1,), 1), {}, out=tmp_path)

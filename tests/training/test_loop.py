@@ -1,0 +1,102 @@
+"""The training loop with a learner of one weight: what it writes, when it ends, and how it goes on."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from busybot.rng import generator
+from busybot.training.checkpoint import Checkpoint, load_tensors, save_tensors, training_tensors
+from busybot.training.loop import Budget, Learner, Loop, LoopConfig, cosine_rate, descend, fit, linear_rate
+from busybot.training.metrics_file import read_metrics
+
+
+class Line(Learner):
+    """Fits y = 2 x, and counts what it draws."""
+
+    name = "line"
+
+    def __init__(self, iterations: int = 8, dies_in: int | None = None, minutes: float | None = None):
+        self.network = nn.Linear(1, 1, bias=False)
+        nn.init.zeros_(self.network.weight)
+        self.optimizer = torch.optim.AdamW(self.network.parameters(), lr=0.1)
+        self.iterations, self.dies_in, self.drawn = iterations, dies_in, 0
+        if minutes is not None:
+            self.budget = Budget(minutes)
+
+    def iterate(self, iteration: int) -> tuple[float, float]:
+        if iteration == self.dies_in:
+            raise KeyboardInterrupt
+        x = torch.from_numpy(generator(0, "train", iteration, "test/line").random((4, 1), np.float32))
+        self.drawn += len(x)
+        loss = (self.network(x) - 2 * x).square().mean()
+        descend(self.optimizer, loss, 0.1)
+        return float(loss.detach()), 0.1
+
+    def state(self) -> Checkpoint:
+        return Checkpoint({}, {"drawn": self.drawn})
+
+    def restore(self, saved: Checkpoint) -> None:
+        self.drawn = saved.values["drawn"]
+
+
+def loop_of(learner: Line, folder: Path) -> Loop:
+    return Loop(learner, folder / "checkpoints" / "line.safetensors", folder / "metrics" / "line.jsonl", 2, 3)
+
+
+def test_a_killed_round_goes_on_and_leaves_the_files_of_one_that_was_not(tmp_path: Path) -> None:
+    for name, deaths in (("whole", ()), ("killed", (5, 7))):
+        for dies_in in (*deaths, None):
+            loop = loop_of(Line(dies_in=dies_in), tmp_path / name)
+            try:
+                for number, (start, until) in enumerate(((0, 4), (4, 8))):
+                    if loop.progress.iteration < until:
+                        loop.run(f"round {number}", start, until)
+            except KeyboardInterrupt:
+                assert loop_of(Line(), tmp_path / name).progress.iteration == {5: 4, 7: 7}[dies_in or 0]
+    files = [tmp_path / name / "checkpoints" / "line.safetensors" for name in ("whole", "killed")]
+    assert files[0].read_bytes() == files[1].read_bytes()
+    assert load_tensors(files[0]).values["learner"] == {"drawn": 32}
+    assert [line["iteration"] for line in read_metrics(tmp_path / "killed" / "metrics" / "line.jsonl")] == [2, 4, 6, 8]
+
+
+@pytest.mark.parametrize("values", [{"iteration": 3, "drawn": 12}, {"epoch": 1, "done": 1, "total": 3, "drawn": 12}])
+def test_checkpoints_of_earlier_versions_go_on(tmp_path: Path, values: dict[str, int]) -> None:
+    """Networks trained in rounds or epochs had their own values and how far they were side by side."""
+    whole, begun = Line(), Line()
+    loop_of(whole, tmp_path / "whole").run("", 0, 8)
+    loop_of(begun, tmp_path / "unused").run("", 0, 3)
+    file = tmp_path / "old" / "checkpoints" / "line.safetensors"
+    save_tensors(file, training_tensors(begun.network, begun.optimizer), values)
+    continued = Line()
+    loop = loop_of(continued, tmp_path / "old")
+    assert (loop.progress.iteration, continued.drawn) == (3, 12)
+    loop.run("", 0, 8)
+    assert torch.equal(continued.network.weight, whole.network.weight)
+
+
+def test_time_that_is_spent_ends_a_training_for_good(tmp_path: Path) -> None:
+    config = LoopConfig(judge=100, report=1)
+    assert fit(Line(minutes=1e-9), tmp_path, config)["iterations"] == 1
+    again = Line(minutes=1e-9)
+    assert fit(again, tmp_path, config)["iterations"] == 1
+    assert again.budget is not None and again.budget.seconds > 0
+    assert fit(Line(minutes=10), tmp_path, config)["iterations"] == 8
+
+
+def test_learning_rates() -> None:
+    rising = [cosine_rate(1.0, 10, iteration, 1000) for iteration in range(10)]
+    assert rising == sorted(rising) and rising[0] == pytest.approx(0.1) and rising[-1] == pytest.approx(1, abs=1e-3)
+    assert cosine_rate(1.0, 10, 500, 1000) == pytest.approx(0.5) and cosine_rate(1.0, 10, 999, 1000) < 1e-5
+    assert [linear_rate(2.0, iteration, 4) for iteration in range(4)] == [2, 1.5, 1, 0.5]
+
+
+def test_one_step_has_its_learning_rate_and_a_gradient_that_is_not_too_long() -> None:
+    network = nn.Linear(2, 1)
+    optimizer = torch.optim.SGD(network.parameters(), lr=1)
+    before = torch.cat([value.flatten() for value in network.parameters()]).detach().clone()
+    descend(optimizer, 100 * network(torch.ones(1, 2)).sum(), rate=0.5, clip=2)
+    after = torch.cat([value.flatten() for value in network.parameters()]).detach()
+    assert float((after - before).norm()) == pytest.approx(0.5 * 2, rel=1e-4)

@@ -18,7 +18,7 @@ from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
-from busybot.files import write_atomically, write_json
+from busybot.files import make_folder, write_atomically, write_json
 from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser, load_once, policy_config
 from busybot.interact.trace import Thought, retrace
 from busybot.objects.library import Library, find
@@ -149,7 +149,7 @@ def most_telling(boards: list[BoardSpec]) -> int:
 def _figures(
     folder: Path, episodes: list[Episode], chosen: int, inferred: InferredGraph, thoughts: list[Thought]
 ) -> dict[str, Path]:
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder, folder.parent)
     episode = episodes[chosen]
     return {
         "boards": figures.boards_figure(folder / "boards.png", episodes, named=chosen),

@@ -136,4 +136,4 @@ def write_carried(dataset: Path, assets: Assets) -> None:
     for name, data in assets.files.items():
         place = inside(dataset, name)
         if not place.is_file() or place.read_bytes() != data:
-            write_atomically(place, data)
+            write_atomically(place, data, dataset)

@@ -12,11 +12,12 @@ from busybot.files import write_atomically
 __all__ = ["Decoding", "ImageFormat", "read_episode", "write_episode"]
 
 
-def write_episode(path: Path, episode: Episode, images: ImageFormat = "jpeg") -> int:
+def write_episode(path: Path, episode: Episode, images: ImageFormat = "jpeg", root: Path | None = None) -> int:
     """Write the file under a temporary name, sync, rename.
 
     Args:
         images: how RGB is encoded; depth (to 4e-5 units) and segmentation are lossless in either case.
+        root: the dataset's folder; see `files`.
 
     Returns:
         The size of the file in bytes.
@@ -26,5 +27,5 @@ def write_episode(path: Path, episode: Episode, images: ImageFormat = "jpeg") ->
     """
     check_episode(episode, str(path))
     data = episode_to_mcap(episode, images, str(path))
-    write_atomically(path, data)
+    write_atomically(path, data, root)
     return len(data)

@@ -169,14 +169,18 @@ def _objects(episode: Episode) -> dict[str, Any]:
     return columns
 
 
-def write_shard(path: Path, table: str, rows: Iterable[pa.Table]) -> None:
-    """Write the rows of consecutive episodes, whole or not at all, a row group per 25 episodes."""
+def write_shard(path: Path, table: str, rows: Iterable[pa.Table], root: Path | None = None) -> None:
+    """Write the rows of consecutive episodes, whole or not at all, a row group per 25 episodes.
+
+    Args:
+        root: the dataset's folder; see `files`.
+    """
     episodes = list(rows)
     buffer = io.BytesIO()
     with pq.ParquetWriter(buffer, arrow_schema(table), compression="zstd") as writer:
         for start in range(0, len(episodes), EPISODES_PER_ROW_GROUP):
             writer.write_table(pa.concat_tables(episodes[start : start + EPISODES_PER_ROW_GROUP]).combine_chunks())
-    write_atomically(path, buffer.getvalue())
+    write_atomically(path, buffer.getvalue(), root)
 
 
 def read_shard(path: Path, table: str, columns: list[str] | None = None) -> pa.Table:

@@ -108,7 +108,7 @@ def make_work(
         board = dataset.board(index)
         episode = record_episode(simulator, board, chooser, config.actions, config.interaction, seed)
         if recorded is not None:
-            write_episode(recorded.episode_path(index), episode, "jpeg")
+            write_episode(recorded.episode_path(index), episode, "jpeg", recorded.path)
         judged = judge(episode, annotated, config.interaction.delta)
         # a board's number in its dataset, which is where results are looked up
         return judged.model_copy(update={"board": index}).model_dump_json()

@@ -6,7 +6,6 @@ result.json         all metrics, when every board is judged
 """
 
 import json
-import os
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,7 +19,7 @@ from busybot import __version__
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
 from busybot.errors import BusybotError
-from busybot.files import read_json, write_json
+from busybot.files import append_line, read_json, write_atomically, write_json
 
 SETTINGS, BOARDS, RESULT = "settings.json", "boards.jsonl", "result.json"
 
@@ -70,7 +69,7 @@ def _judged_lines(file: Path, kind: type[J]) -> Iterator[tuple[int, J]]:
     data = file.read_bytes()
     whole = data[: data.rfind(b"\n") + 1]
     if len(whole) < len(data):
-        os.truncate(file, len(whole))
+        write_atomically(file, whole)
     for number, line in enumerate(whole.splitlines(), start=1):
         try:
             judged = kind.model_validate_json(line)
@@ -81,9 +80,7 @@ def _judged_lines(file: Path, kind: type[J]) -> Iterator[tuple[int, J]]:
 
 def append(out: Path, line: str) -> None:
     """Remember a judged board, given as JSON."""
-    with open(out / BOARDS, "a", encoding="utf-8") as lines:
-        lines.write(line + "\n")
-        lines.flush()
+    append_line(out / BOARDS, line)
 
 
 @contextmanager

@@ -13,7 +13,6 @@ copied rounds and going on after a kill end in the same ones.
 
 import hashlib
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ import torch
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
-from busybot.files import write_atomically
+from busybot.files import remove, write_atomically
 from busybot.interact.chooser import PaperChooser
 from busybot.interact.model import ModelInfo
 from busybot.interact.networks import KINDS, Kind
@@ -126,7 +125,7 @@ class PaperTraining:
                 self.caches[number] = cache_samples(self.datasets[number], folder, self.config.inputs, whole=True)
         caches = [self.caches[number] for number in range(first, epoch + 1)]
         for left in set(folder.iterdir()) - set(caches):
-            shutil.rmtree(left)
+            remove(left, self.out)
         self.caches = {number: place for number, place in self.caches.items() if place in caches}
         return open_samples(caches, self.config.inputs, self.config.buffer, whole=True)
 
@@ -166,7 +165,7 @@ class PaperTraining:
         for epoch, dataset in enumerate(self.datasets):
             epsilons = {f"epsilon_{kind}": self.config.epsilon(kind, epoch) for kind in KINDS}
             lines.append(json.dumps({"epoch": epoch, **_collected(dataset), **epsilons}, sort_keys=True) + "\n")
-        write_atomically(self.out / "metrics" / "epochs.jsonl", "".join(lines).encode())
+        write_atomically(self.out / "metrics" / "epochs.jsonl", "".join(lines).encode(), self.out)
         plot_paper_training(self.out)
 
 

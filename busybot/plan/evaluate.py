@@ -14,7 +14,7 @@ from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo, collect_command
 from busybot.episodes.mcap_file import read_episode, write_episode
 from busybot.errors import BusybotError
-from busybot.files import write_json
+from busybot.files import make_folder, write_json
 from busybot.interact.chooser import fingerprint, load_once, policy_config
 from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
 from busybot.objects.library import Library
@@ -72,6 +72,7 @@ def evaluate(
         done = set(judged)
         for name in names if record is not None else ():
             assert record is not None
+            make_folder(record / name, record)
             done &= stack.enter_context(recording(record / name, dataset, _collected(settings, name))).finished()
         missing = [index for index in tasks if index not in done]
         arguments = (dataset.path, library, tuple(agents), reasoner, policy_model, config, seed, record)
@@ -114,7 +115,7 @@ def make_work(
             played = player.play(task, agent)
             rollouts.append(played.judged)
             if (name := name_of(agent)) in stored:
-                write_episode(stored[name].episode_path(index), played.episode, "jpeg")
+                write_episode(stored[name].episode_path(index), played.episode, "jpeg", stored[name].path)
         board = history.board
         least = least_steps(start_states(board), task_of(board).goal)
         kind = task_of(board).kind

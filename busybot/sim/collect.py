@@ -146,7 +146,7 @@ def _make_work(
         board = dataset.board(index)
         episode = record_episode(simulator, board, chooser, config.steps, config.interaction, seed)
         file = dataset.episode_path(index)
-        write_episode(file, episode, config.images)
+        write_episode(file, episode, config.images, path)
         return episode_rows(file, index)
 
     return work

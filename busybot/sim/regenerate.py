@@ -131,7 +131,7 @@ def _make_work(path: Path, out: Path, library: Library, collect: CollectInfo) ->
         file, recorded = target.episode_path(index), read_episode(source.episode_path(index), images="lazy")
         if not file.exists():
             with naming(source.episode_path(index)):
-                write_episode(file, play(index, recorded), collect.images)
+                write_episode(file, play(index, recorded), collect.images, out)
         again = read_episode(file, images="lazy")
         return episode_rows(file, index), compare_episodes(recorded, again), rule_for(recorded, again)
 

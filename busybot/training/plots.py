@@ -1,8 +1,11 @@
 """Figures of trainings, drawn without a display."""
 
 from collections.abc import Iterable, Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any
+
+from busybot.files import write_atomically
 
 WIDTH_INCHES, ROW_INCHES = 11.0, 3.25
 
@@ -36,5 +39,7 @@ def save_png(figure: Any, path: Path) -> Path:
     """Write the picture."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    FigureCanvasAgg(figure).print_png(str(path))
+    buffer = BytesIO()
+    FigureCanvasAgg(figure).print_png(buffer)
+    write_atomically(path, buffer.getvalue())
     return path

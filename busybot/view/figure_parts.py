@@ -34,11 +34,11 @@ def page(width: float, height: float) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a PNG; equal figures give equal bytes."""
+def save(figure: Figure, path: Path, root: Path | None = None) -> Path:
+    """Write a PNG; equal figures give equal bytes. `root` is the folder that the user named (`files`)."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    write_atomically(path, buffer.getvalue())
+    write_atomically(path, buffer.getvalue(), root)
     return path
 
 

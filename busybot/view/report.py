@@ -3,7 +3,6 @@
 What is missing is shown as missing, and every gate of the protocol that is missed is named.
 """
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,7 @@ from pathlib import Path
 from busybot import __version__
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
-from busybot.files import write_atomically
+from busybot.files import copy_file, make_folder, write_atomically
 from busybot.view import report_sections as sections
 from busybot.view.protocol import TABLES, Table
 from busybot.view.report_beside import robustness_blocks, stage_blocks
@@ -90,7 +89,7 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
         raise BusybotError(f"{out}: it is a file", "name a folder")
     judged = verdicts(results)
     figures = out / FIGURES
-    figures.mkdir(parents=True, exist_ok=True)
+    make_folder(figures, out)
     blocks: list[Block] = [Heading(TITLE, 1), *_measured(results, judged, figures)]
     blocks += sequence_blocks(paths, figures)
     blocks += _pictures(results, figures, shown)
@@ -133,7 +132,8 @@ def _table(table: Table, results: Results, figures: Path) -> list[Block]:
     blocks: list[Block] = [Heading(f"Table {table.number}: {table.title}"), Text(INTRODUCTIONS[table.number])]
     if rows:
         caption = "Dots are ours with their intervals, diamonds the paper's, lines the gates; no dot: not run."
-        blocks.append(Picture(table_figure(figures / f"table{table.number}.png", table, rows), caption))
+        plot = table_figure(figures / f"table{table.number}.png", table, rows, figures.parent)
+        blocks.append(Picture(plot, caption))
     else:
         blocks.append(Text(f"**Missing**: none of its rows was given. `{sections.RUN[table.number]}` measures them."))
     blocks.append(sections.table_grid(table, rows))
@@ -152,7 +152,8 @@ def _courses(results: Results, figures: Path) -> list[Block]:
     blocks: list[Block] = [Heading("How scores grow")]
     for (name, caption), courses in zip(captions.items(), (interact, reason), strict=True):
         if courses:
-            blocks.append(Picture(courses_figure(figures / f"{name}.png", courses[:MOST_COURSES]), caption))
+            plot = courses_figure(figures / f"{name}.png", courses[:MOST_COURSES], figures.parent)
+            blocks.append(Picture(plot, caption))
         else:
             blocks.append(Text(f"**Missing**. {caption}"))
     return blocks
@@ -198,7 +199,7 @@ def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Bloc
         )
     for place, source in enumerate(results.pictures):
         copy = figures / f"given-{place:02d}{source.suffix.lower()}"
-        shutil.copyfile(source, copy)
+        copy_file(source, copy, figures.parent)
         blocks.append(Picture(copy, "/".join(source.parts[-3:])))
     return blocks
 
@@ -213,12 +214,12 @@ def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
     episode = read_episode(shown.episode, "lazy")
     graph = believed(episode, shown.reasoner)
     growing = f"How the graph that {graph.name} infers grows with the steps; true relations are framed."
-    found: dict[str, Block] = {
-        "refinement": Picture(refinement_figure(figures / "refinement.png", episode, graph), growing)
-    }
+    drawn = refinement_figure(figures / "refinement.png", episode, graph, root=figures.parent)
+    found: dict[str, Block] = {"refinement": Picture(drawn, growing)}
     if shown.model is not None:
         loaded = load_once(shown.model)
         thoughts = list(retrace(episode, loaded, policy_config(loaded.info, {})))
         caption = "What the policy believed before its first actions: affordance in orange, candidates as dots."
-        found["affordance"] = Picture(affordance_figure(figures / "affordance.png", episode, thoughts), caption)
+        drawn = affordance_figure(figures / "affordance.png", episode, thoughts, root=figures.parent)
+        found["affordance"] = Picture(drawn, caption)
     return found

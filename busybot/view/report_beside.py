@@ -31,7 +31,7 @@ def robustness_blocks(robustness: Robustness | None, figures: Path) -> list[Bloc
         f"{robustness.boards} boards. Baselines stand with defaults and with the best of several settings, chosen "
         "with the truth. Known: steps that could be predicted in spite of the disturbance."
     )
-    picture = Picture(robustness_figure(figures / "robustness.png", told), caption)
+    picture = Picture(robustness_figure(figures / "robustness.png", told, figures.parent), caption)
     return [picture, Text(note), Fold("Numbers, and what is done", (grid, done))]
 
 

@@ -25,7 +25,7 @@ ROLE_COLORS: dict[Role, Rgb] = {
 ROLE_WORDS = {CORRECT: "ours", RESPONDER: "changed or another method", MISSED: "trivial, or an oracle"}
 
 
-def table_figure(path: Path, table: Table, rows: Mapping[str, RowFound]) -> Path:
+def table_figure(path: Path, table: Table, rows: Mapping[str, RowFound], root: Path | None = None) -> Path:
     """Every number of a table as a dot with its interval, the paper's as a diamond, the gate as a line."""
     lines = len(table.rows)
     figure = page(WIDTH, 0.9 + len(table.splits) * (0.35 + 0.175 * lines))
@@ -55,7 +55,7 @@ def table_figure(path: Path, table: Table, rows: Mapping[str, RowFound]) -> Path
         Line2D([], [], linestyle="", marker="|", markersize=10, markeredgewidth=1.6, color=unit(ACTION), label="gate"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=8, labelcolor=unit(INK))
-    return save(figure, path)
+    return save(figure, path, root)
 
 
 def _dot(color: Rgb, words: str) -> Line2D:
@@ -100,7 +100,7 @@ class Course:
     result: InteractResult | ReasonResult
 
 
-def courses_figure(path: Path, courses: Sequence[Course]) -> Path:
+def courses_figure(path: Path, courses: Sequence[Course], root: Path | None = None) -> Path:
     """How scores grow: with actions, or with observed images; one panel for each result."""
     columns = min(3, len(courses))
     strips = -(-len(courses) // columns)
@@ -115,7 +115,7 @@ def courses_figure(path: Path, courses: Sequence[Course]) -> Path:
     named = {label: handle for panel in pairs for handle, label in panel}
     style: dict[str, Any] = {"frameon": False, "fontsize": 8, "labelcolor": unit(INK)}
     figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=len(named), **style)
-    return save(figure, path)
+    return save(figure, path, root)
 
 
 def _draw_course(axes: Any, course: Course) -> None:

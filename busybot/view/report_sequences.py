@@ -32,7 +32,7 @@ def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:
             break
         if (episode := _telling(Dataset.open(folder))) is None:
             continue
-        picture = sequence_figure(figures / f"sequence-{len(blocks) - 1:02d}.png", episode)
+        picture = sequence_figure(figures / f"sequence-{len(blocks) - 1:02d}.png", episode, figures.parent)
         kind = "" if episode.board.task is None else f", {episode.board.task.kind}"
         caption = f"{episode.policy} on board {episode.board.index} ({episode.board.split}{kind})"
         blocks.append(Picture(picture, caption))

@@ -236,7 +236,7 @@ def test_stopped_at_any_moment_it_ends_the_same(
     repair(tmp_path / "whole")
     written = 0
 
-    def stop(path: Path, data: bytes) -> None:
+    def stop(path: Path, data: bytes, root: Path) -> None:
         nonlocal written
         written += 1
         if written > moment:

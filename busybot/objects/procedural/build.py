@@ -5,21 +5,19 @@ never meets the objects of an old one. It is built beside its place and renamed 
 all, and of two processes that build at once the second one's copy is dropped.
 """
 
+import contextlib
 import hashlib
-import os
-import shutil
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
 from busybot.errors import BusybotError
-from busybot.files import write_json
+from busybot.files import make_folder, remove, remove_abandoned, rename, unfinished, write_json
 from busybot.objects import cache
 from busybot.objects.library import SPLIT_FILE, Library
 from busybot.objects.procedural.families import FAMILIES
 from busybot.objects.procedural.write import write_object
 from busybot.rng import generator
-from busybot.unfinished import remove_abandoned, unfinished
 
 DEFAULT_SEED = 0
 
@@ -59,7 +57,8 @@ def procedural_library(seed: int = DEFAULT_SEED) -> Library:
         try:
             return _named(Library.load(place))
         except BusybotError:
-            shutil.rmtree(place, ignore_errors=True)
+            with contextlib.suppress(OSError):
+                remove(place)
     _build_into(place, seed)
     return _named(Library.load(place))
 
@@ -70,12 +69,12 @@ def _named(library: Library) -> Library:
 
 def _build_into(place: Path, seed: int) -> None:
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(place.parent)
         remove_abandoned(place.parent, "procedural")
         with unfinished(place.parent, "procedural") as made:
             make_library(made, seed)
             try:
-                os.rename(made, place)
+                rename(made, place)
             except OSError:
                 if not place.is_dir():  # nobody else was faster
                     raise

@@ -22,7 +22,7 @@ from busybot.episodes.check import check_image
 from busybot.episodes.codec import DepthScale, ImageFormat, encode_plain, encode_rgb
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.protobuf import PACKAGE, message_class, message_schema
-from busybot.episodes.schema import SCHEMA_VERSION
+from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
 
 CHUNK_BYTES = 8 << 20
 """Before compression; a chunk holds a whole episode as a rule, so unchanged parts of images are stored once."""
@@ -166,14 +166,15 @@ def _write_picture(topic: str, data: bytes, image_format: str, frame: int) -> No
 
 
 def _write_step(episode: Episode, index: int, step: Step) -> None:
-    values = vars(step)
-    before, after = episode.frame_of[index : index + 2]
-    public = {name: values[name] for name in ("position", "direction", "executed", "distance")}
-    public |= {"changed_pixels": step.changed_pixels, "reward": step.reward}
-    public |= {"pixel_u": step.pixel[0], "pixel_v": step.pixel[1], "image_before": before, "image_after": after}
-    _log_own(topics.STEP, index, index=index, **public)
-    names = [field.name for field in message_class("StepTruth").DESCRIPTOR.fields if field.name != "index"]
-    _log_own(topics.STEP_TRUTH, index, index=index, **{name: values[name] for name in names})
+    values = episode.values(index)
+    told: dict[str, dict[str, Any]] = {topics.STEP: {}, topics.STEP_TRUTH: {"index": index}}
+    for field in STEP_FIELDS:
+        if field.wire:
+            value = values[field.name]
+            parts = zip(field.wire_names, value if field.wire.each else (value,), strict=True)
+            told[topics.STEP_TRUTH if field.privileged else topics.STEP] |= parts
+    for topic, fields in told.items():
+        _log_own(topic, index, **fields)
     _log(topics.SCENE, scene.action(step, index).encode(), index)
     _log(topics.LOG, scene.sentence(step, index).encode(), index)
 

@@ -9,7 +9,8 @@ import pytest
 import zstandard
 
 from busybot.episodes import mcap_topics as topics
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.protobuf import compressed_image_class, message_class
 from busybot.errors import BusybotError
 from tests.episodes.synthetic import make_episode, make_task_episode

@@ -100,6 +100,14 @@ def edit_step(topic: str, data: bytes, **values: int) -> bytes:
     return message.SerializeToString()
 
 
+def shorten_position(topic: str, data: bytes) -> bytes:
+    if topic != topics.STEP:
+        return data
+    message = message_class("Step").FromString(data)
+    del message.position[-1]
+    return message.SerializeToString()
+
+
 @pytest.mark.parametrize(
     ("what", "edits"),
     [
@@ -107,6 +115,7 @@ def edit_step(topic: str, data: bytes, **values: int) -> bytes:
         ("directions", {"message": lambda t, d: edit_step(t, d, direction=99)}),
         ("out of order", {"message": lambda t, d: edit_step(t, d, index=3)}),
         ("in order", {"message": lambda t, d: edit_step(t, d, image_after=0, image_before=0)}),
+        ("position has 2 components, not 3", {"message": shorten_position}),
         ("reward", {"message": lambda t, d: edit_step(t, d, reward=7)}),
         ("messages on /truth/links", {"message": lambda t, d: None if t == topics.LINKS else d}),
         ("5 pictures on /camera/rgb", {"metadata": lambda m: {**m, "images": "100000000"}}),

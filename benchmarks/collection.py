@@ -32,7 +32,7 @@ from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.episode import Image, Step
 from busybot.episodes.geometry import Rays
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.files import write_atomically
 from busybot.objects.library import Library, find
 from busybot.sim.interaction import Grasp, InteractionConfig, interact

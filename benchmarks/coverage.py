@@ -16,7 +16,7 @@ from typing import Any
 from benchmarks.commands import write_result
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.geometry import Rays
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.interact.candidates import find_candidates
 from busybot.interact.chooser import load_once, policy_config
 from busybot.workers import machine

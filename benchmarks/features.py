@@ -31,7 +31,7 @@ from scipy.stats import rankdata
 from busybot.episodes.carried import library_of
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.files import write_json
 from busybot.objects.library import Library
 from busybot.reason.clusters import THRESHOLDS, clusters_of, fit_threshold

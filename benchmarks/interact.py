@@ -30,7 +30,7 @@ from busybot.boards.spec import BoardSpec
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.geometry import Rays
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.files import write_atomically
 from busybot.interact.batches import draw_batch
 from busybot.interact.chooser import DEFAULT_MODEL, ExploreChooser, LearnedChooser

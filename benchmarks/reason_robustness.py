@@ -28,7 +28,7 @@ from benchmarks.disturb import Recording, noisy, recording_of
 from benchmarks.disturbances import DISTURBANCES
 from benchmarks.robustness_scores import Told, told_row
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.reason.appearance import ChangeConfig, changes
 from busybot.reason.count import CountConfig, count_changes
 from busybot.reason.encoders.choose import choose

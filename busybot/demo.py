@@ -16,7 +16,7 @@ from busybot.boards.task import least_steps, start_states, task_of
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.files import make_folder, write_atomically, write_json
 from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser, load_once, policy_config

@@ -62,7 +62,7 @@ def check_figures(figures: int, model: str | None, out: Path | None, record: Pat
 def draw_figures(folder: Path, record: Path, model: str | None, config: "EvaluateConfig", count: int) -> None:
     """Affordances, known links and actions of the first recorded boards."""
     from busybot.episodes.dataset import Dataset
-    from busybot.episodes.mcap_file import read_episode
+    from busybot.episodes.mcap_reader import read_episode
     from busybot.interact.chooser import DEFAULT_MODEL, load_once, policy_config
     from busybot.interact.trace import retrace
     from busybot.view.affordance_figure import affordance_figure

@@ -138,6 +138,11 @@ class Episode:
         """The goal image, None if there is no goal."""
         return self.goals[0] if len(self.goals) else None
 
+    def values(self, index: int) -> dict[str, Any]:
+        """All that is recorded of step `index`, by the names of `schema.STEP_FIELDS`."""
+        before, after = self.frame_of[index : index + 2]
+        return {"index": index, "image_before": before, "image_after": after, **vars(self.steps[index])}
+
     def image(self, frame: int) -> Image:
         """The image that shows frame `frame` (0 is the initial observation)."""
         return self.images[self.frame_of[frame]]

@@ -17,8 +17,9 @@ from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
+from busybot.episodes.dataset_info import Plain
 from busybot.episodes.manifest import is_frozen, read_manifest, unlike_manifest
 from busybot.errors import BusybotError
 from busybot.files import copy_file, make_folder, remove, rename, scan, write_atomically
@@ -31,10 +32,8 @@ OWN_TOOL = Path(__file__).resolve().parents[2] / ".tools" / "dvc" / "bin" / "dvc
 """Where `make dvc` puts it."""
 
 
-class _Out(BaseModel):
+class _Out(Plain):
     """The only kind of output that a pointer of ours has."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     md5: Annotated[str, Field(pattern=r"^[0-9a-f]{32}\.dir$")]
     size: Annotated[int, Field(ge=0)]
@@ -43,9 +42,7 @@ class _Out(BaseModel):
     path: Annotated[str, Field(min_length=1, max_length=200)]
 
 
-class _Pointer(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
+class _Pointer(Plain):
     outs: Annotated[tuple[_Out, ...], Field(min_length=1, max_length=1)]
 
 

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.files import write_json
 from busybot.interact import metrics as m
 from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions

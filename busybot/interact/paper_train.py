@@ -19,7 +19,7 @@ from typing import Any
 import torch
 
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.files import remove, write_atomically
 from busybot.interact.chooser import PaperChooser

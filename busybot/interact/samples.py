@@ -21,7 +21,7 @@ from busybot.episodes.codec import decode_plain, decode_rgb
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Camera, Episode
 from busybot.episodes.images import LazyImages
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.files import replacing
 from busybot.interact.features import Inputs

@@ -12,7 +12,8 @@ from typing import Any
 from busybot.boards.task import MAX_STEPS, least_steps, start_states, task_of
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo, collect_command
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
 from busybot.files import make_folder, write_json
 from busybot.interact.chooser import fingerprint, load_once, policy_config

@@ -17,7 +17,7 @@ from busybot.episodes.carried import library_of
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import collect_command
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.objects.library import Library
 from busybot.reason.clusters import clusters_of, threshold_of

@@ -23,7 +23,7 @@ import numpy as np
 
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import collect_command
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.files import make_folder, remove, remove_leftovers, write_atomically
 from busybot.objects.cache import cache_folder

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows
 from busybot.objects.library import Library
 from busybot.sim.interaction import InteractionConfig

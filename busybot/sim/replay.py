@@ -24,7 +24,7 @@ from busybot.episodes.compare import JOINT_TOLERANCE, ImageDifference, Rule, com
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.geometry import Rays
 from busybot.episodes.images import LazyImages
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError, naming
 from busybot.files import write_atomically
 from busybot.objects.library import Library

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from busybot import __version__
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.files import copy_file, make_folder, write_atomically
 from busybot.view import report_sections as sections

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from busybot.episodes.dataset import INFO_FILE, Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.files import scan
 from busybot.plan.notes import is_rollout
 from busybot.view.report_page import Block, Heading, Picture, Text

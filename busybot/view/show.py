@@ -9,7 +9,7 @@ from pathlib import Path
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import collect_command
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.interact.chooser import load_once, policy_config
 from busybot.interact.trace import Thought, retrace

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 
 
 def busybot(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.interact.chooser import load_once
 from busybot.objects.library import find
 from busybot.plan.agent import Act, Briefing, Situation, Stop

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_real_episode
 

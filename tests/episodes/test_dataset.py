@@ -11,7 +11,7 @@ import pytest
 
 from busybot.episodes import dataset as module
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.tables import episode_rows, write_shard
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError

@@ -12,7 +12,8 @@ from busybot.episodes import repair as module
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.freeze import freeze
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.repair import repair
 from busybot.episodes.salvage import SALVAGED, salvage
 from busybot.episodes.verify import verify

@@ -13,7 +13,7 @@ from busybot.boards.config import BoardConfig
 from busybot.config import build
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.episodes.share import read_pointer
 from busybot.episodes.verify import verify
 from busybot.interact.model import Model

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from busybot.boards.directions import OPPOSITE
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.interact.features import Inputs
 from busybot.interact.networks import KINDS, Kind

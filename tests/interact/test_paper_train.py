@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from busybot.episodes.geometry import Rays
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.interact.beliefs import NOT_ELEVATED
 from busybot.interact.chooser import LearnedChooser, usual_mode

@@ -9,7 +9,7 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from busybot.files import read_json

@@ -16,7 +16,7 @@ from busybot.boards.config import BoardConfig
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.digests import Digests
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from busybot.objects.library import Library, find

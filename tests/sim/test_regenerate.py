@@ -9,7 +9,8 @@ import pytest
 
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.diff import diff
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from busybot.objects.library import find

@@ -11,7 +11,8 @@ from busybot.boards.generate import generate_boards
 from busybot.episodes.compare import compare_episodes
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policies import BuiltIn

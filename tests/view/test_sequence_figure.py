@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
 from busybot.view.palette import ACTION, CORRECT, WRONG
 from busybot.view.report_page import Heading, Picture, Text

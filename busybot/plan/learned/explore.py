@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from busybot.boards.task import MAX_STEPS, reached, responder_states
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.interact.chooser import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
 from busybot.plan.contacts import Contacts, LearnedContacts, worked_in

@@ -5,8 +5,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from busybot.view.curves import images_figure
 from busybot.view.palette import ACTION, CORRECT
-from busybot.view.reason_figure import images_figure
 
 
 def result(pred_a: float | None) -> dict:

@@ -1,7 +1,7 @@
 """The numbers to beat, as data: the paper's tables, what is asked of us (gates), what we aim at; all in percent.
 
-A table has columns, splits by keys in this order, and rows by the names that result files have. `benchmarks` write
-these files and pages from them, `view.report` reads them.
+A table has columns, splits by keys in this order, and rows by the names that result files have. `benchmarks`
+write these files, `view.report` reads them.
 """
 
 from dataclasses import dataclass

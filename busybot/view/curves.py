@@ -1,4 +1,4 @@
-"""Plots of the report: a table's numbers beside the paper's and the gates, and scores that grow with experience."""
+"""Plots of results: a table's numbers beside the paper's and the gates, and scores that grow with experience."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,12 +8,11 @@ from typing import Any
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
+from busybot.evaluation.reference_tables import Role, Row, Table
 from busybot.view.figure_parts import draw_title, page, plain_axes, save
 from busybot.view.figures import WIDTH
 from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MISSED, MUTED, PAPER, RESPONDER, TRUTH, Rgb, unit
-from busybot.view.protocol import Role, Row, Table
-from busybot.view.reason_figure import draw_curves
-from busybot.view.report_read import Cell, InteractResult, ReasonResult, RowFound
+from busybot.view.report.results import InteractResult, ReasonResult, RowFound, Score
 
 ROLE_COLORS: dict[Role, Rgb] = {
     "ours": CORRECT,
@@ -22,6 +21,14 @@ ROLE_COLORS: dict[Role, Rgb] = {
     "trivial": MISSED,
     "bound": MISSED,
 }
+CURVES: dict[str, tuple[str, str, Rgb]] = {
+    "edge_p": ("Edge-P", "-", CORRECT),
+    "edge_r": ("Edge-R", "-", RESPONDER),
+    "edge_r_bound": ("Edge-R bound", ":", RESPONDER),
+    "pred_a": ("Pred-A", "-", ACTION),
+    "pred_a_bound": ("Pred-A bound", ":", ACTION),
+}
+"""Key of `by_images` to name, line and colour."""
 ROLE_WORDS = {CORRECT: "ours", RESPONDER: "changed or another method", MISSED: "trivial, or an oracle"}
 
 
@@ -30,30 +37,21 @@ def table_figure(path: Path, table: Table, rows: Mapping[str, RowFound]) -> Path
     lines = len(table.rows)
     figure = page(WIDTH, 0.9 + len(table.splits) * (0.35 + 0.175 * lines))
     grid = figure.subplots(len(table.splits), len(table.keys), squeeze=False, sharey=True, sharex=True)
-    for line, (split, words) in enumerate(table.splits.items()):
+    for strip, (split, words) in enumerate(table.splits.items()):
         for column, (key, head) in enumerate(table.keys.items()):
-            axes = grid[line, column]
+            axes = grid[strip, column]
             _prepare(axes, table)
-            draw_title(axes, head if line == 0 else "")
+            draw_title(axes, head if strip == 0 else "")
             if column == 0:
                 axes.set_ylabel(words, fontsize=8.5, fontweight="bold", color=unit(INK), labelpad=8)
             for place, row in enumerate(table.rows):
-                cell = rows[row.name].cells.get((split, key)) if row.name in rows else None
-                _draw_row(axes, place, table, row, (split, key), cell)
+                score = rows[row.name].cells.get((split, key)) if row.name in rows else None
+                _draw_row(axes, place, table, row, (split, key), score)
     handles = [_dot(color, words) for color, words in ROLE_WORDS.items()]
-    handles += [
-        Line2D(
-            [],
-            [],
-            linestyle="",
-            marker="D",
-            markersize=5,
-            color=unit(PAPER),
-            markeredgecolor=unit(TRUTH),
-            label="the paper",
-        ),
-        Line2D([], [], linestyle="", marker="|", markersize=10, markeredgewidth=1.6, color=unit(ACTION), label="gate"),
-    ]
+    diamond: dict[str, Any] = {"marker": "D", "markersize": 5, "color": unit(PAPER), "markeredgecolor": unit(TRUTH)}
+    line: dict[str, Any] = {"marker": "|", "markersize": 10, "markeredgewidth": 1.6, "color": unit(ACTION)}
+    handles += [Line2D([], [], linestyle="", label="the paper", **diamond)]
+    handles += [Line2D([], [], linestyle="", label="gate", **line)]
     figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=8, labelcolor=unit(INK))
     return save(figure, path)
 
@@ -75,7 +73,7 @@ def _plain(words: str) -> str:
     return words.replace("**", "").replace("`", "")
 
 
-def _draw_row(axes: Any, place: int, table: Table, row: Row, column: tuple[str, str], cell: Cell | None) -> None:
+def _draw_row(axes: Any, place: int, table: Table, row: Row, column: tuple[str, str], score: Score | None) -> None:
     gate = None if row.gate is None else table.at(table.gates[row.gate], *column)
     paper = None if row.paper is None else table.at(table.paper[row.paper], *column)
     if gate is not None:
@@ -83,12 +81,12 @@ def _draw_row(axes: Any, place: int, table: Table, row: Row, column: tuple[str, 
         axes.plot([gate], [place], linestyle="", color=unit(ACTION), **style)
     if paper is not None:
         axes.plot([paper], [place], "D", markersize=4.6, color=unit(PAPER), markeredgecolor=unit(TRUTH), zorder=4)
-    if cell is None:
+    if score is None:
         return
     color = unit(ROLE_COLORS[row.role])
-    if cell.low is not None and cell.high is not None:
-        axes.plot([cell.low, cell.high], [place, place], color=color, linewidth=1.6, zorder=5, solid_capstyle="butt")
-    axes.plot([cell.value], [place], "o", markersize=4.6, color=color, zorder=6)
+    if score.low is not None and score.high is not None:
+        axes.plot([score.low, score.high], [place, place], color=color, linewidth=1.6, zorder=5, solid_capstyle="butt")
+    axes.plot([score.value], [place], "o", markersize=4.6, color=color, zorder=6)
 
 
 @dataclass(frozen=True)
@@ -135,3 +133,28 @@ def _draw_course(axes: Any, course: Course) -> None:
     axes.set_ylim(-0.02, 1.02)
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     draw_title(axes, course.title, course.where)
+
+
+def images_figure(path: Path, result: dict[str, Any]) -> Path:
+    """How the scores of `busybot eval reason` grow with the number of observed images."""
+    figure = page(WIDTH, 2.9)
+    axes = figure.subplots()
+    plain_axes(axes)
+    draw_curves(axes, result["by_images"])
+    axes.set_ylim(-0.02, 1.02)
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("observed images", fontsize=8, color=unit(MUTED))
+    origin = result["dataset"]
+    draw_title(axes, result["model"], f"{origin['name']} ({origin['split']}), {result['boards']} boards")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8, labelcolor=unit(INK))
+    return save(figure, path)
+
+
+def draw_curves(axes: Any, by_images: Sequence[Mapping[str, float | None]]) -> None:
+    """The curves of a result's `by_images`; what is undefined is left out."""
+    for key, (name, line, color) in CURVES.items():
+        points = [(one["images"], one[key]) for one in by_images if one[key] is not None]
+        if points:
+            marker = "o" if len(points) < len(by_images) else None
+            axes.plot(*zip(*points, strict=True), line, marker=marker, markersize=3, color=unit(color), label=name)

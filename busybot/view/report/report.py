@@ -4,23 +4,24 @@ What is missing is shown as missing, and every gate of the protocol that is miss
 """
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from busybot import __version__
+from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
-from busybot.files import write_atomically
-from busybot.view import report_sections as sections
-from busybot.view.protocol import TABLES, Table
-from busybot.view.report_beside import robustness_blocks, stage_blocks
-from busybot.view.report_figures import Course, courses_figure, table_figure
-from busybot.view.report_gates import Verdict, verdicts
-from busybot.view.report_page import Block, Fold, Heading, Items, Picture, Text, document, markdown
-from busybot.view.report_read import InteractResult, ReasonResult, Results, read_results
-from busybot.view.report_sequences import sequence_blocks
-from busybot.view.report_singles import single_blocks, subject
+from busybot.evaluation.reference_tables import TABLES, Table
+from busybot.files import scan, write_atomically
+from busybot.plan.notes import is_rollout
+from busybot.view.curves import Course, courses_figure, table_figure
+from busybot.view.report import sections
+from busybot.view.report.gates import Verdict, gate_blocks, summary_tiles, verdicts
+from busybot.view.report.page import Block, Fold, Heading, Items, Picture, Text, document, markdown
+from busybot.view.report.results import InteractResult, ReasonResult, Results, read_results
+from busybot.view.sequence_figure import sequence_figure
 
 TITLE = "BusyBot, measured"
 MARKDOWN, HTML, FIGURES = "report.md", "report.html", "figures"
@@ -34,12 +35,23 @@ INTRODUCTIONS = {
     "with one-to-one and with one-to-many relations.",
 }
 NO_TABLES = "The paper's three tables and the gates: none of their rows was given"
-LEAD_SINGLES = (
-    "Single evaluations, beside the paper BusyBot (Liu, Xu, Song; CoRL 2022). "
-    f"Written by busybot {__version__} from the files [at the end](#files)."
+WRITTEN = f"Written by busybot {__version__} from the files [at the end](#files)."
+LEAD = (
+    "Agents that learn to interact, to reason about cause and effect and to plan on toy boards, beside the paper "
+    "BusyBot (Liu, Xu, Song; CoRL 2022). Every number is measured by the commands beneath its table; a gate is the "
+    f"least that is asked of us. {WRITTEN}"
 )
+LEAD_SINGLES = f"Single evaluations, beside the paper BusyBot (Liu, Xu, Song; CoRL 2022). {WRITTEN}"
 MOST_COURSES = 12
 """Panels of a figure."""
+MOST_SEQUENCES = 8
+"""Folders of rollouts that are shown."""
+LOOKED_AT = 20
+"""Among so many rollouts of a folder the first of at least `TELLING` actions is shown, else the first."""
+TELLING = 2
+NO_SEQUENCE = (
+    "**Missing**: planning sequences. `busybot eval plan DATASET --record DIR` records rollouts; name DIR, too."
+)
 WANTED = {"affordance": "what the policy believes", "refinement": "how the inferred graph grows"}
 
 
@@ -83,9 +95,9 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     """
     results = read_results(paths)
     if not results.files:
-        raise BusybotError(
-            f"{', '.join(map(str, paths))}: no result lies there", "`busybot eval ... --out FILE` makes one"
-        )
+        what = f"{', '.join(map(str, paths))}: no result lies there"
+        what += f", only {results.without_kind} JSON files without a known `kind`" if results.without_kind else ""
+        raise BusybotError(what, "`busybot eval ... --out FILE` makes one")
     if out.exists() and not out.is_dir():
         raise BusybotError(f"{out}: it is a file", "name a folder")
     judged = verdicts(results)
@@ -106,25 +118,17 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
 
 def _measured(results: Results, judged: list[Verdict], figures: Path) -> list[Block]:
     """All numbers: the tables first, or single evaluations if nothing else was given."""
-    tables: list[Block] = [sections.summary_tiles(judged, results)]
-    tables += [Heading("Gates that are missed"), *sections.gate_blocks(judged, results)]
+    tables: list[Block] = [summary_tiles(judged, results)]
+    tables += [Heading("Gates that are missed"), *gate_blocks(judged, results)]
     for table in TABLES:
         tables += _table(table, results, figures)
     singles: list[Block] = []
     if results.singles or results.plans:
-        singles = [Heading("Single evaluations"), *single_blocks(results)]
+        singles = [Heading("Single evaluations"), *sections.single_blocks(results)]
     rest = [*_courses(results, figures), *_beside(results, figures)]
     if singles and not results.tables:
         return [Text(LEAD_SINGLES), *singles, Fold(NO_TABLES, tuple(tables)), *rest]
-    return [Text(_lead(results)), *tables, *rest, *singles]
-
-
-def _lead(results: Results) -> str:
-    return (
-        "Agents that learn to interact, to reason about cause and effect and to plan on toy boards, beside the paper "
-        "BusyBot (Liu, Xu, Song; CoRL 2022). Every number is measured by the commands beneath its table; a gate is the "
-        f"least that is asked of us. Written by busybot {__version__} from the files [at the end](#files)."
-    )
+    return [Text(LEAD), *tables, *rest, *singles]
 
 
 def _table(table: Table, results: Results, figures: Path) -> list[Block]:
@@ -172,7 +176,10 @@ def _told_by_tables(results: Results) -> list[Course]:
 
 
 def _told_by_singles(results: Results) -> list[Course]:
-    return [Course(subject(result), str(result.dataset.get("split")), result) for result in results.singles.values()]
+    return [
+        Course(sections.subject(result), str(result.dataset.get("split")), result)
+        for result in results.singles.values()
+    ]
 
 
 def _beside(results: Results, figures: Path) -> list[Block]:
@@ -181,11 +188,49 @@ def _beside(results: Results, figures: Path) -> list[Block]:
     explained = "Expected calibration error and Brier score over trigger-responder pairs; 0 is best."
     grid = sections.calibration_grid(results)
     blocks += [Text(explained), grid] if grid else [Text("**Missing**: no row of Table 2 was given.")]
-    blocks += [Heading("Robustness"), *robustness_blocks(results.robustness, figures)]
+    blocks += [Heading("Robustness"), *sections.robustness_blocks(results.robustness, figures)]
     blocks.append(Heading("Cost"))
     cost = sections.cost_grid(results)
     blocks.append(cost or Text("**Missing**: no training tells its time."))
-    return [*blocks, *stage_blocks(results.stages)]
+    return [*blocks, *sections.stage_blocks(results.stages)]
+
+
+def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:
+    """How agents went to their goals: a rollout of every dataset of rollouts in the folders, drawn into `figures`.
+
+    Raises:
+        BusybotError: a dataset in them is damaged.
+    """
+    blocks: list[Block] = []
+    for folder in _datasets(paths):
+        if len(blocks) == MOST_SEQUENCES:
+            break
+        if (episode := _telling(Dataset.open(folder))) is None:
+            continue
+        picture = sequence_figure(figures / f"sequence-{len(blocks):02d}.png", episode)
+        kind = "" if episode.board.task is None else f", {episode.board.task.kind}"
+        caption = f"{episode.policy} on board {episode.board.index} ({episode.board.split}{kind})"
+        blocks.append(Picture(picture, caption))
+    return [Heading("Planning sequences"), *(blocks or [Text(NO_SEQUENCE)])]
+
+
+def _datasets(paths: Iterable[Path]) -> list[Path]:
+    """Folders that are datasets, in the given folders and at any depth below."""
+    names = [(path, name) for path in paths if path.is_dir() for name in scan(path).files]
+    return [(path / name).parent for path, name in names if Path(name).name == INFO_FILE]
+
+
+def _telling(dataset: Dataset) -> Episode | None:
+    """The rollout to be shown; None if these are no rollouts."""
+    first = None
+    for number in sorted(dataset.finished())[:LOOKED_AT]:
+        episode = read_episode(dataset.episode_path(number), "lazy")
+        if not is_rollout(episode) or episode.goal is None:
+            return None
+        if len(episode.steps) >= TELLING:
+            return episode
+        first = first or episode
+    return first
 
 
 def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Block]:

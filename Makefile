@@ -10,7 +10,7 @@ help:
 	@echo "make demo           set up and run the demo: boards, recordings, relations, a report and pictures"
 	@echo "make test           set up and run the fast tests"
 	@echo "make test-all       the same with the long tests, the linter and the type checker"
-	@echo "make lint           the linter and the type checker"
+	@echo "make lint           the linter, the type checker, and is the documentation what is generated?"
 	@echo "make reproduce      run the whole pipeline, PROFILE=smoke by default; what is up to date is not run again"
 	@echo "                    (ASSETS=DIR names the objects of the profiles laptop and paper)"
 	@echo "make setup          only set up: .venv, pinned packages, a Vulkan driver"
@@ -32,6 +32,7 @@ test-all: setup lint dvc
 lint: setup
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
+	@$(BIN)/python -m tools.docs --check
 
 dvc: setup
 	@$(PYTHON) -m provision.dvc

@@ -31,7 +31,7 @@ from busybot.reason.result import InferredGraph
 from busybot.sim.collect import CollectConfig, collect
 from busybot.view import figures
 from busybot.view.affordance_figure import affordance_figure
-from busybot.view.demo_report import Story, demo_report
+from busybot.view.report.demo import Story, demo_report
 from busybot.view.rerun_log import Layers, save_rrd
 from busybot.view.screenshot import save_screenshot
 from busybot.view.sequence_figure import sequence_figure

@@ -14,6 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
 from busybot.episodes.mcap_writer import write_episode
+from busybot.evaluation.bootstrap import LEVEL
+from busybot.evaluation.results import stamp
 from busybot.files import write_json
 from busybot.interact import metrics as m
 from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
@@ -89,7 +91,8 @@ def evaluate(
                 append(out, text)
             if progress:
                 progress(len(judged), count)
-    result = plain({**summarise([judged[index] for index in range(count)], seed, dataset.info.split), **settings})
+    summary = summarise([judged[index] for index in range(count)], seed, dataset.info.split)
+    result = plain({**stamp("interact", hashes=_hashes(settings)), **summary, **settings})
     if out is not None:
         write_json(out / RESULT, result)
     return result
@@ -123,7 +126,7 @@ def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> di
         **m.micro(boards),
         "boards": len(boards),
         "macro": m.macro(boards),
-        "intervals": {"level": m.LEVEL, **m.intervals(boards, rng)},
+        "intervals": {"level": LEVEL, **m.intervals(boards, rng)},
         "counts": {
             name: dict(zip(("part", "whole"), counts, strict=True)) for name, counts in m.counts(boards).items()
         },
@@ -132,6 +135,13 @@ def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> di
         "missed_links": m.missed_links(boards),
         "by_step": m.by_step(boards),
     }
+
+
+def _hashes(settings: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Of the boards, and of the files of the model that acted."""
+    model, origin = settings["provenance"].get("model", {}), settings["dataset"]
+    models = {model["name"]: model["sha256"]} if "sha256" in model else {}
+    return {"models": models, "data": {origin["name"]: {"board_hash": origin["board_hash"]}}}
 
 
 def _collected(settings: dict[str, Any]) -> CollectInfo:

@@ -1,9 +1,10 @@
 """The constants of the learned policy, in one place.
 
 They were chosen on boards of training objects, `caution`, `temperature`, `explore`, `insist` and `trigger_bonus` on
-further ones that the model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is
-right. That there is a `responder_penalty` was thought of after failures on novel objects (docs/interact.md tells it). A
-model's card may carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides both.
+further ones that the model had not seen (`benchmarks/studies/policy_constants.py`), because there it is surer than it
+is right. That there is a `responder_penalty` was thought of after failures on novel objects (docs/results/interact.md
+tells it). A model's card may carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides
+both.
 """
 
 from typing import Annotated, Literal
@@ -61,7 +62,7 @@ class PolicyConfig(BaseModel):
             alone lets most pairs work, so that a failure says that the place is wrong.
         collect: least expected success of a new candidate when data for reasoning are collected. Low, because a link
             that is never touched has no relations that could be found; what fails soon promises less
-            (`benchmarks/coverage.py`: so many places elsewhere promise as much).
+            (`benchmarks/studies/coverage.py`: so many places elsewhere promise as much).
         untried_first: when data for reasoning are collected, candidates that were neither moved nor tried come before
             the others. Without it the draw is among all candidates, as in the paper: of six links, one in 55 is not
             among 22 draws.

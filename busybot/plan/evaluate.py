@@ -15,6 +15,7 @@ from busybot.episodes.dataset_info import CollectInfo, collect_command
 from busybot.episodes.mcap_reader import read_episode
 from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
+from busybot.evaluation.results import stamp
 from busybot.files import make_folder, write_json
 from busybot.interact.chooser import fingerprint, load_once, policy_config
 from busybot.interact.evaluate_folder import RESULT, append, begin, plain, recording, versions
@@ -85,7 +86,8 @@ def evaluate(
                 progress(len(judged), len(tasks))
     found = [judged[index] for index in tasks]
     rng = generator(seed, dataset.info.split, 0, "plan/bootstrap")
-    result = plain({**m.summarise(found, names, rng), **settings, "timing": m.timing(found, names)})
+    figures = {**m.summarise(found, names, rng), **settings, "timing": m.timing(found, names)}
+    result = plain({**stamp("plan", hashes=_hashes(settings)), **figures})
     if out is not None:
         write_json(out / RESULT, result)
     return result
@@ -152,6 +154,17 @@ def _policy_provenance(agent: str) -> dict[str, Any]:
     name, _, model = agent.partition("=")
     folder = find_folder(model, name)
     return {"name": folder.name, "sha256": file_hashes(folder)}
+
+
+def _hashes(settings: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Of the tasks, their histories and the files of all models; who learned nothing has none."""
+    told, origin = settings["provenance"], settings["dataset"]
+    models = {"reasoner": told["reasoner"], "interaction": told["interaction"]["model"], **told["agents"]}
+    return {
+        "models": {name: model["sha256"] for name, model in models.items() if "sha256" in model},
+        "tasks": {origin["name"]: origin["board_hash"]},
+        "histories": {origin["name"]: origin["content_hash"]},
+    }
 
 
 def _collected(settings: dict[str, Any], agent: str) -> CollectInfo:

@@ -28,7 +28,7 @@ def robustness_figure(path: Path, result: dict[str, Any], root: Path | None = No
     """Every disturbance in two plots with a common axis of strength; 0 is the undisturbed recording.
 
     Args:
-        result: of `benchmarks/reason_robustness.py`.
+        result: of `benchmarks.studies.reason_robustness`.
     """
     names = [name for name in result["disturbances"] if name in result["rows"]]
     bands = -(-len(names) // COLUMNS)

@@ -54,7 +54,7 @@ def test_a_schema_holds_the_message_and_its_parts_and_no_more() -> None:
 def test_the_public_definition_says_the_same() -> None:
     """`busybot.proto`, read here line by line, declares the messages that recordings describe in themselves."""
     text = files("busybot.episodes").joinpath("busybot.proto").read_text(encoding="utf-8")
-    assert text == proto_text(), "python -m busybot.episodes.reference busybot/episodes/busybot.proto"
+    assert text == proto_text(), "python -m tools.docs"
     declared = re.findall(r"^message (\w+) \{\n(.*?)^\}$", text, re.MULTILINE | re.DOTALL)
     assert [name for name, _ in declared] == [message.name for message in MESSAGES] == list(NUMBERS)
     for name, body in declared:

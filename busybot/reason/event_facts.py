@@ -60,7 +60,7 @@ def count_facts(on: Tensor, off: Tensor, effective: Tensor) -> Tensor:
     return torch.stack([torch.log1p(mask.sum(-1).float()) for mask in (on, off, effective)], -1)
 
 
-def past_facts(change: Tensor, before: Tensor, after: Tensor) -> Tensor:
+def past_facts(change: Tensor, present: Tensor) -> Tensor:
     """What a known step did to a responder, seen from a step asked for, (..., 5).
 
     | column | meaning |
@@ -73,11 +73,10 @@ def past_facts(change: Tensor, before: Tensor, after: Tensor) -> Tensor:
 
     Shapes:
         change: (..., 2), columns 0 and 1.
-        before: (...).
-        after: (...).
+        present: (..., 2), the distances of columns 2 and 3.
     """
-    did, worked = change.unbind(-1)
-    return torch.stack([did, worked, torch.exp(-before), torch.exp(-after), did * torch.exp(-before)], -1)
+    near = torch.exp(-present)
+    return torch.cat([change, near, change[..., :1] * near[..., :1]], -1)
 
 
 def look_facts(near: Tensor, away: Tensor, size: Tensor, undo: Tensor) -> Tensor:

@@ -169,8 +169,7 @@ class EffectHead(GraphModule):
             change=(change.flatten(0, 1), None),
             place=self.place(contacts.facts).flatten(0, 2).index_select(0, place),
             distance=contacts.distance.flatten().index_select(0, place),
-            before=asked.current[row, query, step],
-            after=asked.current[row, query, step + 1],
+            present=asked.current.unfold(2, 2, 1)[row, query, step],
         ).view(rows, queries, *self._pooled_shape)
         inputs = torch.cat([pooled.flatten(2), contacts.step[board], fit.unsqueeze(-1)], -1)
         learnt = self.trust * (2 * pooled[..., 0, -1] - 1) + self.change(inputs)[..., 0]
@@ -182,11 +181,11 @@ class EffectHead(GraphModule):
         return self.attend.out_features, self.attend.in_features + 1
 
     def message(
-        self, change_j: Tensor, place: Tensor, distance: Tensor, before: Tensor, after: Tensor, index: Tensor, size_i: int
+        self, change_j: Tensor, place: Tensor, distance: Tensor, present: Tensor, index: Tensor, size_i: int
     ) -> Tensor:
         """What each known contact says to a step asked for, weighted by attention, (P, heads, width + 1)."""
         did, worked = change_j.unbind(-1)
-        tokens = self.token(place + self.past(past_facts(change_j, before, after)))  # (P, width)
+        tokens = self.token(place + self.past(past_facts(change_j, present)))  # (P, width)
         nearness = 4 * worked - distance.clamp(max=FAR) / NEAR[0]
         logits = self.attend(tokens) + self.sharpness * nearness[:, None]  # (P, heads)
         weights = softmax(logits, index, num_nodes=size_i)

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch_geometric.data import Batch
 from torch_geometric.utils import scatter
 
-from busybot.reason.event_data import Asked, Seen, apart, board_data, seen_of
+from busybot.reason.event_data import Asked, Seen, apart, board_graph, seen_of, trigger_rows
 from busybot.reason.event_net import Effects, EventNet
 from busybot.reason.result import InferredGraph
 from busybot.reason.sequence import Sequence
@@ -56,7 +56,7 @@ class EventReasoner:
         asked = Asked(
             apart(now, looks) / self.network.scale,
             torch.from_numpy(np.asarray(actions, np.float32))[None],
-            torch.from_numpy(np.asarray(acted, np.int64))[None],
+            torch.from_numpy(trigger_rows(seen.triggers, np.asarray(acted, np.int64)))[None],
         )
         choice = choose(self.network, known, asked, self.blur)
         for row, step in torch.nonzero(choice.frame >= 0).tolist():
@@ -64,7 +64,7 @@ class EventReasoner:
         return result
 
     def _known(self, seen: Sequence) -> Seen:
-        return seen_of(Batch.from_data_list([board_data(seen)]), self.network.scale)
+        return seen_of(Batch.from_data_list([board_graph(seen)]), self.network.scale)
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def choose(network: EventNet, seen: Seen, asked: Asked, blur: float) -> Choice:
     """The likeliest look of every responder after every step: the present one or an earlier one."""
     effects = network.effects(seen, asked)
     log_edges, _ = network.log_edges(seen)
-    trigger, row = seen.pairs
+    trigger, row = seen.edge_index
     on = asked.acted[seen.board[row]] == trigger[:, None]  # (E, Q)
     edge = scatter(log_edges.exp()[:, None] * on, row, dim_size=len(seen.board), reduce="sum")
     change = edge * torch.sigmoid(effects.change)

@@ -73,9 +73,8 @@ def _event(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
 
 def _paper(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
     from busybot.reason.paper_config import PaperReasonConfig
-    from busybot.reason.paper_history import PaperHistoryNetwork, PaperHistoryReasoner
-    from busybot.reason.paper_networks import PaperNetwork
-    from busybot.reason.paper_reasoner import PaperReasoner
+    from busybot.reason.paper_networks import PaperHistoryNetwork, PaperNetwork
+    from busybot.reason.paper_reasoner import PaperHistoryReasoner, PaperReasoner
 
     config = PaperReasonConfig.model_validate(info.config)
     network = PaperNetwork(config.network) if config.inference else PaperHistoryNetwork(config.network)

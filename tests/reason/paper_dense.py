@@ -1,7 +1,7 @@
 """The `paper` networks as the paper writes them: every pair of N nodes in every frame, inputs joined, no shortcuts.
 
-It computes with the weights of a `PaperNetwork` what that computes faster; tests compare the two, and the benchmark
-their costs. Arrays have a board axis B and two node axes, receiver first.
+The reference for `PaperNetwork`, with whose weights it computes. Arrays have a board axis B and two node axes, receiver
+first.
 """
 
 from dataclasses import dataclass

@@ -13,7 +13,7 @@ from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.evaluation.reference_tables import TABLES, Table
-from busybot.files import scan, write_atomically
+from busybot.files import copy_file, make_folder, scan, write_atomically
 from busybot.plan.notes import is_rollout
 from busybot.view.curves import Course, courses_figure, table_figure
 from busybot.view.report import sections

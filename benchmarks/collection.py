@@ -34,7 +34,8 @@ from busybot.episodes.episode import Image, Step
 from busybot.episodes.geometry import Rays
 from busybot.episodes.mcap_file import write_episode
 from busybot.files import write_atomically
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.policies import BuiltIn
 from busybot.sim.recorder import grasp_at, record_episode

@@ -32,14 +32,15 @@ from busybot.episodes.dataset import Dataset
 from busybot.episodes.geometry import Rays
 from busybot.episodes.mcap_file import write_episode
 from busybot.files import write_atomically
+from busybot.interact.affordance.load import load_model
 from busybot.interact.batches import draw_batch
 from busybot.interact.chooser import DEFAULT_MODEL, ExploreChooser, LearnedChooser
 from busybot.interact.fit import FitJob, begin, learn
-from busybot.interact.model import Model
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.samples import cache_samples, open_samples
 from busybot.interact.train_config import TrainConfig
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.rng import generator
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.interaction import InteractionConfig
@@ -149,7 +150,7 @@ def deciding(simulator: Simulator, boards: list[BoardSpec], config: InteractionC
 
 def looking(library: Library, boards: list[BoardSpec], threads: int) -> float:
     """Milliseconds by the clock from a new image to the affordance of all its pixels."""
-    simulator, model, spent = Simulator(library, RenderConfig()), Model.load(DEFAULT_MODEL), []
+    simulator, model, spent = Simulator(library, RenderConfig()), load_model(DEFAULT_MODEL), []
     torch.set_num_threads(threads)
     for board in boards:
         scene = simulator.board(board)

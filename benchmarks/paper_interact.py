@@ -36,7 +36,8 @@ from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_train import PaperTraining
 from busybot.interact.rounds import Recorder, Told
 from busybot.interact.samples import Samples
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.rng import generator
 from busybot.training.device import device
 from busybot.training.weights import parameters_of

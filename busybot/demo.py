@@ -21,7 +21,8 @@ from busybot.errors import BusybotError
 from busybot.files import write_atomically, write_json
 from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser, load_once, policy_config
 from busybot.interact.trace import Thought, retrace
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.plan.evaluate import evaluate
 from busybot.plan.player import PlanConfig
 from busybot.reason.evaluate import Judging, evaluate_dataset

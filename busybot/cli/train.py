@@ -80,7 +80,7 @@ def _interaction(
     from busybot.interact.rounds import Recorder, Told
     from busybot.interact.train import Source, Training
     from busybot.interact.train_config import STRICT, TrainConfig
-    from busybot.objects.library import find
+    from busybot.objects.resolve import find
     from busybot.workers import default_workers
 
     variant = parameters[2]["variant"]

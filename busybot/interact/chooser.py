@@ -1,18 +1,16 @@
 """Makers of learned policies: plain data that worker processes receive; models are loaded there at first use."""
 
-import multiprocessing
 from dataclasses import dataclass, field
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
-import torch
 from pydantic import ValidationError
 
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
+from busybot.interact.affordance.load import find_model, load_model
 from busybot.interact.explore import ExploreConfig, GuidedExplorer, UnguidedExplorer
-from busybot.interact.model import Model, ModelInfo, find_model
+from busybot.interact.model import Model, ModelInfo
 from busybot.interact.paper_policy import PaperPolicy, PaperRules
 from busybot.interact.policy import LearnedPolicy, Mode, policy_name
 from busybot.interact.policy_config import PolicyConfig
@@ -158,12 +156,10 @@ def fingerprint(name_or_path: str) -> dict[str, Any]:
 
 def load_once(name_or_path: str) -> Model:
     """The model, read anew when its card on disk changed."""
-    if multiprocessing.parent_process() is not None:
-        torch.set_num_threads(1)  # as many workers as cores: more threads would only wait for each other
     folder = find_model(name_or_path)
     return _load(str(folder), (folder / INFO_FILE).stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=2)
 def _load(folder: str, changed: int) -> Model:
-    return Model.load(Path(folder))
+    return load_model(folder)

@@ -13,7 +13,8 @@ from busybot.boards.spec import BoardSpec
 from busybot.episodes.episode import Image, Step
 from busybot.episodes.geometry import Rays, project
 from busybot.errors import BusybotError
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.rng import generator
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.render import RenderConfig

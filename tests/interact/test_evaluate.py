@@ -14,7 +14,7 @@ from busybot.files import read_json
 from busybot.interact.evaluate import EvaluateConfig, evaluate
 from busybot.interact.evaluate_folder import BOARDS, RESULT
 from busybot.interact.policy_config import PolicyConfig
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim.interaction import InteractionConfig
 from tests.interact.fakes import OracleChooser
 

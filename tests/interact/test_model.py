@@ -11,10 +11,11 @@ from busybot.boards.generate import generate_boards
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
+from busybot.interact.affordance.load import find_model, load_model
 from busybot.interact.beliefs import NOT_ELEVATED
-from busybot.interact.model import Model, ModelInfo, find_model
+from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, make_network
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
 from busybot.training.weights import initialise
@@ -42,7 +43,7 @@ def seen() -> tuple[Image, Rays]:
 def test_a_folder_holds_all_of_a_model(tmp_path: Path, seen: tuple[Image, Rays]) -> None:
     model = untrained()
     model.save(tmp_path / "m")
-    loaded = Model.load(tmp_path / "m")
+    loaded = load_model(tmp_path / "m")
     assert loaded.info.model_copy(update={"files": {}}) == model.info
     assert np.array_equal(loaded.look(*seen).affordance, model.look(*seen).affordance)
     assert sum(path.stat().st_size for path in (tmp_path / "m").iterdir()) < 5e6
@@ -75,7 +76,7 @@ def test_what_is_far_from_every_object_does_not_change_what_is_seen(seen: tuple[
 
 def test_around_what_is_elevated_it_sees_what_it_sees_in_the_whole_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the window leaves out is board, which says next to nothing about what stands on it."""
-    library, model = find("procedural"), Model.load("procedural")
+    library, model = find("procedural"), load_model("procedural")
     board = next(iter(generate_boards(BoardConfig(boards=1, seed=1, group_size=1), library)))
     scene = Simulator(library, RenderConfig()).board(board)
     picture, rays = scene.observe(), Rays(scene.camera)
@@ -99,7 +100,7 @@ def test_a_card_with_a_constant_that_does_not_exist_is_refused_by_its_file(tmp_p
     for thresholds, message in (('"explor": 0.3', "explor: Extra"), ('"explore": 3.0', "explore: Input should be")):
         card.write_text(card.read_text().replace('"explore": 0.3', thresholds))
         with pytest.raises(BusybotError, match=rf"model\.json: thresholds: .*{message}"):
-            Model.load(tmp_path)
+            load_model(tmp_path)
         card.write_text(card.read_text().replace(thresholds, '"explore": 0.3'))
 
 
@@ -122,7 +123,7 @@ def test_what_is_no_model_is_refused_by_name(tmp_path: Path) -> None:
     weights = tmp_path / "position.safetensors"
     weights.write_bytes(weights.read_bytes()[:1000])
     with pytest.raises(BusybotError, match=r"position\.safetensors: damaged"):
-        Model.load(tmp_path)
+        load_model(tmp_path)
 
 
 def test_weights_of_other_inputs_are_refused(tmp_path: Path) -> None:
@@ -130,7 +131,7 @@ def test_weights_of_other_inputs_are_refused(tmp_path: Path) -> None:
     untrained().save(tmp_path / "depth")
     (tmp_path / "rgb" / "position.safetensors").replace(tmp_path / "depth" / "position.safetensors")
     with pytest.raises(BusybotError, match="not the weights of this network"):
-        Model.load(tmp_path / "depth")
+        load_model(tmp_path / "depth")
 
 
 def test_a_trainings_folder_stands_for_its_model(tmp_path: Path) -> None:
@@ -166,7 +167,7 @@ def test_numbers_are_rounded_where_that_is_faster_and_mean_the_same(
 ) -> None:
     """Without bfloat16 in the processor, imitating it would cost several times as much as not rounding."""
     monkeypatch.setattr("busybot.interact.model.multiplies_bfloat16", lambda: able)
-    model, exact = Model.load("procedural"), Model.load("procedural")
+    model, exact = load_model("procedural"), load_model("procedural")
     exact.bfloat16 = False
     assert model.bfloat16 is able
     given, wanted = (1 / (1 + np.exp(-one.look(*seen).affordance)) for one in (model, exact))

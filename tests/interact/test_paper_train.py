@@ -10,9 +10,9 @@ import pytest
 from busybot.episodes.geometry import Rays
 from busybot.episodes.mcap_file import read_episode
 from busybot.errors import BusybotError
+from busybot.interact.affordance.load import load_model
 from busybot.interact.beliefs import NOT_ELEVATED
 from busybot.interact.chooser import LearnedChooser, usual_mode
-from busybot.interact.model import Model
 from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_fit import Learner
 from busybot.interact.paper_model import PaperModel
@@ -113,7 +113,7 @@ def test_offline_it_repeats_the_training_from_its_own_rounds(trained: Path, reco
 
 
 def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> None:
-    model = Model.load(trained)
+    model = load_model(trained)
     assert isinstance(model, PaperModel) and model.info.variant == "paper"
     assert model.info.training["rounds"]["epochs"] == 4 and model.info.training["rounds"]["steps"] == 72
     assert usual_mode(str(trained)) == "ucb"
@@ -155,7 +155,7 @@ def test_pictures_of_another_size_are_refused(trained: Path) -> None:
 
     episode = make_episode(0, width=128, height=96)
     with pytest.raises(BusybotError, match="128 x 96 pixels, the model was trained on 160 x 120"):
-        Model.load(trained).look(episode.images[0], Rays(episode.camera))
+        load_model(trained).look(episode.images[0], Rays(episode.camera))
 
 
 def test_as_many_datasets_as_epochs(recorded: Path, tmp_path: Path) -> None:

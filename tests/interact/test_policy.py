@@ -13,7 +13,8 @@ from busybot.interact.judge import judge
 from busybot.interact.metrics import micro
 from busybot.interact.policy import LearnedPolicy, Mode, mode_named
 from busybot.interact.policy_config import PolicyConfig
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.rng import generator
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policies import Action

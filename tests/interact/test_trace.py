@@ -7,11 +7,12 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
+from busybot.interact.affordance.load import load_model
 from busybot.interact.chooser import DEFAULT_MODEL
-from busybot.interact.model import Model, View
+from busybot.interact.model import View
 from busybot.interact.policy import LearnedPolicy
 from busybot.interact.trace import retrace
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policies import Action, BuiltIn, Policy
 from busybot.sim.recorder import record_episode
@@ -34,7 +35,7 @@ def test_links_are_known_once_they_moved() -> None:
 
 
 def test_who_acted_by_the_model_thought_the_same() -> None:
-    library, model, thought = find("procedural"), Model.load(DEFAULT_MODEL), []
+    library, model, thought = find("procedural"), load_model(DEFAULT_MODEL), []
 
     class Remembered(LearnedPolicy[View]):
         def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:

@@ -15,7 +15,7 @@ from busybot.errors import BusybotError
 from busybot.files import read_json
 from busybot.interact.chooser import load_once
 from busybot.interact.evaluate_folder import BOARDS, RESULT
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.plan.agent import Act, Briefing, Contact, Situation, Stop
 from busybot.plan.agents.simple import Noop
 from busybot.plan.evaluate import evaluate

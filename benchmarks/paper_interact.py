@@ -53,7 +53,7 @@ def collect(training: PaperTraining, folder: Path, epochs: tuple[int, ...]) -> d
     for epoch in epochs:
         began, began_cpu = time.perf_counter(), cpu_seconds()
         path = folder / f"{epoch:03d}"
-        explorer = partial(training.chooser, epoch)
+        explorer = partial(training.factory, epoch)
         dataset = training.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", explorer)
         seconds, cpu = time.perf_counter() - began, cpu_seconds() - began_cpu
         training.datasets.append(dataset)

@@ -1,4 +1,4 @@
-"""Makers of learned policies: plain data that worker processes receive; models are loaded there at first use."""
+"""Factories of learned policies: plain data that worker processes receive; models are loaded there at first use."""
 
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -14,9 +14,7 @@ from busybot.interact.model import Model, ModelInfo
 from busybot.interact.paper_policy import PaperPolicy, PaperRules
 from busybot.interact.policy import LearnedPolicy, Mode, policy_name
 from busybot.interact.policy_config import PolicyConfig
-from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import Policy
-from busybot.sim.scene import BoardScene
+from busybot.sim.policy import Policy
 from busybot.training.model_folder import INFO_FILE, file_hashes
 
 DEFAULT_MODEL = "procedural"
@@ -32,7 +30,7 @@ _NOT_READ: dict[Mode, frozenset[str]] = {
 
 
 @dataclass(frozen=True)
-class LearnedChooser:
+class LearnedPolicyFactory:
     """Makes the policy of a trained model.
 
     Attributes:
@@ -50,7 +48,7 @@ class LearnedChooser:
         """Depends on the mode alone: the same draws wherever the model lies."""
         return policy_name(self.mode)
 
-    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+    def make_policy(self, rays: Rays) -> Policy:
         model, constants = load_once(self.model), self._constants()
         if model.info.variant == "paper" and self.mode in ("ucb", "greedy"):
             c = constants.ucb_c if self.mode == "ucb" else 0
@@ -79,7 +77,7 @@ class LearnedChooser:
 
 
 @dataclass(frozen=True)
-class ExploreChooser:
+class ExplorePolicyFactory:
     """Makes the policy that collects a training round.
 
     Attributes:
@@ -93,7 +91,7 @@ class ExploreChooser:
     def name(self) -> str:
         return UnguidedExplorer.name if self.model is None else GuidedExplorer.name
 
-    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+    def make_policy(self, rays: Rays) -> Policy:
         if self.model is None:
             return UnguidedExplorer(rays, self.config)
         return GuidedExplorer(load_once(self.model), rays, self.config)
@@ -105,7 +103,7 @@ class ExploreChooser:
 
 
 @dataclass(frozen=True)
-class PaperChooser:
+class PaperPolicyFactory:
     """Makes the policy that collects an epoch of the `paper` variant's training.
 
     Attributes:
@@ -116,7 +114,7 @@ class PaperChooser:
     rules: PaperRules
     name = "explore-paper"
 
-    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+    def make_policy(self, rays: Rays) -> Policy:
         model = None if self.model is None else load_once(self.model)
         return PaperPolicy(model, rays, self.rules, self.name)
 

@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.interact.beliefs import ELEVATED, PAIR_OF, logit, sigmoid
 from busybot.interact.policy_config import PolicyConfig
 from busybot.interact.regions import enlarged, moved_region
@@ -62,14 +62,13 @@ class Memory:
         self.failures: list[Failure] = []
         self.responders: set[int] = set()
 
-    def succeeded(self, pixel: tuple[int, int], direction: int, before: Image, after: Image) -> int:
+    def succeeded(self, pixel: tuple[int, int], direction: int, before: Observation, after: Observation) -> int:
         """Remember an action with reward; returns the number of the link that moved.
 
         Args:
             direction: the one that worked.
-            before, after: what was seen, with depth.
+            before, after: what was seen.
         """
-        assert before.depth is not None and after.depth is not None
         component = self._components[pixel[1], pixel[0]]
         body = (self._components == component) & (component > 0)
         moved = moved_region(before.depth, after.depth, pixel, body, self._config)

@@ -13,9 +13,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from torch import Tensor, nn
 from torch.nn import functional
 
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
-from busybot.errors import BusybotError
 from busybot.interact.beliefs import ELEVATED, NOT_ELEVATED
 from busybot.interact.features import Inputs, Pinhole, colour_features, heights_of, picture_features
 from busybot.interact.networks import CROP, POSITION_STRIDE, Kind, make_network
@@ -111,21 +110,16 @@ class Model:
             save_tensors(weights_file(folder, kind), network.state_dict())
         write_info(folder, self.info, [weights_file(folder, kind) for kind in self.networks])
 
-    def look(self, image: Image, rays: Rays, earlier: View | None = None) -> View:
+    def look(self, seen: Observation, rays: Rays, earlier: View | None = None) -> View:
         """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
 
         Args:
             earlier: of the same board, saves closer looks at what has not changed.
-
-        Raises:
-            BusybotError: the image has no depth.
         """
-        if image.depth is None:
-            raise BusybotError("the interaction policy needs depth images", "give images with depth")
-        features = picture_features(image.depth, self._pinhole(rays))
+        features = picture_features(seen.depth, self._pinhole(rays))
         height = heights_of(features)
         if self.info.inputs == "rgb":
-            features = colour_features(image.rgb)
+            features = colour_features(seen.rgb)
         elevated = height > ELEVATED
         affordance = torch.full_like(height, NOT_ELEVATED)
         if elevated.any():

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.commands import busybot, chosen, write_result
-from busybot.interact.policy_config import STRICT_POLICY, PolicyConfig
+from busybot.interact.policy_config import FIXED, STRICT_POLICY, PolicyConfig
 from busybot.workers import machine
 
 SEED = 78
@@ -38,12 +38,8 @@ VALUES: dict[str, tuple[float, ...]] = {
     "temperature": (1.0, 2.0, 5.0),
     "component_penalty": (0.3, 2.0),
     "failure_penalty": (0.3, 1.4),
-    "failure_sigma": (3.0, 12.0),
     "dense_weight": (0.5, 1.0),
-    "opening": (3, 9),
-    "same_link": (0.1, 0.5),
     "peak_radius": (2, 6),
-    "effect": (75, 400),
     "responder_penalty": (0.0, 1.0),
     "trigger_bonus": (1.2,),
 }
@@ -142,7 +138,7 @@ def main() -> None:
     known = json.loads(arguments.out.read_text()) if arguments.out.exists() else {"training": trained}
     if known["training"] != trained:
         raise SystemExit(f"{arguments.out} has rows of another model: name another file, or remove it")
-    default = PolicyConfig().model_dump(include=set(VALUES))
+    default = PolicyConfig().model_dump(include=set(VALUES)) | FIXED  # whose rows stay as they were measured
     result: dict[str, Any] = {
         "assets": arguments.assets.name,
         "seed": SEED,

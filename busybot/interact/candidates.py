@@ -18,7 +18,7 @@ from busybot.episodes.geometry import Rays
 from busybot.interact.beliefs import NOT_ELEVATED, PAIRS, pair_scores, sigmoid, tempered
 from busybot.interact.clusters import cluster_tops
 from busybot.interact.memory import Memory
-from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.policy_config import OPENING, PolicyConfig
 
 
 class View(Protocol):
@@ -185,7 +185,7 @@ def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, co
     found = _peaks(smooth, held(affordance) & (smooth > config.peak_logit), config)
     if (links > 0).any():
         rest = np.where(links > 0, np.float32(NOT_ELEVATED), affordance)
-        square = np.ones((config.opening, config.opening), np.uint8)
+        square = np.ones((OPENING, OPENING), np.uint8)
         left = cv2.morphologyEx((rest > config.region_logit).astype(np.uint8), cv2.MORPH_OPEN, square)
         rest = np.where(links > 0, np.float32(NOT_ELEVATED), smoothed(rest, config.blur))
         found = np.unique(np.concatenate([found, _peaks(rest, left > 0, config)]), axis=0)

@@ -13,7 +13,7 @@ from busybot.interact.explore import ExploreConfig, GuidedExplorer, UnguidedExpl
 from busybot.interact.model import Model, ModelInfo
 from busybot.interact.paper_policy import PaperPolicy, PaperRules
 from busybot.interact.policy import LearnedPolicy, Mode, policy_name
-from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.policy_config import PolicyConfig, without_fixed
 from busybot.sim.policy import Policy
 from busybot.training.model_folder import INFO_FILE, file_hashes
 
@@ -57,8 +57,7 @@ class LearnedPolicyFactory:
 
     def provenance(self) -> dict[str, Any]:
         """Everything that decides the choices, JSON values; two models are the same if this is."""
-        policy = self._constants().model_dump(mode="json")
-        return {"mode": self.mode, "policy": policy, "model": fingerprint(self.model)}
+        return {"mode": self.mode, "policy": self._constants().provenance(), "model": fingerprint(self.model)}
 
     def _constants(self) -> PolicyConfig:
         """The policy's constants.
@@ -137,12 +136,14 @@ def policy_config(info: ModelInfo, overrides: dict[str, Any]) -> PolicyConfig:
     """
     try:
         own = {"prior": info.prior, "after_failure": info.after_failure, **info.thresholds}
-        return PolicyConfig.model_validate({**own, **overrides})
+        return PolicyConfig.model_validate(without_fixed({**own, **overrides}))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         known = f"the learned policy's parameters are {', '.join(PolicyConfig.model_fields)}"
         raise BusybotError(f"parameter {place} of the learned policy: {first['msg']}", known) from None
+    except ValueError as error:
+        raise BusybotError(f"parameter {error}", "leave it out") from None
 
 
 def fingerprint(name_or_path: str) -> dict[str, Any]:

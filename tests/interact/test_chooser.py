@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
@@ -31,6 +32,17 @@ def test_the_card_comes_before_the_defaults_and_overrides_before_the_card() -> N
     assert (config.prior, config.explore, config.collect, config.peak_radius) == (0.3, 0.6, 0.8, 3)
     with pytest.raises(BusybotError, match="parameter explor of the learned policy"):
         policy_config(info, {"explor": 1})
+
+
+def test_constants_of_former_cards_are_known_with_the_value_that_they_have_now(model: Path) -> None:
+    former = {"effect": 150, "failure_sigma": 6, "opening": 5, "same_link": 0.25, "explore": 0.6}
+    assert policy_config(ModelInfo(thresholds=former), {}) == policy_config(ModelInfo(thresholds={"explore": 0.6}), {})
+    recorded = LearnedPolicyFactory(str(model)).provenance()["policy"]
+    assert former.items() <= recorded.items()  # what was recorded before goes on
+    with pytest.raises(ValidationError, match="effect: it is 150 in every model now, not 75"):
+        ModelInfo(thresholds={"effect": 75})
+    with pytest.raises(BusybotError, match=r"parameter opening: it is 5 in every model now, not 9"):
+        policy_config(ModelInfo(), {"opening": 9})
 
 
 def test_constants_that_a_mode_does_not_read_are_refused(model: Path) -> None:
@@ -70,9 +82,8 @@ def test_factories_make_policies_of_their_kind(model: Path) -> None:
         policy = factory.make_policy(rays)
         assert isinstance(policy, kind) and policy.name == factory.name
         action = policy.select_action(seen, np.random.default_rng(0))
-        assert action is not None and all(
-            0 <= at < size for at, size in zip(action.pixel[::-1], seen.depth.shape, strict=True)
-        )
+        assert action is not None and min(action.pixel) >= 0
+        assert action.pixel[0] < seen.depth.shape[1] and action.pixel[1] < seen.depth.shape[0]
 
 
 def test_factories_go_to_other_processes(model: Path) -> None:

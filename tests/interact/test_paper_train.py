@@ -121,12 +121,12 @@ def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> No
     own = {"candidates": "kmeans", "blur": 1, "prior": 0.5, "caution": 0, "temperature": 1}
     own |= dict.fromkeys(("component_penalty", "failure_penalty", "responder_penalty", "trigger_bonus"), 0)
     own |= {"collect": 0.5, "untried_first": False}  # a draw among all clusters, as the paper collects
-    assert policy == PolicyConfig.model_validate(own).model_dump(mode="json")
+    assert policy == PolicyConfig.model_validate(own).provenance()
     episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
-    rays, image = Rays(episode.camera), episode.image(0)
-    view = model.look(image, rays)
-    assert image.depth is not None and view.affordance.shape == image.depth.shape
-    elevated = np.nan_to_num(rays.heights(image.depth), nan=-1) > 0.002
+    rays, seen = Rays(episode.camera), episode.observation(0)
+    view = model.look(seen, rays)
+    assert view.affordance.shape == seen.depth.shape
+    elevated = np.nan_to_num(rays.heights(seen.depth), nan=-1) > 0.002
     assert ((view.affordance > NOT_ELEVATED) == elevated).all()
     pixels = np.array([[40, 60], [80, 60], [159, 119]])
     position, directions = model.directions(view, pixels)

@@ -11,7 +11,6 @@ from busybot.boards.spec import BoardSpec
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode, Image, Observation, Step
-from busybot.episodes.images import LazyImages
 from busybot.episodes.mcap_file import read_episode
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
@@ -144,7 +143,7 @@ def test_nothing_that_an_agent_is_given_leads_to_the_truth(player: Player, task:
     assert not played.episode.oracle and len(given) == 3
     found = list(reachable(*given))
     assert any(isinstance(one, Observation) for one in found) and any(isinstance(one, LearnedContacts) for one in found)
-    secret = Episode | LazyImages | BoardScene | BoardSpec | OracleObservation | Step | Player
+    secret = Episode | BoardScene | BoardSpec | OracleObservation | Step | Player
     assert not [type(one) for one in found if isinstance(one, secret)]
     images = [one for one in found if isinstance(one, Image)]  # of the history, as reasoners have them
     assert images and all(one.segmentation is None and not one.boxes.size for one in images)

@@ -90,12 +90,14 @@ class Model:
 
     Args:
         networks: `position` and `direction`; they are put into evaluation mode.
-        bfloat16: multiply in bfloat16, twice as fast on processors that can; None: where they can.
+
+    Attributes:
+        bfloat16: whether it multiplies in bfloat16, twice as fast on processors that can.
     """
 
-    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module], bfloat16: bool | None = None):
+    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module]):
         self.info, self.on = info, device()
-        self.bfloat16 = multiplies_bfloat16() if bfloat16 is None else bfloat16
+        self.bfloat16 = multiplies_bfloat16()
         self.networks = {kind: network.eval().to(self.on) for kind, network in networks.items()}
         self._camera: tuple[Rays, Pinhole] | None = None
 

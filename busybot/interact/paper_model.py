@@ -11,7 +11,7 @@ from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.interact.beliefs import ELEVATED, NOT_ELEVATED
 from busybot.interact.features import LOWEST, Inputs, colour_features
-from busybot.interact.model import Model, ModelInfo, View
+from busybot.interact.model import Model, View
 from busybot.interact.networks import Kind
 from busybot.interact.paper_inputs import depth_and_normals, with_positions
 from busybot.interact.paper_networks import SIZE, PaperDirectionNet, make_paper_network
@@ -45,9 +45,6 @@ class PaperModel(Model):
     (the board's surface cannot be held). The direction network has no opinion on positions: `directions` repeats the
     position network's.
     """
-
-    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module], bfloat16: bool = False):
-        super().__init__(info, networks, bfloat16)
 
     @staticmethod
     def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:

@@ -19,9 +19,10 @@ from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.files import make_folder, write_atomically, write_json
-from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser, load_once, policy_config
+from busybot.interact.chooser import DEFAULT_MODEL, LearnedPolicyFactory, load_once, policy_config
 from busybot.interact.trace import Thought, retrace
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.plan.evaluate import evaluate
 from busybot.plan.player import PlanConfig
 from busybot.reason.evaluate import Judging, evaluate_dataset
@@ -115,8 +116,8 @@ def run_demo(
 def _collect(path: Path, config: BoardConfig, library: Library, workers: int, say: Say, model: str) -> Dataset:
     dataset = create_dataset(path, config, library)
     say(f"acting {STEPS} times on {'each' if config.boards > 1 else 'it'} and recording what happens")
-    chooser, acting = LearnedChooser(model, "collect"), CollectConfig(policy="learned", steps=STEPS)
-    collect(dataset, library, acting, min(workers, config.boards), None, chooser, chooser.provenance())
+    factory, acting = LearnedPolicyFactory(model, "collect"), CollectConfig(policy="learned", steps=STEPS)
+    collect(dataset, library, acting, min(workers, config.boards), None, factory, factory.provenance())
     return dataset
 
 

@@ -102,6 +102,35 @@ def test_data_flows_one_way(module: Path) -> None:
     assert not used & earlier
 
 
+def _graph() -> dict[str, set[str]]:
+    """The modules that each module of the package imports, anywhere in it."""
+    names = {name_of(path).removesuffix(".py").replace("/", ".").removesuffix(".__init__"): path for path in MODULES}
+    graph = {}
+    for name, path in names.items():
+        used = {one.removeprefix("busybot.") for one in imported(tree_of(path)) if one.startswith("busybot.")}
+        # of `from a.b import c`, c is a module or something in a.b
+        graph[name] = {one if one in names else one.rpartition(".")[0] for one in used} & set(names) - {name}
+    return graph
+
+
+def circles(graph: dict[str, set[str]]) -> list[tuple[str, ...]]:
+    """Those modules that can be reached from themselves, by the set that reaches each other."""
+    reached = {name: set(used) for name, used in graph.items()}
+    for middle in graph:
+        for name in graph:
+            if middle in reached[name]:
+                reached[name] |= reached[middle]
+    return sorted({tuple(sorted(b for b in reached[a] if a in reached[b])) for a in graph if a in reached[a]})
+
+
+def test_no_circle_of_imports() -> None:
+    """Also none that is hidden in functions: what needs each other is one module, or a third one knows both."""
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [("a", "b", "c")]
+    graph = _graph()
+    assert "objects.library" in graph["objects.resolve"] and "reason.models" in graph["reason.infer"]
+    assert not circles(graph)
+
+
 def test_the_command_line_imports_what_is_heavy_inside_functions(module: Path) -> None:
     if name_of(module).startswith("cli/"):
         at_once = imported(tree_of(module), anywhere=False)

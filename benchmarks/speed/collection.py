@@ -32,9 +32,11 @@ from busybot.boards.spec import BoardSpec
 from busybot.episodes.episode import Image, Step
 from busybot.episodes.geometry import Rays
 from busybot.episodes.mcap_writer import write_episode
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
+from busybot.sim.builtin_policies import RandomPolicy, ScriptedFactory, ScriptedPolicy
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
-from busybot.sim.policies import BuiltIn
+from busybot.sim.policy import oracle_observation
 from busybot.sim.recorder import grasp_at, record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, Simulator
@@ -63,15 +65,14 @@ def measure_board(simulators: dict[str, Simulator], board: BoardSpec, folder: Pa
     for reference in references.values():
         timed_frame(reference)
     rays = Rays(scene.camera)
-    policies = [BuiltIn(name).make(scene, rays, config) for name in ("scripted", "random")]
+    policies = [ScriptedPolicy(scene, rays, config), RandomPolicy(rays)]
     rng = np.random.default_rng(board.index)
-    episode = record_episode(simulators["ours"], board, BuiltIn("scripted"), STEPS, config, 0)
+    episode = record_episode(simulators["ours"], board, ScriptedFactory(), STEPS, config, 0)
     writing: Times = {}
     size = timed(writing, "write", lambda: write_episode(folder / "episode.mcap", episode))
     times.setdefault("bytes per frame", []).append(size / len(episode.images))
     for number in range(2 * STEPS):
-        action = policies[number % 2].choose(image, rng)
-        assert action is not None, "every board has links to move"
+        action = policies[number % 2].select_action(oracle_observation(image, scene.camera), rng)
         step, after, seconds = timed_action(
             scene, grasp_at(scene, image, rays, action.pixel), action.directions[0], image
         )
@@ -141,7 +142,7 @@ def memory(library: Library, boards: int) -> dict[str, Any]:
     process, trace = psutil.Process(), []
     config = BoardConfig(boards=boards, group_size=1, seed=SEED)
     for number, spec in enumerate(generate_boards(config, library), start=1):
-        record_episode(simulator, spec, BuiltIn("scripted"), 3, InteractionConfig(), 0)
+        record_episode(simulator, spec, ScriptedFactory(), 3, InteractionConfig(), 0)
         if number % max(1, boards // 10) == 0:
             resident = round(process.memory_info().rss / 1e6)
             trace.append({"boards": number, "rss_mb": resident, "open_files": process.num_fds()})

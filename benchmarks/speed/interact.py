@@ -30,18 +30,20 @@ from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.geometry import Rays
 from busybot.episodes.mcap_writer import write_episode
+from busybot.interact.affordance.load import load_model
 from busybot.interact.batches import draw_batch
-from busybot.interact.chooser import DEFAULT_MODEL, ExploreChooser, LearnedChooser, fingerprint
+from busybot.interact.chooser import DEFAULT_MODEL, ExplorePolicyFactory, LearnedPolicyFactory, fingerprint
 from busybot.interact.fit import FitJob, begin, learn
-from busybot.interact.model import Model
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.samples import cache_samples, open_samples
 from busybot.interact.train_config import TrainConfig
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.rng import generator
+from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import BuiltIn, Chooser
+from busybot.sim.policy import AnyPolicyFactory
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
@@ -72,9 +74,9 @@ def product_seconds(times: int) -> float:
 def record(folder: Path, library: Library, boards: int) -> Path:
     """A round of exploring without a network, and its cache."""
     dataset = create_dataset(folder / "round", BoardConfig(boards=boards, group_size=1, seed=SEED), library)
-    chooser = ExploreChooser(None)
-    config = CollectConfig(policy=chooser.name, steps=2 * STEPS)
-    collect(dataset, library, config, os.cpu_count() or 1, None, chooser, chooser.provenance())
+    factory = ExplorePolicyFactory(None)
+    config = CollectConfig(policy=factory.name, steps=2 * STEPS)
+    collect(dataset, library, config, os.cpu_count() or 1, None, factory, factory.provenance())
     return cache_samples(Dataset.open(folder / "round"), folder / "cache", "depth")
 
 
@@ -112,47 +114,47 @@ def iteration(kind: Kind, cache: Path, folder: Path, iterations: int) -> dict[st
 def acting(library: Library, boards: list[BoardSpec], folder: Path) -> dict[str, Any]:
     """CPU milliseconds of a recorded action and of a decision."""
     simulator, config = Simulator(library, RenderConfig()), InteractionConfig()
-    choosers: dict[str, Chooser] = {
-        "scripted": BuiltIn("scripted"),
-        "learned": LearnedChooser(DEFAULT_MODEL, "collect"),
+    factories: dict[str, AnyPolicyFactory] = {
+        "scripted": builtin_factory("scripted"),
+        "learned": LearnedPolicyFactory(DEFAULT_MODEL, "collect"),
     }
-    spent: dict[str, list[float]] = {name: [] for name in choosers}
+    spent: dict[str, list[float]] = {name: [] for name in factories}
     for board in boards:
         simulator.board(board)  # loads its objects, for whoever acts first
-        for name, chooser in choosers.items():
+        for name, factory in factories.items():
             began = time.process_time()
-            write_episode(folder / "episode.mcap", record_episode(simulator, board, chooser, STEPS, config, SEED))
+            write_episode(folder / "episode.mcap", record_episode(simulator, board, factory, STEPS, config, SEED))
             spent[name].append((time.process_time() - began) / STEPS)
     per_action = {name: round(1000 * float(np.median(values[1:])), 1) for name, values in spent.items()}
     return {
         "milliseconds_per_recorded_action": per_action,
         "ratio_learned_to_scripted": round(per_action["learned"] / per_action["scripted"], 2),
-        "milliseconds_per_decision": deciding(simulator, boards, config),
+        "milliseconds_per_decision": deciding(simulator, boards),
     }
 
 
-def deciding(simulator: Simulator, boards: list[BoardSpec], config: InteractionConfig) -> float:
+def deciding(simulator: Simulator, boards: list[BoardSpec]) -> float:
     """CPU milliseconds from a new image to an action."""
     spent = []
     for board in boards:
         scene = simulator.board(board)
-        image, rng = scene.observe(), generator(SEED, "train", board.index, "benchmark/decide")
-        policy = LearnedChooser(DEFAULT_MODEL, "evaluate").make(scene, Rays(scene.camera), config)
+        seen, rng = scene.observe().observation(scene.camera), generator(SEED, "train", board.index, "benchmark/decide")
+        policy = LearnedPolicyFactory(DEFAULT_MODEL, "evaluate").make_policy(Rays(scene.camera))
         began = time.process_time()
-        policy.choose(image, rng)
+        policy.select_action(seen, rng)
         spent.append(time.process_time() - began)
     return round(1000 * float(np.median(spent[1:])), 1)
 
 
 def looking(library: Library, boards: list[BoardSpec], threads: int) -> float:
     """Milliseconds by the clock from a new image to the affordance of all its pixels."""
-    simulator, model, spent = Simulator(library, RenderConfig()), Model.load(DEFAULT_MODEL), []
+    simulator, model, spent = Simulator(library, RenderConfig()), load_model(DEFAULT_MODEL), []
     torch.set_num_threads(threads)
     for board in boards:
         scene = simulator.board(board)
-        image, rays = scene.observe(), Rays(scene.camera)
+        seen, rays = scene.observe().observation(scene.camera), Rays(scene.camera)
         began = time.perf_counter()
-        model.look(image, rays)
+        model.look(seen, rays)
         spent.append(time.perf_counter() - began)
     torch.set_num_threads(1)
     return round(1000 * float(np.median(spent[1:])), 1)

@@ -32,7 +32,8 @@ from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_train import PaperTraining
 from busybot.interact.rounds import Recorder, Told
 from busybot.interact.samples import Samples
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.rng import generator
 from busybot.training.device import device
 from busybot.training.weights import parameters_of
@@ -47,7 +48,7 @@ def collect(training: PaperTraining, folder: Path, epochs: tuple[int, ...]) -> d
     for epoch in epochs:
         began, began_cpu = time.perf_counter(), cpu_seconds()
         path = folder / f"{epoch:03d}"
-        explorer = partial(training.chooser, epoch)
+        explorer = partial(training.factory, epoch)
         dataset = training.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", explorer)
         seconds, cpu = time.perf_counter() - began, cpu_seconds() - began_cpu
         training.datasets.append(dataset)

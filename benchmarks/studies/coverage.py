@@ -30,7 +30,7 @@ def coverage(dataset: Dataset, name: str) -> dict[str, Any]:
     for index in sorted(dataset.finished()):
         episode = read_episode(dataset.episode_path(index), "lazy")
         image = episode.image(0)
-        found = find_candidates(model, image, Rays(episode.camera), None, config)
+        found = find_candidates(model, episode.observation(0), Rays(episode.camera), None, config)
         assert image.segmentation is not None
         codes = image.segmentation[found.pixels[:, 1], found.pixels[:, 0]]
         triggers = [code for code, link in enumerate(episode.links, 1) if link.trigger]

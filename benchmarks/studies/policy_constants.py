@@ -20,7 +20,7 @@ from typing import Any
 
 from benchmarks.runner import busybot, chosen, finish, parser
 from busybot.evaluation.results import read_result
-from busybot.interact.policy_config import STRICT_POLICY, PolicyConfig
+from busybot.interact.policy_config import FIXED, STRICT_POLICY, PolicyConfig
 
 KIND, SEED = "policy-constants", 78
 OBJECTS, MODEL = "objects", "model"
@@ -37,12 +37,8 @@ VALUES: dict[str, tuple[float, ...]] = {
     "temperature": (1.0, 2.0, 5.0),
     "component_penalty": (0.3, 2.0),
     "failure_penalty": (0.3, 1.4),
-    "failure_sigma": (3.0, 12.0),
     "dense_weight": (0.5, 1.0),
-    "opening": (3, 9),
-    "same_link": (0.1, 0.5),
     "peak_radius": (2, 6),
-    "effect": (75, 400),
     "responder_penalty": (0.0, 1.0),
     "trigger_bonus": (1.2,),
 }
@@ -141,7 +137,7 @@ def main() -> None:
     known = read_result(arguments.out, KIND) if arguments.out.exists() else {"training": trained}
     if known["training"] != trained:
         raise SystemExit(f"{arguments.out} has rows of another model: name another file, or remove it")
-    default = PolicyConfig().model_dump(include=set(VALUES))
+    default = PolicyConfig().model_dump(include=set(VALUES)) | FIXED  # whose rows stay as they were measured
     result: dict[str, Any] = {
         "assets": arguments.assets.name,
         "held_out": HELD_OUT,

@@ -23,7 +23,7 @@ from busybot.interact.judge import judge
 from busybot.objects.library import Library
 from busybot.rng import generator
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import Chooser
+from busybot.sim.policy import AnyPolicyFactory
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
@@ -56,7 +56,7 @@ class EvaluateConfig(BaseModel):
 def evaluate(
     dataset: Dataset,
     library: Library,
-    chooser: Chooser,
+    factory: AnyPolicyFactory,
     config: EvaluateConfig,
     seed: int = 0,
     workers: int = 1,
@@ -72,19 +72,19 @@ def evaluate(
         seed: of the policy's draws.
         out: folder for the results, with which a stopped evaluation goes on.
         record: folder of a new dataset for the episodes.
-        provenance: what decides the chooser's choices, JSON values, as `LearnedChooser.provenance` tells it.
+        provenance: what decides the policies' actions, JSON values, as `LearnedPolicyFactory.provenance` tells it.
 
     Raises:
         BusybotError: `out` or `record` hold something else, or a worker is at fault.
     """
-    settings = _settings(dataset, chooser.name, config, seed, provenance or {})
+    settings = _settings(dataset, factory.name, config, seed, provenance or {})
     count = min(config.boards or dataset.info.boards, dataset.info.boards)
     judged = begin(out, settings, m.JudgedBoard) if out is not None else {}
     with ExitStack() as stack:
         recorded = stack.enter_context(recording(record, dataset, _collected(settings))) if record else None
         done = set(judged) & recorded.finished() if recorded is not None else set(judged)
         missing = [index for index in range(count) if index not in done]
-        arguments = (dataset.path, library, config, seed, chooser, record)
+        arguments = (dataset.path, library, config, seed, factory, record)
         for index, text in run_tasks(missing, make_work, arguments, workers):
             judged[index] = m.JudgedBoard.model_validate_json(text)
             if out is not None:
@@ -99,7 +99,7 @@ def evaluate(
 
 
 def make_work(
-    path: Path, library: Library, config: EvaluateConfig, seed: int, chooser: Chooser, record: Path | None
+    path: Path, library: Library, config: EvaluateConfig, seed: int, factory: AnyPolicyFactory, record: Path | None
 ) -> Callable[[int], str]:
     """What a worker does with a board's index: act on it, record it if wanted, judge it; returns JSON."""
     dataset = Dataset.open(path)
@@ -109,7 +109,7 @@ def make_work(
 
     def work(index: int) -> str:
         board = dataset.board(index)
-        episode = record_episode(simulator, board, chooser, config.actions, config.interaction, seed)
+        episode = record_episode(simulator, board, factory, config.actions, config.interaction, seed)
         if recorded is not None:
             write_episode(recorded.episode_path(index), episode, "jpeg", recorded.path)
         judged = judge(episode, annotated, config.interaction.delta)

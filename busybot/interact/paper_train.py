@@ -22,7 +22,7 @@ from busybot.episodes.dataset import Dataset
 from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.files import remove, write_atomically
-from busybot.interact.chooser import PaperChooser
+from busybot.interact.chooser import PaperPolicyFactory
 from busybot.interact.model import ModelInfo
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.paper_config import PaperConfig
@@ -93,16 +93,16 @@ class PaperTraining:
             return finished(Dataset.open(self.given[epoch]), self.config)
         path = self.out / "rounds" / f"{epoch:03d}"
         config = self.config
-        return self.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", lambda: self.chooser(epoch))
+        return self.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", lambda: self.factory(epoch))
 
-    def chooser(self, epoch: int) -> PaperChooser:
+    def factory(self, epoch: int) -> PaperPolicyFactory:
         """Who collects an epoch's data, with the networks as they are now."""
         rules = rules_for(self.config, epoch)
         if not rules.needs_model():
-            return PaperChooser(None, rules)
+            return PaperPolicyFactory(None, rules)
         current = self.out / "current"
         self._model({"epochs": epoch}).save(current)
-        return PaperChooser(str(current), rules)
+        return PaperPolicyFactory(str(current), rules)
 
     def _train(self, epoch: int) -> None:
         """Train the networks whose turn it is on the buffer."""

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.interact.affordance.load import load_model
 from busybot.interact.fit import FitJob, make_fit
 from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, Kind
@@ -78,7 +79,7 @@ class Training:
             if not (self._model_folder(number) / MODEL_FILE).exists():
                 self._train(number, datasets, validation)
                 plot_training(self.out)
-        final = Model.load(self._model_folder(len(self.schedule) - 1))
+        final = load_model(self._model_folder(len(self.schedule) - 1))
         final.save(self.out / "model")
         return final
 

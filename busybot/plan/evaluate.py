@@ -195,7 +195,7 @@ def _settings(
         "provenance": {
             "reasoner": _reasoner_provenance(reasoner),
             "agents": {name_of(agent): _policy_provenance(agent) for agent in agents if name_of(agent) in TRAINED},
-            "interaction": {"model": fingerprint(policy_model), "policy": policy.model_dump(mode="json")},
+            "interaction": {"model": fingerprint(policy_model), "policy": policy.provenance()},
         },
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "board_hash": hashes.board, "content_hash": hashes.content},

@@ -12,10 +12,11 @@ from busybot.reason.event_data import Asked, Seen, apart, board_graph, seen_of, 
 from busybot.reason.event_net import Effects, EventNet
 from busybot.reason.result import InferredGraph
 from busybot.reason.sequence import Sequence
+from busybot.training.device import threads
 
 
 class EventReasoner:
-    """Judges one board at a time.
+    """Judges one board at a time, in one thread: networks so small gain nothing from more, which wait for each other.
 
     Args:
         network: trained.
@@ -28,6 +29,7 @@ class EventReasoner:
     def __init__(self, network: EventNet, encoder: str, blur: float = 0.5):
         self.network, self.encoder, self.blur = network.eval(), encoder, blur
 
+    @threads(1)
     @torch.no_grad()
     def graph(self, seen: Sequence) -> InferredGraph:
         """Edge probabilities after each step, and before the first: the prior. Zeros but for candidates.
@@ -43,6 +45,7 @@ class EventReasoner:
             beliefs[step][seen.candidates] = self.network.log_edges(known.first(step))[0].exp().numpy()
         return InferredGraph(self.name, beliefs[1:] if seen.steps else beliefs, prior=beliefs[0])
 
+    @threads(1)
     @torch.no_grad()
     def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """Features after each of S steps, as `Reasoner.predict`: each is a copy, of the current ones or of earlier."""

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any, Literal
 
-import torch
 from pydantic import BaseModel, ConfigDict, ValidationError
 from torch import Tensor
 
@@ -11,6 +10,7 @@ from busybot.errors import BusybotError
 from busybot.reason.reasoner import Reasoner
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.model_folder import INFO_FILE, find_folder, read_info, write_info
+from busybot.training.weights import drawing_nothing
 
 WEIGHTS_FILE = "weights.safetensors"
 
@@ -52,7 +52,8 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
     info = read_info(folder, ModelInfo)
     tensors = load_tensors(folder / WEIGHTS_FILE).tensors
     try:
-        return _MAKERS[info.model](info, tensors, folder / WEIGHTS_FILE)
+        with drawing_nothing():
+            return _MAKERS[info.model](info, tensors, folder / WEIGHTS_FILE)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(["config", *map(str, first["loc"])])
@@ -60,7 +61,6 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
 
 
 def _event(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
-    torch.set_num_threads(1)  # networks so small gain nothing from threads, which wait for each other on a busy machine
     from busybot.reason.event import EventReasoner
     from busybot.reason.event_config import EventConfig
     from busybot.reason.event_net import EventNet

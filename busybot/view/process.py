@@ -98,9 +98,9 @@ def end_group(process: subprocess.Popen[bytes]) -> None:
                 return
 
 
-def last_words(folder: Path, lines: int = 6) -> str:
+def last_words(folder: Path) -> str:
     """The end of the viewer's log, without colours."""
     with contextlib.suppress(OSError):
         text = (folder / "viewer.log").read_text(encoding="utf-8", errors="replace")
-        return "\n".join(re.sub(r"\x1b\[[0-9;]*m", "", text).strip().splitlines()[-lines:])
+        return "\n".join(re.sub(r"\x1b\[[0-9;]*m", "", text).strip().splitlines()[-6:])
     return ""

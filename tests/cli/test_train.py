@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
-from busybot.interact.model import Model
+from busybot.interact.affordance.load import load_model
 from busybot.interact.paper_fit import Learner
 from busybot.interact.policy_config import STRICT_POLICY
 from busybot.interact.samples import Samples
@@ -42,7 +42,7 @@ def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: 
     assert result.exit_code == 0, result.stderr
     values = json.loads(result.stdout)
     assert [entry["samples"] for entry in values["training"]["rounds"]] == [24, 12]
-    assert Model.load(out).info.training == values["training"]
+    assert load_model(out).info.training == values["training"]
     assert (out / "training.png").read_bytes().startswith(b"\x89PNG")
     lines = read_metrics(out / "metrics" / "position.jsonl")
     assert [line["iteration"] for line in lines if "loss" in line] == [2, 4, 6, 8, 10, 12, 14, 16]
@@ -96,7 +96,7 @@ def test_boards_for_judging_are_named_and_told_on_the_card(tmp_path: Path) -> No
     data = make_dataset(tmp_path / "data", finished=range(4), split="novel-object").path
     result = run(*arguments(tmp_path / "run", [data]))
     assert result.exit_code == 0 and "its boards are of the split novel-object" in " ".join(result.stderr.split())
-    assert [told["split"] for told in Model.load(tmp_path / "run").info.training["rounds"]] == ["novel-object"]
+    assert [told["split"] for told in load_model(tmp_path / "run").info.training["rounds"]] == ["novel-object"]
 
 
 def test_a_training_goes_on_with_its_own_data_alone(tmp_path: Path, rounds: list[Path]) -> None:

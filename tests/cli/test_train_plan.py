@@ -12,7 +12,7 @@ from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.mcap_reader import read_episode
 from busybot.interact.chooser import load_once
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.plan.agent import Act, Briefing, Situation, Stop
 from busybot.plan.learned.encoding import STOP, offer
 from busybot.plan.learned.explored import Explored, load_explored

@@ -18,7 +18,7 @@ from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.schema import SCHEMA_VERSION
 from busybot.episodes.summary import summarise
 from busybot.files import write_json
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.render import RenderConfig
 from tests.episodes.synthetic import make_real_episode

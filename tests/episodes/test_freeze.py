@@ -19,8 +19,9 @@ from busybot.episodes.summary import summarise
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from busybot.files import scan, sha256_of
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
 from busybot.objects.procedural.build import make_library
+from busybot.objects.resolve import find
 from tests.episodes.folders import COLLECT, make_dataset
 
 

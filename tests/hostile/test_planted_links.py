@@ -18,7 +18,7 @@ from busybot.episodes.freeze import freeze
 from busybot.episodes.repair import repair
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.reason.encoders.choose import choose
 from busybot.reason.features import features_of
 from busybot.sim.collect import CollectConfig, collect

@@ -14,12 +14,12 @@ from busybot.files import read_json
 from busybot.interact.evaluate import EvaluateConfig, evaluate
 from busybot.interact.evaluate_folder import BOARDS, RESULT
 from busybot.interact.policy_config import PolicyConfig
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim.interaction import InteractionConfig
-from tests.interact.fakes import OracleChooser
+from tests.interact.fakes import TruthFactory
 
 CONFIG = EvaluateConfig(actions=4)
-CHOOSER = OracleChooser(config=PolicyConfig(temperature=1))  # what knows the truth has no doubt about directions
+CHOOSER = TruthFactory(config=PolicyConfig(temperature=1))  # what knows the truth has no doubt about directions
 KEYS = {
     "precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "boards", "macro", "intervals",
     "failures_by_cause", "failures_by_object", "missed_links", "by_step", "provenance", "dataset", "seed", "strict",

@@ -3,9 +3,10 @@
 from dataclasses import replace
 from pathlib import Path
 
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
 from busybot.objects.licence import PARTNET, licences
 from busybot.objects.procedural.build import make_library
+from busybot.objects.resolve import find
 
 
 def test_generated_objects_are_known_by_their_hashes(tmp_path: Path) -> None:

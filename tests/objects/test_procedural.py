@@ -15,13 +15,14 @@ from scipy.spatial.transform import Rotation
 
 from busybot.errors import BusybotError
 from busybot.objects import cache
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
 from busybot.objects.model import CATEGORIES
 from busybot.objects.procedural import slides
 from busybot.objects.procedural.build import make_library, procedural_library
 from busybot.objects.procedural.design import MovingLink, facing
 from busybot.objects.procedural.families import FAMILIES
 from busybot.objects.procedural.solids import ball, box, lathe, rectangle, torus, tube
+from busybot.objects.resolve import find
 from busybot.rng import generator
 
 TRIANGLES = 5_000

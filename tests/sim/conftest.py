@@ -8,7 +8,8 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator

@@ -9,7 +9,7 @@ import pytest
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim import builders
 from busybot.sim.builders import Builders
 from busybot.sim.render import RenderConfig

@@ -19,7 +19,8 @@ from busybot.episodes.digests import Digests
 from busybot.episodes.mcap_reader import read_episode
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.render import RenderConfig
 

@@ -50,16 +50,16 @@ def make_library(folder: Path, seed: int = DEFAULT_SEED) -> list[str]:
     return keys
 
 
-def procedural_library(seed: int = DEFAULT_SEED) -> Library:
+def procedural_library() -> Library:
     """The procedural library from the user's cache, made there first if it is absent or damaged."""
-    place = cache.cache_folder() / f"procedural-{_code_hash(seed)}"
+    place = cache.cache_folder() / f"procedural-{_code_hash()}"
     if place.is_dir():
         try:
             return _named(Library.load(place))
         except BusybotError:
             with contextlib.suppress(OSError):
                 remove(place)
-    _build_into(place, seed)
+    _build_into(place)
     return _named(Library.load(place))
 
 
@@ -67,12 +67,12 @@ def _named(library: Library) -> Library:
     return replace(library, name="procedural")
 
 
-def _build_into(place: Path, seed: int) -> None:
+def _build_into(place: Path) -> None:
     try:
         make_folder(place.parent)
         remove_abandoned(place.parent, "procedural")
         with unfinished(place.parent, "procedural") as made:
-            make_library(made, seed)
+            make_library(made)
             try:
                 rename(made, place)
             except OSError:
@@ -84,9 +84,9 @@ def _build_into(place: Path, seed: int) -> None:
         ) from None
 
 
-def _code_hash(seed: int) -> str:
-    """Names the library that this code makes from this seed."""
-    digest = hashlib.sha256(str(seed).encode())
+def _code_hash() -> str:
+    """Names the library that this code makes from its seed."""
+    digest = hashlib.sha256(str(DEFAULT_SEED).encode())
     sources = [entry for entry in resources.files("busybot.objects.procedural").iterdir() if entry.name.endswith(".py")]
     for entry in sorted(sources, key=lambda entry: entry.name):
         digest.update(entry.read_bytes())

@@ -130,7 +130,7 @@ def explore(task: Prepared, scene: BoardScene, contacts: Contacts, sight: Sight,
         image = scene.observe()
         features = sight.see(Frame(image.rgb, image.depth))
         last = away[number] >= MAX_STEPS
-        offered, choices = offer(() if last else contacts.propose(image))
+        offered, choices = offer(() if last else contacts.propose(image.observation(scene.camera)))
         leads, worked = np.full(CHOICES, -1), np.full(CHOICES, -1)
         leads[STOP] = number
         for row, (contact, direction) in enumerate(choices, start=1):

@@ -12,6 +12,7 @@ from busybot.plan.learned.network import NetConfig, PolicyNetwork
 from busybot.reason.models import WEIGHTS_FILE
 from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
 from busybot.training.model_folder import find_folder, read_info, write_info
+from busybot.training.weights import drawing_nothing
 
 Name = Literal["bc", "ppo"]
 
@@ -56,7 +57,8 @@ def read_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, Poli
     info = read_info(folder, PolicyInfo)
     if info.agent != agent:
         raise BusybotError(f"{folder}: a policy of agent {info.agent}, not {agent}", f"name it as {info.agent}")
-    network = PolicyNetwork(info.net)
+    with drawing_nothing():
+        network = PolicyNetwork(info.net)
     load_weights(network, load_tensors(folder / WEIGHTS_FILE).tensors, folder / WEIGHTS_FILE)
     return info, network.eval()
 

@@ -1,21 +1,21 @@
-"""Who chooses the actions while episodes are collected.
+"""Policies that need no model.
 
 `random` knows only the picture (the paper's inferior policy, row "w/o exploration" of Table 2). `scripted` knows the
 joints: an oracle, for bounds and tests, marked as such in every episode.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import cv2
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.sim.interaction import InteractionConfig, permitted, pull
 from busybot.sim.parts import TriggerJoint
+from busybot.sim.policy import Action, AnyPolicyFactory, Policy, StatelessPolicy, privileged
 from busybot.sim.scene import BoardScene
 
 ELEVATION = 0.01
@@ -25,85 +25,45 @@ SMALLEST_TARGET = 3
 TRIES = 6
 
 
-@dataclass(frozen=True)
-class Action:
-    """A pixel (u, v) to take hold of and the indices of the directions to try, one in the usual case."""
-
-    pixel: tuple[int, int]
-    directions: tuple[int, ...]
-
-
-class Policy(Protocol):
-    """Chooses actions from what the camera shows, and is told what came of them."""
-
-    name: str
-    oracle: bool
-
-    def choose(self, image: Image, rng: np.random.Generator) -> Action | None:
-        """The next action; None to end the episode here."""
-        ...
-
-    def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
-        """What the agent perceives of its own action: the directions executed, the pixel reward, the image after."""
-
-
-class Chooser(Protocol):
-    """Makes a board's policy. It is handed to worker processes: plain data that loads what it needs at first use."""
-
-    @property
-    def name(self) -> str: ...
-
-    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy: ...
-
-
-class Forgetful:
-    """A policy whose choices do not depend on what came of earlier ones."""
-
-    def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
-        pass
-
-
-class RandomPolicy(Forgetful):
+class RandomPolicy(StatelessPolicy):
     """A random elevated pixel and a random direction."""
 
-    name, oracle = "random", False
+    name = "random"
 
     def __init__(self, rays: Rays):
         self._rays = rays
 
-    def choose(self, image: Image, rng: np.random.Generator) -> Action:
-        if image.depth is None:
-            raise BusybotError("the random policy needs depth images")
-        elevated = np.flatnonzero(self._rays.heights(image.depth) > ELEVATION)
-        chosen = int(rng.choice(elevated)) if len(elevated) else int(rng.integers(image.depth.size))
-        row, column = divmod(chosen, image.depth.shape[1])
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
+        depth = observation.depth
+        elevated = np.flatnonzero(self._rays.heights(depth) > ELEVATION)
+        chosen = int(rng.choice(elevated)) if len(elevated) else int(rng.integers(depth.size))
+        row, column = divmod(chosen, depth.shape[1])
         return Action((column, row), (int(rng.integers(len(DIRECTIONS))),))
 
 
-class ScriptedPolicy(Forgetful):
+class ScriptedPolicy(StatelessPolicy):
     """A random visible trigger link, held well inside, moved towards another state.
 
     Candidate directions are ordered by how well they follow the joint, then tried in the simulator and undone; the
     first one that reaches the wanted state is proposed.
     """
 
-    name, oracle = "scripted", True
+    name = "scripted"
 
     def __init__(self, scene: BoardScene, rays: Rays, config: InteractionConfig):
         self._scene, self._rays, self._config = scene, rays, config
 
-    def choose(self, image: Image, rng: np.random.Generator) -> Action:
-        assert image.segmentation is not None and image.depth is not None
-        visible = visible_links(self._scene, image.segmentation)
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
+        visible = visible_links(self._scene, privileged(observation).segmentation)
         if not visible:
-            return RandomPolicy(self._rays).choose(image, rng)
+            return RandomPolicy(self._rays).select_action(observation, rng)
         number, mask = visible[int(rng.integers(len(visible)))]
         joint = self._scene.triggers[number]
         others = [state for state in range(joint.link.states) if state != joint.state]
         wanted = others[int(rng.integers(len(others)))]
         fallback: Action | None = None
         for pixel in interior_pixels(mask, rng, TRIES):
-            point = self._rays.point(image.depth, pixel)
+            point = self._rays.point(observation.depth, pixel)
             direction, reached = direction_to(self._scene, number, point, wanted, self._config)
             if direction is not None and reached == wanted:
                 return Action(pixel, (direction,))
@@ -169,14 +129,29 @@ def interior_pixels(mask: np.ndarray, rng: np.random.Generator, count: int) -> l
 
 
 @dataclass(frozen=True)
-class BuiltIn:
-    """The policies that need no model: `random` and `scripted`."""
+class RandomFactory:
+    """Makes `RandomPolicy`."""
 
-    name: str
+    name: str = RandomPolicy.name
 
-    def __post_init__(self) -> None:
-        if self.name not in ("random", "scripted"):
-            raise BusybotError(f"unknown policy {self.name!r}", "choose random, learned or scripted")
+    def make_policy(self, rays: Rays) -> Policy:
+        return RandomPolicy(rays)
 
-    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
-        return RandomPolicy(rays) if self.name == "random" else ScriptedPolicy(scene, rays, config)
+
+@dataclass(frozen=True)
+class ScriptedFactory:
+    """Makes `ScriptedPolicy`."""
+
+    name: str = ScriptedPolicy.name
+
+    def make_oracle(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+        return ScriptedPolicy(scene, rays, config)
+
+
+def builtin_factory(name: str) -> AnyPolicyFactory:
+    """The factory of a policy that needs no model, `random` or `scripted`; refuses other names."""
+    factories: tuple[AnyPolicyFactory, ...] = (RandomFactory(), ScriptedFactory())
+    for factory in factories:
+        if factory.name == name:
+            return factory
+    raise BusybotError(f"unknown policy {name!r}", "choose random, learned or scripted")

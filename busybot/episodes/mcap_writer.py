@@ -188,14 +188,12 @@ def _write_picture(topic: str, data: bytes, image_format: str, frame: int) -> No
 
 def _write_step(episode: Episode, index: int, step: Step) -> None:
     values = episode.values(index)
-    told: dict[str, dict[str, Any]] = {topics.STEP: {}, topics.STEP_TRUTH: {"index": index}}
     for field in STEP_FIELDS:
-        if field.wire:
-            value = values[field.name]
-            parts = zip(field.wire_names, value if field.wire.each else (value,), strict=True)
-            told[topics.STEP_TRUTH if field.privileged else topics.STEP] |= parts
-    for topic, fields in told.items():
-        _log_own(topic, index, **fields)
+        if field.wire and field.wire.each:
+            values |= zip(field.wire_names, values[field.name], strict=True)
+    for topic in (topics.STEP, topics.STEP_TRUTH):
+        names = message_class(topics.OWN[topic]).DESCRIPTOR.fields_by_name
+        _log_own(topic, index, **{name: values[name] for name in names})
     _log(topics.SCENE, scene.action(step, index).encode(), index)
     _log(topics.LOG, scene.sentence(step, index).encode(), index)
 

@@ -9,7 +9,7 @@ Columns marked privileged hold what the protocol ("Who may read what") keeps fro
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
@@ -147,18 +147,18 @@ class StepField:
     tolerance: float = 0.0
     since: str = "1.0"
 
-    @property
+    @cached_property
     def privileged(self) -> bool:
         """Whether learners are kept from it."""
         return self.columns[0].privileged
 
-    @property
+    @cached_property
     def stored(self) -> pa.DataType:
         """Type in the table of the value or of each of its components: the precision that is hashed and compared."""
         kind = self.columns[0].type
         return kind.value_type if pa.types.is_list(kind) else kind
 
-    @property
+    @cached_property
     def wire_names(self) -> tuple[str, ...]:
         """Names of its fields in Protobuf."""
         return tuple(column.name for column in self.columns) if self.wire and self.wire.each else (self.name,)

@@ -19,6 +19,8 @@ from tests.cli.killing import kill_once, kill_once_it_learns
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import SMALL, make_rounds, weights
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
 
 

@@ -1,15 +1,15 @@
 """Whose objects may be given away."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 from busybot.objects.library import Library, find
 from busybot.objects.licence import PARTNET, licences
-from busybot.objects.procedural.build import make_library
 
 
 def test_generated_objects_are_known_by_their_hashes(tmp_path: Path) -> None:
-    make_library(tmp_path / "copy")
+    shutil.copytree(find("procedural").folder, tmp_path / "copy")
     for library in (find("procedural"), Library.load(tmp_path / "copy")):
         found = licences(library.objects.values())
         assert set(found) == set(library.objects)

@@ -9,11 +9,9 @@ import cv2
 import pytest
 
 from busybot.episodes.mcap_reader import read_episode
+from tests.cli.commands import busybot
 
-
-def busybot(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "busybot", *arguments], capture_output=True, text=True, timeout=300)
-
+pytestmark = pytest.mark.usefixtures("in_process")
 
 SMALL = ("--set", "render.width=160", "--set", "render.height=120", "--steps", "3")
 

@@ -19,6 +19,8 @@ from tests.cli.killing import kill_once, kill_once_it_learns
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import SMALL, make_rounds, weights
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
 
 
@@ -54,10 +56,11 @@ def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: 
 
 def test_the_veto_has_its_own_turning_of_crops_and_its_own_doubt(tmp_path: Path, rounds: list[Path]) -> None:
     turned, cards, vetoed = [], [], make_rounds(tmp_path / "vetoed", strict=True)
+    short = ("--set", "rounds=[{boards: 1, steps: 1, position: 1, direction: 1}]")
     set_, otherwise = ("--set", "interaction.strict=true"), ("--set", "direction.augmentation.transposed=0.5")
     for number, more in enumerate(((), ("--strict",), set_, ("--strict", *otherwise))):
         out = tmp_path / str(number)
-        result = run(*arguments(out, vetoed if more else rounds, *more))
+        result = run(*arguments(out, (vetoed if more else rounds)[1:], *short, *more))
         assert result.exit_code == 0, result.stderr
         turned.append(json.loads((out / "train.json").read_text())["config"]["direction"]["augmentation"]["transposed"])
         cards.append(json.loads((out / "model" / "model.json").read_text())["thresholds"])

@@ -21,6 +21,8 @@ from busybot.reason.baselines import Persistence
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 QUICK = ("iterations=4", "batch=4", "loop.judge=2", "net.hidden=16", "net.token=16")
 
 

@@ -18,6 +18,8 @@ from busybot.objects.resolve import find
 from busybot.sim.interaction import InteractionConfig
 from tests.interact.fakes import TruthFactory
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 CONFIG = EvaluateConfig(actions=4)
 CHOOSER = TruthFactory(config=PolicyConfig(temperature=1))  # what knows the truth has no doubt about directions
 KEYS = {

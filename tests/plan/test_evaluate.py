@@ -1,5 +1,7 @@
 """Agents on tasks of procedural objects: measured, continued, recorded; and their failures' causes."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -35,18 +37,21 @@ from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, Simulator
 from tests.reach import reachable
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 AGENTS = ["search", "noop", "oracle"]
 MODEL = "procedural"
 BOARDS_CONFIG = BoardConfig(boards=2, split="novel-object", tasks="one-to-many", seed=5)
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+def dataset(tmp_path_factory: pytest.TempPathFactory, work_here: Callable[[], AbstractContextManager[None]]) -> Dataset:
     """Two tasks with histories of 16 scripted actions."""
     path = tmp_path_factory.mktemp("tasks") / "data"
     library = find("procedural")
     found = create_dataset(path, BOARDS_CONFIG, library)
-    collect(found, library, CollectConfig(policy="scripted", steps=16), workers=1)
+    with work_here():
+        collect(found, library, CollectConfig(policy="scripted", steps=16), workers=1)
     return found
 
 

@@ -32,8 +32,6 @@ from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
 
-pytestmark = pytest.mark.usefixtures("in_process")
-
 AGENTS = ["search", "noop", "oracle"]
 MODEL = "procedural"
 BOARDS_CONFIG = BoardConfig(boards=2, split="novel-object", tasks="one-to-many", seed=5)

@@ -9,8 +9,6 @@ from typer.testing import CliRunner, Result
 from busybot.cli.eval_plan import print_tables
 from busybot.cli.main import app
 
-pytestmark = pytest.mark.usefixtures("in_process")
-
 
 def run(*arguments: object) -> Result:
     return CliRunner().invoke(app, [*map(str, arguments)])

@@ -30,7 +30,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Samples:
 
 
 def job_for(kind: Kind, folder: Path, inputs: Inputs = "depth") -> PaperJob:
-    config = PaperConfig().learn(kind).model_copy(update={"batch": 4, "iterations": 3})
+    config = PaperConfig().learn(kind).model_copy(update={"batch": 2, "iterations": 3})
     return PaperJob(
         kind=kind,
         inputs=inputs,

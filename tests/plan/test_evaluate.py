@@ -37,8 +37,6 @@ from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, Simulator
 from tests.reach import reachable
 
-pytestmark = pytest.mark.usefixtures("in_process")
-
 AGENTS = ["search", "noop", "oracle"]
 MODEL = "procedural"
 BOARDS_CONFIG = BoardConfig(boards=2, split="novel-object", tasks="one-to-many", seed=5)

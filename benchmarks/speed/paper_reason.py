@@ -3,8 +3,9 @@
     python -m benchmarks.speed.paper_reason [--iterations 3] [--boards 64] [--threads 1] [--out FILE]
 
 Iterations of the paper's size (64 boards of 30 steps, 10 objects, 23 images to infer from) are timed in every form of
-the networks: the plain one, with every pair of nodes joined in every frame; the fast one on the same pairs; the fast
-one on trigger-responder pairs; and that with matrices multiplied in bfloat16. The boards are made up: their numbers do
+the networks: the plain one, with every pair of nodes joined in every frame before it is multiplied; the fast one, which
+multiplies nodes before, on the same pairs and on trigger-responder pairs; and that with matrices multiplied in
+bfloat16. The boards are made up: their numbers do
 not matter to the cost. Forms that would take too long are timed on fewer boards (`--dense-boards`) and scaled up.
 
 The whole schedule (10,000 boards, 200 epochs of 157 iterations) is an extrapolation from the medians; nothing is said
@@ -23,16 +24,13 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
-from torch.nn import functional
 
 from benchmarks.runner import finish, parser
 from busybot.evaluation.results import package_versions
-from busybot.reason import paper_dense as dense
-from busybot.reason.paper_boards import Boards, Frames, boards_of
+from busybot.reason.paper_boards import boards_of
 from busybot.reason.paper_config import PaperReasonConfig
 from busybot.reason.paper_fit import iterate, make_network, make_optimizer
-from busybot.reason.paper_networks import PaperNetwork
+from busybot.reason.paper_parts import factor
 from busybot.reason.sequence import CHANNELS, Sequence
 from busybot.rng import generator
 from busybot.training.device import device
@@ -59,47 +57,16 @@ def made_up(rng: np.random.Generator) -> Sequence:
     return Sequence(features.astype(np.float32), positions, actions, acted, is_trigger, ~is_trigger)
 
 
-def plain_iteration(
-    network: PaperNetwork, optimizer: torch.optim.Optimizer, boards: Boards, config: PaperReasonConfig
-) -> None:
-    """An iteration in the plain form; every board has as many nodes."""
-    count, nodes = len(boards.sizes), boards.sizes[0]
-    there = torch.ones(count, nodes, dtype=torch.bool, device=boards.features.device)
-    masks = dense.Masks(there, ~torch.eye(nodes, dtype=torch.bool, device=there.device).expand(count, -1, -1))
-    noise = -torch.empty(*masks.pairs.shape, 2, device=there.device).exponential_().log()
-    following, after = boards.predicted(config.images)
-    graph = dense.infer(network, *joined(boards.observed(config.images), count), masks, noise)
-    predicted = dense.predict(network, *joined(following, count), graph, masks)
-    responders = boards.responders.view(count, nodes)
-    expected = after.view(count, nodes, -1, CHANNELS)
-    loss = functional.mse_loss(predicted.transpose(1, 2)[responders], expected[responders])
-    optimizer.zero_grad()
-    loss.backward()
-    optimizer.step()
-
-
-def joined(frames: Frames, boards: int) -> tuple[Tensor, Tensor]:
-    """States and actions of every node, (B, F, N, ...)."""
-    states = frames.states.view(boards, -1, *frames.states.shape[1:]).transpose(1, 2)
-    actions = frames.actions.new_zeros(len(frames.states), frames.states.shape[1], 6)
-    board, frame = torch.nonzero(frames.actors >= 0, as_tuple=True)
-    actions[frames.actors[board, frame], frame] = frames.actions[board, frame]
-    return states, actions.view(boards, -1, *actions.shape[1:]).transpose(1, 2)
-
-
 def measure(form: str, sequences: list[Sequence], iterations: int) -> dict[str, Any]:
     """Seconds per iteration of 64 boards."""
     config = PaperReasonConfig.model_validate(FORMS[form])
     network = make_network(config, 0).to(device())
-    assert isinstance(network, PaperNetwork)
+    factor(network, not form.startswith("plain"))
     optimizer = make_optimizer(network, config)
     boards = boards_of(sequences, config.network).to(device())
 
     def once(number: int) -> None:
-        if form.startswith("plain"):
-            plain_iteration(network, optimizer, boards, config)
-        else:
-            iterate(network, optimizer, boards, config, generator(0, "", number, "benchmark"))
+        iterate(network, optimizer, boards, config, generator(0, "", number, "benchmark"))
         if device().type == "cuda":
             torch.cuda.synchronize()
 
@@ -108,7 +75,7 @@ def measure(form: str, sequences: list[Sequence], iterations: int) -> dict[str, 
     hours = config.epochs * math.ceil(BOARDS / config.batch) * scale / 3600
     return {
         "boards": len(sequences),
-        "pairs": len(boards.receivers),
+        "pairs": boards.edge_index.shape[1],
         "iterations": iterations,
         "seconds": round(scale * float(np.median(wall)), 2),
         "cpu_seconds": round(scale * float(np.median(cpu)), 2),

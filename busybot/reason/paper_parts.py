@@ -86,7 +86,7 @@ class EdgeFunction(GraphModule):
         if not self.factored:
             return self.edge_updater(edge_index, x=nodes, edge_attr=edges)
         width = nodes.shape[-1]
-        received = self.linear(nodes, slice(width), bias=not self.bias_of_edges)
+        received = self.linear(nodes, slice(width), bias=edges is None or not self.bias_of_edges)
         sent = self.linear(nodes, slice(width, 2 * width), bias=False)
         own = None if edges is None else self.linear(edges, slice(2 * width, None), bias=self.bias_of_edges)
         return self.edge_updater(edge_index, x=(sent, received), edge_attr=own)

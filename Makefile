@@ -2,19 +2,23 @@
 PYTHON ?= python3
 BIN := .venv/bin
 PYTEST_ARGS ?=
+WORKERS ?= auto
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 4 --dist worksteal
 PROFILE ?= smoke
 
-.PHONY: help setup demo test test-all lint reproduce dvc lock check-resolve clean
+.PHONY: help setup demo test test-all lint reproduce dvc extras lock check-resolve clean
 
 help:
 	@echo "make demo           set up and run the demo: boards, recordings, relations, a report and pictures"
-	@echo "make test           set up and run the fast tests"
-	@echo "make test-all       the same with the long tests, the linter and the type checker"
-	@echo "make lint           the linter and the type checker"
+	@echo "make test           set up and run the fast tests, in as many processes as there are processors, 4 at most"
+	@echo "                    (WORKERS=N: in N; WORKERS=0: in one, as a debugger needs it)"
+	@echo "make test-all       the linter, the type checker and all tests, with the optional packages and DVC"
+	@echo "make lint           the linter, the type checker, and is the documentation what is generated?"
 	@echo "make reproduce      run the whole pipeline, PROFILE=smoke by default; what is up to date is not run again"
 	@echo "                    (ASSETS=DIR names the objects of the profiles laptop and paper)"
 	@echo "make setup          only set up: .venv, pinned packages, a Vulkan driver"
-	@echo "make lock           write requirements/lock.txt anew from pyproject.toml (needs the registry)"
+	@echo "make extras         install the optional packages: Ray, causal-learn, Stable-Baselines3"
+	@echo "make lock           write the locks in requirements/ anew from pyproject.toml (needs the registry)"
 	@echo "make check-resolve  do the pins resolve for every supported Python? (needs the registry)"
 
 setup:
@@ -24,17 +28,21 @@ demo: setup
 	@$(BIN)/busybot demo
 
 test: setup
-	@$(BIN)/python -m pytest -m "not long" $(PYTEST_ARGS)
+	@$(PYTEST) -m "not long" $(PYTEST_ARGS)
 
-test-all: setup lint dvc
-	@$(BIN)/python -m pytest $(PYTEST_ARGS)
+test-all: setup lint dvc extras
+	@$(PYTEST) --require-extras $(PYTEST_ARGS)
 
 lint: setup
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
+	@$(BIN)/python -m tools.docs --check
 
 dvc: setup
-	@$(PYTHON) -m provision.dvc
+	@$(PYTHON) -m provision.extras dvc
+
+extras: setup
+	@$(PYTHON) -m provision.extras packages
 
 # The chosen profile's values become params.yaml; DVC runs what changed and goes on where it was interrupted.
 reproduce: dvc
@@ -45,17 +53,22 @@ reproduce: dvc
 
 UV_COMPILE := $(BIN)/uv pip compile --quiet --no-emit-index-url --no-annotate
 TORCHLESS := --excludes requirements/without-cuda.txt --no-emit-package torch
+EXTRAS := --extra cluster --extra causal --extra baselines
 
+# The lock of the optional packages lists what they need beside the base, and takes the base as it is locked.
 lock: setup
 	@$(UV_COMPILE) --universal --python-version 3.11 --generate-hashes --upgrade $(TORCHLESS) \
 		--custom-compile-command "make lock" --extra dev -o requirements/lock.txt pyproject.toml
+	@$(UV_COMPILE) --universal --python-version 3.11 --generate-hashes --upgrade $(TORCHLESS) \
+		$$(sed -n 's/^\([a-z0-9._-]*\).*==.*/--no-emit-package \1/p' requirements/lock.txt) \
+		-c requirements/lock.txt --custom-compile-command "make lock" $(EXTRAS) -o requirements/extras.txt pyproject.toml
 	@echo "dvc[s3]" | $(UV_COMPILE) --universal --python-version 3.11 --generate-hashes --upgrade \
 		--custom-compile-command "make lock" -o requirements/dvc.txt -
 
 # Built packages only, for the platform that the set-up knows; with and without CUDA, and the extras.
 check-resolve: setup
 	@for version in 3.11 3.12 3.13; do \
-		for input in requirements/lock.txt "pyproject.toml --extra dev --extra cluster --extra causal --extra baselines"; do \
+		for input in requirements/lock.txt "pyproject.toml --extra dev $(EXTRAS)"; do \
 			$(UV_COMPILE) --no-header --only-binary :all: --python-version $$version \
 				--python-platform x86_64-manylinux_2_36 $$input > .resolved.txt || exit 1; \
 			echo "Python $$version: $$input: $$(wc -l < .resolved.txt) packages resolve"; \

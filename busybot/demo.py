@@ -16,12 +16,13 @@ from busybot.boards.task import least_steps, start_states, task_of
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
-from busybot.files import write_atomically, write_json
-from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser, load_once, policy_config
+from busybot.files import make_folder, write_atomically, write_json
+from busybot.interact.chooser import DEFAULT_MODEL, LearnedPolicyFactory, load_once, policy_config
 from busybot.interact.trace import Thought, retrace
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.plan.evaluate import evaluate
 from busybot.plan.player import PlanConfig
 from busybot.reason.evaluate import Judging, evaluate_dataset
@@ -31,7 +32,7 @@ from busybot.reason.result import InferredGraph
 from busybot.sim.collect import CollectConfig, collect
 from busybot.view import figures
 from busybot.view.affordance_figure import affordance_figure
-from busybot.view.demo_report import Story, demo_report
+from busybot.view.report.demo import Story, demo_report
 from busybot.view.rerun_log import Layers, save_rrd
 from busybot.view.screenshot import save_screenshot
 from busybot.view.sequence_figure import sequence_figure
@@ -115,8 +116,8 @@ def run_demo(
 def _collect(path: Path, config: BoardConfig, library: Library, workers: int, say: Say, model: str) -> Dataset:
     dataset = create_dataset(path, config, library)
     say(f"acting {STEPS} times on {'each' if config.boards > 1 else 'it'} and recording what happens")
-    chooser, acting = LearnedChooser(model, "collect"), CollectConfig(policy="learned", steps=STEPS)
-    collect(dataset, library, acting, min(workers, config.boards), None, chooser, chooser.provenance())
+    factory, acting = LearnedPolicyFactory(model, "collect"), CollectConfig(policy="learned", steps=STEPS)
+    collect(dataset, library, acting, min(workers, config.boards), None, factory, factory.provenance())
     return dataset
 
 
@@ -149,7 +150,7 @@ def most_telling(boards: list[BoardSpec]) -> int:
 def _figures(
     folder: Path, episodes: list[Episode], chosen: int, inferred: InferredGraph, thoughts: list[Thought]
 ) -> dict[str, Path]:
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder, folder.parent)
     episode = episodes[chosen]
     return {
         "boards": figures.boards_figure(folder / "boards.png", episodes, named=chosen),

@@ -1,6 +1,6 @@
 """Trained models as files: which there are, what their folders say about them, and whether they are whole.
 
-A model is a folder with `model.json` and weights as safetensors, whatever the skill; `interact.model` and
+A model is a folder with `model.json` and weights as safetensors, whatever the skill; `interact.affordance.load` and
 `reason.models` load them. Here only `verify` needs torch: it loads the weights into the networks.
 """
 
@@ -215,9 +215,9 @@ def _values(file: Path) -> int:
 
 
 def _load_interact(folder: Path, _: str) -> None:
-    from busybot.interact.model import Model
+    from busybot.interact.affordance.load import load_model
 
-    Model.load(folder)
+    load_model(folder)
 
 
 def _load_reason(folder: Path, _: str) -> None:

@@ -217,12 +217,20 @@ def end_with(parent: int) -> None:
             os._exit(1)
 
 
+def _use_one_thread() -> None:
+    """Let networks use one thread in this process: there are as many workers as cores, more would only wait."""
+    os.environ["OMP_NUM_THREADS"] = "1"  # read by PyTorch when it is imported, which a task may do
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)
+
+
 def _main(
     pipe: Connection, parent: int, make_work: Callable[..., Callable[[int], Any]], arguments: tuple[Any, ...]
 ) -> None:
     """A worker's life: set up, then one task after the other until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt means
     end_with(parent)
+    _use_one_thread()
     work: Callable[[int], Any] | None = None
     while True:
         try:

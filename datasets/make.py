@@ -23,7 +23,8 @@ from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from busybot.files import scan, write_json
 from busybot.objects.catalogue import kinds
-from busybot.objects.library import SPLIT_FILE, Library, find
+from busybot.objects.library import SPLIT_FILE, Library
+from busybot.objects.resolve import find
 from busybot.objects.snapshot import read_snapshot
 from busybot.sim.collect import CollectConfig, collect
 

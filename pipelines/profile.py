@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from busybot.config import build
 from busybot.errors import BusybotError, naming
 from busybot.files import write_atomically
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 
 FOLDER = Path(__file__).resolve().parent
 PARAMS = "params.yaml"

@@ -2,7 +2,8 @@
 
     python -m pipelines.summary runs/smoke
 
-Reads what the other stages left behind; writes `metrics.json` and `curves.tsv` beside it.
+Reads what the other stages left behind; writes `metrics.json` and `curves.tsv` beside it, in the forms that DVC asks
+for, which are numbers alone: where they come from is told by the results that they are taken from.
 """
 
 import csv

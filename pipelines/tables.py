@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from busybot.files import read_json, write_json
-from busybot.view.protocol import PLANNING, REASONING
-from busybot.workers import machine
+from busybot.evaluation.reference_tables import PLANNING, REASONING
+from busybot.evaluation.results import stamp, write_result
+from busybot.files import read_json
 from pipelines.stage import STATE, Note, note_of
 
 NOVEL = ("novel-config", "novel-object")
@@ -124,11 +124,12 @@ def main() -> None:
         result["dataset"]["assets"] for row in tables["table1"].values() for result in map(row.get, NOVEL) if result
     }
     shutil.rmtree(run / "tables", ignore_errors=True)
+    command = f"python -m pipelines.tables {run.as_posix() if not run.is_absolute() else 'RUN'}"
     for name, rows in tables.items():
-        about = {"assets": ", ".join(sorted(assets)), "machine": machine()}
-        write_json(run / "tables" / f"{name}.json", {**about, "rows": rows})
+        figures = {"assets": ", ".join(sorted(assets)), "rows": rows}
+        write_result(run / "tables" / f"{name}.json", {**stamp(name, command=command), **figures})
     stages = {name: {"seconds": note.seconds, "done": note.done} for name, note in notes(run)}
-    write_json(run / "tables" / "stages.json", {"machine": machine(), "stages": stages})
+    write_result(run / "tables" / "stages.json", {**stamp("stages", command=command), "stages": stages})
 
 
 if __name__ == "__main__":

@@ -1,11 +1,31 @@
-"""Fixtures for all tests: the real objects where they are, and the number of skipped tests at the end."""
+"""Fixtures for all tests: the real objects where they are, what the test processes of one run share, and work that
+is done in the test's own process; and at the end the number of skipped tests.
 
+Each test process computes with one thread: several processes run at a time, and their threads would only wait for each
+other.
+"""
+
+import fcntl
 import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # read when torch and numpy are imported, here and in child processes
+
+Once = Callable[[str, Callable[[Path], object]], Path]
+"""See the fixture `once`."""
+FEW = {
+    *("rocker", "toggle", "rockers", "joystick"),
+    *("bulb", "cone", "globe", "tube"),
+    *("flush", "safe", "duck", "car"),
+}
+"""Families of the fixture `few_objects`: a switch of each role, lamps, doors, toys."""
 
 
 def real_objects(variable: str, folder: str) -> Path | None:
@@ -39,15 +59,131 @@ def tiny() -> Path:
     return ROOT / "datasets" / "tiny"
 
 
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tests leave the user's cache alone: one cache of the test run, shared by all of its tests."""
+@pytest.fixture(scope="session")
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A temporary folder of the whole run, the same in all of its processes."""
     base = tmp_path_factory.getbasetemp()
-    monkeypatch.setenv("BUSYBOT_CACHE", str(base / "busybot-cache"))
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
+@pytest.fixture(scope="session")
+def once(run_folder: Path) -> Once:
+    """`once(name, make)`: the folder that `make(folder)` fills, called by the first process that asks for `name`.
+
+    Others wait and get the same folder. It is not to be changed: tests that change something copy from it.
+    """
+
+    def shared(name: str, make: Callable[[Path], object]) -> Path:
+        folder, done = run_folder / "shared" / name, run_folder / "shared" / f"{name}.done"
+        done.parent.mkdir(exist_ok=True)
+        with done.with_suffix(".lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not done.exists():
+                make(folder)
+                done.touch()
+        return folder
+
+    return shared
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(run_folder: Path, once: Once) -> Iterator[None]:
+    """Tests leave the user's cache alone: one cache of the whole run, with a procedural library that is made once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BUSYBOT_CACHE", str(run_folder / "busybot-cache"))
+        if "PYTEST_XDIST_WORKER" in os.environ:  # else who needs it makes it
+            from busybot.objects.procedural.build import procedural_library
+
+            once("library", lambda folder: procedural_library())
+        yield
+
+
+@pytest.fixture(scope="session")
+def few_objects(once: Once) -> Callable[[int], Path]:
+    """`few_objects(seed)`: a library of a dozen procedural objects, enough for training boards of all kinds.
+
+    With seed 0 they are among those of the default library, with another seed they are not.
+    """
+
+    def make(folder: Path, seed: int) -> None:
+        from busybot.objects.procedural import build
+
+        families = tuple(replace(family, count=1) for family in build.FAMILIES if family.name in FEW)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(build, "FAMILIES", families)
+            build.make_library(folder, seed)
+
+    return lambda seed: once(f"few-objects-{seed}", lambda folder: make(folder, seed))
+
+
+def run_tasks_here(
+    tasks: Iterable[int],
+    make_work: Callable[..., Callable[[int], Any]],
+    arguments: tuple[Any, ...],
+    workers: int,
+    recycle: int = 0,
+    task_seconds: float = 0,
+) -> Iterator[tuple[int, Any]]:
+    """As `run_tasks`, without processes; what would go to a process and come back is pickled all the same."""
+    import pickle
+
+    from busybot.errors import BusybotError
+
+    make_work, arguments = pickle.loads(pickle.dumps((make_work, arguments)))
+    work = None
+    for task in tasks:
+        try:
+            work = work or make_work(*arguments)
+            result = pickle.loads(pickle.dumps(work(task)))
+        except BusybotError as error:
+            raise BusybotError(*pickle.loads(pickle.dumps((error.what, error.mend)))) from None
+        except Exception as error:
+            raise BusybotError(f"task {task}: {type(error).__name__}: {error}") from error
+        yield task, result
+
+
+@pytest.fixture(scope="session")
+def work_here() -> Callable[[], AbstractContextManager[None]]:
+    """In `with work_here():` worker processes' work is done here, for fixtures that outlive a test.
+
+    The code is changed, not the name: modules have `run_tasks` under names of their own.
+    """
+    from busybot.workers import run_tasks
+
+    @contextmanager
+    def patched() -> Iterator[None]:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(run_tasks, "__code__", run_tasks_here.__code__)
+            yield
+
+    return patched
+
+
+@pytest.fixture
+def in_process(work_here: Callable[[], AbstractContextManager[None]]) -> Iterator[None]:
+    """Work for worker processes is done here: a test about something else does not wait until they have started."""
+    with work_here():
+        yield
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--require-extras", action="store_true", help="fail if a test is skipped for want of a package")
+
+
+def reasons(config: pytest.Config) -> list[str]:
+    """Why tests were skipped, once each."""
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    skipped = reporter.stats.get("skipped", []) if reporter is not None else []
+    return sorted({str(report.longrepr[2]) for report in skipped if isinstance(report.longrepr, tuple)})
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    absent = [reason for reason in reasons(session.config) if "not installed" in reason]
+    if absent and session.config.getoption("--require-extras"):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    skipped = terminalreporter.stats.get("skipped", [])
-    terminalreporter.write_line(f"skipped tests: {len(skipped)}")
-    for reason in sorted({str(report.longrepr[2]) for report in skipped if isinstance(report.longrepr, tuple)}):
+    terminalreporter.write_line(f"skipped tests: {len(terminalreporter.stats.get('skipped', []))}")
+    for reason in reasons(terminalreporter.config):
         terminalreporter.write_line(f"  {reason}")

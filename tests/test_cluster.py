@@ -15,7 +15,7 @@ from busybot.errors import BusybotError
 
 os.environ[ONLY_HERE] = "0"  # Ray reads it when it is imported
 
-ray = pytest.importorskip("ray", reason="the extra `cluster` is not installed: pip install 'busybot[cluster]'")
+ray = pytest.importorskip("ray", reason="Ray is not installed: `make extras`")
 pytestmark = pytest.mark.long
 
 
@@ -77,7 +77,8 @@ def test_faults_are_told_as_they_are() -> None:
 
 
 def test_it_records_what_the_local_engine_records(tmp_path: Path) -> None:
-    from tests.cli.test_generate_collect import SMALL, busybot
+    from tests.cli.commands import busybot
+    from tests.cli.test_generate_collect import SMALL
 
     hashes = []
     for engine in ("local", "ray"):

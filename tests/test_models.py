@@ -1,21 +1,26 @@
 """Trained models as files, and the commands about them."""
 
 import json
+import os
 import shutil
+import signal
 from pathlib import Path
 
 import pytest
+import torch
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.errors import BusybotError
-from busybot.interact.model import Model
+from busybot.interact.affordance.load import load_model
 from busybot.models import about, find, models_below, shipped_models, verify
-from busybot.plan.learned.network import PolicyInfo, PolicyNetwork
+from busybot.plan.learned.network import PolicyInfo, PolicyNetwork, read_policy
 from busybot.reason.event_config import EventConfig, NetConfig
 from busybot.reason.event_net import EventNet
-from busybot.reason.models import ModelInfo
+from busybot.reason.models import ModelInfo, load_reasoner
 from busybot.training.checkpoint import save_model
+from busybot.training.device import threads
+from tests.reason.boards import make_boards
 
 CONFIG = EventConfig(net=NetConfig(width=8, heads=2))
 TRAINING = {"seed": 3, "data": [{"name": "d", "assets": "procedural", "seed": 1, "episodes": 4, "content_hash": "ab"}]}
@@ -30,6 +35,33 @@ def folder(tmp_path: Path) -> Path:
     info = ModelInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"), training=TRAINING)
     save_model(tmp_path / "out" / "model", info, EventNet(CONFIG.net, 2.5).state_dict())
     return tmp_path / "out" / "model"
+
+
+@pytest.mark.parametrize("skill", ["interact", "reason", "plan"])
+def test_loading_and_asking_a_model_changes_nothing_in_the_process(
+    skill: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path / "cache"))
+
+    def state() -> list[object]:
+        handlers = [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)]
+        flags = (torch.get_default_dtype(), torch.are_deterministic_algorithms_enabled(), torch.is_grad_enabled())
+        return [torch.get_num_threads(), dict(os.environ), torch.get_rng_state().tolist(), handlers, flags]
+
+    info = PolicyInfo(agent="bc", encoder="embedded")
+    save_model(tmp_path / "bc", info, PolicyNetwork(info.net).state_dict())
+    with threads(2):
+        before = state()
+        if skill == "interact":
+            load_model("procedural")
+        elif skill == "plan":
+            read_policy(tmp_path / "bc", "bc")
+        else:
+            reasoner, seen = load_reasoner("event"), make_boards(1)[0].seen
+            reasoner.graph(seen)
+            reasoner.predict(seen, seen.features[:1], seen.actions[:1], seen.acted[:1])
+        assert state() == before
+    assert not (tmp_path / "cache").exists()
 
 
 def test_policies_that_plan_are_models_like_others(tmp_path: Path) -> None:
@@ -73,7 +105,7 @@ def test_what_is_told_of_a_model_of_ones_own(folder: Path) -> None:
 
 
 def test_saving_records_hashes_for_both_skills(folder: Path, tmp_path: Path) -> None:
-    Model.load("procedural").save(tmp_path / "copy")
+    load_model("procedural").save(tmp_path / "copy")
     for model in (folder, tmp_path / "copy"):
         assert verify(model).ok and verify(model).hashes
 

@@ -45,8 +45,6 @@ def test_outputs_are_small_and_name_no_places(path: Path) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_they_run_and_print_the_same(path: Path) -> None:
-    pytest.importorskip("nbclient")
-    pytest.importorskip("ipykernel")
     from notebooks.run import execute
 
     again = [cell for cell in execute(path).cells if cell.cell_type == "code"]

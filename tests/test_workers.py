@@ -53,6 +53,24 @@ def test_every_task_once_whatever_the_number_of_workers() -> None:
         assert {task: value for task, (value, _) in results.items()} == {task: task * task + 1 for task in range(20)}
 
 
+def counting_threads(unpickled: object) -> Callable[[int], int]:
+    def work(task: int) -> int:
+        import torch
+
+        return torch.get_num_threads()
+
+    return work
+
+
+def test_networks_use_one_thread_in_a_worker_whether_it_imports_them_early_or_late() -> None:
+    import torch  # unpickling one of its types is what imports it early
+
+    before = torch.get_num_threads()
+    for unpickled in (None, torch.float32):
+        assert dict(run_tasks([0], counting_threads, (unpickled,), 1)) == {0: 1}
+    assert torch.get_num_threads() == before
+
+
 def refuse(number: int) -> int:
     raise BusybotError(f"task {number} is refused")
 

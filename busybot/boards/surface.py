@@ -30,9 +30,11 @@ SHADOW, SHADOW_BLUR = 0.5, 0.05
 """How dark it gets beside an object, and how far its soft edge reaches, board units."""
 LAMP_FOOT = 0.8
 """A lamp's box is that of its shade; what it stands on is smaller."""
+SIDE = 512
+"""Of textures, pixels."""
 
 
-def texture(name: str, size: int = 512) -> np.ndarray:
+def texture(name: str, size: int = SIDE) -> np.ndarray:
     """The texture's relief, float32 (size, size) in about 0.6..1; the same on every call.
 
     Raises:
@@ -45,20 +47,20 @@ def texture(name: str, size: int = 512) -> np.ndarray:
     return relief.astype(np.float32)
 
 
-def painted(name: str, color: tuple[float, float, float], size: int = 512) -> np.ndarray:
+def painted(name: str, color: tuple[float, float, float], size: int = SIDE) -> np.ndarray:
     """The texture in a colour, uint8 RGB (size, size, 3)."""
     tinted = texture(name, size)[..., None] * np.array(color, np.float32)
     return np.round(tinted.clip(0, 1) * 255).astype(np.uint8)
 
 
-def contact_shadow(spec: BoardSpec, models: list[ObjectModel], size: int = 512) -> np.ndarray:
-    """Soft darkening around what stands on the board, float32 (size, size) in 0..1; row 0 is the board's lower edge.
+def contact_shadow(spec: BoardSpec, models: list[ObjectModel]) -> np.ndarray:
+    """Soft darkening around what stands on the board, float32 (SIDE, SIDE) in 0..1; row 0 is the board's lower edge.
 
     Args:
         models: of `spec.objects`, in their order.
     """
-    cover = np.zeros((size, size), np.uint8)
-    scale = size / np.array(spec.size)
+    cover = np.zeros((SIDE, SIDE), np.uint8)
+    scale = SIDE / np.array(spec.size)
     for placed, model in zip(spec.objects, models, strict=True):
         low, high = footprint(model, placed.yaw, margin=0.0)
         corner = (np.array(placed.position[:2]) + low + np.array(spec.size) / 2) * scale

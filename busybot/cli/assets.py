@@ -21,7 +21,7 @@ def list_objects(
     json: JsonOption = False,
 ) -> None:
     """Show a library: every object with its role, links, split and sampling weight."""
-    from busybot.objects.library import find
+    from busybot.objects.resolve import find
 
     library = find(folder)
     rows = _rows(library)
@@ -38,11 +38,11 @@ def make(
     json: JsonOption = False,
 ) -> None:
     """Make procedural switches, lamps, doors and toys, as annotated folders. The same seed gives the same bytes."""
-    from busybot.objects.library import Library
     from busybot.objects.procedural.build import make_library
+    from busybot.objects.resolve import load_and_remember
 
     keys = make_library(out, seed)
-    library = Library.load(out)
+    library = load_and_remember(out)
     if json:
         print_json({"folder": out, "seed": seed, "sha256": library.sha256, "objects": keys})
     else:
@@ -196,7 +196,7 @@ def sheet(
     json: JsonOption = False,
 ) -> None:
     """Draw a contact sheet: a portrait of every object, by category and split."""
-    from busybot.objects.library import find
+    from busybot.objects.resolve import find
     from busybot.view.sheet import sheet as draw
 
     check_file("--out", out, "sheet.png")

@@ -11,7 +11,7 @@ from busybot.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.sim.collect import Collected
-    from busybot.sim.policies import Chooser
+    from busybot.sim.policy import AnyPolicyFactory
     from busybot.workers import Engine
 
 
@@ -50,11 +50,11 @@ def collect(
     usual = {"policy": "learned"} if target.info.tasks else None
     parameters = build(CollectConfig, config, set_ or [], options, usual)
     library = library_of(target, assets)
-    chooser, provenance = _chooser(parameters.policy, model, parameters.learned)
+    factory, provenance = _policy_factory(parameters.policy, model, parameters.learned)
     try:
         with episode_progress("collecting") as progress:
             processes = workers or default_workers()
-            result = run(target, library, parameters, processes, progress, chooser, provenance, _engine(engine))
+            result = run(target, library, parameters, processes, progress, factory, provenance, _engine(engine))
     except KeyboardInterrupt:
         say(f"{len(target.finished())} of {target.info.boards} episodes are there; the same command continues")
         raise
@@ -80,8 +80,10 @@ def _engine(name: str) -> "Engine":
     return engines[name]
 
 
-def _chooser(policy: str, model: str | None, learned: dict[str, Any]) -> "tuple[Chooser | None, dict[str, Any] | None]":
-    """Who makes the policies, and what it is made of; nobody for the built-in ones."""
+def _policy_factory(
+    policy: str, model: str | None, learned: dict[str, Any]
+) -> "tuple[AnyPolicyFactory | None, dict[str, Any] | None]":
+    """What makes the policies, and what it is made of; None for the built-in ones."""
     if policy != "learned":
         mend = "leave it out, or say --policy learned"
         if model is not None:
@@ -90,7 +92,7 @@ def _chooser(policy: str, model: str | None, learned: dict[str, Any]) -> "tuple[
             what = f"--set learned.{next(iter(learned))} goes with --policy learned, not with {policy}"
             raise BusybotError(what, mend)
         return None, None
-    from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser
+    from busybot.interact.chooser import DEFAULT_MODEL, LearnedPolicyFactory
 
-    chooser = LearnedChooser(model or DEFAULT_MODEL, "collect", learned)
-    return chooser, chooser.provenance()
+    factory = LearnedPolicyFactory(model or DEFAULT_MODEL, "collect", learned)
+    return factory, factory.provenance()

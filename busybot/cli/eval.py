@@ -56,7 +56,7 @@ def reason(
     from busybot.cli.eval_reason import print_tables
     from busybot.config import build
     from busybot.episodes.dataset import Dataset
-    from busybot.files import write_json
+    from busybot.evaluation.results import write_result
     from busybot.reason.evaluate import Judging, evaluate_dataset
     from busybot.reason.infer import config_class
 
@@ -71,10 +71,10 @@ def reason(
     options = {"model": model, "images": images, "seed": seed, "decoders": decoders}
     result["command"] = _command("reason", dataset, set_, config, **options)
     if out is not None:
-        write_json(out, result)
+        write_result(out, result)
         say(f"wrote {out}")
     if figure is not None:
-        from busybot.view.reason_figure import images_figure
+        from busybot.view.curves import images_figure
 
         say(f"wrote {images_figure(figure, result)}")
     if json:
@@ -113,6 +113,8 @@ def interact(
     from busybot.cli.eval_interact import check_figures, draw_figures, evaluate_model, print_table
     from busybot.config import build
     from busybot.episodes.dataset import Dataset
+    from busybot.evaluation.folder import RESULT
+    from busybot.evaluation.results import write_result
     from busybot.interact.evaluate import EvaluateConfig
 
     check_figures(figures, model, out, record)
@@ -124,6 +126,8 @@ def interact(
         draw_figures(out / "figures", record, model, parameters, figures)
     given = {"model": model, "mode": mode, "seed": seed, "strict": strict, "boards": boards}
     result["command"] = _command("interact", dataset, set_, config, **given)
+    if out is not None:
+        write_result(out / RESULT, result)
     if json:
         print_json(result)
     else:
@@ -169,6 +173,8 @@ def plan(
     from busybot.cli.eval_plan import evaluate_agents, print_tables
     from busybot.config import build
     from busybot.episodes.dataset import Dataset
+    from busybot.evaluation.folder import RESULT
+    from busybot.evaluation.results import write_result
     from busybot.plan.player import PlanConfig
 
     parameters = build(PlanConfig, config, set_ or [], {"boards": boards})
@@ -188,6 +194,8 @@ def plan(
         )
     given = {"agents": agents, "model": model, "policy-model": policy_model, "seed": seed, "boards": boards}
     result["command"] = _command("plan", dataset, set_, config, **given)
+    if out is not None:
+        write_result(out / RESULT, result)
     if json:
         print_json(result)
     else:

@@ -28,25 +28,26 @@ def evaluate_model(
 ) -> dict[str, Any]:
     """Find objects and policy by their names and evaluate."""
     from busybot.episodes.carried import library_of
-    from busybot.interact.chooser import DEFAULT_MODEL, LearnedChooser, usual_mode
+    from busybot.interact.chooser import DEFAULT_MODEL, LearnedPolicyFactory, usual_mode
     from busybot.interact.evaluate import evaluate
     from busybot.interact.policy import mode_named
-    from busybot.sim.policies import BuiltIn, Chooser
+    from busybot.sim.builtin_policies import builtin_factory
+    from busybot.sim.policy import AnyPolicyFactory
     from busybot.workers import default_workers
 
     library = library_of(dataset, assets)
-    chooser: Chooser
+    factory: AnyPolicyFactory
     if model in BUILT_IN:
         if mode or config.learned:
             unused = f"--mode {mode}" if mode else f"--set learned.{next(iter(config.learned))}"
             raise BusybotError(f"{unused} is about a trained model's policy, {model} has none", "leave it out")
-        chooser, provenance = BuiltIn(model), {"model": {"name": model}}
+        factory, provenance = builtin_factory(model), {"model": {"name": model}}
     else:
         named = model or DEFAULT_MODEL
-        chooser = LearnedChooser(named, mode_named(mode) if mode else usual_mode(named), config.learned)
-        provenance = chooser.provenance()
+        factory = LearnedPolicyFactory(named, mode_named(mode) if mode else usual_mode(named), config.learned)
+        provenance = factory.provenance()
     processes = workers or default_workers()
-    return evaluate(dataset, library, chooser, config, seed, processes, progress, out, record, provenance)
+    return evaluate(dataset, library, factory, config, seed, processes, progress, out, record, provenance)
 
 
 def check_figures(figures: int, model: str | None, out: Path | None, record: Path | None) -> None:
@@ -62,7 +63,7 @@ def check_figures(figures: int, model: str | None, out: Path | None, record: Pat
 def draw_figures(folder: Path, record: Path, model: str | None, config: "EvaluateConfig", count: int) -> None:
     """Affordances, known links and actions of the first recorded boards."""
     from busybot.episodes.dataset import Dataset
-    from busybot.episodes.mcap_file import read_episode
+    from busybot.episodes.mcap_reader import read_episode
     from busybot.interact.chooser import DEFAULT_MODEL, load_once, policy_config
     from busybot.interact.trace import retrace
     from busybot.view.affordance_figure import affordance_figure

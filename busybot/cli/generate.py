@@ -32,7 +32,7 @@ def generate(
     from busybot.boards.generate import Redraws
     from busybot.config import build
     from busybot.episodes.create import create_dataset
-    from busybot.objects.library import find
+    from busybot.objects.resolve import find
 
     options = {"split": split, "boards": boards, "relations": relations, "tasks": tasks, "group_size": group_size}
     parameters = build(BoardConfig, config, set_ or [], options | {"seed": seed, "uniform": uniform or None})

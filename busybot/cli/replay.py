@@ -24,7 +24,7 @@ def replay(
     by more than 2/255. Exits with 1 if a step does not hold.
     """
     from busybot.episodes.carried import library_of_file
-    from busybot.episodes.mcap_file import read_episode
+    from busybot.episodes.mcap_reader import read_episode
     from busybot.sim.replay import replay_file
 
     read_episode(episode, images="lazy")  # a fault of the file is told before objects are looked for

@@ -27,7 +27,7 @@ def report(
 
     What is missing is shown as missing. Pictures in the folders are put in, too.
     """
-    from busybot.view.report import Shown, write_report
+    from busybot.view.report.report import Shown, write_report
 
     shown = None if episode is None else Shown(episode, model, reasoner)
     done = write_report(results, out, shown)

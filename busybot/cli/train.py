@@ -80,13 +80,13 @@ def _interaction(
 ) -> "Training | PaperTraining":
     """The training of the variant that is asked for; without assets nothing is collected."""
     from busybot.config import build
-    from busybot.interact.chooser import ExploreChooser
+    from busybot.interact.chooser import ExplorePolicyFactory
     from busybot.interact.paper_config import PaperConfig
     from busybot.interact.paper_train import PaperTraining
     from busybot.interact.rounds import Recorder, Told
     from busybot.interact.train import Source, Training
     from busybot.interact.train_config import STRICT, TrainConfig
-    from busybot.objects.library import find
+    from busybot.objects.resolve import find
     from busybot.workers import default_workers
 
     variant = parameters[2]["variant"]
@@ -100,5 +100,5 @@ def _interaction(
     fast = build(TrainConfig, *parameters)
     if fast.interaction.strict:  # whether the option said so, a setting or the file
         fast = build(TrainConfig, *parameters, STRICT)
-    source = Source(find(assets) if assets else None, lambda known: ExploreChooser(known, fast.explore), data)
+    source = Source(find(assets) if assets else None, lambda known: ExplorePolicyFactory(known, fast.explore), data)
     return Training(out, fast, source, seed, processes, told)

@@ -1,5 +1,6 @@
 """`busybot view EPISODE|DATASET`: an episode in Rerun, as a window, web page, file or picture."""
 
+import signal
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -41,7 +42,16 @@ def view(
         raise typer.BadParameter("it needs --screenshot or the viewer's window", param_hint="--step")
     objects = library_of_file(episode_file(source, episode), assets) if replay else None
     wanted = Wanted(save, screenshot, figure, step, web, model, objects, reasoner)
-    show(source, episode, wanted, print_json if json else _tell)
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        show(source, episode, wanted, print_json if json else _tell)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _interrupt(number: int, frame: object) -> None:
+    """Being asked to end is like Ctrl-C: temporary folders and viewers are cleared away."""
+    raise KeyboardInterrupt
 
 
 def _tell(shown: Any) -> None:

@@ -17,16 +17,17 @@ from busybot.episodes.dataset import INFO_FILE, Dataset
 from busybot.episodes.manifest import AssetEntry, is_frozen
 from busybot.errors import BusybotError
 from busybot.files import inside, write_atomically
-from busybot.objects.library import SPLIT_FILE, Library, find, mismatch
+from busybot.objects.library import SPLIT_FILE, Library
 from busybot.objects.licence import Licence, licences
 from busybot.objects.model import ObjectModel
+from busybot.objects.resolve import find, load_and_remember, mismatch
 from busybot.objects.snapshot import read_snapshot
 
 OBJECTS_FOLDER = "objects"
 
 
 def library_of(dataset: Dataset, assets: str | None = None) -> Library:
-    """The library with the dataset's objects: the named one, else the carried one, else what `library.find` finds.
+    """The library with the dataset's objects: the named one, else the carried one, else what `resolve.find` finds.
 
     Raises:
         BusybotError: it is not found, or one of the objects differs from the recorded hash.
@@ -39,7 +40,7 @@ def library_of(dataset: Dataset, assets: str | None = None) -> Library:
             with contextlib.suppress(BusybotError):  # an earlier version made them: they may lie elsewhere
                 return find("procedural", recorded.sha256)
         return find(assets, recorded.sha256)
-    library = Library.load(inside(dataset.path, OBJECTS_FOLDER))
+    library = load_and_remember(inside(dataset.path, OBJECTS_FOLDER))
     problem = mismatch(library, recorded.sha256)
     if problem:
         raise BusybotError(problem, "fetch the dataset again, or name a library that holds its objects: --assets DIR")
@@ -136,4 +137,4 @@ def write_carried(dataset: Path, assets: Assets) -> None:
     for name, data in assets.files.items():
         place = inside(dataset, name)
         if not place.is_file() or place.read_bytes() != data:
-            write_atomically(place, data)
+            write_atomically(place, data, dataset)

@@ -7,13 +7,18 @@ import numpy as np
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.codec import MAX_SIDE
 from busybot.episodes.episode import Camera, Episode, Image, Step
+from busybot.episodes.schema import STEP_FIELDS, UNKNOWN_PIXEL
 from busybot.errors import BusybotError
 
 MAX_LINKS = 65535
 MAX_STATE = 127
 MAX_LENGTH = 1e6
 """Board units or radians: beyond any reason."""
-UNKNOWN_PIXEL = (-1, -1)
+_BEFORE_AND_AFTER = [
+    (one.name.removesuffix("_before"), str(one.shape[0]), MAX_STATE if one.compared == "state" else MAX_LENGTH)
+    for one in STEP_FIELDS
+    if one.name.endswith("_before") and one.shape
+]
 MEND = "record the episode again"
 
 
@@ -94,16 +99,14 @@ def _fault_of_action(step: Step, camera: Camera) -> str | None:
 def _fault_of_truth(step: Step, objects: int, triggers: int) -> str | None:
     if not -1 <= step.acted_object < objects:
         return f"it acts on object {step.acted_object} of {objects}"
-    pairs = [
-        ("trigger states", step.trigger_states_before, step.trigger_states_after, triggers),
-        ("joint positions", step.joint_positions_before, step.joint_positions_after, triggers),
-        ("responder states", step.responder_states_before, step.responder_states_after, objects),
-    ]
-    for name, before, after, count in pairs:
+    expected = {"triggers": triggers, "objects": objects}
+    for name, each, limit in _BEFORE_AND_AFTER:
+        before, after = (getattr(step, f"{name}_{when}") for when in ("before", "after"))
+        what, count = name.replace("_", " "), expected[each]
         if len(before) not in (0, count) or len(after) != len(before):
-            return f"{len(before)} {name} before and {len(after)} after, {count} or none are expected"
-        if not (np.abs((*before, *after)) <= (MAX_LENGTH if name == "joint positions" else MAX_STATE)).all():
-            return f"{name} {before} before and {after} after are out of range"
+            return f"{len(before)} {what} before and {len(after)} after, {count} or none are expected"
+        if not (np.abs((*before, *after)) <= limit).all():
+            return f"{what} {before} before and {after} after are out of range"
     return None
 
 

@@ -5,13 +5,15 @@ than 2/255 in a colour channel, at most as many show another link, and at most a
 nearer or farther. Equality is asked for where one renderer made both images, closeness where two did.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
+import pyarrow as pa
 
 from busybot.episodes.episode import Episode, Image, Step
+from busybot.episodes.schema import STEP_FIELDS, Compared
 
 Rule = Literal["equal", "close"]
 
@@ -20,7 +22,8 @@ COLOUR_TOLERANCE = 2
 DEPTH_TOLERANCE = 1e-3
 """Board units."""
 PIXEL_SHARE = 1e-3
-JOINT_TOLERANCE = 1e-5
+_COMPARED = {part: [one for one in STEP_FIELDS if one.compared == part] for part in get_args(Compared)}
+JOINT_TOLERANCE = max(one.tolerance for one in _COMPARED["joints"])
 """Radians or board units."""
 
 
@@ -117,9 +120,9 @@ def compare_episodes(first: Episode, second: Episode) -> Difference:
         scene=_same_scene(first, second),
         positions=np.array_equal(first.positions, second.positions, equal_nan=True),
         steps=(len(first.steps), len(second.steps)),
-        action=_first(pairs, action_of),
-        state=_first(pairs, state_of),
-        reward=_first(pairs, lambda step: (step.changed_pixels, step.reward)),
+        action=_first(pairs, "action"),
+        state=_first(pairs, "state"),
+        reward=_first(pairs, "reward"),
         joints=max((_joints(*pair) for pair in pairs), default=0.0),
         frames=frames,
         image=worst.worst(goal),
@@ -150,29 +153,26 @@ def _compare(first: np.ndarray | None, second: np.ndarray | None, tolerance: flo
     return np.array_equal(first, second), float(beyond.mean())
 
 
-def action_of(step: Step) -> tuple:
-    """What was done, floats as they are stored."""
-    place = np.array([*step.position, step.distance], np.float32).tolist()
-    return (*step.pixel, step.direction, *step.executed, *place)
+def _first(pairs: Sequence[tuple[Step, Step]], part: Compared) -> int | None:
+    unlike = (k for k, (first, second) in enumerate(pairs) if _values(first, part) != _values(second, part))
+    return next(unlike, None)
 
 
-def state_of(step: Step) -> tuple:
-    """What came of it in discrete states."""
-    before = (step.trigger_states_before, step.responder_states_before)
-    after = (step.trigger_states_after, step.responder_states_after)
-    joints = len(step.joint_positions_before), len(step.joint_positions_after)
-    return (step.acted_object, step.acted_link, step.success, step.vetoed, before, after, joints)
+def _values(step: Step, part: Compared) -> list[Any]:
+    """What must be equal: floats as the table stores them; how many joints there are belongs to the state."""
+    values = [_as_stored(getattr(step, one.name), one.stored) for one in _COMPARED[part]]
+    return values + [len(getattr(step, one.name)) for one in _COMPARED["joints"] if part == "state"]
 
 
-def _first(pairs: Sequence[tuple[Step, Step]], view: Callable[[Step], Any]) -> int | None:
-    return next((k for k, (first, second) in enumerate(pairs) if view(first) != view(second)), None)
+def _as_stored(value: Any, kind: pa.DataType) -> Any:
+    return np.float32(value).tolist() if kind == pa.float32() else value
 
 
 def _joints(first: Step, second: Step) -> float:
     worst = 0.0
-    for name in ("joint_positions_before", "joint_positions_after"):
-        a, b = np.array(getattr(first, name)), np.array(getattr(second, name))
-        if a.shape == b.shape:  # their number is part of the state
+    for one in _COMPARED["joints"]:
+        a, b = np.array(getattr(first, one.name)), np.array(getattr(second, one.name))
+        if a.shape == b.shape:
             worst = max(worst, float(np.abs(a - b).max(initial=0.0)))
     return worst
 

@@ -1,4 +1,4 @@
-"""A dataset is a folder; nothing in it is read through a link that leaves it.
+"""A dataset is a folder; nothing in it is read through a link that leaves it, nothing written through any link.
 
 dataset.json                      what it is (`dataset_info.DatasetInfo`)
 boards/boards-00000.jsonl         one board per line, 1,000 a file
@@ -23,13 +23,24 @@ from busybot.boards.spec import BoardSpec
 from busybot.config import flat
 from busybot.episodes.dataset_info import CollectInfo, DatasetInfo, collect_command
 from busybot.episodes.digests import Digests, combine
-from busybot.episodes.lock import remove_leftovers, writing
 from busybot.episodes.manifest import refuse_frozen
 from busybot.episodes.schema import SCHEMA_VERSION, TABLES, arrow_schema
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode, write_shard
 from busybot.errors import BusybotError
-from busybot.files import inside, read_json, write_atomically, write_json
-from busybot.unfinished import refuse_taken, remove_abandoned, unfinished
+from busybot.files import (
+    inside,
+    make_folder,
+    one_writer,
+    read_json,
+    refuse_taken,
+    remove,
+    remove_abandoned,
+    remove_leftovers,
+    rename,
+    unfinished,
+    write_atomically,
+    write_json,
+)
 
 BOARDS_PER_SHARD = 1000
 INFO_FILE = "dataset.json"
@@ -70,17 +81,17 @@ class Dataset:
             lines.append(board.model_dump_json() + "\n")
         if len(lines) != info.boards:
             raise BusybotError(f"{path}: {len(lines)} boards where {info.boards} were announced")
-        place.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(place.parent)
         remove_abandoned(place.parent, place.name)
         with unfinished(place.parent, place.name) as folder:
             for name in ("boards", "episodes"):
-                (folder / name).mkdir()
+                make_folder(folder / name, folder)
             for shard, start in enumerate(range(0, len(lines), BOARDS_PER_SHARD)):
                 data = "".join(lines[start : start + BOARDS_PER_SHARD]).encode()
-                write_atomically(folder / _boards_name(shard), data)
+                write_atomically(folder / _boards_name(shard), data, folder)
             write_json(folder / INFO_FILE, info.model_dump(mode="json"))
             refuse_taken(place)  # by somebody who was faster
-            os.replace(folder, place)
+            rename(folder, place)
         return cls(Path(path), info)
 
     @classmethod
@@ -189,7 +200,7 @@ class Dataset:
             BusybotError: another process holds the lock, or the dataset is frozen.
         """
         refuse_frozen(self.path)  # before the lock, too: in a read-only folder it could not be made
-        with writing(self.path):
+        with one_writer(self.path):
             refuse_frozen(self.path)
             yield
 
@@ -215,7 +226,7 @@ class Dataset:
             self._write_shard(shard, indices, rows or {}, derive)
         for table in TABLES:
             for shard in set(self.stored_shards(table)) - set(shards):
-                self.table_path(table, shard).unlink()
+                remove(self.table_path(table, shard), self.path)
 
     def table(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """A whole table as it is stored, or some columns (`schema.public_columns` names those for learners)."""
@@ -274,7 +285,7 @@ class Dataset:
         ready |= zip(missing, derive([(self.episode_path(i), i) for i in missing]), strict=True)
         # `episodes` last: an episode counts as stored when its row is there, so its other rows must be there before
         for table in sorted(TABLES, key=lambda name: name == "episodes"):
-            write_shard(self.table_path(table, shard), table, [ready[i][table] for i in indices])
+            write_shard(self.table_path(table, shard), table, [ready[i][table] for i in indices], self.path)
 
     def _stored_rows(self, shard: int, names: Iterable[str] = tuple(TABLES)) -> dict[int, Rows]:
         """Rows of the shard by episode; nothing if one of its files is absent or unreadable."""

@@ -14,11 +14,13 @@ Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
-class _Plain(BaseModel):
+class Plain(BaseModel):
+    """Values that a file of a dataset holds: fixed, and no others than those named."""
+
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class GeneratorInfo(_Plain):
+class GeneratorInfo(Plain):
     """What drew the boards.
 
     Attributes:
@@ -30,7 +32,7 @@ class GeneratorInfo(_Plain):
     config: dict[str, Any] = {}
 
 
-class AssetsInfo(_Plain):
+class AssetsInfo(Plain):
     """Which objects stand on the boards.
 
     Attributes:
@@ -46,7 +48,7 @@ class AssetsInfo(_Plain):
     sha256: dict[str, Sha256] = {}
 
 
-class CollectInfo(_Plain):
+class CollectInfo(Plain):
     """How the episodes were recorded; all that decides their content, so that collecting can continue.
 
     Attributes:
@@ -65,7 +67,7 @@ class CollectInfo(_Plain):
     settings: dict[str, Any] = {}
 
 
-class DatasetInfo(_Plain):
+class DatasetInfo(Plain):
     """The dataset.
 
     Attributes:

@@ -9,7 +9,7 @@ from typing import Any
 from busybot.config import flat
 from busybot.episodes.compare import Difference, compare_episodes
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.workers import share
 
 

@@ -13,10 +13,14 @@ import hashlib
 import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 
 from busybot.episodes.episode import Episode, Image, Step
+from busybot.episodes.schema import STEP_FIELDS
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ def trace_digest(episode: Episode) -> str:
     hasher = _Hasher("trace")
     hasher.integers(len(episode.steps))
     for step in episode.steps:
-        _add_trace(hasher, step)
+        _add_step(hasher, step, _TRACE)
     return hasher.hexadecimal()
 
 
@@ -86,9 +90,7 @@ def content_digest(episode: Episode) -> str:
         hasher.integers(link.object, link.trigger)
         hasher.text(link.name)
     for step in episode.steps:
-        hasher.integers(step.changed_pixels, step.reward)
-        hasher.numbers(step.joint_positions_before)
-        hasher.numbers(step.joint_positions_after)
+        _add_step(hasher, step, _CONTENT)
     hasher.integers(*episode.frame_of)
     for image in episode.images:
         _add_image(hasher, image)
@@ -98,19 +100,35 @@ def content_digest(episode: Episode) -> str:
     return hasher.hexadecimal()
 
 
-def _add_trace(hasher: _Hasher, step: Step) -> None:
-    hasher.integers(*step.pixel, step.direction)
-    hasher.integers(*step.executed)
-    hasher.numbers(np.array([*step.position, step.distance], np.float32))
-    hasher.integers(step.acted_object, step.success, step.vetoed)
-    hasher.text(step.acted_link)
-    for states in (
-        step.trigger_states_before,
-        step.trigger_states_after,
-        step.responder_states_before,
-        step.responder_states_after,
-    ):
-        hasher.integers(*states)
+_Layout = list[tuple[type, list[tuple[str, bool]]]]
+"""What is hashed of a step, place by place: the type, and the names of the parts with whether they are lists."""
+
+
+def _layout(digest: str) -> _Layout:
+    fields = [field for field in STEP_FIELDS if field.hashed and field.hashed.digest == digest]
+    found: dict[int, tuple[type, list[tuple[str, bool]]]] = {}
+    for field in sorted(fields, key=attrgetter("hashed.place", "hashed.part")):
+        assert field.hashed is not None
+        kind = str if field.stored == pa.string() else field.stored.to_pandas_dtype()
+        found.setdefault(field.hashed.place, (kind, []))[1].append((field.name, bool(field.shape)))
+    return list(found.values())
+
+
+_TRACE, _CONTENT = _layout("trace"), _layout("content")
+
+
+def _add_step(hasher: _Hasher, step: Step, layout: _Layout) -> None:
+    for kind, parts in layout:
+        values: list[Any] = []
+        for name, several in parts:
+            value = getattr(step, name)
+            values += value if several else (value,)
+        if kind in (np.float32, np.float64):
+            hasher.numbers(np.array(values, kind))
+        elif kind is str:
+            hasher.text(*values)
+        else:
+            hasher.integers(*values)
 
 
 def _add_image(hasher: _Hasher, image: Image) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from busybot.boards.spec import BoardSpec
+from busybot.errors import BusybotError, naming
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,21 @@ class Link:
     trigger: bool
 
 
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What a robot has of a frame; nothing in it is privileged.
+
+    Attributes:
+        rgb: uint8 (H, W, 3).
+        depth: float32 (H, W), board units, 0 where nothing was hit.
+        camera: that saw it, the same for all frames of a board.
+    """
+
+    rgb: np.ndarray
+    depth: np.ndarray
+    camera: Camera
+
+
 @dataclass
 class Image:
     """One stored observation.
@@ -56,6 +72,16 @@ class Image:
     depth: np.ndarray | None
     segmentation: np.ndarray | None
     boxes: np.ndarray
+
+    def observation(self, camera: Camera) -> Observation:
+        """What a robot with this camera has of the image.
+
+        Raises:
+            BusybotError: it has no depth.
+        """
+        if self.depth is None:
+            raise BusybotError("an image without depth", "record it with `busybot collect`, which records depth")
+        return Observation(self.rgb, self.depth, camera)
 
 
 @dataclass(frozen=True)
@@ -138,6 +164,20 @@ class Episode:
         """The goal image, None if there is no goal."""
         return self.goals[0] if len(self.goals) else None
 
+    def values(self, index: int) -> dict[str, Any]:
+        """All that is recorded of step `index`, by the names of `schema.STEP_FIELDS`."""
+        before, after = self.frame_of[index : index + 2]
+        return {"index": index, "image_before": before, "image_after": after, **vars(self.steps[index])}
+
     def image(self, frame: int) -> Image:
         """The image that shows frame `frame` (0 is the initial observation)."""
         return self.images[self.frame_of[frame]]
+
+    def observation(self, frame: int) -> Observation:
+        """What a robot had of frame `frame`.
+
+        Raises:
+            BusybotError: the episode was recorded without depth.
+        """
+        with naming(f"board {self.board.index}"):
+            return self.image(frame).observation(self.camera)

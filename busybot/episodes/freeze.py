@@ -5,8 +5,6 @@ when the process was killed is either not frozen, or frozen and perhaps not yet 
 """
 
 import json
-import os
-import stat
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +17,6 @@ from busybot.episodes.card import card
 from busybot.episodes.carried import OBJECTS_FOLDER, Assets, plan_assets, write_carried
 from busybot.episodes.dataset import INFO_FILE, Dataset
 from busybot.episodes.dataset_info import collect_command
-from busybot.episodes.lock import LOCK_FILE
 from busybot.episodes.manifest import (
     CARD_FILE,
     MANIFEST_FILE,
@@ -34,7 +31,7 @@ from busybot.episodes.repair import DAMAGED_FOLDER
 from busybot.episodes.schema import TABLES
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
-from busybot.files import Scan, inside, scan, write_atomically, write_json
+from busybot.files import LOCK_FILE, Scan, forbid_writing, remove, scan, write_atomically, write_json
 from busybot.objects.library import Library
 
 FREEZING_PACKAGES = ("pyarrow", "mcap", "opencv-python")
@@ -172,12 +169,8 @@ def _write_card(path: Path, text: str) -> None:
 
 def _finish(path: Path) -> None:
     """Remove the lock, which a frozen dataset needs no more, and take away all write permissions, the folder's last."""
-    lock = inside(path, LOCK_FILE)
-    if lock.exists():
-        lock.unlink()
+    remove(path / LOCK_FILE)
     files = [path / name for name in _scan(path).files]
     folders = sorted({parent for file in files for parent in file.parents if parent.is_relative_to(path)})
     for place in [*files, *reversed(folders)]:
-        mode = stat.S_IMODE(place.stat().st_mode)
-        if mode & 0o222:
-            os.chmod(place, mode & ~0o222)
+        forbid_writing(place, path)

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import Field, ValidationError, field_validator
 
-from busybot.episodes.dataset_info import CollectInfo, GeneratorInfo, Seed, Sha256, Version
+from busybot.episodes.dataset_info import CollectInfo, GeneratorInfo, Plain, Seed, Sha256, Version
 from busybot.errors import BusybotError
 from busybot.files import inside, read_json, scan, sha256_of
 from busybot.workers import share
@@ -24,18 +24,14 @@ _FILE_NAME = re.compile(r"^(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x
 MEND_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
 
 
-class _Plain(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class FileEntry(_Plain):
+class FileEntry(Plain):
     """One file: SHA-256 and size in bytes."""
 
     sha256: Sha256
     bytes: Annotated[int, Field(ge=0)]
 
 
-class AssetEntry(_Plain):
+class AssetEntry(Plain):
     """One object.
 
     Attributes:
@@ -49,7 +45,7 @@ class AssetEntry(_Plain):
     carried: bool
 
 
-class Hashes(_Plain):
+class Hashes(Plain):
     """Over all boards, traces and contents; see `digests`."""
 
     board: Sha256
@@ -57,7 +53,7 @@ class Hashes(_Plain):
     content: Sha256
 
 
-class Origin(_Plain):
+class Origin(Plain):
     """What so many episodes have in common.
 
     Attributes:
@@ -70,7 +66,7 @@ class Origin(_Plain):
     episodes: Annotated[int, Field(ge=1)]
 
 
-class Manifest(_Plain):
+class Manifest(Plain):
     """A frozen dataset.
 
     Attributes:

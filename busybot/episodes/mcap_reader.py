@@ -1,6 +1,7 @@
 """An MCAP file back to an episode, trusting nothing in it."""
 
 import json
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
@@ -16,12 +17,19 @@ from busybot.episodes.episode import Camera, Episode, Link, Step
 from busybot.episodes.images import EncodedImage, LazyImages
 from busybot.episodes.mcap_records import Records, mend_of, read_records
 from busybot.episodes.protobuf import PACKAGE, compressed_image_class, message_class
-from busybot.episodes.schema import SCHEMA_VERSION
+from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
 from busybot.errors import BusybotError
 
 MAX_STEPS = 100_000
 
 Decoding = Literal["eager", "lazy"]
+
+_READERS = [
+    (field.name, field.privileged, attrgetter(*field.wire_names), field.shape)
+    for field in STEP_FIELDS
+    if field.wire and field.name in Step.__dataclass_fields__
+]
+"""Name in `Step`, whether it is in the truth, how it is read from its message, shape."""
 
 
 def read_episode(path: Path, images: Decoding = "eager") -> Episode:
@@ -133,26 +141,15 @@ def _steps(records: Records) -> tuple[list[Step], list[int]]:
 
 
 def _step(step: Any, truth: Any) -> Step:
-    x, y, z = step.position
-    return Step(
-        pixel=(step.pixel_u, step.pixel_v),
-        position=(x, y, z),
-        direction=step.direction,
-        executed=tuple(step.executed),
-        distance=step.distance,
-        changed_pixels=step.changed_pixels,
-        reward=step.reward,
-        acted_object=truth.acted_object,
-        acted_link=truth.acted_link,
-        trigger_states_before=tuple(truth.trigger_states_before),
-        trigger_states_after=tuple(truth.trigger_states_after),
-        responder_states_before=tuple(truth.responder_states_before),
-        responder_states_after=tuple(truth.responder_states_after),
-        joint_positions_before=tuple(truth.joint_positions_before),
-        joint_positions_after=tuple(truth.joint_positions_after),
-        success=truth.success,
-        vetoed=truth.vetoed,
-    )
+    values: dict[str, Any] = {}
+    for name, privileged, read, shape in _READERS:
+        value = read(truth if privileged else step)
+        if shape:
+            value = tuple(value)
+            if isinstance(shape[0], int) and len(value) != shape[0]:
+                raise ValueError(f"{name} has {len(value)} components, not {shape[0]}")
+        values[name] = value
+    return Step(**values)
 
 
 def _images(

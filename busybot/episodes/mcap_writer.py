@@ -1,4 +1,4 @@
-"""An episode to the bytes of an MCAP file.
+"""An episode to an MCAP file, which is written whole or not at all; `mcap_topics` lists its channels.
 
 The order of channels and messages, times, and all attachments follow from the episode alone, so equal episodes give
 equal bytes in any process; only the library versions in header and metadata may differ between installations.
@@ -9,6 +9,7 @@ import json
 import threading
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import foxglove
@@ -18,11 +19,12 @@ from foxglove.mcap import MCAPWriteOptions
 
 from busybot.episodes import mcap_topics as topics
 from busybot.episodes import scene
-from busybot.episodes.check import check_image
+from busybot.episodes.check import check_episode, check_image
 from busybot.episodes.codec import DepthScale, ImageFormat, encode_plain, encode_rgb
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.protobuf import PACKAGE, message_class, message_schema
-from busybot.episodes.schema import SCHEMA_VERSION
+from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
+from busybot.files import write_atomically
 
 CHUNK_BYTES = 8 << 20
 """Before compression; a chunk holds a whole episode as a rule, so unchanged parts of images are stored once."""
@@ -37,6 +39,25 @@ class _Encoding:
     rgb: ImageFormat
     depth: DepthScale
     links: int
+
+
+def write_episode(path: Path, episode: Episode, images: ImageFormat = "jpeg", root: Path | None = None) -> int:
+    """Write the file under a temporary name, sync, rename.
+
+    Args:
+        images: how RGB is encoded; depth (to 4e-5 units) and segmentation are lossless in either case.
+        root: the dataset's folder; see `files`.
+
+    Returns:
+        The size of the file in bytes.
+
+    Raises:
+        BusybotError: naming the file and the contradiction, if the episode is not consistent.
+    """
+    check_episode(episode, str(path))
+    data = episode_to_mcap(episode, images, str(path))
+    write_atomically(path, data, root)
+    return len(data)
 
 
 def episode_to_mcap(episode: Episode, image_format: ImageFormat, where: str) -> bytes:
@@ -166,14 +187,13 @@ def _write_picture(topic: str, data: bytes, image_format: str, frame: int) -> No
 
 
 def _write_step(episode: Episode, index: int, step: Step) -> None:
-    values = vars(step)
-    before, after = episode.frame_of[index : index + 2]
-    public = {name: values[name] for name in ("position", "direction", "executed", "distance")}
-    public |= {"changed_pixels": step.changed_pixels, "reward": step.reward}
-    public |= {"pixel_u": step.pixel[0], "pixel_v": step.pixel[1], "image_before": before, "image_after": after}
-    _log_own(topics.STEP, index, index=index, **public)
-    names = [field.name for field in message_class("StepTruth").DESCRIPTOR.fields if field.name != "index"]
-    _log_own(topics.STEP_TRUTH, index, index=index, **{name: values[name] for name in names})
+    values = episode.values(index)
+    for field in STEP_FIELDS:
+        if field.wire and field.wire.each:
+            values |= zip(field.wire_names, values[field.name], strict=True)
+    for topic in (topics.STEP, topics.STEP_TRUTH):
+        names = message_class(topics.OWN[topic]).DESCRIPTOR.fields_by_name
+        _log_own(topic, index, **{name: values[name] for name in names})
     _log(topics.SCENE, scene.action(step, index).encode(), index)
     _log(topics.LOG, scene.sentence(step, index).encode(), index)
 

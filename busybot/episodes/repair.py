@@ -17,13 +17,12 @@ from busybot.episodes.belongs import faults_of, is_partial
 from busybot.episodes.create import continue_or_create
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
-from busybot.episodes.lock import remove_leftovers
 from busybot.episodes.manifest import is_frozen
 from busybot.episodes.mcap_records import MAX_FILE_BYTES
 from busybot.episodes.salvage import salvage
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode
 from busybot.errors import BusybotError, without_name
-from busybot.files import inside, scan, write_atomically
+from busybot.files import inside, remove, remove_leftovers, scan, write_atomically
 from busybot.workers import share
 
 DAMAGED_FOLDER = "damaged"
@@ -206,15 +205,15 @@ def _put(source: Dataset, target: Dataset, verdict: Verdict, data: bytes | None)
     file, place = source.episode_path(verdict.episode), target.episode_path(verdict.episode)
     if source is not target:
         if verdict.fate == "dropped":
-            place.unlink(missing_ok=True)
+            remove(place, target.path)
         else:
-            write_atomically(place, file.read_bytes() if data is None else data)
+            write_atomically(place, file.read_bytes() if data is None else data, target.path)
     elif verdict.fate != "sound":
         _keep(target.path, file)
         if data is None:
-            file.unlink()
+            remove(file, target.path)
         else:
-            write_atomically(file, data)
+            write_atomically(file, data, target.path)
 
 
 def _keep(folder: Path, file: Path) -> None:
@@ -224,7 +223,7 @@ def _keep(folder: Path, file: Path) -> None:
     while True:
         place = inside(folder, f"{DAMAGED_FOLDER}/{file.name}{f'.{number}' if number else ''}")
         if not place.exists():
-            write_atomically(place, data)
+            write_atomically(place, data, folder)
             return
         if place.read_bytes() == data:
             return

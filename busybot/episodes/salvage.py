@@ -23,14 +23,13 @@ from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from busybot.episodes import mcap_topics as topics
-from busybot.episodes.mcap_records import MAX_CONTENT_BYTES, decompress
+from busybot.episodes.mcap_records import MAGIC, MAX_CONTENT_BYTES, decompress
 from busybot.episodes.mcap_writer import CHUNK_BYTES
 from busybot.episodes.protobuf import message_class
 from busybot.errors import BusybotError
 
 SALVAGED = "salvaged"
 """Among the settings of an episode that was saved in part: {"of": steps that were recorded}."""
-_MAGIC = b"\x89MCAP0\r\n"
 _RECORD_HEAD = 9
 _PIECE = 1 << 16
 
@@ -93,11 +92,11 @@ def _stream(body: bytes) -> ReadDataStream:
 
 
 def _read(data: bytes) -> _Remains:
-    if data[: len(_MAGIC)] != _MAGIC:
+    if data[: len(MAGIC)] != MAGIC:
         raise BusybotError("it does not begin like an MCAP file")
     found = _Remains()
     budget = MAX_CONTENT_BYTES
-    for opcode, body, whole in _records(data, len(_MAGIC)):
+    for opcode, body, whole in _records(data, len(MAGIC)):
         if opcode == Opcode.CHUNK:
             content = _content(Chunk.read(_stream(body)), whole, budget)
             budget -= len(content)

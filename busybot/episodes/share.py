@@ -17,11 +17,12 @@ from pathlib import Path, PurePosixPath
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
+from busybot.episodes.dataset_info import Plain
 from busybot.episodes.manifest import is_frozen, read_manifest, unlike_manifest
 from busybot.errors import BusybotError
-from busybot.files import write_atomically
+from busybot.files import copy_file, make_folder, remove, rename, scan, write_atomically
 from busybot.yaml_text import parse_yaml
 
 LARGEST_POINTER = 10_000
@@ -31,10 +32,8 @@ OWN_TOOL = Path(__file__).resolve().parents[2] / ".tools" / "dvc" / "bin" / "dvc
 """Where `make dvc` puts it."""
 
 
-class _Out(BaseModel):
+class _Out(Plain):
     """The only kind of output that a pointer of ours has."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     md5: Annotated[str, Field(pattern=r"^[0-9a-f]{32}\.dir$")]
     size: Annotated[int, Field(ge=0)]
@@ -43,9 +42,7 @@ class _Out(BaseModel):
     path: Annotated[str, Field(min_length=1, max_length=200)]
 
 
-class _Pointer(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
+class _Pointer(Plain):
     outs: Annotated[tuple[_Out, ...], Field(min_length=1, max_length=1)]
 
 
@@ -99,8 +96,11 @@ def pull(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
         _must_be_whole(dataset)
         return Shared(dataset, pointer, out.nfiles, out.size, new=False)
     work = dataset.parent / f".{dataset.name}.pull"
+    make_folder(work, dataset.parent)
+    if others := scan(work).others:
+        raise BusybotError(f"{work / others[0]}: neither a file nor a folder but a link or device", f"remove {work}")
     dvc = _Repository(work, remote, endpoint)
-    shutil.copyfile(pointer, work / pointer.name)
+    copy_file(pointer, work / pointer.name, dataset.parent)
     dvc.run("fetch", "--quiet", pointer.name)
     check_listing(work / ".dvc" / "cache" / "files" / "md5" / out.md5[:2] / out.md5[2:])
     dvc.run("checkout", "--quiet", "--force", pointer.name)
@@ -108,8 +108,8 @@ def pull(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
     if not is_frozen(fetched):
         raise BusybotError(f"{pointer}: what it points to is no frozen dataset", "ask who shared it for another one")
     _must_be_whole(fetched)
-    os.replace(fetched, dataset)
-    shutil.rmtree(work)
+    rename(fetched, dataset, dataset.parent)
+    remove(work, dataset.parent)
     return Shared(dataset, pointer, out.nfiles, out.size)
 
 
@@ -175,7 +175,6 @@ class _Repository:
 
     def __init__(self, folder: Path, remote: str, endpoint: str | None):
         self.folder, self.tool = folder, find_tool()
-        folder.mkdir(parents=True, exist_ok=True)
         if not (folder / ".dvc" / "config").is_file():
             self.run("init", "--no-scm", "--quiet", "--force")
         self.run("config", "cache.type", "hardlink,copy")

@@ -16,12 +16,11 @@ import pyarrow.parquet as pq
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes import mcap_topics as topics
-from busybot.episodes.check import UNKNOWN_PIXEL
 from busybot.episodes.digests import Digests, episode_digests
-from busybot.episodes.episode import Episode, Step
+from busybot.episodes.episode import Episode
 from busybot.episodes.mcap_reader import decode_episode
 from busybot.episodes.mcap_records import parse_records, read_records
-from busybot.episodes.schema import TABLES, arrow_schema
+from busybot.episodes.schema import STEP_FIELDS, arrow_schema
 from busybot.errors import BusybotError
 from busybot.files import write_atomically
 
@@ -62,7 +61,7 @@ def rows_of(episode: Episode, index: int, about: FileFacts, digests: Digests) ->
     """The rows of one episode; pure, no file is touched."""
     columns = {
         "episodes": {name: [value] for name, value in _episode(episode, about, digests).items()},
-        "steps": _transpose("steps", [_step(episode, k, step) for k, step in enumerate(episode.steps)]),
+        "steps": _steps(episode),
         "objects": _objects(episode),
     }
     tables = {}
@@ -70,10 +69,6 @@ def rows_of(episode: Episode, index: int, about: FileFacts, digests: Digests) ->
         count = len(next(iter(values.values())))
         tables[name] = pa.table({"episode": [index] * count, **values}, schema=arrow_schema(name))
     return tables
-
-
-def _transpose(table: str, rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
-    return {c.name: [row[c.name] for row in rows] for c in TABLES[table] if c.name != "episode"}
 
 
 def _episode(episode: Episode, about: FileFacts, digests: Digests) -> dict[str, Any]:
@@ -128,20 +123,25 @@ def _first_encoded(episode: Episode) -> Any:
     return getattr(episode.images, "encoded", episode.images)[0]
 
 
-def _step(episode: Episode, k: int, step: Step) -> dict[str, Any]:
-    row: dict[str, Any] = {name: getattr(step, name) for name in ("distance", "changed_pixels", "reward", "executed")}
-    row |= {"step": k, "image_before": episode.frame_of[k], "image_after": episode.frame_of[k + 1]}
-    pixel = (None, None) if step.pixel == UNKNOWN_PIXEL else step.pixel
-    row |= {"pixel_u": pixel[0], "pixel_v": pixel[1], "direction": step.direction}
-    for axis, position, along in zip("xyz", step.position, DIRECTIONS[step.direction], strict=True):
-        row |= {f"position_{axis}": position, f"direction_{axis}": along}
+def _steps(episode: Episode) -> dict[str, list[Any]]:
+    """The columns of the field list, null where a value is unknown."""
+    rows = [episode.values(k) for k in range(len(episode.steps))]
+    for row in rows:
+        row["direction_vector"] = DIRECTIONS[row["direction"]]
     known = knows_truth(episode)
-    for name in ("vetoed", "acted_object", "acted_link", "success"):
-        row[name] = getattr(step, name) if known else None
-    for name in ("trigger_states", "responder_states", "joint_positions"):
-        for when in ("before", "after"):
-            row[f"{name}_{when}"] = getattr(step, f"{name}_{when}") or None
-    return row
+    columns: dict[str, list[Any]] = {}
+    for field in STEP_FIELDS:
+        values = [row[field.name] for row in rows]
+        if field.unknown is not None:
+            nothing = None if len(field.columns) == 1 else (None,) * len(field.columns)
+            values = [nothing if value == field.unknown else value for value in values]
+        elif field.privileged and not known:
+            values = [None] * len(values)
+        if len(field.columns) == 1:
+            columns[field.columns[0].name] = values
+        else:
+            columns |= {column.name: [value[i] for value in values] for i, column in enumerate(field.columns)}
+    return columns
 
 
 def _objects(episode: Episode) -> dict[str, Any]:
@@ -169,14 +169,18 @@ def _objects(episode: Episode) -> dict[str, Any]:
     return columns
 
 
-def write_shard(path: Path, table: str, rows: Iterable[pa.Table]) -> None:
-    """Write the rows of consecutive episodes, whole or not at all, a row group per 25 episodes."""
+def write_shard(path: Path, table: str, rows: Iterable[pa.Table], root: Path | None = None) -> None:
+    """Write the rows of consecutive episodes, whole or not at all, a row group per 25 episodes.
+
+    Args:
+        root: the dataset's folder; see `files`.
+    """
     episodes = list(rows)
     buffer = io.BytesIO()
     with pq.ParquetWriter(buffer, arrow_schema(table), compression="zstd") as writer:
         for start in range(0, len(episodes), EPISODES_PER_ROW_GROUP):
             writer.write_table(pa.concat_tables(episodes[start : start + EPISODES_PER_ROW_GROUP]).combine_chunks())
-    write_atomically(path, buffer.getvalue())
+    write_atomically(path, buffer.getvalue(), root)
 
 
 def read_shard(path: Path, table: str, columns: list[str] | None = None) -> pa.Table:

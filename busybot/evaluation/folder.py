@@ -11,7 +11,6 @@ interruptions.
 """
 
 import json
-import os
 import platform
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -26,7 +25,7 @@ from busybot import __version__
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
 from busybot.errors import BusybotError
-from busybot.files import read_json, write_json
+from busybot.files import append_line, make_folder, read_json, write_atomically, write_json
 from busybot.workers import run_tasks
 
 SETTINGS, BOARDS, RESULT = "settings.json", "boards.jsonl", "result.json"
@@ -60,11 +59,13 @@ class Recording:
     Attributes:
         dataset: which has the boards.
         collected: how the episodes come about.
+        root: folder that the user named, if it is another one: below it no link is followed.
     """
 
     path: Path
     dataset: Dataset
     collected: CollectInfo
+    root: Path | None = None
 
 
 def judge_boards(
@@ -148,7 +149,7 @@ def _judged_lines(file: Path, kind: type[J]) -> Iterator[tuple[int, J]]:
     data = file.read_bytes()
     whole = data[: data.rfind(b"\n") + 1]
     if len(whole) < len(data):
-        os.truncate(file, len(whole))
+        write_atomically(file, whole)
     for number, line in enumerate(whole.splitlines(), start=1):
         try:
             judged = kind.model_validate_json(line)
@@ -159,9 +160,7 @@ def _judged_lines(file: Path, kind: type[J]) -> Iterator[tuple[int, J]]:
 
 def append(out: Path, line: str) -> None:
     """Remember a judged board, given as JSON."""
-    with open(out / BOARDS, "a", encoding="utf-8") as lines:
-        lines.write(line + "\n")
-        lines.flush()
+    append_line(out / BOARDS, line)
 
 
 @contextmanager
@@ -172,6 +171,8 @@ def _recorded(recording: Recording) -> Iterator[Dataset]:
         BusybotError: it has other boards, or its episodes were begun with other settings.
     """
     path, dataset = recording.path, recording.dataset
+    if recording.root is not None:
+        make_folder(path, recording.root)
     if path.exists() and any(path.iterdir()):
         target = Dataset.open(path)
         if target.hashes().board != dataset.hashes().board:

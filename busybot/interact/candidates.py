@@ -13,13 +13,12 @@ import cv2
 import numpy as np
 
 from busybot.boards.directions import OPPOSITE
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
-from busybot.errors import BusybotError
 from busybot.interact.beliefs import NOT_ELEVATED, PAIRS, pair_scores, sigmoid, tempered
 from busybot.interact.clusters import cluster_tops
 from busybot.interact.memory import Memory
-from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.policy_config import OPENING, PolicyConfig
 
 
 class View(Protocol):
@@ -40,7 +39,7 @@ V = TypeVar("V", bound=View)
 class ActionModel(Protocol[V]):
     """What the policy needs of a model; `interact.model.Model` is one."""
 
-    def look(self, image: Image, rays: Rays, earlier: V | None = None) -> V:
+    def look(self, seen: Observation, rays: Rays, earlier: V | None = None) -> V:
         """Affordance of every pixel; what an earlier look at the same board found may save work."""
 
     def directions(self, view: V, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -102,7 +101,7 @@ class Candidates:
 
 def find_candidates(
     model: ActionModel[V],
-    image: Image,
+    seen: Observation,
     rays: Rays,
     memory: Memory | None = None,
     config: PolicyConfig | None = None,
@@ -112,25 +111,18 @@ def find_candidates(
 
     Args:
         model: affordance of positions and directions.
-        image: its depth (and RGB, for a model that sees colours) is used, nothing else.
-        rays: of the camera that took it: `Rays(episode.camera)`.
+        seen: `episode.observation(frame)`, or `scene.observe().observation(scene.camera)`.
+        rays: of its camera: `Rays(episode.camera)`.
         memory: what was learnt on this board; without it every region is new and nothing has failed yet.
         config: the policy's constants. A model has some of its own, which commands use:
             `chooser.policy_config(model.info, {})`. The defaults without it.
-        view: what `model.look(image, rays)` returned, if it was called already.
+        view: what `model.look(seen, rays)` returned, if it was called already.
 
     Returns:
         candidates, empty where nothing can be held. `Candidates.best_of_regions` leaves one per region.
-
-    Raises:
-        BusybotError: the image has no depth.
     """
     config = config or PolicyConfig()
-    if image.depth is None:
-        raise BusybotError(
-            "action candidates need depth images", "record the episode with `busybot collect`, which records depth"
-        )
-    view = model.look(image, rays) if view is None else view
+    view = model.look(seen, rays) if view is None else view
     links = memory.links if memory is not None else np.zeros(view.height.shape, np.int32)
     smooth = smoothed(view.affordance, config.blur)
     pixels = _proposals(smooth, view.affordance, links, config)
@@ -146,7 +138,7 @@ def find_candidates(
     if memory is not None:
         beliefs, pairs = memory.doubted(pixels, logits, pairs)
     regions = _regions(view.affordance, links, pixels, config)
-    positions = rays.directions[rows, columns] * image.depth[rows, columns, None] + rays.origin
+    positions = rays.directions[rows, columns] * seen.depth[rows, columns, None] + rays.origin
     return Candidates(pixels, positions, beliefs, directions, pairs, regions)
 
 
@@ -193,7 +185,7 @@ def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, co
     found = _peaks(smooth, held(affordance) & (smooth > config.peak_logit), config)
     if (links > 0).any():
         rest = np.where(links > 0, np.float32(NOT_ELEVATED), affordance)
-        square = np.ones((config.opening, config.opening), np.uint8)
+        square = np.ones((OPENING, OPENING), np.uint8)
         left = cv2.morphologyEx((rest > config.region_logit).astype(np.uint8), cv2.MORPH_OPEN, square)
         rest = np.where(links > 0, np.float32(NOT_ELEVATED), smoothed(rest, config.blur))
         found = np.unique(np.concatenate([found, _peaks(rest, left > 0, config)]), axis=0)

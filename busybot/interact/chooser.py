@@ -1,24 +1,20 @@
-"""Makers of learned policies: plain data that worker processes receive; models are loaded there at first use."""
+"""Factories of learned policies: plain data that worker processes receive; models are loaded there at first use."""
 
-import multiprocessing
 from dataclasses import dataclass, field
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
-import torch
 from pydantic import ValidationError
 
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
+from busybot.interact.affordance.load import find_model, load_model
 from busybot.interact.explore import ExploreConfig, GuidedExplorer, UnguidedExplorer
-from busybot.interact.model import Model, ModelInfo, find_model
+from busybot.interact.model import Model, ModelInfo
 from busybot.interact.paper_policy import PaperPolicy, PaperRules
 from busybot.interact.policy import LearnedPolicy, Mode, policy_name
-from busybot.interact.policy_config import PolicyConfig
-from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import Policy
-from busybot.sim.scene import BoardScene
+from busybot.interact.policy_config import PolicyConfig, without_fixed
+from busybot.sim.policy import Policy
 from busybot.training.model_folder import INFO_FILE, file_hashes
 
 DEFAULT_MODEL = "procedural"
@@ -34,7 +30,7 @@ _NOT_READ: dict[Mode, frozenset[str]] = {
 
 
 @dataclass(frozen=True)
-class LearnedChooser:
+class LearnedPolicyFactory:
     """Makes the policy of a trained model.
 
     Attributes:
@@ -52,7 +48,7 @@ class LearnedChooser:
         """Depends on the mode alone: the same draws wherever the model lies."""
         return policy_name(self.mode)
 
-    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+    def make_policy(self, rays: Rays) -> Policy:
         model, constants = load_once(self.model), self._constants()
         if model.info.variant == "paper" and self.mode in ("ucb", "greedy"):
             c = constants.ucb_c if self.mode == "ucb" else 0
@@ -61,8 +57,7 @@ class LearnedChooser:
 
     def provenance(self) -> dict[str, Any]:
         """Everything that decides the choices, JSON values; two models are the same if this is."""
-        policy = self._constants().model_dump(mode="json")
-        return {"mode": self.mode, "policy": policy, "model": fingerprint(self.model)}
+        return {"mode": self.mode, "policy": self._constants().provenance(), "model": fingerprint(self.model)}
 
     def _constants(self) -> PolicyConfig:
         """The policy's constants.
@@ -81,7 +76,7 @@ class LearnedChooser:
 
 
 @dataclass(frozen=True)
-class ExploreChooser:
+class ExplorePolicyFactory:
     """Makes the policy that collects a training round.
 
     Attributes:
@@ -95,7 +90,7 @@ class ExploreChooser:
     def name(self) -> str:
         return UnguidedExplorer.name if self.model is None else GuidedExplorer.name
 
-    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+    def make_policy(self, rays: Rays) -> Policy:
         if self.model is None:
             return UnguidedExplorer(rays, self.config)
         return GuidedExplorer(load_once(self.model), rays, self.config)
@@ -107,7 +102,7 @@ class ExploreChooser:
 
 
 @dataclass(frozen=True)
-class PaperChooser:
+class PaperPolicyFactory:
     """Makes the policy that collects an epoch of the `paper` variant's training.
 
     Attributes:
@@ -118,7 +113,7 @@ class PaperChooser:
     rules: PaperRules
     name = "explore-paper"
 
-    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+    def make_policy(self, rays: Rays) -> Policy:
         model = None if self.model is None else load_once(self.model)
         return PaperPolicy(model, rays, self.rules, self.name)
 
@@ -141,12 +136,14 @@ def policy_config(info: ModelInfo, overrides: dict[str, Any]) -> PolicyConfig:
     """
     try:
         own = {"prior": info.prior, "after_failure": info.after_failure, **info.thresholds}
-        return PolicyConfig.model_validate({**own, **overrides})
+        return PolicyConfig.model_validate(without_fixed({**own, **overrides}))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         known = f"the learned policy's parameters are {', '.join(PolicyConfig.model_fields)}"
         raise BusybotError(f"parameter {place} of the learned policy: {first['msg']}", known) from None
+    except ValueError as error:
+        raise BusybotError(f"parameter {error}", "leave it out") from None
 
 
 def fingerprint(name_or_path: str) -> dict[str, Any]:
@@ -158,12 +155,10 @@ def fingerprint(name_or_path: str) -> dict[str, Any]:
 
 def load_once(name_or_path: str) -> Model:
     """The model, read anew when its card on disk changed."""
-    if multiprocessing.parent_process() is not None:
-        torch.set_num_threads(1)  # as many workers as cores: more threads would only wait for each other
     folder = find_model(name_or_path)
     return _load(str(folder), (folder / INFO_FILE).stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=2)
 def _load(folder: str, changed: int) -> Model:
-    return Model.load(Path(folder))
+    return load_model(folder)

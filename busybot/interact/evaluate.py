@@ -12,14 +12,16 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
+from busybot.evaluation.bootstrap import LEVEL
 from busybot.evaluation.folder import BoardWork, Progress, Recording, conclude, judge_boards, versions
+from busybot.evaluation.results import stamp
 from busybot.interact import metrics as m
 from busybot.interact.judge import judge
 from busybot.objects.library import Library
 from busybot.rng import generator
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import Chooser
+from busybot.sim.policy import AnyPolicyFactory
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
@@ -48,7 +50,7 @@ class EvaluateConfig(BaseModel):
 def evaluate(
     dataset: Dataset,
     library: Library,
-    chooser: Chooser,
+    factory: AnyPolicyFactory,
     config: EvaluateConfig,
     seed: int = 0,
     workers: int = 1,
@@ -64,21 +66,22 @@ def evaluate(
         seed: of the policy's draws.
         out: folder for the results, with which a stopped evaluation goes on.
         record: folder of a new dataset for the episodes.
-        provenance: what decides the chooser's choices, JSON values, as `LearnedChooser.provenance` tells it.
+        provenance: what decides the policies' actions, JSON values, as `LearnedPolicyFactory.provenance` tells it.
 
     Raises:
         BusybotError: `out` or `record` hold something else, or a worker is at fault.
     """
-    settings = _settings(dataset, chooser.name, config, seed, provenance or {})
+    settings = _settings(dataset, factory.name, config, seed, provenance or {})
     count = min(config.boards or dataset.info.boards, dataset.info.boards)
-    work = BoardWork(m.JudgedBoard, make_work, (dataset.path, library, config, seed, chooser, record), workers)
+    work = BoardWork(m.JudgedBoard, make_work, (dataset.path, library, config, seed, factory, record), workers)
     recordings = [Recording(record, dataset, _collected(settings))] if record else []
     judged = judge_boards(range(count), work, settings, progress, out, recordings)
-    return conclude(out, {**summarise(judged, seed, dataset.info.split), **settings})
+    summary = summarise(judged, seed, dataset.info.split)
+    return conclude(out, {**stamp("interact", hashes=_hashes(settings)), **summary, **settings})
 
 
 def make_work(
-    path: Path, library: Library, config: EvaluateConfig, seed: int, chooser: Chooser, record: Path | None
+    path: Path, library: Library, config: EvaluateConfig, seed: int, factory: AnyPolicyFactory, record: Path | None
 ) -> Callable[[int], m.JudgedBoard]:
     """What a worker does with a board's index: act on it, record it if wanted, judge it."""
     dataset = Dataset.open(path)
@@ -88,9 +91,9 @@ def make_work(
 
     def work(index: int) -> m.JudgedBoard:
         board = dataset.board(index)
-        episode = record_episode(simulator, board, chooser, config.actions, config.interaction, seed)
+        episode = record_episode(simulator, board, factory, config.actions, config.interaction, seed)
         if recorded is not None:
-            write_episode(recorded.episode_path(index), episode, "jpeg")
+            write_episode(recorded.episode_path(index), episode, "jpeg", recorded.path)
         judged = judge(episode, annotated, config.interaction.delta)
         # a board's number in its dataset, which is where results are looked up
         return judged.model_copy(update={"board": index})
@@ -105,7 +108,7 @@ def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> di
         **m.micro(boards),
         "boards": len(boards),
         "macro": m.macro(boards),
-        "intervals": {"level": m.LEVEL, **m.intervals(boards, rng)},
+        "intervals": {"level": LEVEL, **m.intervals(boards, rng)},
         "counts": {
             name: dict(zip(("part", "whole"), counts, strict=True)) for name, counts in m.counts(boards).items()
         },
@@ -114,6 +117,13 @@ def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> di
         "missed_links": m.missed_links(boards),
         "by_step": m.by_step(boards),
     }
+
+
+def _hashes(settings: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Of the boards, and of the files of the model that acted."""
+    model, origin = settings["provenance"].get("model", {}), settings["dataset"]
+    models = {model["name"]: model["sha256"]} if "sha256" in model else {}
+    return {"models": models, "data": {origin["name"]: {"board_hash": origin["board_hash"]}}}
 
 
 def _collected(settings: dict[str, Any]) -> CollectInfo:

@@ -16,12 +16,12 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from busybot.boards.directions import OPPOSITE
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays, normals
 from busybot.interact.beliefs import ELEVATED, PAIRS, pair_scores, sigmoid
 from busybot.interact.candidates import ActionModel, V, held
 from busybot.interact.regions import moved_window
-from busybot.sim.policies import Action
+from busybot.sim.policy import Action, StatelessPolicy
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -67,30 +67,27 @@ class ExploreConfig(BaseModel):
     pairs: Annotated[int, Field(ge=1, le=9)] = 9
 
 
-class UnguidedExplorer:
+class UnguidedExplorer(StatelessPolicy):
     """Round 0: places drawn without a network. Reads depth only."""
 
-    name, oracle = "explore-unguided", False
+    name = "explore-unguided"
 
     def __init__(self, rays: Rays, config: ExploreConfig | None = None):
         self._rays, self._config = rays, config or ExploreConfig()
-        self._image: Image | None = None
+        self._seen: Observation | None = None
         self._components: list[np.ndarray] = []
         self._classes: list[np.ndarray] = []
 
-    def choose(self, image: Image, rng: np.random.Generator) -> Action:
-        if image is not self._image:
-            self._image = image
-            self._divide(image)
-        return Action(self._place(image, rng), _in_order(rng.permutation(len(PAIRS)), rng, self._config))
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
+        if observation is not self._seen:
+            self._seen = observation
+            self._divide(observation.depth)
+        pixel = self._place(observation.depth.shape, rng)
+        return Action(pixel, _in_order(rng.permutation(len(PAIRS)), rng, self._config))
 
-    def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
-        pass
-
-    def _divide(self, image: Image) -> None:
+    def _divide(self, depth: np.ndarray) -> None:
         """Elevated components as flat pixel indices, and each pixel's class of height and slope."""
-        assert image.depth is not None
-        points = self._rays.points(image.depth)
+        points = self._rays.points(depth)
         height, slopes = points[..., 2].ravel(), normals(points).reshape(-1, 3)
         elevated = (points[..., 2] > self._config.elevation).astype(np.uint8)
         count, labels, sizes, _ = cv2.connectedComponentsWithStats(elevated, connectivity=8)
@@ -99,11 +96,10 @@ class UnguidedExplorer:
         self._components = [np.flatnonzero(flat == label) for label in large]
         self._classes = [_classes(height[one], slopes[one], self._config.height_classes) for one in self._components]
 
-    def _place(self, image: Image, rng: np.random.Generator) -> tuple[int, int]:
-        assert image.depth is not None
-        width = image.depth.shape[1]
+    def _place(self, shape: tuple[int, ...], rng: np.random.Generator) -> tuple[int, int]:
+        height, width = shape
         if not self._components:
-            return int(rng.integers(width)), int(rng.integers(image.depth.shape[0]))
+            return int(rng.integers(width)), int(rng.integers(height))
         number = int(rng.integers(len(self._components)))
         pixels = self._components[number]
         if rng.random() < self._config.stratified:
@@ -116,18 +112,17 @@ class UnguidedExplorer:
 class GuidedExplorer(Generic[V]):
     """Later rounds: places by the affordance of the round before."""
 
-    name, oracle = "explore", False
+    name = "explore"
 
     def __init__(self, model: ActionModel[V], rays: Rays, config: ExploreConfig | None = None):
         self._model, self._rays, self._config = model, rays, config or ExploreConfig()
-        self._image: Image | None = None
+        self._seen: Observation | None = None
         self._view: V | None = None
         self._moved: np.ndarray | None = None
 
-    def choose(self, image: Image, rng: np.random.Generator) -> Action:
-        assert image.depth is not None
-        if image is not self._image or self._view is None:
-            self._image, self._view = image, self._model.look(image, self._rays)
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
+        if observation is not self._seen or self._view is None:
+            self._seen, self._view = observation, self._model.look(observation, self._rays)
             self._weigh(self._view)
         pixel = self._place(rng)
         if rng.random() < self._config.by_network:
@@ -137,14 +132,12 @@ class GuidedExplorer(Generic[V]):
             order = rng.permutation(len(PAIRS))
         return Action(pixel, _in_order(order, rng, self._config))
 
-    def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
-        assert self._image is not None and self._image.depth is not None and after.depth is not None
-        assert self._moved is not None
+    def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
+        before, config = self._seen, self._config
+        assert before is not None and self._moved is not None
         if reward:
-            self._moved |= moved_window(
-                self._image.depth, after.depth, action.pixel, self._config.reach, self._config.change
-            )
-        if after is self._image:  # nothing moved; what moves without a reward ("w/o responder") may be tried again
+            self._moved |= moved_window(before.depth, after.depth, action.pixel, config.reach, config.change)
+        if after is before:  # nothing moved; what moves without a reward ("w/o responder") may be tried again
             (column, row), near = action.pixel, self._config.near
             around = (slice(max(row - near, 0), row + near + 1), slice(max(column - near, 0), column + near + 1))
             self._best[around] *= self._config.failed

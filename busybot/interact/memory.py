@@ -14,9 +14,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.interact.beliefs import ELEVATED, PAIR_OF, logit, sigmoid
-from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.policy_config import EFFECT, FAILURE_SIGMA, SAME_LINK, PolicyConfig
 from busybot.interact.regions import enlarged, moved_region
 
 NEGLIGIBLE = 0.05
@@ -62,14 +62,13 @@ class Memory:
         self.failures: list[Failure] = []
         self.responders: set[int] = set()
 
-    def succeeded(self, pixel: tuple[int, int], direction: int, before: Image, after: Image) -> int:
+    def succeeded(self, pixel: tuple[int, int], direction: int, before: Observation, after: Observation) -> int:
         """Remember an action with reward; returns the number of the link that moved.
 
         Args:
             direction: the one that worked.
-            before, after: what was seen, with depth.
+            before, after: what was seen.
         """
-        assert before.depth is not None and after.depth is not None
         component = self._components[pixel[1], pixel[0]]
         body = (self._components == component) & (component > 0)
         moved = moved_region(before.depth, after.depth, pixel, body, self._config)
@@ -87,7 +86,7 @@ class Memory:
         most = (ANOTHER_COLOUR,) * 3
         differs = cv2.inRange(cv2.absdiff(before, after), (0, 0, 0), most) == 0
         counts = np.bincount(self._components[differs & (self._components > 0)])
-        return set(np.flatnonzero(counts >= self._config.effect).tolist())
+        return set(np.flatnonzero(counts >= EFFECT).tolist())
 
     def _link(self, moved: np.ndarray) -> int:
         """The known link that overlaps the moved region (H, W) enough to be the same, else a new number."""
@@ -96,7 +95,7 @@ class Memory:
             return len(self.pairs) + 1
         likely = int(shared.argmax()) + 1
         smaller = min(np.count_nonzero(moved), np.count_nonzero(self.links == likely))
-        return likely if shared[likely - 1] > self._config.same_link * smaller else len(self.pairs) + 1
+        return likely if shared[likely - 1] > SAME_LINK * smaller else len(self.pairs) + 1
 
     def failed(self, failure: Failure) -> None:
         """Remember an action without reward."""
@@ -152,7 +151,7 @@ class Memory:
     def _near(self, failure: Failure, pixels: np.ndarray) -> np.ndarray:
         """How much a failure says about what is at the pixels (K, 2) itself, (K,) from 0 to 1."""
         distance = ((pixels - np.array(failure.pixel)) ** 2).sum(axis=1)
-        near = np.exp(-distance / (2 * self._config.failure_sigma**2))
+        near = np.exp(-distance / (2 * FAILURE_SIGMA**2))
         return np.where(near < NEGLIGIBLE, 0, near)
 
     def _without(self, pairs: np.ndarray, failed: int, near: np.ndarray) -> np.ndarray:

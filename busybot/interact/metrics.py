@@ -12,10 +12,11 @@ from typing import Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-DRAWS, LEVEL = 1000, 0.95
+from busybot.evaluation.bootstrap import LEVEL, Interval, share_interval
+
+DRAWS = 1000
 
 Target = Literal["link", "trigger", "responder", "board"]
-Interval = tuple[float, float] | None
 
 
 class JudgedLink(BaseModel):
@@ -148,11 +149,7 @@ def intervals(
     found: dict[str, Interval] = {}
     for name, parts in SHARES.items():
         part, whole = _table(boards, parts)[chosen].sum(1).T
-        if whole.all():
-            low, high = np.quantile(part / whole, [(1 - level) / 2, (1 + level) / 2])
-            found[name] = (float(low), float(high))
-        else:
-            found[name] = None
+        found[name] = share_interval(part, whole, level)
     return found
 
 

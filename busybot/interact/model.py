@@ -1,6 +1,6 @@
 """A trained model: a folder with two files of weights and `model.json`, which says what they are.
 
-Here is the `fast` variant; `interact.paper_model` has the `paper` variant, which is loaded in the same way.
+Here is the `fast` variant; `interact.paper_model` has the `paper` variant. `interact.affordance.load` loads both.
 """
 
 from dataclasses import dataclass, field
@@ -13,16 +13,15 @@ from pydantic import AfterValidator, Field
 from torch import Tensor, nn
 from torch.nn import functional
 
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
-from busybot.errors import BusybotError
 from busybot.interact.beliefs import ELEVATED, NOT_ELEVATED
 from busybot.interact.features import Inputs, Pinhole, colour_features, heights_of, picture_features
-from busybot.interact.networks import CROP, KINDS, POSITION_STRIDE, Kind, make_network
+from busybot.interact.networks import CROP, POSITION_STRIDE, Kind, make_network
 from busybot.interact.policy_config import PairTable, Threshold, check_thresholds
-from busybot.training.checkpoint import load_tensors, load_weights, save_tensors
+from busybot.training.checkpoint import save_tensors
 from busybot.training.device import device, multiplies_bfloat16
-from busybot.training.model_folder import ModelCard, find_folder, read_info, write_info
+from busybot.training.model_folder import ModelCard, write_info
 
 MARGIN = 32
 """The position network is run on what lies within so many pixels of something elevated: a third is saved."""
@@ -84,36 +83,16 @@ class Model:
 
     Args:
         networks: `position` and `direction`; they are put into evaluation mode.
-        bfloat16: multiply in bfloat16, twice as fast on processors that can; None: where they can.
+
+    Attributes:
+        bfloat16: whether it multiplies in bfloat16, twice as fast on processors that can.
     """
 
-    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module], bfloat16: bool | None = None):
+    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module]):
         self.info, self.on = info, device()
-        self.bfloat16 = multiplies_bfloat16() if bfloat16 is None else bfloat16
+        self.bfloat16 = multiplies_bfloat16()
         self.networks = {kind: network.eval().to(self.on) for kind, network in networks.items()}
         self._camera: tuple[Rays, Pinhole] | None = None
-
-    @classmethod
-    def load(cls, name_or_path: str | Path) -> "Model":
-        """A shipped model by its name, or any by its folder (a training's folder stands for its final model).
-
-        Raises:
-            BusybotError: there is no such model, or its files are damaged or do not belong together.
-        """
-        folder = find_model(name_or_path)
-        info = read_info(folder, ModelInfo)
-        variant: type[Model] = cls
-        if info.variant == "paper":
-            from busybot.interact.paper_model import PaperModel  # a subclass of this one
-
-            variant = PaperModel
-        networks = {}
-        for kind in KINDS:
-            file = weights_file(folder, kind)
-            tensors = load_tensors(file).tensors
-            networks[kind] = variant.make_network(kind, info.inputs, tensors)
-            load_weights(networks[kind], tensors, file)
-        return variant(info, networks)
 
     @staticmethod
     def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
@@ -126,21 +105,16 @@ class Model:
             save_tensors(weights_file(folder, kind), network.state_dict())
         write_info(folder, self.info, [weights_file(folder, kind) for kind in self.networks])
 
-    def look(self, image: Image, rays: Rays, earlier: View | None = None) -> View:
+    def look(self, seen: Observation, rays: Rays, earlier: View | None = None) -> View:
         """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
 
         Args:
             earlier: of the same board, saves closer looks at what has not changed.
-
-        Raises:
-            BusybotError: the image has no depth.
         """
-        if image.depth is None:
-            raise BusybotError("the interaction policy needs depth images", "give images with depth")
-        features = picture_features(image.depth, self._pinhole(rays))
+        features = picture_features(seen.depth, self._pinhole(rays))
         height = heights_of(features)
         if self.info.inputs == "rgb":
-            features = colour_features(image.rgb)
+            features = colour_features(seen.rgb)
         elevated = height > ELEVATED
         affordance = torch.full_like(height, NOT_ELEVATED)
         if elevated.any():
@@ -188,11 +162,6 @@ class Model:
         if self._camera is None or self._camera[0] is not rays:
             self._camera = (rays, Pinhole(rays.camera))
         return self._camera[1]
-
-
-def find_model(name_or_path: str | Path) -> Path:
-    """The folder that a name or a path means."""
-    return find_folder(name_or_path, "interact")
 
 
 def weights_file(folder: Path, kind: Kind) -> Path:

@@ -6,12 +6,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.interact.beliefs import ELEVATED, NOT_ELEVATED
 from busybot.interact.features import LOWEST, Inputs, colour_features
-from busybot.interact.model import Model, ModelInfo, View
+from busybot.interact.model import Model, View
 from busybot.interact.networks import Kind
 from busybot.interact.paper_inputs import depth_and_normals, with_positions
 from busybot.interact.paper_networks import SIZE, PaperDirectionNet, make_paper_network
@@ -46,31 +46,26 @@ class PaperModel(Model):
     position network's.
     """
 
-    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module], bfloat16: bool = False):
-        super().__init__(info, networks, bfloat16)
-
     @staticmethod
     def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
         size = tensors.get(SAVED_SIZE)
         rows, columns = SIZE if size is None or size.shape != (2,) else (int(side) for side in size)
         return make_paper_network(kind, inputs, (rows, columns))
 
-    def look(self, image: Image, rays: Rays, earlier: View | None = None) -> View:
+    def look(self, seen: Observation, rays: Rays, earlier: View | None = None) -> View:
         """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
 
         An earlier look saves nothing here: both networks see whole pictures.
 
         Raises:
-            BusybotError: there is no depth, or the picture has another size than those of the training.
+            BusybotError: the picture has another size than those of the training.
         """
-        if image.depth is None:
-            raise BusybotError("the interaction policy needs depth images", "give images with depth")
-        self._check_size(image.depth.shape)
-        height = np.nan_to_num(rays.heights(image.depth), nan=LOWEST).astype(np.float32)
+        self._check_size(seen.depth.shape)
+        height = np.nan_to_num(rays.heights(seen.depth), nan=LOWEST).astype(np.float32)
         if self.info.inputs == "rgb":
-            features = colour_features(image.rgb)[None]
+            features = colour_features(seen.rgb)[None]
         else:
-            features = depth_and_normals(torch.from_numpy(image.depth)[None], self._pinhole(rays))
+            features = depth_and_normals(torch.from_numpy(seen.depth)[None], self._pinhole(rays))
         logits = self._run("position", features)[0]
         affordance = torch.where(torch.from_numpy(height > ELEVATED), logits[1] - logits[0], NOT_ELEVATED)
         return View(height, affordance.numpy(), features[0].numpy())

@@ -13,17 +13,16 @@ copied rounds and going on after a kill end in the same ones.
 
 import hashlib
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
-from busybot.files import write_atomically
-from busybot.interact.chooser import PaperChooser
+from busybot.files import remove, write_atomically
+from busybot.interact.chooser import PaperPolicyFactory
 from busybot.interact.model import ModelInfo
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.paper_config import PaperConfig
@@ -94,16 +93,16 @@ class PaperTraining:
             return finished(Dataset.open(self.given[epoch]), self.config)
         path = self.out / "rounds" / f"{epoch:03d}"
         config = self.config
-        return self.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", lambda: self.chooser(epoch))
+        return self.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", lambda: self.factory(epoch))
 
-    def chooser(self, epoch: int) -> PaperChooser:
+    def factory(self, epoch: int) -> PaperPolicyFactory:
         """Who collects an epoch's data, with the networks as they are now."""
         rules = rules_for(self.config, epoch)
         if not rules.needs_model():
-            return PaperChooser(None, rules)
+            return PaperPolicyFactory(None, rules)
         current = self.out / "current"
         self._model({"epochs": epoch}).save(current)
-        return PaperChooser(str(current), rules)
+        return PaperPolicyFactory(str(current), rules)
 
     def _train(self, epoch: int) -> None:
         """Train the networks whose turn it is on the buffer."""
@@ -126,7 +125,7 @@ class PaperTraining:
                 self.caches[number] = cache_samples(self.datasets[number], folder, self.config.inputs, whole=True)
         caches = [self.caches[number] for number in range(first, epoch + 1)]
         for left in set(folder.iterdir()) - set(caches):
-            shutil.rmtree(left)
+            remove(left, self.out)
         self.caches = {number: place for number, place in self.caches.items() if place in caches}
         return open_samples(caches, self.config.inputs, self.config.buffer, whole=True)
 
@@ -167,7 +166,7 @@ class PaperTraining:
             epsilons = {f"epsilon_{kind}": self.config.epsilon(kind, epoch) for kind in KINDS}
             lines.append({"epoch": epoch, **_collected(dataset), **epsilons})
         text = "".join(json.dumps(line, sort_keys=True) + "\n" for line in lines)
-        write_atomically(self.out / "metrics" / "epochs.jsonl", text.encode())
+        write_atomically(self.out / "metrics" / "epochs.jsonl", text.encode(), self.out)
         known = {kind: read_metrics(self.out / "metrics" / f"{kind}.jsonl") for kind in KINDS}
         above = [loss_panel(kind, known[kind], "half-positive batches") for kind in KINDS]
         draw(self.out / "training.png", [above, [_epochs_panel(kind, lines) for kind in KINDS]])

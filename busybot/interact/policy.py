@@ -15,7 +15,7 @@ from typing import Generic, Literal, get_args
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.interact.beliefs import ELEVATED, PAIR_OF, PAIRS, pair_scores, sigmoid
@@ -23,7 +23,7 @@ from busybot.interact.candidates import ActionModel, Candidates, V, find_candida
 from busybot.interact.memory import Failure, Memory
 from busybot.interact.policy_config import PolicyConfig
 from busybot.interact.ucb import ucb_bonus
-from busybot.sim.policies import Action
+from busybot.sim.policy import Action
 
 Mode = Literal["evaluate", "greedy", "ucb", "collect"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -49,15 +49,12 @@ class Choice:
 class LearnedPolicy(Generic[V]):
     """Chooses actions on one board by a model's affordance and by what happened before.
 
-    It reads depth (and RGB, if the model sees colours), its own actions, their reward and which pixels they changed;
-    never segmentation, boxes or the simulator.
+    It reads depth (and RGB, if the model sees colours), its own actions, their reward and which pixels they changed.
 
     Attributes:
         view, candidates, choice: of the last decision, for pictures. `candidates` is None in modes that have none.
         memory: what was learnt about the board.
     """
-
-    oracle = False
 
     def __init__(
         self, model: ActionModel[V], rays: Rays, config: PolicyConfig | None = None, mode: Mode = "evaluate"
@@ -65,42 +62,42 @@ class LearnedPolicy(Generic[V]):
         self.name = policy_name(mode)
         self._model, self._rays, self._mode = model, rays, mode
         self._config = config or PolicyConfig()
-        self._image: Image | None = None
+        self._seen: Observation | None = None
         self._picks: list[tuple[int, int]] = []
         self.view: V | None = None
         self.memory: Memory | None = None
         self.candidates: Candidates | None = None
         self.choice: Choice | None = None
 
-    def choose(self, image: Image, rng: np.random.Generator) -> Action:
-        view, memory = self._look(image)
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
+        view, memory = self._look(observation)
         if self._mode == "evaluate":
-            choice = self._best(self._find(view, image, memory), memory)
+            choice = self._best(self._find(view, observation, memory), memory)
         elif self._mode == "collect":
-            choice = self._random(self._find(view, image, memory), memory, rng)
+            choice = self._random(self._find(view, observation, memory), memory, rng)
         else:
             choice = self._highest(view, with_bonus=self._mode == "ucb")
         self.choice = choice = choice or _guess(view.height, rng)
         self._picks.append(choice.pixel)
         return Action(choice.pixel, (choice.direction,))
 
-    def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
-        before, memory, choice = self._image, self.memory, self.choice
+    def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
+        before, memory, choice = self._seen, self.memory, self.choice
         assert before is not None and memory is not None and choice is not None
         if reward:
             memory.succeeded(action.pixel, executed[-1], before, after)
         else:
             memory.failed(Failure(action.pixel, {int(PAIR_OF[choice.direction]): choice.pair_belief}))
 
-    def _look(self, image: Image) -> tuple[V, Memory]:
-        if self.view is None or image is not self._image:
-            self._image, self.view = image, self._model.look(image, self._rays, self.view)
+    def _look(self, observation: Observation) -> tuple[V, Memory]:
+        if self.view is None or observation is not self._seen:
+            self._seen, self.view = observation, self._model.look(observation, self._rays, self.view)
         if self.memory is None:
             self.memory = Memory(self.view.height, self._config)
         return self.view, self.memory
 
-    def _find(self, view: V, image: Image, memory: Memory) -> Candidates:
-        self.candidates = find_candidates(self._model, image, self._rays, memory, self._config, view)
+    def _find(self, view: V, seen: Observation, memory: Memory) -> Candidates:
+        self.candidates = find_candidates(self._model, seen, self._rays, memory, self._config, view)
         return self.candidates
 
     def _best(self, found: Candidates, memory: Memory) -> Choice | None:

@@ -1,12 +1,15 @@
 """The constants of the learned policy, in one place.
 
 They were chosen on boards of training objects, `caution`, `temperature`, `explore`, `insist` and `trigger_bonus` on
-further ones that the model had not seen (`benchmarks/policy_constants.py`), because there it is surer than it is
-right. That there is a `responder_penalty` was thought of after failures on novel objects (docs/interact.md tells it). A
-model's card may carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides both.
+further ones that the model had not seen (`benchmarks/studies/policy_constants.py`), because there it is surer than it
+is right. That there is a `responder_penalty` was thought of after failures on novel objects (docs/results/interact.md
+tells it). A model's card may carry other values (`thresholds` in model.json), and `--set learned.NAME=VALUE` overrides
+both.
+
+Those in `FIXED` were parameters until the same benchmark showed that no other value changes anything.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -25,6 +28,24 @@ STRICT_POLICY: dict[str, Threshold] = {"explore": 0.35, "insist": 0.1, "trigger_
 one failed, another is likely to work; trying more places would find it no more links."""
 
 
+OPENING = 5
+"""What a known link leaves over must hold a square of this side to have a peak, pixels."""
+SAME_LINK = 0.25
+"""A motion is of a known link when it overlaps more than this share of the smaller of both regions."""
+EFFECT = 150
+"""So many pixels of an object look otherwise when it responds to an action on another one; lamps, doors and toys change
+several hundred."""
+FAILURE_SIGMA = 6.0
+"""How far around it a failure speaks of the candidate itself, pixels (Gaussian)."""
+FIXED: dict[str, float] = {
+    "opening": OPENING,
+    "same_link": SAME_LINK,
+    "effect": EFFECT,
+    "failure_sigma": FAILURE_SIGMA,
+}
+"""Parameters of former versions: cards may still name them, with these values, and provenance still tells them."""
+
+
 class PolicyConfig(BaseModel):
     """How affordances become actions.
 
@@ -35,7 +56,6 @@ class PolicyConfig(BaseModel):
         most: candidates per look, the highest first.
         blur: width of the Gaussian over the affordance before peaks are sought, pixels, odd.
         region_logit: pixels above it form the connected regions of affordance.
-        opening: what a known link leaves over must hold a square of this side to have a peak, pixels.
         dense_weight: share of the position network's logit in a candidate's belief; the rest is the crop network's.
         prior: share of working positions among the candidates; training sees half and half.
         caution: logits taken from the belief in every candidate that has not moved yet.
@@ -45,23 +65,19 @@ class PolicyConfig(BaseModel):
         change: depth that differs by more than this has moved, board units.
         reach: a link's motion is looked for this far around the action, pixels.
         disc: so far around the action the link is taken as moved whatever the depth says, pixels.
-        same_link: a motion is of a known link when it overlaps more than this share of the smaller of both regions.
         component_penalty: logits that every failure takes from untouched candidates farther away on the same elevated
             component.
         failure_penalty: logits that every failure on the board takes from all untouched candidates farther away.
-        effect: so many pixels of an object look otherwise when it responds to an action on another one; a lamp, a door
-            or a toy changes several hundred.
         responder_penalty: logits taken from candidates on an object that responded and of which nothing has moved.
         trigger_bonus: logits given to new candidates on an elevated component of which a link has moved, until an
             action fails there: it is a trigger, and many have further links.
-        failure_sigma: how far around it a failure speaks of the candidate itself, pixels (Gaussian).
         known_pair: least belief in the direction pair that moved a known link before.
         explore: new links are tried while the best one's expected success exceeds this; then known ones are repeated.
         insist: where a pair has failed already, others are tried while their expected success exceeds this. Physics
             alone lets most pairs work, so that a failure says that the place is wrong.
         collect: least expected success of a new candidate when data for reasoning are collected. Low, because a link
             that is never touched has no relations that could be found; what fails soon promises less
-            (`benchmarks/coverage.py`: so many places elsewhere promise as much).
+            (`benchmarks/studies/coverage.py`: so many places elsewhere promise as much).
         untried_first: when data for reasoning are collected, candidates that were neither moved nor tried come before
             the others. Without it the draw is among all candidates, as in the paper: of six links, one in 55 is not
             among 22 draws.
@@ -78,7 +94,6 @@ class PolicyConfig(BaseModel):
     most: Annotated[int, Field(ge=1, le=1000)] = 40
     blur: Annotated[int, Field(ge=1, le=31)] = 3
     region_logit: Logit = 0.0
-    opening: Annotated[int, Field(ge=1, le=31)] = 5
     dense_weight: Share = 0.65
     prior: Inner = 0.15
     caution: Logit = 1.25
@@ -87,13 +102,10 @@ class PolicyConfig(BaseModel):
     change: Annotated[float, Field(gt=0)] = 2e-4
     reach: Pixels = 36
     disc: Pixels = 2
-    same_link: Share = 0.25
     component_penalty: Logit = 1.0
     failure_penalty: Logit = 0.7
-    effect: Annotated[int, Field(ge=1)] = 150
     responder_penalty: Logit = 3.0
     trigger_bonus: Logit = 1.2
-    failure_sigma: Annotated[float, Field(gt=0)] = 6.0
     known_pair: Share = 0.97
     explore: Share = 0.25
     insist: Share = 0.35
@@ -104,11 +116,23 @@ class PolicyConfig(BaseModel):
     clusters: Annotated[int, Field(ge=1, le=100)] = 7
     cluster_belief: Share = 0.5
 
+    def provenance(self) -> dict[str, Any]:
+        """All constants, JSON values, as results and recordings tell them; equal to those of former versions."""
+        return {**self.model_dump(mode="json"), **FIXED}
+
+
+def without_fixed(values: dict[str, Any]) -> dict[str, Any]:
+    """The values that `PolicyConfig` knows; ValueError names a fixed constant that is given another value."""
+    for name, fixed in FIXED.items():
+        if name in values and values[name] != fixed:
+            raise ValueError(f"{name}: it is {fixed:g} in every model now, not {values[name]}")
+    return {name: value for name, value in values.items() if name not in FIXED}
+
 
 def check_thresholds(thresholds: dict[str, Threshold]) -> dict[str, Threshold]:
     """The constants of a card as they are; ValueError names the one that does not exist or has no allowed value."""
     try:
-        PolicyConfig.model_validate(thresholds)
+        PolicyConfig.model_validate(without_fixed(thresholds))
     except ValidationError as error:
         first = error.errors()[0]
         raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None

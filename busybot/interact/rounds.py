@@ -17,15 +17,15 @@ from busybot.interact.train_config import RecordConfig
 from busybot.objects.library import Library
 from busybot.rng import generator
 from busybot.sim.collect import CollectConfig, Progress, collect
-from busybot.sim.policies import Chooser
+from busybot.sim.policy import PolicyFactory
 from busybot.training.plots import Lines, Panel, losses
 
 BEFORE = ("rounds", "validation")
 """What may lie in a folder in which a training begins: recorded rounds, to train on with `--offline`."""
 
 
-class Explorer(Chooser, Protocol):
-    """Who collects a round."""
+class Explorer(PolicyFactory, Protocol):
+    """Makes the policies that collect a round."""
 
     def provenance(self) -> dict[str, Any]:
         """All that decides the choices, JSON values."""
@@ -76,9 +76,9 @@ class Recorder:
         dataset = Dataset.open(path)
         if library is None or len(dataset.finished()) == dataset.info.boards:
             return finished(dataset, config, offline=library is None)
-        chooser = explorer()
+        factory = explorer()
         settings = CollectConfig(
-            policy=chooser.name,
+            policy=factory.name,
             steps=steps,
             images=config.images,
             responders=config.responders,
@@ -86,7 +86,7 @@ class Recorder:
             render=config.render,
         )
         with self.told.count(f"{purpose}: collecting") as progress:
-            collect(dataset, library, settings, self.workers, progress, chooser, chooser.provenance())
+            collect(dataset, library, settings, self.workers, progress, factory, factory.provenance())
         return Dataset.open(path)
 
 

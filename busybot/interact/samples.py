@@ -9,7 +9,6 @@ written last. The `paper` variant sees whole pictures: its caches hold each one 
 was. Caches are derived from the episodes alone and can be deleted.
 """
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,8 +21,9 @@ from busybot.episodes.codec import decode_plain, decode_rgb
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Camera, Episode
 from busybot.episodes.images import LazyImages
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
+from busybot.files import replacing
 from busybot.interact.features import Inputs
 
 SIDE = 160
@@ -92,10 +92,9 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
     place = folder / f"{content[:16]}-{inputs}-{'whole-' if whole else ''}{CACHE_VERSION}"
     if (place / INDEX).exists():
         return place
-    place.mkdir(parents=True, exist_ok=True)
     columns: dict[str, list[np.ndarray]] = {name: [] for name in ((*COLUMNS, ROW) if whole else COLUMNS)}
     camera: Camera | None = None
-    with open(place / SQUARES, "wb") as file:
+    with replacing(place / SQUARES, folder.parent) as file:
         for index in sorted(dataset.finished()):
             episode = read_episode(dataset.episode_path(index), "lazy")
             camera = _same_camera(camera, episode.camera, dataset.episode_path(index))
@@ -107,7 +106,10 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
                 _write_squares(file, episode, inputs)
     if camera is None:
         raise BusybotError(f"{dataset.path}: no episode has been recorded", "`busybot collect` records them")
-    _write_index(place, camera, {name: np.concatenate(parts) for name, parts in columns.items()})
+    size = np.array([camera.width, camera.height])
+    arrays: dict[str, Any] = {"size": size, "matrix": camera.matrix, "pose": camera.pose}
+    with replacing(place / INDEX, folder.parent) as file:
+        np.savez(file, **arrays, **{name: np.concatenate(parts) for name, parts in columns.items()})
     return place
 
 
@@ -179,14 +181,6 @@ def _decode(images: LazyImages, number: int, inputs: Inputs) -> np.ndarray:
     if encoded.depth is None:
         raise BusybotError(f"{images.where}: it has no depth images", "train with --set inputs=rgb")
     return decode_plain(encoded.depth, images.width, images.height).astype(np.uint16)
-
-
-def _write_index(place: Path, camera: Camera, columns: dict[str, np.ndarray]) -> None:
-    temporary = place / f".{INDEX}.{os.getpid()}.tmp.npz"
-    size = np.array([camera.width, camera.height])
-    arrays: dict[str, Any] = {"size": size, "matrix": camera.matrix, "pose": camera.pose, **columns}
-    np.savez(temporary, **arrays)
-    os.replace(temporary, place / INDEX)
 
 
 def open_samples(caches: Sequence[Path], inputs: Inputs, window: int, whole: bool = False) -> Samples:

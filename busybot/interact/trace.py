@@ -9,9 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from busybot.episodes.episode import Episode, Image, Step
+from busybot.episodes.episode import Episode, Observation, Step
 from busybot.episodes.geometry import Rays
-from busybot.errors import BusybotError
 from busybot.interact.beliefs import PAIR_OF, sigmoid
 from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates, pairs_at, prior_shift
 from busybot.interact.memory import Failure, Memory
@@ -50,10 +49,7 @@ def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None
     rays = Rays(episode.camera)
     memory: Memory | None = None
     for index, step in enumerate(episode.steps):
-        before, after = episode.image(index), episode.image(index + 1)
-        if before.depth is None or after.depth is None:
-            what = f"board {episode.board.index}: affordances need depth images, the episode has none"
-            raise BusybotError(what, "record it with `busybot collect`, which records depth")
+        before, after = episode.observation(index), episode.observation(index + 1)
         view = model.look(before, rays)
         memory = memory or Memory(view.height, config)
         found = find_candidates(model, before, rays, memory, config, view)
@@ -63,11 +59,13 @@ def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None
         remember(memory, step, before, after, partial(pairs_at, model, view, step.pixel, memory, config))
 
 
-def remember(memory: Memory, step: Step, before: Image, after: Image, pairs: Callable[[], np.ndarray]) -> None:
+def remember(
+    memory: Memory, step: Step, before: Observation, after: Observation, pairs: Callable[[], np.ndarray]
+) -> None:
     """Tell a memory what came of a recorded action.
 
     Args:
-        before, after: with depth.
+        before, after: what was seen.
         pairs: `candidates.pairs_at` the action's pixel, (9,); asked for when the action failed.
     """
     if step.reward:

@@ -24,6 +24,7 @@ from torch import nn
 
 from busybot.episodes.dataset import INFO_FILE, Dataset
 from busybot.errors import BusybotError
+from busybot.interact.affordance.load import load_model
 from busybot.interact.fit import FitJob, make_fit
 from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, Kind, make_network
@@ -83,7 +84,7 @@ class Training:
             if not (self._model_folder(number) / MODEL_FILE).exists():
                 self._train(number, datasets, validation)
                 self._plot()
-        final = Model.load(self._model_folder(len(self.schedule) - 1))
+        final = load_model(self._model_folder(len(self.schedule) - 1))
         final.save(self.out / "model")
         return final
 

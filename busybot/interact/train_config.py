@@ -60,7 +60,7 @@ ROUNDS = (
     Round(boards=200, steps=14, position=800, direction=1300),
     Round(boards=200, steps=14, position=1400, direction=2400),
 )
-"""On two idle cores about half an hour, on a processor that multiplies bfloat16 half of it (docs/interact.md)."""
+"""On two idle cores about half an hour, on a processor that multiplies bfloat16 half (docs/guides/interact.md)."""
 
 
 STRICT = {"direction.augmentation.transposed": 0.0}

@@ -87,7 +87,6 @@ class _Builder:
             trigger_links=links,
             directions=annotation.Direction or (),
             effect=effect,
-            movable_joints=tuple(joint.name for joint in self.urdf.joints if joint.type != "fixed"),
             folder=self.snapshot.folder,
             sha256=self.snapshot.sha256,
         )

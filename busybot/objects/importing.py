@@ -5,7 +5,6 @@ appears: at any moment the library can be read. The same import again changes no
 """
 
 import json
-import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.errors import BusybotError
-from busybot.files import inside, read_json, write_json
+from busybot.files import inside, make_folder, read_json, remove_abandoned, rename, unfinished, write_json, write_new
 from busybot.objects.annotation import FILE_NAME
 from busybot.objects.catalogue import Split, catalogue
 from busybot.objects.choices import Choices
@@ -26,7 +25,6 @@ from busybot.objects.raw import RawObject, read_raw
 from busybot.objects.rules import RULES_VERSION, Decision, decide
 from busybot.objects.snapshot import Snapshot, read_snapshot
 from busybot.objects.urdf import FILE_NAME as URDF
-from busybot.unfinished import remove_abandoned, unfinished
 
 MAX_SPLIT_BYTES = 1 << 20
 _LIST_OF_SPLIT: dict[str, str] = {"train": "train", "novel": "test"}
@@ -232,19 +230,16 @@ def _place(snapshot: Snapshot, out: Path, model: ObjectModel, replace: bool, spl
     if present and not replace:
         there = present[0].relative_to(out)
         raise BusybotError(f"{out}: has another {there} already", "import with --replace, or name another library")
-    place.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     with unfinished(out, _WORK) as temporary:
         made = temporary / "made"
         for name, data in snapshot.files.items():
-            (made / name).parent.mkdir(parents=True, exist_ok=True)
-            (made / name).write_bytes(data)
+            write_new(made / name, data, out)
         chosen = _list(out, model, split)
         try:
             for former in present:
-                kept = temporary / "former" / former.relative_to(out)
-                kept.parent.mkdir(parents=True)
-                os.rename(former, kept)
-            os.rename(made, place)
+                rename(former, temporary / "former" / former.relative_to(out), out)
+            rename(made, place, out)
         finally:
             _put_back(out, temporary / "former")
     return True, chosen
@@ -254,7 +249,7 @@ def _put_back(out: Path, former: Path) -> None:
     """An object that a killed import had moved away, but not replaced yet, returns to the library."""
     for kept in former.glob("*/*"):
         if not any((out / category / kept.name).exists() for category in CATEGORIES):
-            os.rename(inside(out, str(kept.relative_to(out))), out / kept.relative_to(former))
+            rename(inside(out, str(kept.relative_to(out))), out / kept.relative_to(former), out)
 
 
 def _same(place: Path, snapshot: Snapshot) -> bool:

@@ -5,7 +5,6 @@ Splits and sampling weights come from `data.json` in the library's folder (secti
 """
 
 import hashlib
-import os
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,6 @@ from typing import Any
 
 from busybot.errors import BusybotError
 from busybot.files import read_json
-from busybot.objects import cache
 from busybot.objects.catalogue import SPLITS, catalogue
 from busybot.objects.folder import load_object
 from busybot.objects.model import CATEGORIES, ObjectModel
@@ -44,9 +42,7 @@ class Library:
         """Read a library; an unreadable object, or one that no split knows, is refused by name."""
         folders = object_folders(path)
         objects = {key: load_as(key, folder) for key, folder in folders.items()}
-        library = Library(path.resolve().name, path, objects, read_splits(path, objects))
-        cache.remember(path, library.hashes())
-        return library
+        return Library(path.resolve().name, path, objects, read_splits(path, objects))
 
     @property
     def sha256(self) -> str:
@@ -129,10 +125,7 @@ def read_split_file(path: Path) -> dict[str, Counter[str]]:
     if path.is_symlink() or not path.is_file():
         raise BusybotError(f"{path}: not a regular file", "copy the file itself")
     mend = f"write it like {_SHAPE}"
-    try:
-        value = read_json(path, max_bytes=1 << 20)
-    except ValueError as error:
-        raise BusybotError(f"{path}: not valid JSON: {error}", mend) from None
+    value = read_json(path, max_bytes=1 << 20)
     section = value.get("Reason") if isinstance(value, dict) else None
     if not isinstance(section, dict):
         raise BusybotError(f"{path}: has no section 'Reason'", mend)
@@ -145,65 +138,3 @@ def read_split_file(path: Path) -> dict[str, Counter[str]]:
             for instance in ids:
                 counts.setdefault(f"{category}/{instance}", Counter())[split] += 1
     return counts
-
-
-def find(assets: str | None, expected: dict[str, str] | None = None) -> Library:
-    """The library that a command or a dataset means.
-
-    Args:
-        assets: `procedural` or a library's folder. None: the one that holds `expected`, else `procedural`.
-        expected: sha256 by key as a dataset recorded them.
-
-    Raises:
-        BusybotError: an expected object is absent or differs; it is named.
-    """
-    if assets is None and expected:
-        return _find_by_hash(expected)
-    library = _open(assets or "procedural")
-    problem = mismatch(library, expected or {})
-    if problem:
-        raise BusybotError(problem, "name the library with which the dataset was made: --assets DIR")
-    return library
-
-
-def mismatch(library: Library, expected: dict[str, str]) -> str | None:
-    """What the library lacks or has otherwise, naming up to three objects; None when all is there."""
-    faults = [f"{key} is absent" for key in sorted(expected) if key not in library.objects]
-    faults += [
-        f"{key} differs from the recorded one (sha256 {expected[key][:12]})"
-        for key, model in library.objects.items()
-        if key in expected and expected[key] != model.sha256
-    ]
-    if not faults:
-        return None
-    return f"{library.folder}: {'; '.join(faults[:3])}{f'; and {len(faults) - 3} more' if len(faults) > 3 else ''}"
-
-
-def _open(assets: str) -> Library:
-    if assets != "procedural":
-        return Library.load(Path(assets))
-    from busybot.objects.procedural.build import procedural_library  # needs trimesh only when it builds
-
-    return procedural_library()
-
-
-def _find_by_hash(expected: dict[str, str]) -> Library:
-    """Where the objects were last seen, then `$BUSYBOT_PARTNET_DIR`, then the procedural ones."""
-    candidates = [str(place) for place in cache.places(expected) if place.is_dir()]
-    if variable := os.environ.get("BUSYBOT_PARTNET_DIR"):
-        candidates.append(variable)
-    problems = []
-    for candidate in [*dict.fromkeys(candidates), "procedural"]:
-        try:
-            library = _open(candidate)
-        except BusybotError as error:
-            problems.append(error.what)
-            continue
-        problem = mismatch(library, expected)
-        if problem is None:
-            return library
-        problems.append(problem)
-    raise BusybotError(
-        f"no library holds the objects that the dataset recorded: {' | '.join(problems)}",
-        "name the library with which the dataset was made: --assets DIR",
-    )

@@ -79,7 +79,6 @@ class ObjectModel:
         trigger_links: movable links; empty for responders.
         directions: annotated effective directions in the board frame (not normalised); strict mode only.
         effect: what a responder shows; None for triggers.
-        movable_joints: names of all non-fixed joints, in URDF order.
         folder: where the files are; `urdf` is inside it.
         sha256: hash over the folder's relative file names and bytes.
     """
@@ -95,7 +94,6 @@ class ObjectModel:
     trigger_links: tuple[TriggerLink, ...]
     directions: tuple[Vector, ...]
     effect: Effect | None
-    movable_joints: tuple[str, ...]
     folder: Path
     sha256: str
 

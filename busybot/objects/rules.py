@@ -2,7 +2,8 @@
 
 A joint *moves* when it is not fixed, its link shows something and it has a range (a turning joint without limits has a
 quarter turn, `folder.UNLIMITED_RANGE`; a sliding one without limits does not count). Sizes are those at rest: joints at
-0, or at the limit nearest to 0. `benchmarks/import_rules.py` compares the rules with the annotation of the 58 objects.
+0, or at the limit nearest to 0. `benchmarks/studies/import_rules.py` compares the rules with the annotation of the
+58 objects.
 
 | decision | rule |
 |---|---|

@@ -2,7 +2,7 @@
 
 An agent gets a `Briefing` before it starts and a `Situation` at every decision, and answers with an `Act` or a `Stop`.
 Nothing in them is the simulator's: no segmentation, no states, no relations (protocol "Who may read what"). What an
-oracle is told beside has its own hook, `agents.oracle`. How to write an agent: `docs/plan.md`.
+oracle is told beside has its own hook, `agents.oracle`. How to write an agent: `docs/extending/write-an-agent.md`.
 """
 
 from collections.abc import Callable

@@ -10,9 +10,8 @@ from typing import Generic, Protocol
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
-from busybot.episodes.episode import Episode, Image
+from busybot.episodes.episode import Episode, Observation
 from busybot.episodes.geometry import Rays
-from busybot.errors import BusybotError
 from busybot.interact.beliefs import PAIR_OF, pair_scores
 from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates, pairs_at
 from busybot.interact.memory import Failure, Memory
@@ -40,15 +39,17 @@ class Contacts(Protocol):
     proposing_s: float
     """CPU seconds that were spent in models that look at pictures."""
 
-    def repeats(self, image: Image) -> tuple[Contact, ...]:
+    def repeats(self, seen: Observation) -> tuple[Contact, ...]:
         """What worked in the history."""
         ...
 
-    def propose(self, image: Image) -> tuple[Contact, ...]:
+    def propose(self, seen: Observation) -> tuple[Contact, ...]:
         """What seems possible now."""
         ...
 
-    def told(self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Image, after: Image) -> None:
+    def observe(
+        self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Observation, after: Observation
+    ) -> None:
         """What came of an action."""
         ...
 
@@ -73,23 +74,24 @@ class LearnedContacts(Generic[V]):
     ):
         self._model, self._config, self._rays, self._observed = model, config, rays, observed
         self._worked, self._memory = tuple(worked), deepcopy(memory)
-        self._seen: tuple[Image, V] | None = None
+        self._view: tuple[Observation, V] | None = None
         self.proposing_s = 0.0
 
-    def repeats(self, image: Image) -> tuple[Contact, ...]:
-        assert image.depth is not None
-        return tuple(self._again(one, image.depth) for one in self._worked)
+    def repeats(self, seen: Observation) -> tuple[Contact, ...]:
+        return tuple(self._again(one, seen.depth) for one in self._worked)
 
-    def propose(self, image: Image) -> tuple[Contact, ...]:
+    def propose(self, seen: Observation) -> tuple[Contact, ...]:
         began = time.process_time()
-        if self._seen is None or self._seen[0] is not image:
-            earlier = None if self._seen is None else self._seen[1]
-            self._seen = (image, self._model.look(image, self._rays, earlier))
-        found = find_candidates(self._model, image, self._rays, self._memory, self._config, self._seen[1])
+        if self._view is None or self._view[0] is not seen:
+            earlier = None if self._view is None else self._view[1]
+            self._view = (seen, self._model.look(seen, self._rays, earlier))
+        found = find_candidates(self._model, seen, self._rays, self._memory, self._config, self._view[1])
         self.proposing_s += time.process_time() - began
         return contacts_of(found.best_of_regions(), self._observed)
 
-    def told(self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Image, after: Image) -> None:
+    def observe(
+        self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Observation, after: Observation
+    ) -> None:
         if reward:
             self._memory.succeeded(contact.pixel, executed[-1], before, after)
         else:
@@ -142,17 +144,14 @@ def memory_of(history: Episode, model: ActionModel[V], rays: Rays, config: Polic
     Raises:
         BusybotError: the history was recorded without depth.
     """
-    pictures = [history.image(number) for number in range(len(history.steps) + 1)]
-    if any(picture.depth is None for picture in pictures):
-        what = f"board {history.board.index}: action candidates need depth images, the history has none"
-        raise BusybotError(what, "collect the history with depth")
-    memory = Memory(rays.heights(np.asarray(pictures[0].depth)), config)
-    for step, before, after in zip(history.steps, pictures, pictures[1:], strict=False):
+    seen = [history.observation(number) for number in range(len(history.steps) + 1)]
+    memory = Memory(rays.heights(seen[0].depth), config)
+    for step, before, after in zip(history.steps, seen, seen[1:], strict=False):
         remember(memory, step, before, after, partial(_asked, model, before, rays, step.pixel, memory, config))
     return memory
 
 
 def _asked(
-    model: ActionModel[V], image: Image, rays: Rays, pixel: tuple[int, int], memory: Memory, config: PolicyConfig
+    model: ActionModel[V], seen: Observation, rays: Rays, pixel: tuple[int, int], memory: Memory, config: PolicyConfig
 ) -> np.ndarray:
-    return pairs_at(model, model.look(image, rays), pixel, memory, config)
+    return pairs_at(model, model.look(seen, rays), pixel, memory, config)

@@ -11,9 +11,11 @@ from typing import Any
 from busybot.boards.task import MAX_STEPS, least_steps, start_states, task_of
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo, collect_command
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
 from busybot.evaluation.folder import BoardWork, Progress, Recording, conclude, judge_boards, versions
+from busybot.evaluation.results import stamp
 from busybot.interact.chooser import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
@@ -63,10 +65,11 @@ def evaluate(
     features_of(dataset, reasoner_of(reasoner).encoder, episodes=tasks, workers=workers)
     arguments = (dataset.path, library, tuple(agents), reasoner, policy_model, config, seed, record)
     work = BoardWork(m.JudgedTask, make_work, arguments, workers)
-    recordings = [Recording(record / name, dataset, _collected(settings, name)) for name in names] if record else []
+    recordings = [Recording(record / one, dataset, _collected(settings, one), record) for one in names if record]
     found = judge_boards(tasks, work, settings, progress, out, recordings)
     rng = generator(seed, dataset.info.split, 0, "plan/bootstrap")
-    return conclude(out, {**m.summarise(found, names, rng), **settings, "timing": m.timing(found, names)})
+    figures = {**m.summarise(found, names, rng), **settings, "timing": m.timing(found, names)}
+    return conclude(out, {**stamp("plan", hashes=_hashes(settings)), **figures})
 
 
 def make_work(
@@ -94,7 +97,7 @@ def make_work(
             played = player.play(task, agent)
             rollouts.append(played.judged)
             if (name := name_of(agent)) in stored:
-                write_episode(stored[name].episode_path(index), played.episode, "jpeg")
+                write_episode(stored[name].episode_path(index), played.episode, "jpeg", stored[name].path)
         board = history.board
         least = least_steps(start_states(board), task_of(board).goal)
         kind = task_of(board).kind
@@ -132,6 +135,17 @@ def _policy_provenance(agent: str) -> dict[str, Any]:
     return {"name": folder.name, "sha256": file_hashes(folder)}
 
 
+def _hashes(settings: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Of the tasks, their histories and the files of all models; who learned nothing has none."""
+    told, origin = settings["provenance"], settings["dataset"]
+    models = {"reasoner": told["reasoner"], "interaction": told["interaction"]["model"], **told["agents"]}
+    return {
+        "models": {name: model["sha256"] for name, model in models.items() if "sha256" in model},
+        "tasks": {origin["name"]: origin["board_hash"]},
+        "histories": {origin["name"]: origin["content_hash"]},
+    }
+
+
 def _collected(settings: dict[str, Any], agent: str) -> CollectInfo:
     """How an agent's rollouts are recorded."""
     config = settings["config"]
@@ -160,7 +174,7 @@ def _settings(
         "provenance": {
             "reasoner": _reasoner_provenance(reasoner),
             "agents": {name_of(agent): _policy_provenance(agent) for agent in agents if name_of(agent) in TRAINED},
-            "interaction": {"model": fingerprint(policy_model), "policy": policy.model_dump(mode="json")},
+            "interaction": {"model": fingerprint(policy_model), "policy": policy.provenance()},
         },
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "board_hash": hashes.board, "content_hash": hashes.content},

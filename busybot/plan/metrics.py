@@ -11,7 +11,9 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-LEVEL, DRAWS = 0.95, 2000
+from busybot.evaluation.bootstrap import Interval, percentile_interval
+
+DRAWS = 2000
 
 Cause = Literal[
     "", "no candidate", "wrong relation", "wrong prediction", "physical failure", "not noticed", "not tried"
@@ -170,12 +172,9 @@ def _timing(rollouts: Sequence[JudgedRollout]) -> dict[str, float | None]:
     }
 
 
-def _interval(values: np.ndarray, chosen: np.ndarray) -> tuple[float, float] | None:
+def _interval(values: np.ndarray, chosen: np.ndarray) -> Interval:
     """Percentile interval of the mean."""
-    if not len(values):
-        return None
-    low, high = np.quantile(values[chosen].mean(axis=1), [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return float(low), float(high)
+    return percentile_interval(values[chosen].mean(axis=1)) if len(values) else None
 
 
 def _mean(values: Sequence[float] | np.ndarray) -> float | None:

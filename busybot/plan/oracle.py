@@ -11,7 +11,7 @@ import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
 from busybot.interact.beliefs import pair_scores
 from busybot.plan.agent import Act, Briefing, Contact, Situation, Stop
@@ -21,6 +21,7 @@ from busybot.reason.reasoner import Reasoner
 from busybot.reason.result import InferredGraph
 from busybot.reason.sequence import Sequence
 from busybot.sim.interaction import InteractionConfig
+from busybot.sim.policy import privileged
 from busybot.sim.scene import BoardScene
 from busybot.sim.true_contacts import TrueContact, true_contacts
 
@@ -39,16 +40,18 @@ class TrueContacts:
         self.now: list[TrueContact] = []
         self.proposing_s = 0.0
 
-    def repeats(self, image: Image) -> tuple[Contact, ...]:
+    def repeats(self, seen: Observation) -> tuple[Contact, ...]:
         return ()
 
-    def propose(self, image: Image) -> tuple[Contact, ...]:
+    def propose(self, seen: Observation) -> tuple[Contact, ...]:
         began = time.process_time()
-        self.now = true_contacts(self._scene, image, self._rays, self._config, self._rng)
+        self.now = true_contacts(self._scene, privileged(seen), self._rays, self._config, self._rng)
         self.proposing_s += time.process_time() - began
         return tuple(self._contact(one) for one in self.now)
 
-    def told(self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Image, after: Image) -> None:
+    def observe(
+        self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Observation, after: Observation
+    ) -> None:
         pass
 
     def _contact(self, one: TrueContact) -> Contact:

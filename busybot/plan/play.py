@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.errors import BusybotError
 from busybot.plan.agent import Act, Agent, Attempt, Briefing, Contact, Situation, Stop
 from busybot.plan.contacts import Contacts
 from busybot.plan.sight import Sight
 from busybot.reason.observed import Frame
-from busybot.sim.policies import Action
+from busybot.sim.policy import Action
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,6 @@ class AgentPolicy:
     Args:
         agent: not started yet.
         sight: that has seen the history's first frame only.
-        oracle: whether the agent or its contacts know what only the simulator knows.
         name: in tables; by default the agent's.
 
     Attributes:
@@ -48,60 +47,50 @@ class AgentPolicy:
         features: (N, 256), of the last picture.
     """
 
-    def __init__(
-        self,
-        agent: Agent,
-        briefing: Briefing,
-        contacts: Contacts,
-        sight: Sight,
-        oracle: bool = False,
-        name: str | None = None,
-    ):
-        self.name, self.oracle = name or agent.name, oracle
+    def __init__(self, agent: Agent, briefing: Briefing, contacts: Contacts, sight: Sight, name: str | None = None):
+        self.name = name or agent.name
         self._agent, self._contacts, self._sight = agent, contacts, sight
         began = time.process_time()
         agent.start(briefing)
         self.start_ms = _ms_since(began)
         self.decisions: list[Decision] = []
         self._attempts: list[Attempt] = []
-        self._image: Image | None = None
+        self._seen: Observation | None = None
         self.features = briefing.history.features[0]
 
-    def choose(self, image: Image, rng: np.random.Generator) -> Action | None:
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action | None:
         began, asked = time.process_time(), self._contacts.proposing_s
-        if image is not self._image:
-            self._image, self.features = image, self._sight.see(Frame(image.rgb, image.depth))
+        self._look(observation)
         situation = Situation(
             features=self.features,
             attempts=tuple(self._attempts),
-            repeats=self._contacts.repeats(image),
-            propose=lambda: self._contacts.propose(image),
+            repeats=self._contacts.repeats(observation),
+            propose=lambda: self._contacts.propose(observation),
             rng=rng,
         )
         answer = self._agent.decide(situation)
         proposed: tuple[Contact, ...] | None = situation.__dict__.get("candidates")
-        if (
-            isinstance(answer, Act)
-            and not self.oracle
-            and answer.contact not in (*situation.repeats, *(proposed or ()))
-        ):
+        if isinstance(answer, Act) and answer.contact not in (*situation.repeats, *(proposed or ())):
             what = f"agent {self.name} took hold of a contact that it was not offered"
             raise BusybotError(what, "answer with one of `repeats` or `candidates` of the same situation")
         model_ms = 1000 * (self._contacts.proposing_s - asked)
         self.decisions.append(Decision(answer, situation.repeats, proposed, _ms_since(began), model_ms))
         return None if isinstance(answer, Stop) else Action(answer.contact.pixel, (answer.direction,))
 
-    def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
-        answer, before, image = self.decisions[-1].answer, self.features, self._image
-        assert isinstance(answer, Act) and image is not None
+    def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
+        answer, before, seen = self.decisions[-1].answer, self.features, self._seen
+        assert isinstance(answer, Act) and seen is not None
         began = time.process_time()
-        self._contacts.told(answer.contact, executed, bool(reward), image, after)
-        if after is not image:
-            self._image, self.features = after, self._sight.see(Frame(after.rgb, after.depth))
+        self._contacts.observe(answer.contact, executed, bool(reward), seen, after)
+        self._look(after)
         self._attempts.append(Attempt(answer.contact, answer.direction, executed, bool(reward), before, self.features))
         # what is learned from an action belongs to the decision for it
         last = self.decisions[-1]
         self.decisions[-1] = replace(last, cpu_ms=last.cpu_ms + _ms_since(began))
+
+    def _look(self, observation: Observation) -> None:
+        if observation is not self._seen:
+            self._seen, self.features = observation, self._sight.see(Frame(observation.rgb, observation.depth))
 
 
 def _ms_since(began: float) -> float:

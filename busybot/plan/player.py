@@ -21,7 +21,7 @@ from busybot.plan.agents.paper import BusyBot, Predictive, Relation
 from busybot.plan.agents.search import Search
 from busybot.plan.agents.simple import Noop, Random
 from busybot.plan.briefing import brief
-from busybot.plan.contacts import LearnedContacts, memory_of, worked_in
+from busybot.plan.contacts import Contacts, LearnedContacts, memory_of, worked_in
 from busybot.plan.judge import judge
 from busybot.plan.learned.network import Name, load_policy
 from busybot.plan.metrics import JudgedRollout
@@ -162,7 +162,7 @@ class Player:
         seed: int = 0,
     ):
         self._simulator, self._reasoner, self._model = simulator, reasoner, model
-        self._policy, self._interaction = policy or PolicyConfig(), interaction or InteractionConfig()
+        self._config, self._interaction = policy or PolicyConfig(), interaction or InteractionConfig()
         self._seed = seed
 
     def prepare(self, history: Episode, features: np.ndarray | None = None) -> Prepared:
@@ -176,7 +176,7 @@ class Player:
         """
         briefing = brief(history, MAX_STEPS, self._reasoner.encoder, features)
         rays = Rays(history.camera)
-        memory = memory_of(history, self._model, rays, self._policy)
+        memory = memory_of(history, self._model, rays, self._config)
         edges = self._reasoner.graph(briefing.history).claimed(briefing.history.steps)
         return Prepared(history, observe(history), briefing, memory, rays, edges)
 
@@ -188,38 +188,61 @@ class Player:
             name: in the result; by default that of the agent.
         """
         kind = kind_of(agent) if isinstance(agent, str) else Kind(agent)
-        chooser = _Chooser(self, task, kind, name or (name_of(agent) if isinstance(agent, str) else None))
+        seat = _Seat(self, task, kind, name or (name_of(agent) if isinstance(agent, str) else None))
+        factory = _OracleSeat(seat) if kind.oracle else seat
         board = task.history.board
-        episode = record_episode(self._simulator, board, chooser, MAX_STEPS, self._interaction, self._seed)
-        policy = chooser.policy
+        episode = record_episode(self._simulator, board, factory, MAX_STEPS, self._interaction, self._seed)
+        policy = seat.policy
         assert policy is not None
         episode.settings |= notes(policy.decisions)
         return Played(episode, judge(episode, policy, task.briefing, task.edges))
 
-    def _sight(self, task: Prepared) -> Sight:
-        return Sight(task.observed, choose(self._reasoner.encoder))
+    def policy(self, task: Prepared, kind: Kind, name: str | None) -> AgentPolicy:
+        """An agent that has what a robot has, as a policy."""
+        assert kind.make is not None
+        return self._policy(task, kind.make(self._reasoner), self._contacts(task), name)
 
-    def policy(self, task: Prepared, kind: Kind, name: str | None, scene: BoardScene) -> AgentPolicy:
-        """The agent as a policy on a scene."""
+    def oracle(self, task: Prepared, kind: Kind, name: str | None, scene: BoardScene) -> AgentPolicy:
+        """An agent that is told the truth about a scene, as a policy."""
         rng = generator(self._seed, scene.spec.split, scene.spec.index, "plan/true contacts")
         reasoner = TrueRelations(self._reasoner, scene.spec) if kind.relations else self._reasoner
         true = TrueContacts(scene, task.rays, self._interaction, task.observed, rng)
-        learned = LearnedContacts(
-            self._model, self._policy, task.rays, task.observed, worked_in(task.history), task.memory
-        )
         agent = kind.make(reasoner) if kind.make else Oracle(scene, task_of(scene.spec).goal, true)
-        contacts = true if kind.contacts else learned
-        return AgentPolicy(agent, task.briefing, contacts, self._sight(task), kind.oracle, name)
+        return self._policy(task, agent, true if kind.contacts else self._contacts(task), name)
+
+    def _contacts(self, task: Prepared) -> Contacts:
+        worked = worked_in(task.history)
+        return LearnedContacts(self._model, self._config, task.rays, task.observed, worked, task.memory)
+
+    def _policy(self, task: Prepared, agent: Agent, contacts: Contacts, name: str | None) -> AgentPolicy:
+        sight = Sight(task.observed, choose(self._reasoner.encoder))
+        return AgentPolicy(agent, task.briefing, contacts, sight, name)
 
 
-class _Chooser:
-    """What `record_episode` makes its policy of."""
+@dataclass
+class _Seat:
+    """What `record_episode` makes the policy of an agent with; `policy` is it afterwards."""
 
-    def __init__(self, player: Player, task: Prepared, kind: Kind, name: str | None):
-        self._player, self._task, self._kind, self._name = player, task, kind, name
-        self.name = "plan"  # the same draws whoever plays
-        self.policy: AgentPolicy | None = None
+    player: Player
+    task: Prepared
+    kind: Kind
+    agent_name: str | None
+    policy: AgentPolicy | None = None
+    name: str = "plan"  # the same draws whoever plays
 
-    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> AgentPolicy:
-        self.policy = self._player.policy(self._task, self._kind, self._name, scene)
+    def make_policy(self, rays: Rays) -> AgentPolicy:
+        self.policy = self.player.policy(self.task, self.kind, self.agent_name)
         return self.policy
+
+
+@dataclass
+class _OracleSeat:
+    """The same of an oracle."""
+
+    seat: _Seat
+    name: str = _Seat.name
+
+    def make_oracle(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> AgentPolicy:
+        seat = self.seat
+        seat.policy = seat.player.oracle(seat.task, seat.kind, seat.agent_name, scene)
+        return seat.policy

@@ -11,7 +11,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from busybot.errors import BusybotError
 
 THRESHOLDS = {"embedded": 0.5, "embedded-box": 0.5, "embedded-mask": 0.5}
-"""Distance by encoder: what `benchmarks/features.py` fits on training boards (0.44 to 0.48), rounded."""
+"""Distance by encoder: what `benchmarks/studies/features.py` fits on training boards (0.44 to 0.48), rounded."""
 
 UNSEEN = -1
 """Cluster of triggers and of objects that no box shows."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.objects.library import Library
 from busybot.reason.judge import judged_objects
 from busybot.reason.observed import observe

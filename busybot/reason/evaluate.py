@@ -17,19 +17,21 @@ from busybot.episodes.carried import library_of
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import collect_command
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
+from busybot.evaluation.results import stamp
 from busybot.objects.library import Library
 from busybot.reason.clusters import clusters_of, threshold_of
 from busybot.reason.decoders import Decoded, Linear, appearances, train_decoders
 from busybot.reason.features import features_of
 from busybot.reason.forecast import DECODED, NEAREST, Watched, forecast
-from busybot.reason.infer import GRAPHS, config_class, infer, reasoner_of
+from busybot.reason.infer import GRAPHS, REASONERS, config_class, infer, reasoner_of
 from busybot.reason.judge import Judge, Nearest, judged_objects
 from busybot.reason.observed import Observed, observe
 from busybot.reason.sequence import Sequence, sequence_of
 from busybot.reason.summary import Judged, summarise
 from busybot.reason.truth import StateTruth, states_of, truth_of
+from busybot.training.model_folder import file_hashes, find_folder
 from busybot.workers import default_workers, share
 
 IMAGES = 23
@@ -141,7 +143,9 @@ def evaluate_dataset(
         judged.append(one)
         if progress is not None:
             progress(len(judged), len(indices))
+    sets = [one for one in (dataset, training) if one is not None]
     return {
+        **stamp("reason", hashes={"models": _model_hashes(judging.model), "data": dict(map(_hashes, sets))}),
         **summarise(judged, judging.images, seed),
         "images_used": 1 + max(one.steps for one in judged),
         "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
@@ -169,6 +173,19 @@ def _features(dataset: Dataset, judging: Judging, workers: int | None) -> Featur
     if judging.model in GRAPHS:
         return None
     return features_of(dataset, reasoner_of(judging.model, judging.config).encoder, workers=workers)
+
+
+def _model_hashes(model: str) -> dict[str, dict[str, str]]:
+    """Of the files of a trained model."""
+    if model in GRAPHS or model in REASONERS:
+        return {}
+    folder = find_folder(model, "reason")
+    return {folder.name: file_hashes(folder)}
+
+
+def _hashes(dataset: Dataset) -> tuple[str, dict[str, Any]]:
+    told = origin(dataset)
+    return f"{told['name']} ({told['split']})", {key: told[key] for key in told if key.endswith("_hash")}
 
 
 def origin(dataset: Dataset) -> dict[str, Any]:

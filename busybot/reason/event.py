@@ -8,14 +8,15 @@ from torch import Tensor
 from torch_geometric.data import Batch
 from torch_geometric.utils import scatter
 
-from busybot.reason.event_data import Asked, Seen, apart, board_data, seen_of
+from busybot.reason.event_data import Asked, Seen, apart, board_graph, seen_of, trigger_rows
 from busybot.reason.event_net import Effects, EventNet
 from busybot.reason.result import InferredGraph
 from busybot.reason.sequence import Sequence
+from busybot.training.device import threads
 
 
 class EventReasoner:
-    """Judges one board at a time.
+    """Judges one board at a time, in one thread: networks so small gain nothing from more, which wait for each other.
 
     Args:
         network: trained.
@@ -28,6 +29,7 @@ class EventReasoner:
     def __init__(self, network: EventNet, encoder: str, blur: float = 0.5):
         self.network, self.encoder, self.blur = network.eval(), encoder, blur
 
+    @threads(1)
     @torch.no_grad()
     def graph(self, seen: Sequence) -> InferredGraph:
         """Edge probabilities after each step, and before the first: the prior. Zeros but for candidates.
@@ -43,6 +45,7 @@ class EventReasoner:
             beliefs[step][seen.candidates] = self.network.log_edges(known.first(step))[0].exp().numpy()
         return InferredGraph(self.name, beliefs[1:] if seen.steps else beliefs, prior=beliefs[0])
 
+    @threads(1)
     @torch.no_grad()
     def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """Features after each of S steps, as `Reasoner.predict`: each is a copy, of the current ones or of earlier."""
@@ -56,7 +59,7 @@ class EventReasoner:
         asked = Asked(
             apart(now, looks) / self.network.scale,
             torch.from_numpy(np.asarray(actions, np.float32))[None],
-            torch.from_numpy(np.asarray(acted, np.int64))[None],
+            torch.from_numpy(trigger_rows(seen.triggers, np.asarray(acted, np.int64)))[None],
         )
         choice = choose(self.network, known, asked, self.blur)
         for row, step in torch.nonzero(choice.frame >= 0).tolist():
@@ -64,7 +67,7 @@ class EventReasoner:
         return result
 
     def _known(self, seen: Sequence) -> Seen:
-        return seen_of(Batch.from_data_list([board_data(seen)]), self.network.scale)
+        return seen_of(Batch.from_data_list([board_graph(seen)]), self.network.scale)
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ def choose(network: EventNet, seen: Seen, asked: Asked, blur: float) -> Choice:
     """The likeliest look of every responder after every step: the present one or an earlier one."""
     effects = network.effects(seen, asked)
     log_edges, _ = network.log_edges(seen)
-    trigger, row = seen.pairs
+    trigger, row = seen.edge_index
     on = asked.acted[seen.board[row]] == trigger[:, None]  # (E, Q)
     edge = scatter(log_edges.exp()[:, None] * on, row, dim_size=len(seen.board), reduce="sum")
     change = edge * torch.sigmoid(effects.change)

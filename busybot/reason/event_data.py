@@ -1,44 +1,53 @@
-"""Boards as graphs for the `event` model: torch-geometric `Data`, one per episode, any number of objects.
+"""Boards as graphs for the `event` model: one `HeteroData` per episode, any number of objects.
 
 The model compares looks and never reads them: of the features it keeps how far the looks of one responder lie apart.
 So it knows nothing of any encoder's axes, cannot memorise objects, and costs the same whatever the features' size.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
-from torch_geometric.data import Batch, Data
+from torch.nn.functional import pad
+from torch_geometric.data import Batch, HeteroData
 
+from busybot.reason.board_dataset import step_targets, touches
 from busybot.reason.sequence import Sequence
 
 
-def board_data(sequence: Sequence) -> Data:
+def board_graph(sequence: Sequence) -> HeteroData:
     """One episode.
 
-    Attributes of the result (N objects, of which R responders; E candidate pairs; T steps):
-        pos: float32 (N, 3), board units.
-        edge_index: int64 (2, E), trigger -> responder.
-        responder_index: int64 (R,), objects.
-        distances: float32 (R, T + 1, T + 1) between the features of a responder in any two frames.
-        actions: float32 (1, T, 6).
-        acted_index: int64 (T,), object acted on; 0 for a miss, which `missed`, bool (T,), tells.
-        length: int64 (1,), T.
+    | nodes and edges | attribute | shape | meaning |
+    |---|---|---|---|
+    | `trigger` | `pos` | float32 (K, 3) | board units |
+    | `responder` | `distances` | float32 (R, T + 1, T + 1) | between its features in any two frames |
+    | `step` | `action` | float32 (T, 6) | position (board units) and direction |
+    | | `known` | bool (T,) | False for steps that only fill up (`padded`) |
+    | `trigger`, `controls`, `responder` | `edge_index` | int64 (2, E) | every pair, in the order of `candidates` |
+    | `step`, `touches`, `trigger` | `edge_index` | int64 (2, A) | what an action was on; none for a miss |
     """
-    responders = np.flatnonzero(sequence.responders)
+    triggers, responders = np.flatnonzero(sequence.triggers), np.flatnonzero(sequence.responders)
     looks = torch.from_numpy(np.ascontiguousarray(sequence.features[:, responders].swapaxes(0, 1), np.float32))
-    return Data(
-        pos=torch.from_numpy(np.asarray(sequence.positions, np.float32)),
-        edge_index=torch.from_numpy(np.stack(np.nonzero(sequence.candidates)).astype(np.int64)),
-        responder_index=torch.from_numpy(responders.astype(np.int64)),
-        distances=apart(looks, looks),
-        actions=torch.from_numpy(np.asarray(sequence.actions, np.float32))[None],
-        acted_index=torch.from_numpy(np.maximum(sequence.acted, 0).astype(np.int64)),
-        missed=torch.from_numpy(np.asarray(sequence.acted < 0)),
-        length=torch.tensor([sequence.steps]),
-    )
+    graph = HeteroData()
+    graph["trigger"].pos = torch.from_numpy(np.asarray(sequence.positions[triggers], np.float32))
+    graph["responder"].distances = apart(looks, looks)
+    graph["responder"].num_nodes = len(responders)
+    graph["step"].action = torch.from_numpy(np.asarray(sequence.actions, np.float32))
+    graph["step"].known = torch.ones(sequence.steps, dtype=torch.bool)
+    graph["step"].num_nodes = sequence.steps
+    pairs = np.stack(np.nonzero(np.ones((len(triggers), len(responders)))))
+    graph["trigger", "controls", "responder"].edge_index = torch.from_numpy(pairs.astype(np.int64))
+    graph["step", "touches", "trigger"].edge_index = touches(trigger_rows(sequence.triggers, sequence.acted))
+    return graph
+
+
+def trigger_rows(triggers: np.ndarray, acted: np.ndarray) -> np.ndarray:
+    """Objects as places among the triggers, int64; -1 for what is none."""
+    places = np.append(np.where(triggers, np.cumsum(triggers) - 1, -1), -1)  # the last one stands for no object
+    return places[acted].astype(np.int64)
 
 
 def apart(looks: Tensor, others: Tensor) -> Tensor:
@@ -46,36 +55,37 @@ def apart(looks: Tensor, others: Tensor) -> Tensor:
     return torch.cdist(looks, others, compute_mode="donot_use_mm_for_euclid_dist")
 
 
-def padded(boards: Iterable[Data]) -> list[Data]:
-    """The same boards with as many steps as the longest; `length` tells what is real."""
+def padded(boards: Iterable[HeteroData]) -> list[HeteroData]:
+    """The same boards with as many steps as the longest; `known` tells which are real."""
     boards = list(boards)
-    longest = max((board.actions.shape[1] for board in boards), default=0)
-    return [_pad(board, longest - board.actions.shape[1]) for board in boards]
+    longest = max((board["step"].num_nodes for board in boards), default=0)
+    return [_pad(board, longest - board["step"].num_nodes) for board in boards]
 
 
-def _pad(board: Data, missing: int) -> Data:
+def _pad(board: HeteroData, missing: int) -> HeteroData:
     if not missing:
         return board
     longer = board.clone()
-    longer.distances = torch.nn.functional.pad(board.distances, (0, missing, 0, missing))
-    longer.actions = torch.nn.functional.pad(board.actions, (0, 0, 0, missing))
-    longer.acted_index = torch.nn.functional.pad(board.acted_index, (0, missing))
-    longer.missed = torch.nn.functional.pad(board.missed, (0, missing), value=True)
+    longer["responder"].distances = pad(board["responder"].distances, (0, missing, 0, missing))
+    longer["step"].action = pad(board["step"].action, (0, 0, 0, missing))
+    longer["step"].known = pad(board["step"].known, (0, missing), value=False)
+    longer["step"].num_nodes = board["step"].num_nodes + missing
     return longer
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What is known of B boards after L steps: R responders and E candidate pairs on all of them together.
+    """What is known of B boards after L steps: K triggers, R responders and E pairs of them on all boards together.
 
     Attributes:
         distances: (R, L + 1, L + 1), in units of the smallest change.
         actions: (B, L, 6).
-        acted: int (B, L), object acted on, -1 for none.
+        acted: int (B, L), trigger acted on, -1 for none.
         known: bool (B, L), False for steps that only fill up.
         board: int (R,), each responder's board.
-        pairs: int (2, E), trigger (object) and responder (row of the R).
-        pos: (N, 3).
+        edge_index: int (2, E), trigger and responder.
+        pos: (K, 3), of triggers.
+        owner: int (K,), each trigger's board.
     """
 
     distances: Tensor
@@ -83,8 +93,9 @@ class Seen:
     acted: Tensor
     known: Tensor
     board: Tensor
-    pairs: Tensor
+    edge_index: Tensor
     pos: Tensor
+    owner: Tensor
 
     @property
     def sizes(self) -> Tensor:
@@ -92,16 +103,19 @@ class Seen:
         moved = self.distances.diagonal(offset=1, dim1=1, dim2=2)
         return torch.where(self.known[self.board], moved, 0.0)
 
+    @property
+    def touched(self) -> Tensor:
+        """Whether each step acted on each trigger, bool (K, L)."""
+        return self.acted[self.owner] == torch.arange(len(self.owner), device=self.owner.device)[:, None]
+
     def first(self, steps: int) -> "Seen":
         """What was known after so many steps."""
-        return Seen(
-            self.distances[:, : steps + 1, : steps + 1],
-            self.actions[:, :steps],
-            self.acted[:, :steps],
-            self.known[:, :steps],
-            self.board,
-            self.pairs,
-            self.pos,
+        return replace(
+            self,
+            distances=self.distances[:, : steps + 1, : steps + 1],
+            actions=self.actions[:, :steps],
+            acted=self.acted[:, :steps],
+            known=self.known[:, :steps],
         )
 
 
@@ -137,19 +151,16 @@ class Outcome:
 
 def seen_of(batch: Batch, scale: Tensor | float) -> Seen:
     """All steps of a batch of boards; distances are divided by the scale."""
-    boards, steps = batch.actions.shape[:2]
-    acted = torch.where(batch.missed, -1, batch.acted_index).view(boards, steps)
-    known = torch.arange(steps, device=acted.device) < batch.length[:, None]
-    row = torch.full((batch.pos.shape[0],), -1, device=acted.device)
-    row[batch.responder_index] = torch.arange(len(batch.responder_index), device=acted.device)
+    boards, steps = batch.num_graphs, batch["step"].num_nodes // batch.num_graphs
     return Seen(
-        distances=batch.distances / scale,
-        actions=batch.actions,
-        acted=torch.where(known, acted, -1),
-        known=known,
-        board=batch.batch[batch.responder_index],
-        pairs=torch.stack([batch.edge_index[0], row[batch.edge_index[1]]]),
-        pos=batch.pos,
+        distances=batch["responder"].distances / scale,
+        actions=batch["step"].action.view(boards, steps, 6),
+        acted=step_targets(batch, "trigger"),
+        known=batch["step"].known.view(boards, steps),
+        board=batch["responder"].batch,
+        edge_index=batch["trigger", "controls", "responder"].edge_index,
+        pos=batch["trigger"].pos,
+        owner=batch["trigger"].batch,
     )
 
 

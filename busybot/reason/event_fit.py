@@ -6,13 +6,14 @@ from dataclasses import replace
 import numpy as np
 import torch
 from torch import Tensor
-from torch_geometric.data import Batch, Data
+from torch_geometric.data import HeteroData
 from torch_geometric.utils import scatter
 
 from busybot.errors import BusybotError
+from busybot.reason.board_dataset import BoardDataset, batches_of, in_turn
 from busybot.reason.event import choose
 from busybot.reason.event_config import EventConfig
-from busybot.reason.event_data import Asked, Outcome, Seen, board_data, padded, seen_of, split
+from busybot.reason.event_data import Asked, Outcome, Seen, board_graph, padded, seen_of, split
 from busybot.reason.event_loss import loss_of
 from busybot.reason.event_net import EventNet
 from busybot.reason.sequence import Sequence
@@ -38,9 +39,9 @@ class EventLearner(Learner):
     def __init__(self, config: EventConfig, boards: Iterable[Sequence], held_out: Iterable[Sequence], seed: int):
         torch.set_num_threads(1)
         self.config, self.seed, self.iterations = config, seed, config.iterations
-        self.boards = padded(board_data(board) for board in boards)
-        self.held_out = padded(board_data(board) for board in held_out)
-        if not any(int(board.length) > 1 for board in self.boards):
+        self.boards = BoardDataset(padded(board_graph(board) for board in boards))
+        self.held_out = BoardDataset(padded(board_graph(board) for board in held_out))
+        if not any(int(board["step"].known.sum()) > 1 for board in self.boards):
             raise BusybotError("no board on which two steps were recorded", "train on datasets with more steps")
         self.network = EventNet(config.net, smallest_change(self.boards))
         draws = generator(seed, "train", 0, "initial weights/event")
@@ -55,7 +56,7 @@ class EventLearner(Learner):
         config = self.config
         rng = generator(self.seed, "train", iteration, "reason/event")
         chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
-        everything = seen_of(Batch.from_data_list([self.boards[index] for index in chosen]), self.network.scale)
+        everything = seen_of(next(batches_of(self.boards, [chosen])), self.network.scale)
         everything = _noisy(everything, config.noise, rng)
         seen, asked, outcome = split(everything, self._images(everything, rng) - 1, config.questions)
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, self.iterations)
@@ -95,8 +96,7 @@ class EventLearner(Learner):
         return figures | ({"right_changes": totals["right_changes"] / totals["changes"]} if totals["changes"] else {})
 
     def _questions(self) -> Iterator[tuple[Seen, Asked, Outcome]]:
-        for start in range(0, len(self.held_out), JUDGED_AT_ONCE):
-            batch = Batch.from_data_list(self.held_out[start : start + JUDGED_AT_ONCE])
+        for batch in batches_of(self.held_out, in_turn(len(self.held_out), JUDGED_AT_ONCE)):
             everything = seen_of(batch, self.network.scale)
             steps = min(self.config.images, everything.actions.shape[1]) - 1
             yield split(everything, steps, self.config.questions)
@@ -120,14 +120,15 @@ def _right(network: EventNet, seen: Seen, asked: Asked, outcome: Outcome, blur: 
     return worst < 1, (moved > 1) & outcome.real
 
 
-def smallest_change(boards: Iterable[Data]) -> float:
+def smallest_change(boards: Iterable[HeteroData]) -> float:
     """The distance between looks that parts changes from noise: the threshold that splits the logarithms of all steps'
     distances into the two groups of least variance (Otsu's method), without labels.
 
     Raises:
         BusybotError: nothing ever changes.
     """
-    sizes = np.concatenate([np.asarray(board.distances.diagonal(offset=1, dim1=1, dim2=2)).ravel() for board in boards])
+    moved = [board["responder"].distances.diagonal(offset=1, dim1=1, dim2=2) for board in boards]
+    sizes = np.concatenate([np.asarray(each).ravel() for each in moved])
     largest = float(sizes.max(initial=0))
     if largest <= 0:
         raise BusybotError("no responder ever changes its look", "train on boards on which something was moved")

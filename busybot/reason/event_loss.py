@@ -38,7 +38,7 @@ def loss_of(net: EventNet, seen: Seen, asked: Asked, outcome: Outcome, config: L
     log_edges, log_none = net.log_edges(seen)
     controlled, idle = log_likelihoods(net.effects(seen, asked), outcome, config)  # (R, Q) each
     real = outcome.real[seen.board]
-    trigger, row = seen.pairs
+    trigger, row = seen.edge_index
     on = (asked.acted[seen.board[row]] == trigger[:, None]) & real[row]  # (E, Q)
     gain = ((controlled - idle)[row] * on).sum(1)
     if net.exclusive:

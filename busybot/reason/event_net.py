@@ -1,8 +1,8 @@
 """The networks of the `event` model: which trigger controls which responder, and what a contact does to it.
 
 Two stages (protocol "Why the paper falls short"): does responder j change with this contact, and if so, to what. The
-answer to the second is a look that j has had before, or something new: past changes are repeated or undone. Everything
-is told by distances between looks, contact points and directions, so nothing depends on what objects look like.
+answer to the second is a look that j has had before, or something new: past changes are repeated or undone. All that
+the networks read stands in `event_facts`.
 
 Letters: B boards, R responders and E candidate pairs of all boards, L known steps, Q steps asked for.
 """
@@ -12,24 +12,36 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
-from torch_geometric.utils import scatter
+from torch_geometric.utils import scatter, softmax
 
 from busybot.reason.event_config import NetConfig
 from busybot.reason.event_data import Asked, Seen
+from busybot.reason.event_facts import (
+    CHANGE_FACTS,
+    CONTACT_FACTS,
+    COUNT_FACTS,
+    FAR,
+    LOOK_FACTS,
+    NEAR,
+    PAST_FACTS,
+    SMALL,
+    STEP_FACTS,
+    Contacts,
+    change_facts,
+    changed,
+    contacts_of,
+    count_facts,
+    look_facts,
+    past_facts,
+    reversed_facts,
+)
+from busybot.reason.message_passing import GraphModule
 
 NEVER = -1e4
 """Logit of what is impossible."""
-SMALL = 0.05
-"""Added to distances before logarithms, in units of the smallest change."""
-NEAR = (0.02, 0.05, 0.12)
-"""Distances between contacts that tell links apart, board units: the same link is 0.045 away in the median, another one
-0.123."""
 UNSEEN = -0.85
 """Logit that a responder changes when its trigger is acted on, though it never did: with probability 0.3 this is a link
 that was not touched before. If this were learnt, too, nothing would tell rare changes from improbable edges."""
-CONTACT_FACTS, PAST_FACTS, LOOK_FACTS, STEP_FACTS = len(NEAR) + 5, 5, 6, 7
-FAR = 0.5
-"""Contacts farther apart are equally far, board units."""
 
 
 @dataclass(frozen=True)
@@ -55,26 +67,39 @@ def mlp(*widths: int) -> nn.Sequential:
     return nn.Sequential(*layers[:-1])
 
 
-class EdgeHead(nn.Module):
-    """Logits of the candidate pairs, from how the responder changed when the trigger was acted on and when not."""
+class EdgeHead(GraphModule):
+    """Logits of the pairs, from how responder i changed in the steps on trigger j and in all others:
+
+        t_il = MLP(facts of i in step l)
+        z_ij = MLP(mean and max of t_il over l on j, mean and max of t_il over l not on j, numbers of steps)
+
+    Shapes:
+        input: see `Seen`; triggers are the edges' sources, responders their targets.
+        output: (E,).
+    """
 
     def __init__(self, width: int):
-        super().__init__()
-        self.token = mlp(4, width, width)
-        self.pair = mlp(4 * width + 3, 2 * width, 1)
+        super().__init__(aggr=None)
+        self.token = mlp(CHANGE_FACTS, width, width)
+        self.pair = mlp(4 * width + COUNT_FACTS, 2 * width, 1)
 
     def forward(self, seen: Seen) -> Tensor:
         """Logits (E,)."""
-        sizes, (trigger, row) = seen.sizes, seen.pairs
+        sizes, known = seen.sizes, seen.known[seen.board]
         largest = scatter(sizes, seen.board, dim_size=len(seen.actions), reduce="max")[seen.board]  # (R, L)
-        told = torch.stack([torch.log(sizes + SMALL), changed(sizes), sizes / (largest + SMALL), changed(largest)], -1)
-        tokens = self.token(told)[row]  # (E, L, width)
-        board = seen.board[row]
-        on = (seen.acted[board] == trigger[:, None]) & seen.known[board]  # (E, L)
-        off = seen.known[board] & ~on
-        effective = on & (changed(largest)[row] > 0.5)
-        counts = [torch.log1p(mask.sum(-1, keepdim=True).float()) for mask in (on, off, effective)]
-        return self.pair(torch.cat([*_pooled(tokens, on), *_pooled(tokens, off), *counts], -1))[:, 0]
+        return self.edge_updater(
+            seen.edge_index,
+            token=(None, self.token(change_facts(sizes, largest))),  # (R, L, width)
+            known=(None, known),
+            effective=(None, changed(largest) > 0.5),
+            touched=(seen.touched, None),
+        )
+
+    def edge_update(self, token_i: Tensor, known_i: Tensor, effective_i: Tensor, touched_j: Tensor) -> Tensor:
+        """Tokens (E, L, width) and masks (E, L) of every pair to logits (E,)."""
+        on, off = touched_j & known_i, known_i & ~touched_j
+        counts = count_facts(on, off, on & effective_i)
+        return self.pair(torch.cat([*_pooled(token_i, on), *_pooled(token_i, off), counts], -1))[:, 0]
 
 
 def _pooled(tokens: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
@@ -85,13 +110,22 @@ def _pooled(tokens: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
     return mean, torch.where(mask.any(1, keepdim=True), most, 0.0)
 
 
-def changed(sizes: Tensor) -> Tensor:
-    """How surely a change of this size is one, 0 to 1."""
-    return torch.sigmoid(4 * torch.log(sizes + SMALL))
+class EffectHead(GraphModule):
+    """What a step does to the responders that its trigger controls.
 
+    Whether responder r changes in step q is told by attention over the known steps l on the same trigger, near ones
+    first. These are edges: from (r, l) to (r, q). With several heads, h:
 
-class EffectHead(nn.Module):
-    """What a step does to the responders that its trigger controls."""
+        t_rql = MLP(facts of contact l for q, facts of what l did to r)
+        a_rqlh = softmax over l of (u_h . t_rql + s_h nearness_rql)
+        z_rq = w (2 v_rq - 1) + MLP(sum over l of a_rqlh [t_rql, did_rl] for all h, facts of q, fit of the best look)
+
+    where v is what the first head says of `did`. What it changes to is told by scores of its past looks (`_choice`).
+
+    Shapes:
+        input: see `Seen` and `Asked`.
+        output: see `Effects`.
+    """
 
     def __init__(self, config: NetConfig):
         super().__init__()
@@ -116,30 +150,48 @@ class EffectHead(nn.Module):
 
     def forward(self, seen: Seen, asked: Asked) -> Effects:
         """See `Effects`."""
-        contacts = _contacts(seen, asked)
+        contacts = contacts_of(seen, asked)
         choice, frames, fit = self._choice(seen, asked, contacts)
         return Effects(self._change(seen, asked, contacts, fit), choice, frames)
 
-    def _change(self, seen: Seen, asked: Asked, contacts: "_Contacts", fit: Tensor) -> Tensor:
-        """Attention over past contacts on the same trigger, near ones first; (R, Q)."""
+    def _change(self, seen: Seen, asked: Asked, contacts: Contacts, fit: Tensor) -> Tensor:
+        """Logits that responders change, (R, Q)."""
         board, sizes = seen.board, seen.sizes
+        rows, queries, steps = asked.current.shape[0], asked.current.shape[1], sizes.shape[1]
         largest = scatter(sizes, board, dim_size=len(seen.actions), reduce="max")
-        did = changed(sizes)[:, None].expand(-1, asked.current.shape[1], -1)  # (R, Q, L)
-        worked = changed(largest)[board][:, None].expand_as(did)
-        before, after = asked.current[..., :-1], asked.current[..., 1:]
-        told = torch.stack([did, worked, torch.exp(-before), torch.exp(-after), did * torch.exp(-before)], -1)
-        tokens = self.token(self.place(contacts.told)[board] + self.past(told))  # (R, Q, L, width)
-        nearness = 4 * worked - contacts.distance[board].clamp(max=FAR) / NEAR[0]
-        logits = self.attend(tokens) + self.sharpness * nearness.unsqueeze(-1)  # (R, Q, L, heads)
-        usable = contacts.same[board].unsqueeze(-1)
-        weights = torch.softmax(logits.masked_fill(~usable, NEVER), 2) * usable if logits.shape[2] else logits
-        pooled = torch.einsum("rqlh,rqlw->rqhw", weights, torch.cat([tokens, did.unsqueeze(-1)], -1))
-        votes = pooled[..., 0, -1]
+        change = torch.stack([changed(sizes), changed(largest)[board]], -1)  # (R, L, 2)
+        same = contacts.same[board]  # (R, Q, L)
+        row, query, step = same.nonzero(as_tuple=True)
+        place = (board[row] * queries + query) * steps + step  # in (B, Q, L)
+        pooled = self.propagate(
+            torch.stack([row * steps + step, row * queries + query]),
+            size=(rows * steps, rows * queries),
+            change=(change.flatten(0, 1), None),
+            place=self.place(contacts.facts).flatten(0, 2).index_select(0, place),
+            distance=contacts.distance.flatten().index_select(0, place),
+            present=asked.current.unfold(2, 2, 1)[row, query, step],
+        ).view(rows, queries, *self._pooled_shape)
         inputs = torch.cat([pooled.flatten(2), contacts.step[board], fit.unsqueeze(-1)], -1)
-        learnt = self.trust * (2 * votes - 1) + self.change(inputs)[..., 0]
-        return torch.where(((did > 0.5) & usable[..., 0]).any(-1), learnt, UNSEEN)
+        learnt = self.trust * (2 * pooled[..., 0, -1] - 1) + self.change(inputs)[..., 0]
+        return torch.where((same & (change[:, None, :, 0] > 0.5)).any(-1), learnt, UNSEEN)
 
-    def _choice(self, seen: Seen, asked: Asked, contacts: "_Contacts") -> tuple[Tensor, Tensor, Tensor]:
+    @property
+    def _pooled_shape(self) -> tuple[int, int]:
+        """Heads, and what each gathers."""
+        return self.attend.out_features, self.attend.in_features + 1
+
+    def message(
+        self, change_j: Tensor, place: Tensor, distance: Tensor, present: Tensor, index: Tensor, size_i: int
+    ) -> Tensor:
+        """What each known contact says to a step asked for, weighted by attention, (P, heads, width + 1)."""
+        did, worked = change_j.unbind(-1)
+        tokens = self.token(place + self.past(past_facts(change_j, present)))  # (P, width)
+        nearness = 4 * worked - distance.clamp(max=FAR) / NEAR[0]
+        logits = self.attend(tokens) + self.sharpness * nearness[:, None]  # (P, heads)
+        weights = softmax(logits, index, num_nodes=size_i)
+        return weights[..., None] * torch.cat([tokens, did[:, None]], -1)[:, None]
+
+    def _choice(self, seen: Seen, asked: Asked, contacts: Contacts) -> tuple[Tensor, Tensor, Tensor]:
         """Log probabilities and frames as in `Effects`, and how well the best candidate begins where j is, (R, Q)."""
         sizes = seen.sizes
         most = max(1, int((changed(sizes) > 0.5).sum(1).max())) if sizes.numel() else 0
@@ -147,80 +199,27 @@ class EffectHead(nn.Module):
         usable = (changed(size) > 0.5).repeat(1, 2)[:, None]  # (R, 1, 2K)
         frames = torch.cat([step + 1, step], 1)  # repeated, undone
         near = _frames(asked.current, torch.cat([step, step + 1], 1))  # (R, Q, 2K), where the change began
-        away = _frames(asked.current, frames)
         size = size.repeat(1, 2)[:, None].clamp(min=SMALL)
-        told = self._told(seen, contacts, step, near, away, size)
+        undo = (torch.arange(2 * step.shape[1], device=step.device) >= step.shape[1]).to(near)
+        looks = look_facts(near, _frames(asked.current, frames), size, undo)
         share = near / size
-        scores = self.candidate(told)[..., 0] - self.match * share
+        scores = self.candidate(torch.cat([_places(seen, contacts, step), looks], -1))[..., 0] - self.match * share
         scores = scores.masked_fill(~usable, NEVER)
         unknown = self.unknown.expand(*scores.shape[:2], 1)
         fit = torch.exp(-2 * share).masked_fill(~usable, 0).amax(-1) if frames.shape[1] else unknown[..., 0] * 0
         return torch.log_softmax(torch.cat([scores, unknown], -1), -1), frames, fit
 
-    def _told(
-        self, seen: Seen, contacts: "_Contacts", step: Tensor, near: Tensor, away: Tensor, size: Tensor
-    ) -> Tensor:
-        """What is known of repeating or undoing each past change, (R, Q, 2K, ...)."""
-        place = contacts.told[seen.board]  # (R, Q, L, ...)
-        index = step[:, None, :, None].expand(-1, place.shape[1], -1, place.shape[3])
-        repeated = place.gather(2, index)
-        undone = repeated * contacts.reverse
-        undo = torch.cat(
-            [torch.zeros_like(near[..., : step.shape[1]]), torch.ones_like(near[..., step.shape[1] :])], -1
-        )
-        looks = [torch.log(near + SMALL), near / size, torch.log(away + SMALL), away / size]
-        own = torch.stack([*looks, torch.log(size).expand_as(near), undo], -1)
-        return torch.cat([torch.cat([repeated, undone], 2), own], -1)
+
+def _places(seen: Seen, contacts: Contacts, step: Tensor) -> Tensor:
+    """Contact facts of repeating and of undoing what responders did in known steps (R, K): (R, Q, 2K, 8)."""
+    place = contacts.facts[seen.board]  # (R, Q, L, 8)
+    repeated = place.gather(2, step[:, None, :, None].expand(-1, place.shape[1], -1, CONTACT_FACTS))
+    return torch.cat([repeated, reversed_facts(repeated)], 2)
 
 
 def _frames(distances: Tensor, frames: Tensor) -> Tensor:
     """Distances (R, Q, L + 1) to some frames (R, C): (R, Q, C)."""
     return distances.gather(2, frames[:, None].expand(-1, distances.shape[1], -1))
-
-
-@dataclass(frozen=True)
-class _Contacts:
-    """The steps asked for beside the known ones.
-
-    Attributes:
-        told: (B, Q, L, CONTACT_FACTS), how near each known contact was and how its direction relates to this one.
-        reverse: (CONTACT_FACTS,), -1 where undoing a change turns the sign, else 1.
-        distance: (B, Q, L), board units.
-        same: bool (B, Q, L), both on the same trigger.
-        step: (B, Q, STEP_FACTS), the action itself.
-    """
-
-    told: Tensor
-    reverse: Tensor
-    distance: Tensor
-    same: Tensor
-    step: Tensor
-
-
-def _contacts(seen: Seen, asked: Asked) -> _Contacts:
-    there, here = seen.actions[:, None], asked.actions[:, :, None]
-    offset = there[..., :3] - here[..., :3]  # (B, Q, L, 3)
-    distance = offset.norm(dim=-1)
-    same = (seen.acted[:, None] == asked.acted[:, :, None]) & (asked.acted >= 0)[:, :, None] & seen.known[:, None]
-    alike = (there[..., 3:] * here[..., 3:]).sum(-1)
-    # a link that has moved is touched elsewhere: along the action or against it
-    along = (offset * here[..., 3:]).sum(-1).clamp(-FAR, FAR) / NEAR[1]
-    nearness = [torch.exp(-((distance / scale) ** 2)) for scale in NEAR]
-    told = torch.stack([*nearness, distance.clamp(max=FAR) / NEAR[2], alike, alike.abs(), along, same.float()], -1)
-    reverse = told.new_ones(CONTACT_FACTS)
-    reverse[len(NEAR) + 1] = -1  # of `alike`
-    return _Contacts(told, reverse, distance, same, _step_facts(seen, asked, distance, same))
-
-
-def _step_facts(seen: Seen, asked: Asked, distance: Tensor, same: Tensor) -> Tensor:
-    """The action relative to its trigger, whatever way the board is turned: (B, Q, STEP_FACTS)."""
-    nowhere = distance.new_full((*distance.shape[:2], 1), FAR)
-    closest = torch.cat([distance.masked_fill(~same, FAR), nowhere], -1).amin(-1)
-    arm = asked.actions[..., :3] - seen.pos[asked.acted.clamp(min=0)]
-    direction = asked.actions[..., 3:]
-    outward = (arm[..., :2] * direction[..., :2]).sum(-1) / (arm[..., :2].norm(dim=-1) + SMALL)
-    upward, count = direction[..., 2], torch.log1p(same.sum(-1).float())
-    return torch.stack([upward, upward.abs(), outward, outward.abs(), arm[..., 2], closest / NEAR[2], count], -1)
 
 
 class EventNet(nn.Module):
@@ -241,7 +240,7 @@ class EventNet(nn.Module):
         probability of its own, and the second value is the log probability that none of them is an edge. Without
         inference every pair is an edge.
         """
-        row, rows = seen.pairs[1], len(seen.board)
+        row, rows = seen.edge_index[1], len(seen.board)
         if not self.inference:
             return torch.zeros(len(row)), torch.full((rows,), NEVER)
         logits = self.edges(seen)

@@ -23,10 +23,9 @@ import numpy as np
 
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import collect_command
-from busybot.episodes.lock import remove_leftovers
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
-from busybot.files import write_atomically
+from busybot.files import make_folder, remove, remove_leftovers, write_atomically
 from busybot.objects.cache import cache_folder
 from busybot.reason.encoders.choose import DEFAULT, choose
 from busybot.reason.observed import observe
@@ -105,18 +104,21 @@ def features_of(
     """
     chosen = choose(encoder, weights)
     digests = _digests(dataset, episodes)
-    folder = (store or store_of(dataset)) / chosen.key
-    folder.mkdir(parents=True, exist_ok=True)
-    remove_leftovers(folder)
+    # a store that was named may be a link, as any folder that the user names; the one beside the dataset may not
+    place = store or store_of(dataset)
+    root = place if store else place.parent
+    folder = place / chosen.key
+    make_folder(folder, root)
+    remove_leftovers(folder, root)
     files = {index: folder / f"{index:06d}-{digest[:16]}.npy" for index, digest in digests.items()}
     missing = [index for index, file in files.items() if _load(file) is None]
     processes = workers or min(default_workers(), 1 + len(missing) // EPISODES_PER_WORKER)
     tasks = [(dataset.episode_path(index), files[index]) for index in missing]
-    for done, _ in enumerate(share(partial(_compute, encoder, weights), tasks, processes), start=1):
+    for done, _ in enumerate(share(partial(_compute, encoder, weights, root), tasks, processes), start=1):
         if progress is not None:
             progress(done, len(missing))
     if store is None:  # a store that was named may hold those of other datasets, too
-        _remove_outdated(folder, files)
+        _remove_outdated(folder, files, root)
     return Features(encoder, chosen.key, chosen.oracle, folder, len(missing), files, dataset)
 
 
@@ -144,7 +146,7 @@ def _digests(dataset: Dataset, episodes: Iterable[int] | None) -> dict[int, str]
     return {index: known[index] for index in wanted}
 
 
-def _compute(encoder: str, weights: Path | None, task: tuple[Path, Path]) -> None:
+def _compute(encoder: str, weights: Path | None, root: Path, task: tuple[Path, Path]) -> None:
     recorded, file = task
     try:
         values = choose(encoder, weights).of_episode(read_episode(recorded, "lazy"))
@@ -153,7 +155,7 @@ def _compute(encoder: str, weights: Path | None, task: tuple[Path, Path]) -> Non
         raise BusybotError(f"{where}{error.what}", error.mend) from None
     data = BytesIO()
     np.save(data, values, allow_pickle=False)
-    write_atomically(file, data.getvalue())
+    write_atomically(file, data.getvalue(), root)
 
 
 def _load(file: Path) -> np.ndarray | None:
@@ -168,9 +170,9 @@ def _load(file: Path) -> np.ndarray | None:
     return values if sound and values.ndim == 3 else None
 
 
-def _remove_outdated(folder: Path, files: dict[int, Path]) -> None:
+def _remove_outdated(folder: Path, files: dict[int, Path], root: Path) -> None:
     """Delete features of episodes that were recorded again since."""
     for file in folder.iterdir():
         match = _NAME.match(file.name)
         if match and files.get(int(match[1]), file) != file:
-            file.unlink(missing_ok=True)
+            remove(file, root)

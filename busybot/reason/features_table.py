@@ -1,12 +1,12 @@
 """Features as one Parquet file, for other programs. Training reads the store, which is mapped into memory."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from busybot.files import replacing
 from busybot.reason.features import Features
 from busybot.reason.sequence import CHANNELS
 
@@ -22,18 +22,12 @@ SCHEMA = pa.schema(
 
 
 def write_table(path: Path, features: Features) -> None:
-    """Write the file under a temporary name, sync, rename; its metadata name the encoder."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    """Write the file, whole or not at all; its metadata name the encoder."""
     schema = SCHEMA.with_metadata({"encoder": features.encoder, "key": features.key, "oracle": str(features.oracle)})
     options = {"compression": "zstd", "use_byte_stream_split": ["feature.list.element"], "use_dictionary": False}
-    try:
-        with pq.ParquetWriter(temporary, schema, **options) as writer:
-            for episode, values in features.items():
-                writer.write_table(_rows(episode, values, schema))
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replacing(path) as file, pq.ParquetWriter(file, schema, **options) as writer:
+        for episode, values in features.items():
+            writer.write_table(_rows(episode, values, schema))
 
 
 def _rows(episode: int, values: np.ndarray, schema: pa.Schema) -> pa.Table:

@@ -13,15 +13,15 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
+from busybot.evaluation.bootstrap import LEVEL, Interval, share_interval
+
 BINS = 15
 UNCERTAIN = (0.05, 0.95)
 """Pairs with a probability between these are the ones about which a reasoner is not sure."""
-DRAWS, LEVEL = 1000, 0.95
+DRAWS = 1000
 
 EDGE_COLUMNS, PREDICTION_COLUMNS = 5, 8
 """Numbers counted per board."""
-
-Interval = tuple[float, float] | None
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def intervals(
         return EdgeIntervals(None, None, None)
     hits, claimed, true, correct, pairs = _resampled(_table(counts, EDGE_COLUMNS), rng, draws)
     return EdgeIntervals(
-        _interval(hits, claimed, level), _interval(hits, true, level), _interval(correct, pairs, level)
+        share_interval(hits, claimed, level), share_interval(hits, true, level), share_interval(correct, pairs, level)
     )
 
 
@@ -188,7 +188,7 @@ def prediction_intervals(
     if not counts:
         return dict.fromkeys(names)
     ratios = _prediction_ratios(_resampled(_table(counts, PREDICTION_COLUMNS), rng, draws))
-    return {name: _interval(part, whole, level) for name, (part, whole) in zip(names, ratios, strict=True)}
+    return {name: share_interval(part, whole, level) for name, (part, whole) in zip(names, ratios, strict=True)}
 
 
 def _prediction_ratios(sums: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -207,13 +207,6 @@ def _resampled(table: np.ndarray, rng: np.random.Generator, draws: int) -> np.nd
     """Sums (columns, draws) over boards drawn with replacement from a table (boards, columns)."""
     chosen = rng.integers(len(table), size=(draws, len(table)))
     return np.asarray(table[chosen].sum(1).T)
-
-
-def _interval(part: np.ndarray, whole: np.ndarray, level: float) -> Interval:
-    if not whole.all():
-        return None
-    low, high = np.quantile(part / whole, [(1 - level) / 2, (1 + level) / 2])
-    return float(low), float(high)
 
 
 def calibration(probabilities: np.ndarray, true: np.ndarray, bins: int = BINS) -> Calibration:

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any, Literal
 
-import torch
 from pydantic import ValidationError
 from torch import Tensor
 
@@ -11,6 +10,7 @@ from busybot.errors import BusybotError
 from busybot.reason.reasoner import Reasoner
 from busybot.training.checkpoint import load_tensors, load_weights
 from busybot.training.model_folder import INFO_FILE, WEIGHTS_FILE, ModelCard, find_folder, read_info
+from busybot.training.weights import drawing_nothing
 
 
 class ModelInfo(ModelCard):
@@ -37,7 +37,8 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
     info = read_info(folder, ModelInfo)
     tensors = load_tensors(folder / WEIGHTS_FILE).tensors
     try:
-        return _MAKERS[info.model](info, tensors, folder / WEIGHTS_FILE)
+        with drawing_nothing():
+            return _MAKERS[info.model](info, tensors, folder / WEIGHTS_FILE)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(["config", *map(str, first["loc"])])
@@ -45,7 +46,6 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
 
 
 def _event(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
-    torch.set_num_threads(1)  # networks so small gain nothing from threads, which wait for each other on a busy machine
     from busybot.reason.event import EventReasoner
     from busybot.reason.event_config import EventConfig
     from busybot.reason.event_net import EventNet
@@ -58,9 +58,8 @@ def _event(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
 
 def _paper(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
     from busybot.reason.paper_config import PaperReasonConfig
-    from busybot.reason.paper_history import PaperHistoryNetwork, PaperHistoryReasoner
-    from busybot.reason.paper_networks import PaperNetwork
-    from busybot.reason.paper_reasoner import PaperReasoner
+    from busybot.reason.paper_networks import PaperHistoryNetwork, PaperNetwork
+    from busybot.reason.paper_reasoner import PaperHistoryReasoner, PaperReasoner
 
     config = PaperReasonConfig.model_validate(info.config)
     network = PaperNetwork(config.network) if config.inference else PaperHistoryNetwork(config.network)

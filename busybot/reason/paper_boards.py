@@ -1,24 +1,62 @@
-"""Boards as the graph networks read them: all nodes of a batch in one list, and the pairs of nodes that are connected.
+"""Boards as graphs for the paper's networks: one `HeteroData` per episode, and batches of them in one list of nodes.
 
 Node input: 256 visual features and the 3-D position, zeros in place of a trigger's features; vacant nodes are zeros
 (paper appendix A.1 "Training details"). An action belongs to the object acted on; the others' action is zeros.
+
+Letters: M nodes and P edges of all B boards, T recorded steps, F frames.
 """
 
 from collections.abc import Sequence as Several
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
+from torch_geometric.data import Batch, HeteroData
 
-from busybot.errors import BusybotError
+from busybot.reason.board_dataset import BoardDataset, batches_of, step_targets, touches
 from busybot.reason.paper_config import PaperNetworkConfig
-from busybot.reason.paper_pairs import Pairs
 from busybot.reason.sequence import CHANNELS, Sequence
 
 STATE = CHANNELS + 3
 ACTION = 6
+
+
+def board_graph(seen: Sequence, config: PaperNetworkConfig) -> HeteroData:
+    """One board of N nodes, vacant ones last, watched for T steps.
+
+    | nodes and edges | attribute | shape | meaning |
+    |---|---|---|---|
+    | `object` | `features` | float32 (N, T + 1, 256) | in every frame |
+    | | `pos` | float32 (N, 3) | board units |
+    | | `responder` | bool (N,) | |
+    | `step` | `action` | float32 (T, 6) | position (board units) and direction |
+    | `object`, `acts_on`, `object` | `edge_index` | int64 (2, P) | all pairs, or trigger to responder, by target |
+    | `step`, `touches`, `object` | `edge_index` | int64 (2, A) | what an action was on; none for a miss |
+    """
+    size = len(seen.positions)
+    if config.pairs == "all":
+        size = max(config.objects, size)
+    connected = ~np.eye(size, dtype=bool) if config.pairs == "all" else seen.candidates.T
+    receivers, senders = np.nonzero(connected)
+    graph = HeteroData()
+    graph["object"].features = _padded(seen.features.swapaxes(0, 1), size)
+    graph["object"].pos = _padded(seen.positions, size)
+    graph["object"].responder = _padded(seen.responders, size)
+    graph["step"].action = torch.from_numpy(seen.actions)
+    graph["step"].num_nodes = seen.steps
+    graph["object", "acts_on", "object"].edge_index = torch.from_numpy(np.stack([senders, receivers]).astype(np.int64))
+    graph["step", "touches", "object"].edge_index = touches(seen.acted)
+    return graph
+
+
+def _padded(values: np.ndarray, size: int) -> Tensor:
+    """With zeros (or False) for vacant nodes."""
+    padded = np.zeros((size, *values.shape[1:]), values.dtype)
+    padded[: len(values)] = values
+    return torch.from_numpy(padded)
 
 
 @dataclass(frozen=True)
@@ -52,8 +90,7 @@ class Boards:
         actions: (B, T, 6).
         actors: int64 (B, T), as in `Frames`.
         responders: bool (M,).
-        receivers: int64 (P,), where an edge ends: for a relation the responder.
-        senders: int64 (P,), where it begins: for a relation the trigger.
+        edge_index: int64 (2, P), where an edge begins (for a relation the trigger) and where it ends (the responder).
         sizes: number of nodes of each board, vacant ones included.
     """
 
@@ -62,19 +99,13 @@ class Boards:
     actions: Tensor
     actors: Tensor
     responders: Tensor
-    receivers: Tensor
-    senders: Tensor
+    edge_index: Tensor
     sizes: tuple[int, ...]
 
     @property
     def steps(self) -> int:
         """T."""
         return self.actions.shape[1]
-
-    @property
-    def pairs(self) -> Pairs:
-        """The connected nodes."""
-        return Pairs(self.receivers, self.senders, len(self.positions))
 
     def observed(self, images: int) -> Frames:
         """The first frames, at most `images`, with the actions between them."""
@@ -104,46 +135,21 @@ def states_of(features: Tensor, positions: Tensor) -> Tensor:
     return torch.cat([features, positions[:, None].expand(-1, features.shape[1], -1)], -1)
 
 
-def boards_of(sequences: Several[Sequence], config: PaperNetworkConfig) -> Boards:
-    """Join boards.
-
-    Raises:
-        BusybotError: boards were watched for different numbers of steps.
-    """
-    lengths = sorted({seen.steps for seen in sequences})
-    if len(lengths) != 1:
-        what = f"boards with {', '.join(map(str, lengths))} steps in one batch"
-        raise BusybotError(what, "train on datasets whose episodes have equally many steps")
-    sizes = [len(seen.positions) for seen in sequences]
-    if config.pairs == "all":
-        sizes = [max(config.objects, size) for size in sizes]
-    offsets = np.cumsum([0, *sizes[:-1]])
-    padded = list(zip(sequences, sizes, strict=True))
-    connected = [_pairs(seen, size, config) + offset for (seen, size), offset in zip(padded, offsets, strict=True)]
-    receivers, senders = np.concatenate(connected, axis=1)
-    actors = [np.where(seen.acted >= 0, seen.acted + at, -1) for seen, at in zip(sequences, offsets, strict=True)]
+def read_batch(batch: Batch) -> Boards:
+    """A batch of graphs as the networks read it."""
+    objects, steps = batch["object"], batch["step"].num_nodes // batch.num_graphs
     return Boards(
-        features=_joined([_padded(seen.features.swapaxes(0, 1), size) for seen, size in padded]),
-        positions=_joined([_padded(seen.positions, size) for seen, size in padded]),
-        actions=torch.from_numpy(np.stack([seen.actions for seen in sequences])),
-        actors=torch.from_numpy(np.stack(actors)),
-        responders=_joined([_padded(seen.responders, size) for seen, size in padded]),
-        receivers=torch.from_numpy(receivers),
-        senders=torch.from_numpy(senders),
-        sizes=tuple(sizes),
+        features=objects.features,
+        positions=objects.pos,
+        actions=batch["step"].action.view(batch.num_graphs, steps, ACTION),
+        actors=step_targets(batch, "object"),
+        responders=objects.responder,
+        edge_index=batch["object", "acts_on", "object"].edge_index,
+        sizes=tuple(objects.ptr.diff().tolist()),
     )
 
 
-def _pairs(seen: Sequence, size: int, config: PaperNetworkConfig) -> np.ndarray:
-    """Receivers and senders, int64 (2, P): all nodes but with themselves, or responders with triggers."""
-    connected = ~np.eye(size, dtype=bool) if config.pairs == "all" else seen.candidates.T
-    return np.stack(np.nonzero(connected)).astype(np.int64)
-
-
-def _padded(values: np.ndarray, size: int) -> np.ndarray:
-    """Zeros (or False) for vacant nodes, which come last."""
-    return np.concatenate([values, np.zeros((size - len(values), *values.shape[1:]), values.dtype)])
-
-
-def _joined(values: list[np.ndarray]) -> Tensor:
-    return torch.from_numpy(np.concatenate(values))
+def boards_of(sequences: Several[Sequence], config: PaperNetworkConfig) -> Boards:
+    """Join boards; see `BoardDataset` for the errors."""
+    dataset = BoardDataset(sequences, partial(board_graph, config=config))
+    return read_batch(next(batches_of(dataset, [range(len(sequences))])))

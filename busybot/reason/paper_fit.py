@@ -20,8 +20,7 @@ from torch.nn import functional
 from busybot.errors import BusybotError
 from busybot.reason.paper_boards import Boards
 from busybot.reason.paper_config import PaperReasonConfig
-from busybot.reason.paper_history import PaperHistoryNetwork
-from busybot.reason.paper_networks import PaperNetwork, Relations
+from busybot.reason.paper_networks import PaperHistoryNetwork, PaperNetwork, Relations
 from busybot.rng import generator
 from busybot.training.loop import descend
 from busybot.training.weights import drawing
@@ -83,7 +82,7 @@ def iterate(
     """
     network.train()
     with drawing(rng):
-        exponential = torch.empty(len(boards.receivers), 2).exponential_()
+        exponential = torch.empty(boards.edge_index.shape[1], 2).exponential_()
         noise = -exponential.log().to(boards.features)
         error, divergence = losses(network, boards, config, noise)
     loss = error + config.prior_weight * divergence

@@ -2,23 +2,21 @@
 
 import math
 from collections.abc import Mapping
-from collections.abc import Sequence as Several
+from functools import partial
 
 import numpy as np
 import torch
 
 from busybot.errors import BusybotError
-from busybot.reason.paper_boards import boards_of
+from busybot.reason.board_dataset import BoardDataset, Boards, batches_of, in_turn
+from busybot.reason.paper_boards import board_graph, read_batch
 from busybot.reason.paper_config import PaperReasonConfig
 from busybot.reason.paper_fit import Network, batches, iterate, losses, make_network, make_optimizer
-from busybot.reason.recorded import Recorded
 from busybot.reason.sequence import Sequence
 from busybot.rng import generator
 from busybot.training.checkpoint import Checkpoint
 from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner
-
-Known = Recorded | Several[Sequence]
 
 
 class PaperLearner(Learner):
@@ -32,12 +30,14 @@ class PaperLearner(Learner):
     name = "paper"
     network: Network
 
-    def __init__(self, config: PaperReasonConfig, boards: Known, held_out: Known, seed: int):
+    def __init__(self, config: PaperReasonConfig, boards: Boards[Sequence], held_out: Boards[Sequence], seed: int):
         torch.set_num_threads(config.threads)
         repeat_exactly()
         if not len(boards):
             raise BusybotError("no board to train on", "hold fewer out: --set loop.held_out=0")
-        self.config, self.seed, self.boards, self.held_out = config, seed, boards, held_out
+        self.config, self.seed = config, seed
+        graph = partial(board_graph, config=config.network)
+        self.boards, self.held_out = BoardDataset(boards, graph), BoardDataset(held_out, graph)
         self.batches = math.ceil(len(boards) / config.batch)
         self.iterations = config.epochs * self.batches
         self.network = make_network(config, seed).to(device())
@@ -48,7 +48,7 @@ class PaperLearner(Learner):
         """One iteration of the schedule: an epoch's next batch."""
         epoch, place = divmod(iteration, self.batches)
         chosen = batches(len(self.boards), self.config.batch, self.seed, epoch)[place]
-        boards = boards_of([self.boards[index] for index in chosen], self.config.network).to(device())
+        boards = read_batch(next(batches_of(self.boards, [chosen]))).to(device())
         rng = generator(self.seed, "train", iteration, "reason/paper")
         outcome = iterate(self.network, self.optimizer, boards, self.config, rng, self.last)
         if outcome.taken:
@@ -60,9 +60,8 @@ class PaperLearner(Learner):
         """Mean squared error of the predictions, and that of predicting that nothing changes."""
         self.network.eval()
         sums, answers = np.zeros(2), 0
-        for start in range(0, len(self.held_out), self.config.batch):
-            end = min(start + self.config.batch, len(self.held_out))
-            boards = boards_of([self.held_out[i] for i in range(start, end)], self.config.network).to(device())
+        for batch in batches_of(self.held_out, in_turn(len(self.held_out), self.config.batch)):
+            boards = read_batch(batch).to(device())
             error, _ = losses(self.network, boards, self.config)
             frames, after = boards.predicted(min(self.config.images, boards.steps))
             still = (frames.states[..., : after.shape[-1]] - after)[boards.responders].square().mean()

@@ -20,6 +20,12 @@ What the paper leaves open, and what is chosen here (see also `paper_config`):
 - Training draws edge types with Gumbel-softmax noise; otherwise an edge's types are their probabilities.
 - What follows the last observed frame is not known to the inference network: zeros, as where nothing is acted on.
 - Networks begin with torch's default weights.
+
+Without inference (the paper's ablation) all that was seen goes into predicting the next state. What is chosen there:
+the spatial graph network embeds the observed frames and the one that the action changes, which comes last; the
+convolution over time, the recurrent network and the last graph network are those of the full model, without edge types.
+
+Every network computes its edge functions in one of two forms that give the same numbers (`paper_parts.EdgeFunction`).
 """
 
 from dataclasses import dataclass
@@ -29,8 +35,7 @@ from torch import Tensor, nn
 
 from busybot.reason.paper_boards import STATE, Boards, Frames
 from busybot.reason.paper_config import PaperNetworkConfig
-from busybot.reason.paper_pairs import Pairs
-from busybot.reason.paper_parts import KINDS, Actions, GraphNet, Recurrent, TimeConvolution
+from busybot.reason.paper_parts import KINDS, Actions, GraphNet, Recurrent, TimeConvolution, factor
 from busybot.reason.sequence import CHANNELS
 
 
@@ -55,9 +60,20 @@ class Relations:
 
 
 class PaperNetwork(nn.Module):
-    """Inference and dynamics networks; 18.4 M parameters as the paper has them."""
+    """Inference and dynamics networks; 18.4 M parameters as the paper has them:
 
-    def __init__(self, config: PaperNetworkConfig):
+        E = f_inference(n_1, a_1, ..., n_F)        n_t+1 = f_dynamics(n_t, a_t, E)
+
+    Args:
+        factored: multiply nodes before they are joined to edges, not after: the same numbers in less time.
+
+    Shapes:
+        edge_index: (2, P).
+        frames: see `Frames`.
+        output: (M, F, 256), and `Relations`.
+    """
+
+    def __init__(self, config: PaperNetworkConfig, factored: bool = True):
         super().__init__()
         self.config = config
         wide, edge, seen = config.embedding, config.edge_embedding, STATE + config.action
@@ -71,47 +87,84 @@ class PaperNetwork(nn.Module):
         self.node_recurrent = Recurrent(config, seen + wide, wide)
         self.edge_recurrent = Recurrent(config, 2 * seen + wide + edge, wide)
         self.decode = GraphNet(config, seen + wide, wide + edge, CHANNELS, 0)
+        factor(self, factored)
 
     def forward(self, boards: Boards, images: int, noise: Tensor | None = None) -> tuple[Tensor, Relations]:
         """Infer the graph from the first `images` frames and predict each of the following steps, (M, S, 256)."""
-        pairs = boards.pairs
-        relations = self.infer(pairs, boards.observed(images), noise)
-        return self.predict(pairs, boards.predicted(images)[0], relations), relations
+        relations = self.infer(boards.edge_index, boards.observed(images), noise)
+        return self.predict(boards.edge_index, boards.predicted(images)[0], relations), relations
 
-    def foresee(self, pairs: Pairs, observed: Frames, frames: Frames) -> Tensor:
+    def foresee(self, edge_index: Tensor, observed: Frames, frames: Frames) -> Tensor:
         """Features after each frame's action, (M, S, 256), with the graph of the observed frames."""
-        return self.predict(pairs, frames, self.infer(pairs, observed))
+        return self.predict(edge_index, frames, self.infer(edge_index, observed))
 
-    def infer(self, pairs: Pairs, frames: Frames, noise: Tensor | None = None) -> Relations:
+    def infer(self, edge_index: Tensor, frames: Frames, noise: Tensor | None = None) -> Relations:
         """Relations from observed frames.
 
         Args:
             noise: (P, 2), Gumbel noise with which the types are drawn; None for their probabilities.
         """
-        nodes, edges = self.spatial(pairs, frames.states, None)
-        return self.relate(pairs, frames, nodes, edges, noise)
+        nodes, edges = self.spatial(edge_index, frames.states, None)
+        return self.relate(edge_index, frames, nodes, edges, noise)
 
     def relate(
-        self, pairs: Pairs, frames: Frames, nodes: Tensor, edges: Tensor, noise: Tensor | None = None
+        self, edge_index: Tensor, frames: Frames, nodes: Tensor, edges: Tensor, noise: Tensor | None = None
     ) -> Relations:
         """Relations from spatial embeddings: nodes (M, F, 128) and edges (P, F, 128)."""
         seen = torch.cat([frames.states, self.actions(frames)], -1)
         node = self.node_time(torch.cat([nodes, seen], -1))
-        edge = self.edge_time.of_pairs(pairs, seen, edges)
-        logits = self.edge_types(pairs, node, edge)[1][:, 0]
+        edge = self.edge_time.of_edges(edge_index, seen, edges)
+        logits = self.edge_types(edge_index, node, edge)[1][:, 0]
         types = drawn(logits, noise, self.config.temperature)
-        return Relations(logits, types, self.edge_embeddings(pairs, node, edge, types)[1])
+        return Relations(logits, types, self.edge_embeddings(edge_index, node, edge, types)[1])
 
-    def predict(self, pairs: Pairs, frames: Frames, relations: Relations) -> Tensor:
+    def predict(self, edge_index: Tensor, frames: Frames, relations: Relations) -> Tensor:
         """Features after each frame's action, (M, F, 256), every frame on its own."""
-        related = relations.types[:, 1:]
+        related = relations.types[:, 1:]  # (P, 1): edges without a relation carry no messages
         acting = relations.embeddings.expand(-1, frames.states.shape[1], -1)
-        node, edge = self.dynamic(pairs, frames.states, acting, related)
+        node, edge = self.dynamic(edge_index, frames.states, acting, related)
         seen = torch.cat([frames.states, self.actions(frames)], -1)
         node = self.node_recurrent(torch.cat([node, seen], -1))
-        edge = self.edge_recurrent.of_pairs(pairs, seen, torch.cat([edge, acting], -1))
-        after = self.decode(pairs, torch.cat([node, seen], -1), torch.cat([edge, acting], -1), related)[0]
+        edge = self.edge_recurrent.of_edges(edge_index, seen, torch.cat([edge, acting], -1))
+        after = self.decode(edge_index, torch.cat([node, seen], -1), torch.cat([edge, acting], -1), related)[0]
         return after + frames.states[..., :CHANNELS] if self.config.residual else after
+
+
+class PaperHistoryNetwork(nn.Module):
+    """The ablation without inference: n_t+1 = f(n_1, a_1, ..., n_F, n_t, a_t). Arguments as of `PaperNetwork`."""
+
+    def __init__(self, config: PaperNetworkConfig, factored: bool = True):
+        super().__init__()
+        self.config = config
+        wide, seen = config.embedding, STATE + config.action
+        self.actions = Actions(config)
+        self.spatial = GraphNet(config, STATE, 0, wide, wide)
+        self.node_time = TimeConvolution(config, seen + wide, wide)
+        self.edge_time = TimeConvolution(config, 2 * seen + wide, wide)
+        self.node_recurrent = Recurrent(config, wide, wide)
+        self.edge_recurrent = Recurrent(config, wide, wide)
+        self.decode = GraphNet(config, wide, wide, CHANNELS, 0)
+        factor(self, factored)
+
+    def forward(self, boards: Boards, images: int, noise: Tensor | None = None) -> tuple[Tensor, None]:
+        """Predict each of the steps that follow the first `images` frames, (M, S, 256); there is no graph."""
+        return self.foresee(boards.edge_index, boards.observed(images), boards.predicted(images)[0]), None
+
+    def foresee(self, edge_index: Tensor, observed: Frames, frames: Frames) -> Tensor:
+        """Features after each frame's action, (M, S, 256), every frame on its own."""
+        count = observed.states.shape[1]
+        states = torch.cat([observed.states, frames.states], 1)
+        nodes, edges = self.spatial(edge_index, states, None)
+        acted = torch.cat([self.actions(observed), self.actions(frames)], 1)
+        after = []
+        for last in range(count, states.shape[1]):
+            known = [*range(count), last]
+            seen = torch.cat([states[:, known], acted[:, known]], -1)
+            node = self.node_time(torch.cat([nodes[:, known], seen], -1))
+            edge = self.edge_time.of_edges(edge_index, seen, edges[:, known])
+            after.append(self.decode(edge_index, self.node_recurrent(node), self.edge_recurrent(edge))[0])
+        predicted = torch.cat(after, 1)
+        return predicted + frames.states[..., :CHANNELS] if self.config.residual else predicted
 
 
 def drawn(logits: Tensor, noise: Tensor | None, temperature: float) -> Tensor:

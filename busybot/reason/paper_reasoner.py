@@ -1,4 +1,4 @@
-"""The trained `paper` networks as a `Reasoner`."""
+"""The trained `paper` networks as a `Reasoner`, with inference and without."""
 
 from collections.abc import Iterator
 from typing import Protocol
@@ -9,8 +9,7 @@ from torch import Tensor, nn
 
 from busybot.reason.paper_boards import Boards, Frames, boards_of, states_of
 from busybot.reason.paper_config import PaperNetworkConfig
-from busybot.reason.paper_networks import PaperNetwork
-from busybot.reason.paper_pairs import Pairs
+from busybot.reason.paper_networks import PaperHistoryNetwork, PaperNetwork
 from busybot.reason.result import InferredGraph
 from busybot.reason.sequence import Sequence
 
@@ -34,14 +33,39 @@ class PaperReasoner:
         """Edge probabilities after each step, and from the first frame alone: the prior. Zeros but for candidates."""
         boards = board_of(seen, self.network)
         beliefs = np.zeros((seen.steps + 1, *seen.candidates.shape))
-        if len(boards.receivers):
+        if boards.edge_index.shape[1]:
             frames = boards.observed(seen.steps + 1)
-            nodes, edges = self.network.spatial(boards.pairs, frames.states, None)
+            nodes, edges = self.network.spatial(boards.edge_index, frames.states, None)
             for step in range(seen.steps + 1):
                 known = slice(0, step + 1)
-                relations = self.network.relate(boards.pairs, frames.first(step + 1), nodes[:, known], edges[:, known])
+                relations = self.network.relate(
+                    boards.edge_index, frames.first(step + 1), nodes[:, known], edges[:, known]
+                )
                 beliefs[step] = _matrix(boards, relations.probabilities, seen)
         return InferredGraph(self.name, beliefs[1:] if seen.steps else beliefs, self.threshold, beliefs[0])
+
+    @torch.no_grad()
+    def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+        """Features after each of S steps, as `Reasoner.predict`; what is no responder stays as it is."""
+        return foreseen(self.network, seen, current, actions, acted)
+
+
+class PaperHistoryReasoner:
+    """The ablation as a `Reasoner`: claims no relation.
+
+    Args:
+        network: trained.
+        encoder: which features it was trained on.
+    """
+
+    name = "paper without inference"
+
+    def __init__(self, network: PaperHistoryNetwork, encoder: str):
+        self.network, self.encoder = network.eval(), encoder
+
+    def graph(self, seen: Sequence) -> InferredGraph:
+        """No relations."""
+        return InferredGraph(self.name, np.zeros((max(1, seen.steps), *seen.candidates.shape)))
 
     @torch.no_grad()
     def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
@@ -54,7 +78,7 @@ class Foreseeing(Protocol):
 
     config: PaperNetworkConfig
 
-    def foresee(self, pairs: Pairs, observed: Frames, frames: Frames) -> Tensor:
+    def foresee(self, edge_index: Tensor, observed: Frames, frames: Frames) -> Tensor:
         """Features after each frame's action, (M, S, 256)."""
         ...
 
@@ -69,10 +93,10 @@ def foreseen(
     """What `Reasoner.predict` returns: predictions for responders, everything else as it is in `current`."""
     after = np.array(current, np.float32)
     boards = board_of(seen, network)
-    if not len(boards.receivers) or not len(actions):
+    if not boards.edge_index.shape[1] or not len(actions):
         return after
     frames = imagined(boards, after, actions, acted)
-    predicted = network.foresee(boards.pairs, boards.observed(seen.steps + 1), frames)  # (M, S, 256)
+    predicted = network.foresee(boards.edge_index, boards.observed(seen.steps + 1), frames)  # (M, S, 256)
     after[:, seen.responders] = predicted.transpose(0, 1).cpu().numpy()[:, np.flatnonzero(seen.responders)]
     return after
 
@@ -98,5 +122,5 @@ def _matrix(boards: Boards, values: Tensor, seen: Sequence) -> np.ndarray:
     """(P,) of one board as (N, N), trigger in the row and responder in the column; zeros but for candidates."""
     count = len(seen.positions)
     matrix = np.zeros((len(boards.positions), len(boards.positions)))
-    matrix[boards.senders.cpu().numpy(), boards.receivers.cpu().numpy()] = values.cpu().numpy()
+    matrix[tuple(boards.edge_index.cpu().numpy())] = values.cpu().numpy()
     return np.where(seen.candidates, matrix[:count, :count], 0)

@@ -5,11 +5,14 @@ may read what"). Triggers have no features, as in the paper.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from busybot.errors import BusybotError
-from busybot.reason.observed import Observed, acted_objects
+
+if TYPE_CHECKING:
+    from busybot.reason.observed import Observed
 
 CHANNELS = 256
 """Numbers per object and frame (paper section 3.2)."""
@@ -59,7 +62,7 @@ class Sequence:
         )
 
 
-def sequence_of(observed: Observed, features: np.ndarray) -> Sequence:
+def sequence_of(observed: "Observed", features: np.ndarray) -> Sequence:
     """Put features beside what else a reasoner may read.
 
     Args:
@@ -69,6 +72,8 @@ def sequence_of(observed: Observed, features: np.ndarray) -> Sequence:
     Raises:
         BusybotError: the features are not those of so many frames and objects.
     """
+    from busybot.reason.observed import acted_objects  # decodes pictures; models that read sequences do without
+
     roles = np.array(observed.roles, str)
     expected = (len(observed.image_of), len(roles), CHANNELS)
     if features.shape != expected:

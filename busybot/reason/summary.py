@@ -10,6 +10,7 @@ import numpy as np
 
 from busybot import __version__
 from busybot.boards.spec import BoardSpec
+from busybot.evaluation.bootstrap import LEVEL
 from busybot.reason import baselines, prediction_summary
 from busybot.reason import metrics as m
 from busybot.reason.forecast import Forecast
@@ -68,7 +69,7 @@ def summarise(judged: Sequence[Judged], images: int, seed: int) -> dict[str, Any
         "threshold": judged[0].graph.threshold if judged else None,
         "macro": asdict(m.macro(counts)),
         "intervals": {
-            "level": m.LEVEL,
+            "level": LEVEL,
             **asdict(m.intervals(counts, rng)),
             **prediction_summary.intervals(forecasts, seed),
         },

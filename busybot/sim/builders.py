@@ -1,7 +1,8 @@
 """Objects as SAPIEN has loaded them, ready to be built again and again; the least recently used are forgotten.
 
 SAPIEN keeps every mesh file that it ever read. Here the cached builder of an object holds its loaded meshes instead, so
-that SAPIEN's own cache can be emptied and an object that leaves ours is freed (`benchmarks/collection.py --memory`).
+that SAPIEN's own cache can be emptied and an object that leaves ours is freed (`benchmarks/speed/collection.py
+--memory`).
 """
 
 import ctypes

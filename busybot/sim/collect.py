@@ -13,11 +13,12 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows
 from busybot.objects.library import Library
+from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import BuiltIn, Chooser
+from busybot.sim.policy import AnyPolicyFactory
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
@@ -28,7 +29,7 @@ class CollectConfig(BaseModel):
     """How episodes are collected.
 
     Attributes:
-        policy: `random` or `scripted`, or the name of the chooser that `collect` is given.
+        policy: `random` or `scripted`, or the name of the policy factory that `collect` is given.
         steps: proposed actions per episode.
         images: encoding of RGB; `png` is lossless and about five times as large.
         seed: None takes the dataset's.
@@ -73,29 +74,29 @@ def collect(
     config: CollectConfig,
     workers: int,
     progress: Progress | None = None,
-    chooser: Chooser | None = None,
+    factory: AnyPolicyFactory | None = None,
     provenance: dict[str, Any] | None = None,
     engine: Engine = run_tasks,
 ) -> Collected:
     """Record an episode for every board that has none.
 
     Args:
-        chooser: makes the policies; by default the built-in one that the configuration names.
-        provenance: what else decides the chooser's choices, JSON values; recorded, and another is refused later.
+        factory: makes the policies; by default the built-in one that the configuration names.
+        provenance: what else decides the policies' actions, JSON values; recorded, and another is refused later.
         engine: runs the workers: `workers.run_tasks` here, `cluster.run_on_ray` on many machines.
 
     Raises:
         BusybotError: the dataset's episodes were begun with other settings, the policy is unknown, or a worker is at
             fault.
     """
-    chooser = chooser or BuiltIn(config.policy)  # refuses an unknown name before anything is written
+    factory = factory or builtin_factory(config.policy)  # refuses an unknown name before anything is written
     with dataset.locked():
         dataset.begin_collecting(_collect_info(config, dataset.info.seed, provenance))
         dataset.remove_leftovers()
         before = dataset.finished()
         missing = [index for index in range(dataset.info.boards) if index not in before]
         seed = dataset.info.seed if config.seed is None else config.seed
-        arguments = (dataset.path, library, config, seed, chooser)
+        arguments = (dataset.path, library, config, seed, factory)
         new = _store(dataset, engine(missing, _make_work, arguments, workers), len(before), progress)
     return Collected(dataset.info.boards, len(before) + new, new)
 
@@ -136,7 +137,7 @@ def _collect_info(config: CollectConfig, dataset_seed: int, provenance: dict[str
 
 
 def _make_work(
-    path: Path, library: Library, config: CollectConfig, seed: int, chooser: Chooser
+    path: Path, library: Library, config: CollectConfig, seed: int, factory: AnyPolicyFactory
 ) -> Callable[[int], Any]:
     """What a worker does with a board's index: record, write, and read back the rows of its tables."""
     dataset = Dataset.open(path)
@@ -144,9 +145,9 @@ def _make_work(
 
     def work(index: int) -> Rows:
         board = dataset.board(index)
-        episode = record_episode(simulator, board, chooser, config.steps, config.interaction, seed)
+        episode = record_episode(simulator, board, factory, config.steps, config.interaction, seed)
         file = dataset.episode_path(index)
-        write_episode(file, episode, config.images)
+        write_episode(file, episode, config.images, path)
         return episode_rows(file, index)
 
     return work

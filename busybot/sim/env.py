@@ -10,10 +10,11 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
-from busybot.episodes.episode import Image, Step
+from busybot.episodes.episode import Step
 from busybot.episodes.geometry import Rays, project
 from busybot.errors import BusybotError
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.rng import generator
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.render import RenderConfig
@@ -194,8 +195,3 @@ class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
         if self._scene is None:
             raise BusybotError("the environment has no board yet", "call reset() first")
         return self._scene
-
-    @property
-    def image(self) -> Image:
-        """The present observation with its privileged segmentation."""
-        return self._image

@@ -20,9 +20,9 @@ import zlib
 from pathlib import Path
 
 from busybot.errors import BusybotError
+from busybot.files import make_folder, remove_abandoned, rename, unfinished
 from busybot.objects.raw import read_raw
 from busybot.objects.snapshot import MAX_BYTES, MAX_FILES
-from busybot.unfinished import remove_abandoned, unfinished
 from busybot.workers import end_with
 
 TOKEN_VARIABLE = "SAPIEN_ACCESS_TOKEN"
@@ -66,7 +66,7 @@ def fetch(instance: str, out: Path, token: str, time_limit_s: float = TIME_LIMIT
     if place.is_symlink() or place.exists():
         read_raw(place)
         return False
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     with unfinished(out, _WORK) as quarantine:
         fault = _download(instance, quarantine, token, time_limit_s)
         if fault is not None:
@@ -80,7 +80,7 @@ def fetch(instance: str, out: Path, token: str, time_limit_s: float = TIME_LIMIT
         except BusybotError as error:
             what = error.what.replace(str(came), str(place))
             raise BusybotError(f"object {instance} came, but is refused: {what}", "leave this object out") from None
-        os.rename(came, place)
+        rename(came, place)
     return True
 
 

@@ -15,12 +15,12 @@ import numpy as np
 from busybot import __version__
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.belongs import ENDED
-from busybot.episodes.episode import Episode, Image, Link
+from busybot.episodes.episode import Episode, Image, Link, Observation
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
 from busybot.rng import generator
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
-from busybot.sim.policies import Chooser
+from busybot.sim.policy import AnyPolicyFactory, OracleFactory, oracle_observation
 from busybot.sim.probe import driver_of
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, BoardState, Simulator
@@ -36,17 +36,21 @@ def grasp_at(scene: BoardScene, image: Image, rays: Rays, pixel: tuple[int, int]
 
 
 def record_episode(
-    simulator: Simulator, board: BoardSpec, chooser: Chooser, steps: int, config: InteractionConfig, seed: int
+    simulator: Simulator, board: BoardSpec, factory: AnyPolicyFactory, steps: int, config: InteractionConfig, seed: int
 ) -> Episode:
     """Collect one episode of `steps` proposed actions, or fewer if the policy ends it.
 
     Args:
+        factory: of the policy. Only an `OracleFactory` gets the scene; the episode says so.
         seed: of the collection; with the board's split and index it determines every draw of the policy.
     """
     scene = simulator.board(board)
     assert simulator.render is not None
     rays = Rays(scene.camera)
-    policy = chooser.make(scene, rays, config)
+    if isinstance(factory, OracleFactory):
+        policy, oracle = factory.make_oracle(scene, rays, config), True
+    else:
+        policy, oracle = factory.make_policy(rays), False
     images = [scene.observe()]
     episode = Episode(
         board=board,
@@ -58,14 +62,15 @@ def record_episode(
         frame_of=[0],
         steps=[],
         policy=policy.name,
-        oracle=policy.oracle,
+        oracle=oracle,
         settings={"seed": seed, "interaction": config.model_dump(mode="json")},
         renderer=renderer_fingerprint(simulator.render, scene),
         versions=package_versions(),
     )
-    rng = generator(seed, board.split, board.index, f"policy/{chooser.name}")
+    rng = generator(seed, board.split, board.index, f"policy/{factory.name}")
+    seen = _observation(images[0], episode)
     for _ in range(steps):
-        action = policy.choose(images[-1], rng)
+        action = policy.select_action(seen, rng)
         if action is None:
             episode.settings[ENDED] = {"of": steps}
             break
@@ -74,9 +79,15 @@ def record_episode(
         episode.steps.append(step)
         if after is not None:
             images.append(after)
-        policy.told(action, step.executed, step.reward, images[-1])
+            seen = _observation(after, episode)
+        policy.observe(action, step.executed, step.reward, seen)
         episode.frame_of.append(len(images) - 1)
     return episode
+
+
+def _observation(image: Image, episode: Episode) -> Observation:
+    """What the episode's policy gets of an image."""
+    return oracle_observation(image, episode.camera) if episode.oracle else image.observation(episode.camera)
 
 
 def picture_goal(scene: BoardScene) -> list[Image]:

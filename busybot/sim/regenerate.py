@@ -14,7 +14,8 @@ from busybot.episodes.create import boards_again, continue_or_create
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import CollectInfo, collect_command
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.tables import Rows, episode_rows
 from busybot.errors import BusybotError, naming
 from busybot.objects.library import Library
@@ -131,7 +132,7 @@ def _make_work(path: Path, out: Path, library: Library, collect: CollectInfo) ->
         file, recorded = target.episode_path(index), read_episode(source.episode_path(index), images="lazy")
         if not file.exists():
             with naming(source.episode_path(index)):
-                write_episode(file, play(index, recorded), collect.images)
+                write_episode(file, play(index, recorded), collect.images, out)
         again = read_episode(file, images="lazy")
         return episode_rows(file, index), compare_episodes(recorded, again), rule_for(recorded, again)
 

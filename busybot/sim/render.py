@@ -1,7 +1,7 @@
 """Pictures of a board: shader packs, camera, and what is read back.
 
 The default shader pack (`shaders/`) draws RGB, depth and segmentation in one pass without shadows: on a CPU it costs
-about a quarter of SAPIEN's `minimal` (`benchmarks/collection.py`). SAPIEN's own packs are selectable.
+about a quarter of SAPIEN's `minimal` (`benchmarks/speed/collection.py`). SAPIEN's own packs are selectable.
 """
 
 from dataclasses import dataclass

@@ -24,7 +24,7 @@ from busybot.episodes.compare import JOINT_TOLERANCE, ImageDifference, Rule, com
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.geometry import Rays
 from busybot.episodes.images import LazyImages
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError, naming
 from busybot.files import write_atomically
 from busybot.objects.library import Library
@@ -170,13 +170,9 @@ def _make_picture(path: Path, library: Library) -> Callable[[int], np.ndarray]:
     return lambda step: replay.observe(step).rgb
 
 
-def simulator_of(episode: Episode, library: Library, responders: bool | None = None) -> Simulator:
-    """A simulator that looks at boards as the episode's recorder did.
-
-    Args:
-        responders: whether effects show; None finds out from the recorded states.
-    """
-    return Simulator(library, render_config(episode), shows_effects(episode) if responders is None else responders)
+def simulator_of(episode: Episode, library: Library) -> Simulator:
+    """A simulator that looks at boards as the episode's recorder did, and lets effects show if they did."""
+    return Simulator(library, render_config(episode), shows_effects(episode))
 
 
 def render_config(episode: Episode) -> RenderConfig:

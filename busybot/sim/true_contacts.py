@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from busybot.episodes.episode import Image
 from busybot.episodes.geometry import Rays
+from busybot.sim.builtin_policies import TRIES, direction_to, interior_pixels, visible_links
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import TRIES, direction_to, interior_pixels, visible_links
+from busybot.sim.policy import OracleObservation
 from busybot.sim.scene import BoardScene
 
 
@@ -29,21 +29,20 @@ class TrueContact:
 
 
 def true_contacts(
-    scene: BoardScene, image: Image, rays: Rays, config: InteractionConfig, rng: np.random.Generator
+    scene: BoardScene, seen: OracleObservation, rays: Rays, config: InteractionConfig, rng: np.random.Generator
 ) -> list[TrueContact]:
     """One contact for every visible link that can be moved, from which most neighbouring states can be reached.
 
     Args:
-        image: what the scene shows now, with depth and segmentation.
+        seen: what the scene shows now.
     """
-    assert image.segmentation is not None and image.depth is not None
     found = []
-    for number, mask in visible_links(scene, image.segmentation):
+    for number, mask in visible_links(scene, seen.segmentation):
         state, states = scene.triggers[number].state, scene.triggers[number].link.states
         wanted = [other for other in (state - 1, state + 1) if 0 <= other < states]
         best: TrueContact | None = None
         for pixel in interior_pixels(mask, rng, TRIES):
-            point = rays.point(image.depth, pixel)
+            point = rays.point(seen.depth, pixel)
             directions = {}
             for other in wanted:
                 direction, reached = direction_to(scene, number, point, other, config)

@@ -30,10 +30,10 @@ class Checkpoint:
 
 
 def save_tensors(path: Path, tensors: dict[str, Tensor], values: dict[str, Any] | None = None) -> None:
-    """Write the file atomically; equal contents are equal files."""
+    """Write the file atomically; equal contents are equal files. Its folder may not be a link."""
     header = {"values": json.dumps(values, sort_keys=True)} if values is not None else None
     plain = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    write_atomically(path, save(plain, header))
+    write_atomically(path, save(plain, header), path.parent.parent)
 
 
 def load_tensors(path: Path) -> Checkpoint:

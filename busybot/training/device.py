@@ -1,6 +1,8 @@
-"""Where networks run: on a GPU if there is one."""
+"""Where networks run: on a GPU if there is one, and in how many threads on a CPU."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 
 import torch
@@ -19,6 +21,20 @@ def multiplies_bfloat16() -> bool:
     if device().type == "cuda":
         return torch.cuda.is_bf16_supported(including_emulation=False)
     return bool(machine()["bfloat16"])
+
+
+@contextmanager
+def threads(count: int) -> Iterator[None]:
+    """Let PyTorch use so many threads in a block or a decorated function, and as many as before after it."""
+    before = torch.get_num_threads()
+    if before == count:
+        yield
+        return
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def repeat_exactly() -> None:

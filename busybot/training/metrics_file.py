@@ -56,7 +56,7 @@ class Metrics:
     def write(self) -> None:
         """Bring the file up to date."""
         text = "".join(json.dumps(line, sort_keys=True) + "\n" for line in self._lines)
-        write_atomically(self._path, text.encode())
+        write_atomically(self._path, text.encode(), self._path.parent.parent)
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:

@@ -86,7 +86,7 @@ def read_info(folder: Path, kind: type[Info]) -> Info:
 def write_info(folder: Path, info: BaseModel, weights: Iterable[Path]) -> None:
     """Write `model.json`, the last of a model's files, with the SHA-256 of its weights in `files`."""
     hashes = {file.name: sha256_of(file) for file in weights}
-    write_json(folder / INFO_FILE, {**info.model_dump(mode="json"), "files": hashes})
+    write_json(folder / INFO_FILE, {**info.model_dump(mode="json"), "files": hashes}, folder.parent)
 
 
 def file_hashes(folder: Path) -> dict[str, str]:

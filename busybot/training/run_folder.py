@@ -9,7 +9,7 @@ from pydantic import BaseModel
 
 from busybot import __version__
 from busybot.errors import BusybotError
-from busybot.files import read_json, write_json
+from busybot.files import read_json, scan, write_json
 
 TRAIN_FILE = "train.json"
 
@@ -24,6 +24,9 @@ def begin_folder(out: Path, config: BaseModel, seed: int, before: Collection[str
     wanted = {"seed": seed, "config": config.model_dump(mode="json"), **more}
     if out.exists() and not out.is_dir():
         raise BusybotError(f"{out}: it is a file", "name a folder")
+    if others := scan(out).others if out.is_dir() else []:
+        what = f"{out / others[0]}: a link or device; a training writes through none"
+        raise BusybotError(what, "put a copy of what it leads to in its place, or remove it")
     if not (out / TRAIN_FILE).exists():
         strangers = sorted({entry.name for entry in out.iterdir()} - set(before)) if out.is_dir() else []
         if strangers:

@@ -30,6 +30,13 @@ def parameters_of(network: nn.Module) -> int:
 
 
 @contextmanager
+def drawing_nothing() -> Iterator[None]:
+    """What PyTorch draws within is as if it had not been drawn: for networks that get other weights anyway."""
+    with torch.random.fork_rng():
+        yield
+
+
+@contextmanager
 def drawing(rng: np.random.Generator) -> Iterator[None]:
     """PyTorch's random numbers within come from this generator; those outside are as if nothing had been drawn."""
     with torch.random.fork_rng():

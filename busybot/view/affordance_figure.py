@@ -28,7 +28,12 @@ DOT = 26.0
 
 
 def affordance_figure(
-    path: Path, episode: Episode, thoughts: Sequence[Thought], steps: Sequence[int] | None = None, columns: int = 5
+    path: Path,
+    episode: Episode,
+    thoughts: Sequence[Thought],
+    steps: Sequence[int] | None = None,
+    columns: int = 5,
+    root: Path | None = None,
 ) -> Path:
     """Actions one after the other, each with a close-up below the board: affordance over the picture, known links
     outlined, candidates as dots, the action chosen.
@@ -58,7 +63,7 @@ def affordance_figure(
         Line2D([], [], color=unit(ACTION), linewidth=1.8, marker="o", markersize=5, label="action"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=8, labelcolor=unit(INK))
-    return save(figure, path)
+    return save(figure, path, root)
 
 
 def _draw_step(whole: Any, close: Any, episode: Episode, thought: Thought) -> None:

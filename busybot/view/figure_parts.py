@@ -22,6 +22,8 @@ from busybot.view.scene import anchors, board_bounds, drawing_scale, object_name
 DPI = 160
 MARGIN = 4.0
 """Around the board in a cut picture, drawing units."""
+ENOUGH = 40.0
+"""Drawing units that a name keeps from others if it can."""
 ARROW_LENGTH = 0.55
 """Of an action's arrow, board units."""
 
@@ -34,11 +36,11 @@ def page(width: float, height: float) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a PNG; equal figures give equal bytes."""
+def save(figure: Figure, path: Path, root: Path | None = None) -> Path:
+    """Write a PNG; equal figures give equal bytes. `root` is the folder that the user named (`files`)."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    write_atomically(path, buffer.getvalue())
+    write_atomically(path, buffer.getvalue(), root)
     return path
 
 
@@ -169,11 +171,11 @@ def clear_bend(start: np.ndarray, end: np.ndarray, others: list[np.ndarray]) -> 
     return max((0.2, -0.2, 0.35, -0.35, 0.05, 0.5, -0.5), key=merit)
 
 
-def clearance(points: np.ndarray, others: list[np.ndarray], enough: float = 40.0) -> float:
-    """Drawing units between points (P, 2) and the nearest of the others; more than `enough` is no better."""
+def clearance(points: np.ndarray, others: list[np.ndarray]) -> float:
+    """Drawing units between points (P, 2) and the nearest of the others; more than `ENOUGH` is no better."""
     if not others:
-        return enough
-    return min(float(np.linalg.norm(points[:, None] - np.stack(others)[None], axis=-1).min()), enough)
+        return ENOUGH
+    return min(float(np.linalg.norm(points[:, None] - np.stack(others)[None], axis=-1).min()), ENOUGH)
 
 
 def plain_axes(axes: Any) -> None:

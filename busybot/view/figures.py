@@ -147,7 +147,11 @@ def _draw_edges(axes: Any, episode: Episode, edges: list[Edge]) -> None:
 
 
 def refinement_figure(
-    path: Path, episode: Episode, inferred: InferredGraph, steps: Sequence[int] | None = None
+    path: Path,
+    episode: Episode,
+    inferred: InferredGraph,
+    steps: Sequence[int] | None = None,
+    root: Path | None = None,
 ) -> Path:
     """Edge probabilities after some numbers of steps, triggers by responders; true relations are framed.
 
@@ -174,7 +178,7 @@ def refinement_figure(
     bar.set_label("probability", fontsize=7.5, color=unit(MUTED))
     frame = Patch(facecolor="none", edgecolor=unit(TRUTH), linewidth=2.0, label="true relation")
     figure.legend(handles=[frame], loc="outside lower center", frameon=False, fontsize=8, labelcolor=unit(INK))
-    return save(figure, path)
+    return save(figure, path, root)
 
 
 def _draw_matrix(axes: Any, values: np.ndarray, truth: np.ndarray) -> Any:

@@ -1,7 +1,6 @@
 """The viewer's process: it listens on this machine alone and never outlives the one that started it."""
 
 import contextlib
-import json
 import os
 import re
 import signal
@@ -14,6 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from busybot.errors import BusybotError
+from busybot.files import new_file, write_json
 
 LOOPBACK = "127.0.0.1"
 STOP_SECONDS = 3.0
@@ -57,7 +57,7 @@ def viewer_process(arguments: list[str], folder: Path, private: bool = True) -> 
     command = [str(viewer_binary()), "--bind", LOOPBACK, *arguments]
     # the viewer leaves a folder wherever temporary files go
     environment = (private_environment(folder) if private else dict(os.environ)) | {"TMPDIR": str(folder)}
-    with open(folder / "viewer.log", "wb") as log:
+    with new_file(folder / "viewer.log") as log:
         process = subprocess.Popen(
             [sys.executable, "-I", "-c", _DIE_WITH_PARENT, str(os.getpid()), *command],
             stdin=subprocess.DEVNULL,
@@ -82,8 +82,7 @@ def private_environment(folder: Path) -> dict[str, str]:
         "config_file_path": str(config / "rerun" / "analytics.json"),
         "data_dir_path": str(data / "rerun" / "analytics"),
     }
-    (config / "rerun").mkdir(parents=True, exist_ok=True)
-    (config / "rerun" / "analytics.json").write_text(json.dumps(settings), encoding="utf-8")
+    write_json(config / "rerun" / "analytics.json", settings, folder)
     kept = {name: value for name, value in os.environ.items() if not name.startswith("RERUN")}
     return kept | {"XDG_CONFIG_HOME": str(config), "XDG_DATA_HOME": str(data)}
 
@@ -99,9 +98,9 @@ def end_group(process: subprocess.Popen[bytes]) -> None:
                 return
 
 
-def last_words(folder: Path, lines: int = 6) -> str:
+def last_words(folder: Path) -> str:
     """The end of the viewer's log, without colours."""
     with contextlib.suppress(OSError):
         text = (folder / "viewer.log").read_text(encoding="utf-8", errors="replace")
-        return "\n".join(re.sub(r"\x1b\[[0-9;]*m", "", text).strip().splitlines()[-lines:])
+        return "\n".join(re.sub(r"\x1b\[[0-9;]*m", "", text).strip().splitlines()[-6:])
     return ""

@@ -4,8 +4,6 @@ Timelines: `step` k shows the board after k actions, with the action that led th
 episode's own clock, one second a step.
 """
 
-import contextlib
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +14,7 @@ from rerun.error_utils import catch_and_log_exceptions
 
 from busybot.episodes.episode import Episode
 from busybot.errors import BusybotError
+from busybot.files import replacing_by_path
 from busybot.interact.trace import Thought
 from busybot.reason.foresee import Foreseen
 from busybot.reason.result import InferredGraph
@@ -129,11 +128,9 @@ def save_rrd(
     for graph in inferred:
         check_inferred(episode, graph)
     name = f"{episode.board.split} board {episode.board.index}, {episode.policy}"
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         # in strict mode a mistake in logging raises; otherwise it would be a warning and a hole in the picture
-        with catch_and_log_exceptions(strict=True):
+        with replacing_by_path(path) as temporary, catch_and_log_exceptions(strict=True):
             recording = rr.RecordingStream(
                 APPLICATION, recording_id=name, send_properties=False, batcher_config=_BATCHES
             )
@@ -149,11 +146,7 @@ def save_rrd(
                 log_expectations(recording, episode, layers.foreseen)
             recording.flush()
             recording.disconnect()
-        os.replace(temporary, path)
     except OSError as error:
         raise BusybotError(f"{path}: cannot be written: {error.strerror}", "choose another place") from None
     except RuntimeError as error:
         raise BusybotError(f"{path}: Rerun cannot write it: {error}", "choose another place") from None
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)

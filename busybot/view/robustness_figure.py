@@ -24,11 +24,11 @@ SHARES = ("of frames", "of actions", "of boards")
 SCORES = {"edge_f1": "edges (F1)", "pred_a": "Pred-A"}
 
 
-def robustness_figure(path: Path, result: dict[str, Any]) -> Path:
+def robustness_figure(path: Path, result: dict[str, Any], root: Path | None = None) -> Path:
     """Every disturbance in two plots with a common axis of strength; 0 is the undisturbed recording.
 
     Args:
-        result: of `benchmarks/reason_robustness.py`.
+        result: of `benchmarks.studies.reason_robustness`.
     """
     names = [name for name in result["disturbances"] if name in result["rows"]]
     bands = -(-len(names) // COLUMNS)
@@ -48,7 +48,7 @@ def robustness_figure(path: Path, result: dict[str, Any]) -> Path:
     handles = [Line2D([], [], color=unit(color), ls=line, label=name) for name, (color, line) in styles.items()]
     handles.append(Line2D([], [], color=unit(INK), linestyle=":", linewidth=1, label="could be known"))
     figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=8, labelcolor=unit(INK))
-    return save(figure, path)
+    return save(figure, path, root)
 
 
 def title_of(result: dict[str, Any], name: str) -> str:

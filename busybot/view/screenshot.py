@@ -28,11 +28,8 @@ FAULTS = (RuntimeError, ConnectionError, TimeoutError, ValueError)
 """What `ViewerClient` and the waiting here raise."""
 
 
-def save_screenshot(rrd: Path, picture: Path, step: int, size: tuple[int, int] = SIZE) -> None:
+def save_screenshot(rrd: Path, picture: Path, step: int) -> None:
     """Write a PNG of the viewer showing `rrd` at `step` of the timeline `step`.
-
-    Args:
-        size: of the picture, pixels.
 
     Raises:
         BusybotError: the viewer does not start, load or draw in time.
@@ -40,7 +37,7 @@ def save_screenshot(rrd: Path, picture: Path, step: int, size: tuple[int, int] =
     with tempfile.TemporaryDirectory(prefix="busybot-view-") as name:
         folder, port = Path(name), free_port()
         arguments = ["--headless", "--renderer", "vulkan", "--port", str(port), "--memory-limit", "2GiB"]
-        arguments += ["--window-size", f"{size[0]}x{size[1] + TITLE_BAR}", "--hide-welcome-screen", str(rrd.resolve())]
+        arguments += ["--window-size", f"{SIZE[0]}x{SIZE[1] + TITLE_BAR}", "--hide-welcome-screen", str(rrd.resolve())]
         with viewer_process(arguments, folder) as process:
             try:
                 client = go_to_step(process, port, step)

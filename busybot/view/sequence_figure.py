@@ -38,7 +38,7 @@ LETTERS = 21
 LINES = 4
 
 
-def sequence_figure(path: Path, episode: Episode) -> Path:
+def sequence_figure(path: Path, episode: Episode, root: Path | None = None) -> Path:
     """A rollout as a row of pictures, in several rows if there are more than `COLUMNS`.
 
     Raises:
@@ -69,7 +69,7 @@ def sequence_figure(path: Path, episode: Episode) -> Path:
         Line2D([], [], color=unit(ACTION), linewidth=1.8, marker="o", markersize=5, label="action"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=8, labelcolor=unit(INK))
-    return save(figure, path)
+    return save(figure, path, root)
 
 
 def _draw_moment(axes: Any, episode: Episode, frame: int, side: float) -> None:

@@ -1,6 +1,5 @@
 """From a file or dataset to the viewer: the one call of `busybot view`."""
 
-import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -9,7 +8,7 @@ from pathlib import Path
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.dataset_info import collect_command
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.interact.chooser import load_once, policy_config
 from busybot.interact.trace import Thought, retrace
@@ -82,7 +81,6 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     """
     _refuse_other_kinds(wanted)
     path = episode_file(source, number)
-    signal.signal(signal.SIGTERM, _interrupt)
     window = not (wanted.web or wanted.save or wanted.screenshot or wanted.figure)
     if window:
         require_display()
@@ -127,11 +125,6 @@ def _show_live(
         else:
             announce(shown)
             show_window(rrd, wanted.step)
-
-
-def _interrupt(number: int, frame: object) -> None:
-    """Being asked to end is like Ctrl-C: temporary folders and viewers are cleared away."""
-    raise KeyboardInterrupt
 
 
 def episode_file(source: Path, number: int | None = None) -> Path:

@@ -11,7 +11,8 @@ from busybot.boards.layout import BOARD_HALF, EDGE, footprint
 from busybot.boards.relations import STEP_OF_STATE
 from busybot.boards.spec import BoardSpec, LinkRef, Relation
 from busybot.errors import BusybotError
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 
 
 @pytest.fixture(scope="module", params=["procedural", "real"])

@@ -20,8 +20,9 @@ from busybot.boards.task import (
     task_of,
 )
 from busybot.episodes.dataset import Dataset
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
 from busybot.objects.model import TriggerLink
+from busybot.objects.resolve import find
 
 SPLITS = ("train", "novel-config", "novel-object")
 KINDS = ("one-to-one", "one-to-many")

@@ -9,6 +9,8 @@ from typer.testing import CliRunner, Result
 from busybot.cli.main import app
 from tests.episodes.folders import make_dataset
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 
 @pytest.fixture
 def dataset(tmp_path: Path) -> Path:

@@ -9,6 +9,8 @@ from pathlib import Path
 import cv2
 import pytest
 
+from tests.cli.commands import busybot
+
 
 @pytest.mark.long
 def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) -> None:
@@ -42,7 +44,6 @@ def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) 
 
 def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mine").write_text("precious")
-    command = [sys.executable, "-m", "busybot", "demo", "--out", str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = busybot("demo", "--out", tmp_path)
     assert done.returncode == 1 and "not an empty folder" in done.stderr
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]

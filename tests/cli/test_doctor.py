@@ -12,6 +12,7 @@ import pytest
 
 from busybot.cli import doctor
 from busybot.sim import probe
+from tests.cli.commands import busybot
 
 # A package of this name that comes first on the path and fails like a missing shared library.
 BROKEN = "raise ImportError('libGL.so.1: cannot open shared object file')"
@@ -29,7 +30,8 @@ def row(report: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def test_json_has_the_documented_keys_and_agrees_with_the_exit_code() -> None:
-    code, report = run()
+    done = busybot("doctor", "--json")
+    code, report = done.returncode, json.loads(done.stdout)
     assert set(report) == {"ok", "checks"}
     assert all(set(check) == {"name", "ok", "value", "mend"} for check in report["checks"])
     assert report["ok"] == all(check["ok"] for check in report["checks"]) == (code == 0)

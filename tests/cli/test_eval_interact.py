@@ -11,6 +11,8 @@ from busybot.episodes.dataset import Dataset
 from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, make_network
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 KEYS = {"precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "boards", "command"}
 
 

@@ -8,12 +8,10 @@ from pathlib import Path
 import cv2
 import pytest
 
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
+from tests.cli.commands import busybot
 
-
-def busybot(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "busybot", *arguments], capture_output=True, text=True, timeout=300)
-
+pytestmark = pytest.mark.usefixtures("in_process")
 
 SMALL = ("--set", "render.width=160", "--set", "render.height=120", "--steps", "3")
 
@@ -143,8 +141,8 @@ def test_a_killed_generate_is_made_again_but_nothing_else_is_overwritten(tmp_pat
     straight, folder = tmp_path / "straight" / "boards", tmp_path / "boards"
     assert busybot("generate", str(straight), "--boards", "2").returncode == 0
     code = (  # killed when everything but the last step is done
-        "import os, sys; os.replace = lambda *paths, real=os.replace:"
-        " os.kill(os.getpid(), 9) if str(paths[1]) == sys.argv[2] else real(*paths);"
+        "import os, sys; os.rename = lambda *paths, real=os.rename, **folders:"
+        " os.kill(os.getpid(), 9) if paths[1] == os.path.basename(sys.argv[2]) else real(*paths, **folders);"
         " from busybot.__main__ import main; main()"
     )
     killed = subprocess.run([sys.executable, "-c", code, "generate", str(folder), "--boards", "2"])

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
-from busybot.interact.model import Model
+from busybot.interact.affordance.load import load_model
 from busybot.interact.paper_fit import PaperAffordanceLearner
 from busybot.interact.policy_config import STRICT_POLICY
 from busybot.interact.samples import Samples
@@ -18,6 +18,8 @@ from busybot.training.metrics_file import read_metrics
 from tests.cli.killing import kill_once, kill_once_it_learns
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import SMALL, make_rounds, weights
+
+pytestmark = pytest.mark.usefixtures("in_process")
 
 SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
 
@@ -42,7 +44,7 @@ def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: 
     assert result.exit_code == 0, result.stderr
     values = json.loads(result.stdout)
     assert [entry["samples"] for entry in values["training"]["rounds"]] == [24, 12]
-    assert Model.load(out).info.training == values["training"]
+    assert load_model(out).info.training == values["training"]
     assert (out / "training.png").read_bytes().startswith(b"\x89PNG")
     lines = read_metrics(out / "metrics" / "position.jsonl")
     assert [line["iteration"] for line in lines if "loss" in line] == [2, 4, 6, 8, 10, 12, 14, 16]
@@ -54,10 +56,11 @@ def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: 
 
 def test_the_veto_has_its_own_turning_of_crops_and_its_own_doubt(tmp_path: Path, rounds: list[Path]) -> None:
     turned, cards, vetoed = [], [], make_rounds(tmp_path / "vetoed", strict=True)
+    short = ("--set", "rounds=[{boards: 1, steps: 1, position: 1, direction: 1}]")
     set_, otherwise = ("--set", "interaction.strict=true"), ("--set", "direction.augmentation.transposed=0.5")
     for number, more in enumerate(((), ("--strict",), set_, ("--strict", *otherwise))):
         out = tmp_path / str(number)
-        result = run(*arguments(out, vetoed if more else rounds, *more))
+        result = run(*arguments(out, (vetoed if more else rounds)[1:], *short, *more))
         assert result.exit_code == 0, result.stderr
         turned.append(json.loads((out / "train.json").read_text())["config"]["direction"]["augmentation"]["transposed"])
         cards.append(json.loads((out / "model" / "model.json").read_text())["thresholds"])
@@ -96,7 +99,7 @@ def test_boards_for_judging_are_named_and_told_on_the_card(tmp_path: Path) -> No
     data = make_dataset(tmp_path / "data", finished=range(4), split="novel-object").path
     result = run(*arguments(tmp_path / "run", [data]))
     assert result.exit_code == 0 and "its boards are of the split novel-object" in " ".join(result.stderr.split())
-    assert [told["split"] for told in Model.load(tmp_path / "run").info.training["rounds"]] == ["novel-object"]
+    assert [told["split"] for told in load_model(tmp_path / "run").info.training["rounds"]] == ["novel-object"]
 
 
 def test_a_training_goes_on_with_its_own_data_alone(tmp_path: Path, rounds: list[Path]) -> None:

@@ -10,9 +10,9 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.interact.chooser import load_once
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.plan.agent import Act, Briefing, Situation, Stop
 from busybot.plan.learned.encoding import STOP, offer
 from busybot.plan.learned.explored import Explored, load_explored
@@ -20,6 +20,8 @@ from busybot.plan.player import Player
 from busybot.reason.baselines import Persistence
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
+
+pytestmark = pytest.mark.usefixtures("in_process")
 
 QUICK = ("iterations=4", "batch=4", "loop.judge=2", "net.hidden=16", "net.token=16")
 

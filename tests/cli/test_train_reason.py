@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.reason.features import features_of
 from busybot.reason.models import load_reasoner
 from busybot.reason.recorded import held_apart

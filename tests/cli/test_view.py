@@ -1,13 +1,16 @@
 """`busybot view`, as a user runs it."""
 
 import json
+import os
+import signal
+import time
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_real_episode
 
@@ -34,6 +37,23 @@ def test_a_dataset_shows_its_first_episode(dataset: Path, tmp_path: Path) -> Non
         "url": None,
     }
     assert (tmp_path / "new" / "e.rrd").read_bytes()[:3] == b"RRF"
+
+
+def test_being_asked_to_end_is_like_ctrl_c_while_it_runs(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def show(*given: object) -> None:
+        assert not (tmp_path / "ended").exists()
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(5)
+        except KeyboardInterrupt:
+            (tmp_path / "ended").touch()
+
+    monkeypatch.setattr("busybot.view.show.show", show)
+    before = signal.getsignal(signal.SIGTERM)
+    run(dataset, "--web")
+    assert (tmp_path / "ended").exists() and signal.getsignal(signal.SIGTERM) is before
 
 
 def test_episodes_are_chosen_by_number_or_by_file(dataset: Path, tmp_path: Path) -> None:

@@ -13,11 +13,12 @@ from busybot.boards.config import BoardConfig
 from busybot.episodes.create import create_dataset
 from busybot.episodes.digests import episode_digests
 from busybot.episodes.freeze import freeze
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.schema import SCHEMA_VERSION
 from busybot.episodes.summary import summarise
 from busybot.files import write_json
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.render import RenderConfig
 from tests.episodes.synthetic import make_real_episode

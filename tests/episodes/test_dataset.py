@@ -11,7 +11,7 @@ import pytest
 
 from busybot.episodes import dataset as module
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.tables import episode_rows, write_shard
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
@@ -244,10 +244,10 @@ def test_tables_torn_by_a_stop_are_mended(tmp_path: Path, monkeypatch: pytest.Mo
     dataset = make_dataset(tmp_path / "d")
     write_episode(dataset.episode_path(2), make_episode(2))
 
-    def stopped(path: Path, name: str, rows: list[object]) -> None:
+    def stopped(path: Path, name: str, rows: list[object], root: Path) -> None:
         if name == table:
             raise KeyboardInterrupt
-        write_shard(path, name, rows)
+        write_shard(path, name, rows, root)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(module, "write_shard", stopped)

@@ -8,7 +8,7 @@ import pytest
 
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.diff import diff
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
 

@@ -3,6 +3,8 @@
 import json
 import shutil
 import stat
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,8 +21,8 @@ from busybot.episodes.summary import summarise
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from busybot.files import scan, sha256_of
-from busybot.objects.library import Library, find
-from busybot.objects.procedural.build import make_library
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from tests.episodes.folders import COLLECT, make_dataset
 
 
@@ -202,6 +204,12 @@ def test_two_at_once_and_a_writer_are_kept_apart(dataset: Dataset) -> None:
     assert not is_frozen(dataset.path)
 
 
+@pytest.fixture
+def few(few_objects: Callable[[int], Path]) -> Library:
+    """Some of the default objects, as if there were no others."""
+    return replace(Library.load(few_objects(0)), name="procedural")
+
+
 def drawn(path: Path, library: Library) -> Dataset:
     """A dataset of boards drawn from the library, with synthetic episodes of other boards."""
     return create_dataset(path, BoardConfig(boards=2, group_size=1), library)
@@ -214,10 +222,10 @@ def empty_collection(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_procedural_objects_are_carried_with_all_that_could_have_been_drawn(
-    tmp_path: Path, empty_collection: None
+    tmp_path: Path, few: Library, empty_collection: None
 ) -> None:
-    dataset = drawn(tmp_path / "d", find("procedural"))
-    done = freeze(dataset.path, find("procedural"))
+    dataset = drawn(tmp_path / "d", few)
+    done = freeze(dataset.path, few)
     assert done.left_out == () and done.manifest.boards_again
     assert {entry.licence for entry in done.manifest.assets.values()} == {"MIT"}
     assert len(done.manifest.assets) > len(dataset.info.assets.sha256)
@@ -229,9 +237,9 @@ def test_procedural_objects_are_carried_with_all_that_could_have_been_drawn(
     assert "license: mit" in (dataset.path / "README.md").read_text()
 
 
-def test_changed_objects_are_found(tmp_path: Path, empty_collection: None) -> None:
-    dataset = drawn(tmp_path / "d", find("procedural"))
-    freeze(dataset.path, find("procedural"))
+def test_changed_objects_are_found(tmp_path: Path, few: Library, empty_collection: None) -> None:
+    dataset = drawn(tmp_path / "d", few)
+    freeze(dataset.path, few)
     thaw(dataset.path)
     key = next(iter(dataset.info.assets.sha256))
     file = dataset.path / "objects" / key / "mobility.urdf"
@@ -254,9 +262,10 @@ def test_partnet_objects_are_never_carried(tmp_path: Path, partnet: Path, empty_
     assert not other.ok and "absent" in other.problems[0].what
 
 
-def test_objects_of_unknown_origin_need_a_stated_licence(tmp_path: Path, empty_collection: None) -> None:
-    make_library(tmp_path / "mine", seed=5)
-    library = Library.load(tmp_path / "mine")
+def test_objects_of_unknown_origin_need_a_stated_licence(
+    tmp_path: Path, few_objects: Callable[[int], Path], empty_collection: None
+) -> None:
+    library = Library.load(few_objects(5))
     for licence in (None, "CC-BY-4.0"):
         dataset = drawn(tmp_path / str(licence), library)
         done = freeze(dataset.path, library, licence=licence)

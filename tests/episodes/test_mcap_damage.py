@@ -9,7 +9,8 @@ import pytest
 import zstandard
 
 from busybot.episodes import mcap_topics as topics
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.protobuf import compressed_image_class, message_class
 from busybot.errors import BusybotError
 from tests.episodes.synthetic import make_episode, make_task_episode
@@ -99,6 +100,14 @@ def edit_step(topic: str, data: bytes, **values: int) -> bytes:
     return message.SerializeToString()
 
 
+def shorten_position(topic: str, data: bytes) -> bytes:
+    if topic != topics.STEP:
+        return data
+    message = message_class("Step").FromString(data)
+    del message.position[-1]
+    return message.SerializeToString()
+
+
 @pytest.mark.parametrize(
     ("what", "edits"),
     [
@@ -106,6 +115,7 @@ def edit_step(topic: str, data: bytes, **values: int) -> bytes:
         ("directions", {"message": lambda t, d: edit_step(t, d, direction=99)}),
         ("out of order", {"message": lambda t, d: edit_step(t, d, index=3)}),
         ("in order", {"message": lambda t, d: edit_step(t, d, image_after=0, image_before=0)}),
+        ("position has 2 components, not 3", {"message": shorten_position}),
         ("reward", {"message": lambda t, d: edit_step(t, d, reward=7)}),
         ("messages on /truth/links", {"message": lambda t, d: None if t == topics.LINKS else d}),
         ("5 pictures on /camera/rgb", {"metadata": lambda m: {**m, "images": "100000000"}}),

@@ -12,8 +12,9 @@ import pytest
 from busybot.episodes import mcap_topics as topics
 from busybot.episodes.episode import Episode
 from busybot.episodes.images import LazyImages
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.episodes.mcap_records import read_records
+from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
 from tests.episodes.synthetic import make_episode, make_real_episode, make_task_episode
 
@@ -126,7 +127,7 @@ def test_lazy_images_are_the_eager_ones_and_know_boxes_without_decoding(file: Pa
 
 def test_the_same_episode_gives_the_same_bytes_in_every_process(file: Path, tmp_path: Path) -> None:
     code = (
-        "import sys; from pathlib import Path; from busybot.episodes.mcap_file import write_episode;"
+        "import sys; from pathlib import Path; from busybot.episodes.mcap_writer import write_episode;"
         "from tests.episodes.synthetic import make_episode;"
         "write_episode(Path(sys.argv[1]), make_episode(5)); write_episode(Path(sys.argv[1]), make_episode(0))"
     )

@@ -12,7 +12,8 @@ from busybot.episodes import repair as module
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.freeze import freeze
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.repair import repair
 from busybot.episodes.salvage import SALVAGED, salvage
 from busybot.episodes.verify import verify
@@ -236,7 +237,7 @@ def test_stopped_at_any_moment_it_ends_the_same(
     repair(tmp_path / "whole")
     written = 0
 
-    def stop(path: Path, data: bytes) -> None:
+    def stop(path: Path, data: bytes, root: Path) -> None:
         nonlocal written
         written += 1
         if written > moment:

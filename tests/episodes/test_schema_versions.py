@@ -6,7 +6,7 @@ import pytest
 
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.digests import episode_digests
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.episodes.schema import SCHEMA_VERSION, TABLES
 from busybot.episodes.summary import summarise
 from busybot.episodes.tables import knows_truth

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.verify import Report, verify
 from busybot.errors import BusybotError
 from tests.episodes.folders import make_dataset

@@ -10,7 +10,6 @@ crash, a hang, too much memory, a file written elsewhere, a wrong answer.
 import argparse
 import json
 import os
-import platform
 import resource
 import select
 import shutil
@@ -22,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.errors import BusybotError
+from busybot.evaluation.results import KINDS, stamp, write_result
 from busybot.rng import generator
 from tests.hostile.damage import damage
 from tests.hostile.targets import NOTICED, TARGETS, Target
@@ -131,12 +131,12 @@ def main() -> int:
     for name in names:
         kinds[name] = parent(name, arguments.cases, SECONDS)
         print(name, kinds[name]["results"], f"{len(kinds[name]['findings'])} findings", file=sys.stderr, flush=True)
-    result = {"cases": arguments.cases, "python": platform.python_version(), "kinds": kinds}
-    text = json.dumps(result, indent=1) + "\n"
+    command = f"{KINDS['hostile']} --cases {arguments.cases}" + (f" --only {arguments.only}" if arguments.only else "")
+    result = {**stamp("hostile", command=command), "cases": arguments.cases, "kinds": kinds}
     if arguments.out:
-        arguments.out.write_text(text)
+        write_result(arguments.out, result)
     else:
-        print(text)
+        print(json.dumps(result, indent=1))
     return int(any(kind["findings"] for kind in kinds.values()))
 
 

@@ -13,12 +13,12 @@ from busybot.boards.config import BoardConfig
 from busybot.config import build
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.episodes.share import read_pointer
 from busybot.episodes.verify import verify
-from busybot.interact.model import Model
+from busybot.interact.affordance.load import load_model
 from busybot.objects.folder import load_object
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.rng import generator
 from tests.episodes.folders import make_dataset
 
@@ -132,13 +132,13 @@ def _built(folder: Path) -> Any:
 
 
 def _model(folder: Path) -> None:
-    from busybot.interact.model import find_model
+    from busybot.interact.affordance.load import find_model
 
     shutil.copytree(find_model("procedural"), folder / "m")
 
 
 def _weights(folder: Path) -> Any:
-    model = Model.load(folder / "m")
+    model = load_model(folder / "m")
     return [np.asarray(value).tobytes() for net in model.networks.values() for value in net.state_dict().values()]
 
 

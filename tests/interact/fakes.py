@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
 from busybot.interact.policy import LearnedPolicy, Mode
 from busybot.interact.policy_config import PolicyConfig
 from busybot.rng import generator
 from busybot.sim.interaction import InteractionConfig, permitted, pull
-from busybot.sim.policies import Policy
+from busybot.sim.policy import OracleObservation, Policy, privileged
 from busybot.sim.scene import BoardScene
 
 
@@ -19,7 +19,7 @@ from busybot.sim.scene import BoardScene
 class FakeView:
     height: np.ndarray
     affordance: np.ndarray
-    image: Image
+    seen: OracleObservation
     rays: Rays
 
 
@@ -35,14 +35,14 @@ class OracleModel:
         self._rng = generator(seed, "", scene.spec.index, "oracle model")
         self._known: dict[tuple[object, ...], np.ndarray] = {}
 
-    def look(self, image: Image, rays: Rays, earlier: FakeView | None = None) -> FakeView:
-        assert image.depth is not None and image.segmentation is not None
-        height = np.nan_to_num(rays.heights(image.depth), nan=-1)
-        codes = [code for code in range(int(image.segmentation.max()) + 1) if self._scene.trigger_at(code) is not None]
-        logits = np.where(np.isin(image.segmentation, codes), 4.0, -4.0)
+    def look(self, seen: Observation, rays: Rays, earlier: FakeView | None = None) -> FakeView:
+        seen = privileged(seen)
+        height = np.nan_to_num(rays.heights(seen.depth), nan=-1)
+        codes = [code for code in range(int(seen.segmentation.max()) + 1) if self._scene.trigger_at(code) is not None]
+        logits = np.where(np.isin(seen.segmentation, codes), 4.0, -4.0)
         coarse = self._rng.normal(0, self._noise, (height.shape[0] // 4 + 1, height.shape[1] // 4 + 1))
         logits += np.kron(coarse, np.ones((4, 4)))[: height.shape[0], : height.shape[1]]
-        return FakeView(height, np.where(height > 0.002, logits, -20).astype(np.float32), image, rays)
+        return FakeView(height, np.where(height > 0.002, logits, -20).astype(np.float32), seen, rays)
 
     def directions(self, view: FakeView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         works = np.stack([self._works(view, (int(u), int(v))) for u, v in pixels])
@@ -50,14 +50,13 @@ class OracleModel:
         return view.affordance[pixels[:, 1], pixels[:, 0]], 1 / (1 + np.exp(-(np.where(works, 4, -4) + noise)))
 
     def _works(self, view: FakeView, pixel: tuple[int, int]) -> np.ndarray:
-        assert view.image.segmentation is not None and view.image.depth is not None
-        number = self._scene.trigger_at(int(view.image.segmentation[pixel[1], pixel[0]]))
+        number = self._scene.trigger_at(int(view.seen.segmentation[pixel[1], pixel[0]]))
         if number is None:
             return np.zeros(len(DIRECTIONS), bool)
         state = self._scene.triggers[number].state
         key = (number, pixel, state)
         if key not in self._known:
-            point = view.rays.point(view.image.depth, pixel)
+            point = view.rays.point(view.seen.depth, pixel)
             works = []
             for index, direction in enumerate(DIRECTIONS):
                 reached = pull(self._scene, number, point, direction, self._config, None)[1] != state
@@ -69,7 +68,7 @@ class OracleModel:
 
 
 @dataclass(frozen=True)
-class OracleChooser:
+class TruthFactory:
     """Makes the learned policy with a model that knows the truth."""
 
     mode: Mode = "evaluate"
@@ -77,5 +76,5 @@ class OracleChooser:
     config: PolicyConfig = PolicyConfig()
     name: str = "learned-evaluate"
 
-    def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+    def make_oracle(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
         return LearnedPolicy(OracleModel(scene, config, self.noise), rays, self.config, self.mode)

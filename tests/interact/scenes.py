@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
 from tests.episodes.synthetic import make_camera
 
@@ -17,13 +17,13 @@ Box = tuple[int, int, int, int]
 """u0, v0, u1, v1 (exclusive)."""
 
 
-def picture(*boxes: tuple[Box, float]) -> Image:
-    """An image without segmentation: boxes of some height on the board."""
+def picture(*boxes: tuple[Box, float]) -> Observation:
+    """What is seen of boxes of some height on the board."""
     heights = np.zeros((HEIGHT, WIDTH), np.float32)
     for (u0, v0, u1, v1), height in boxes:
         heights[v0:v1, u0:u1] = height
     rgb = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    return Image(rgb, (4 - heights).astype(np.float32), None, np.zeros((0, 4), np.int16))
+    return Observation(rgb, (4 - heights).astype(np.float32), RAYS.camera)
 
 
 @dataclass
@@ -35,9 +35,8 @@ class HeightView:
 class ButtonModel:
     """Takes everything higher than a switch's body for a button that moves along z."""
 
-    def look(self, image: Image, rays: Rays, earlier: HeightView | None = None) -> HeightView:
-        assert image.depth is not None
-        height = rays.heights(image.depth)
+    def look(self, seen: Observation, rays: Rays, earlier: HeightView | None = None) -> HeightView:
+        height = rays.heights(seen.depth)
         logits = np.where(height > (BODY + PRESSED) / 2, 5.0, -5.0)
         return HeightView(height, np.where(height > 0.002, logits, -20).astype(np.float32))
 

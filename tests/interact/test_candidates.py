@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.episodes.episode import Image
-from busybot.errors import BusybotError
+from busybot.episodes.episode import Observation
 from busybot.interact.beliefs import PAIR_OF, PAIRS, pair_scores
 from busybot.interact.candidates import find_candidates
 from busybot.interact.memory import Memory
@@ -17,7 +16,7 @@ BUTTONS = [(45, 45, 53, 53), (60, 45, 68, 53), (110, 85, 118, 93)]
 MODEL = ButtonModel()
 
 
-def board(*heights: float) -> Image:
+def board(*heights: float) -> Observation:
     return picture(*SWITCHES, *zip(BUTTONS, heights, strict=True))
 
 
@@ -74,10 +73,3 @@ def test_an_empty_board_has_no_candidates(kind: str) -> None:
     config = PolicyConfig.model_validate({"candidates": kind})
     found = find_candidates(MODEL, picture(), RAYS, config=config)
     assert len(found) == len(found.best_of_regions()) == len(found.scores) == 0
-
-
-def test_candidates_need_depth() -> None:
-    image = picture()
-    image.depth = None
-    with pytest.raises(BusybotError, match="depth"):
-        find_candidates(MODEL, image, RAYS)

@@ -1,4 +1,4 @@
-"""Choosers are plain data that name a model; what decides their choices is recorded, where the model lies is not."""
+"""Factories are plain data that name a model; what decides the actions is recorded, where the model lies is not."""
 
 import multiprocessing
 import shutil
@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
-from busybot.interact.chooser import ExploreChooser, LearnedChooser, policy_config
+from busybot.interact.chooser import ExplorePolicyFactory, LearnedPolicyFactory, policy_config
 from busybot.interact.explore import GuidedExplorer, UnguidedExplorer
 from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, make_network
 from busybot.interact.policy import LearnedPolicy, mode_named
-from busybot.sim.interaction import InteractionConfig
 from tests.episodes.synthetic import make_camera, make_episode
 
 
@@ -34,6 +34,17 @@ def test_the_card_comes_before_the_defaults_and_overrides_before_the_card() -> N
         policy_config(info, {"explor": 1})
 
 
+def test_constants_of_former_cards_are_known_with_the_value_that_they_have_now(model: Path) -> None:
+    former = {"effect": 150, "failure_sigma": 6, "opening": 5, "same_link": 0.25, "explore": 0.6}
+    assert policy_config(ModelInfo(thresholds=former), {}) == policy_config(ModelInfo(thresholds={"explore": 0.6}), {})
+    recorded = LearnedPolicyFactory(str(model)).provenance()["policy"]
+    assert former.items() <= recorded.items()  # what was recorded before goes on
+    with pytest.raises(ValidationError, match="effect: it is 150 in every model now, not 75"):
+        ModelInfo(thresholds={"effect": 75})
+    with pytest.raises(BusybotError, match=r"parameter opening: it is 5 in every model now, not 9"):
+        policy_config(ModelInfo(), {"opening": 9})
+
+
 def test_constants_that_a_mode_does_not_read_are_refused(model: Path) -> None:
     for mode, read, unread in (
         ("evaluate", {"explore": 0.2, "caution": 0.5}, {"collect": 0.2}),
@@ -41,50 +52,50 @@ def test_constants_that_a_mode_does_not_read_are_refused(model: Path) -> None:
         ("greedy", {"blur": 5}, {"prior": 0.2}),
         ("ucb", {"ucb_c": 1.0, "blur": 5}, {"explore": 0.2}),
     ):
-        kept = LearnedChooser(str(model), mode_named(mode), read).provenance()["policy"]
+        kept = LearnedPolicyFactory(str(model), mode_named(mode), read).provenance()["policy"]
         assert read.items() <= kept.items()
         with pytest.raises(BusybotError, match=f"learned.{next(iter(unread))} changes nothing in mode {mode}"):
-            LearnedChooser(str(model), mode_named(mode), unread).provenance()
+            LearnedPolicyFactory(str(model), mode_named(mode), unread).provenance()
 
 
 def test_provenance_knows_the_weights_and_not_the_place(model: Path, tmp_path: Path) -> None:
     copy = tmp_path / "untrained"
     shutil.copytree(model, copy)
-    here, there = LearnedChooser(str(model)), LearnedChooser(str(copy))
+    here, there = LearnedPolicyFactory(str(model)), LearnedPolicyFactory(str(copy))
     assert here.provenance() == there.provenance() and here.name == there.name
     assert here.provenance()["policy"]["explore"] == 0.6
-    assert LearnedChooser(str(model), "ucb").provenance() != here.provenance()
+    assert LearnedPolicyFactory(str(model), "ucb").provenance() != here.provenance()
     (copy / "position.safetensors").write_bytes((copy / "position.safetensors").read_bytes()[:-1] + b"x")
     assert here.provenance()["model"]["sha256"] != there.provenance()["model"]["sha256"]
 
 
-def test_choosers_make_policies_that_need_no_segmentation(model: Path) -> None:
+def test_factories_make_policies_of_their_kind(model: Path) -> None:
     rays = Rays(make_camera())
-    image = make_episode().image(0)
-    image.segmentation = None
+    seen = make_episode().observation(0)
     kinds = (
-        (LearnedChooser(str(model)), LearnedPolicy),
-        (LearnedChooser(str(model), "collect"), LearnedPolicy),
-        (ExploreChooser(None), UnguidedExplorer),
-        (ExploreChooser(str(model)), GuidedExplorer),
+        (LearnedPolicyFactory(str(model)), LearnedPolicy),
+        (LearnedPolicyFactory(str(model), "collect"), LearnedPolicy),
+        (ExplorePolicyFactory(None), UnguidedExplorer),
+        (ExplorePolicyFactory(str(model)), GuidedExplorer),
     )
-    for chooser, kind in kinds:
-        policy = chooser.make(None, rays, InteractionConfig())  # type: ignore[arg-type]
-        assert isinstance(policy, kind) and policy.name == chooser.name and not policy.oracle
-        column, row = policy.choose(image, np.random.default_rng(0)).pixel or (-1, -1)
-        assert 0 <= column < image.depth.shape[1] and 0 <= row < image.depth.shape[0]
+    for factory, kind in kinds:
+        policy = factory.make_policy(rays)
+        assert isinstance(policy, kind) and policy.name == factory.name
+        action = policy.select_action(seen, np.random.default_rng(0))
+        assert action is not None and min(action.pixel) >= 0
+        assert action.pixel[0] < seen.depth.shape[1] and action.pixel[1] < seen.depth.shape[0]
 
 
-def test_choosers_go_to_other_processes(model: Path) -> None:
+def test_factories_go_to_other_processes(model: Path) -> None:
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        name = pool.apply(_name, (LearnedChooser(str(model), "collect"),))
+        name = pool.apply(_name, (LearnedPolicyFactory(str(model), "collect"),))
     assert name == "learned"
 
 
-def _name(chooser: LearnedChooser) -> str:
-    return chooser.make(None, Rays(make_camera()), InteractionConfig()).name  # type: ignore[arg-type]
+def _name(factory: LearnedPolicyFactory) -> str:
+    return factory.make_policy(Rays(make_camera())).name
 
 
 def test_an_unknown_model_is_told() -> None:
     with pytest.raises(BusybotError, match="no model of that name"):
-        LearnedChooser("nonsense").provenance()
+        LearnedPolicyFactory("nonsense").provenance()

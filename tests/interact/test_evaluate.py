@@ -1,5 +1,7 @@
 """An evaluation on boards: the same result whatever the workers and interruptions; episodes can be kept."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +16,12 @@ from busybot.evaluation.folder import BOARDS, RESULT
 from busybot.files import read_json
 from busybot.interact.evaluate import EvaluateConfig, evaluate
 from busybot.interact.policy_config import PolicyConfig
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim.interaction import InteractionConfig
-from tests.interact.fakes import OracleChooser
+from tests.interact.fakes import TruthFactory
 
 CONFIG = EvaluateConfig(actions=4)
-CHOOSER = OracleChooser(config=PolicyConfig(temperature=1))  # what knows the truth has no doubt about directions
+CHOOSER = TruthFactory(config=PolicyConfig(temperature=1))  # what knows the truth has no doubt about directions
 KEYS = {
     "precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "boards", "macro", "intervals",
     "failures_by_cause", "failures_by_object", "missed_links", "by_step", "provenance", "dataset", "seed", "strict",
@@ -37,6 +39,7 @@ def run(dataset: Dataset, workers: int = 1, config: EvaluateConfig = CONFIG, **m
     return evaluate(dataset, find("procedural"), CHOOSER, config, 3, workers, **more)
 
 
+@pytest.mark.usefixtures("in_process")
 def test_a_stopped_evaluation_goes_on(dataset: Dataset, tmp_path: Path) -> None:
     whole, part = tmp_path / "whole", tmp_path / "part"
     told: list[tuple[int, int]] = []
@@ -54,6 +57,16 @@ def test_a_stopped_evaluation_goes_on(dataset: Dataset, tmp_path: Path) -> None:
     assert sorted((part / BOARDS).read_text().splitlines()) == sorted((whole / BOARDS).read_text().splitlines())
 
 
+@pytest.mark.long
+def test_worker_processes_measure_what_one_process_does(
+    dataset: Dataset, work_here: Callable[[], AbstractContextManager[None]]
+) -> None:
+    with work_here():
+        expected = run(dataset)
+    assert run(dataset, 2) == expected
+
+
+@pytest.mark.usefixtures("in_process")
 def test_another_measurement_in_the_same_folder_is_refused(dataset: Dataset, tmp_path: Path) -> None:
     first = CONFIG.model_copy(update={"boards": 1})
     run(dataset, config=first, out=tmp_path / "out")
@@ -65,12 +78,14 @@ def test_another_measurement_in_the_same_folder_is_refused(dataset: Dataset, tmp
         run(dataset, out=tmp_path / "other")
 
 
+@pytest.mark.usefixtures("in_process")
 def test_what_the_pixels_say_is_judged_whatever_the_reward_is(dataset: Dataset) -> None:
     interaction = InteractionConfig(reward="joints", delta=1_000_000)  # which no change of this picture exceeds
     result = run(dataset, config=CONFIG.model_copy(update={"boards": 1, "interaction": interaction}))
     assert (result["precision"], result["precision_reward"], result["reward_agreement"]) == (1.0, 0.0, 0.0)
 
 
+@pytest.mark.usefixtures("in_process")
 def test_episodes_can_be_recorded(dataset: Dataset, tmp_path: Path) -> None:
     config = CONFIG.model_copy(update={"boards": 2})
     result = run(dataset, config=config, out=tmp_path / "out", record=tmp_path / "episodes")

@@ -8,7 +8,7 @@ from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.interact.beliefs import PAIR_OF
 from busybot.interact.explore import ExploreConfig, GuidedExplorer, UnguidedExplorer
 from busybot.rng import generator
-from busybot.sim.policies import Action
+from busybot.sim.policy import Action
 from tests.interact.scenes import BODY, BUTTON, PRESSED, RAYS, ButtonModel, picture
 
 SMALL, LARGE = (10, 10, 18, 18), (40, 30, 140, 110)
@@ -27,7 +27,7 @@ def rng(seed: int = 0) -> np.random.Generator:
 
 def test_small_things_are_visited_as_often_as_large_ones() -> None:
     policy, draws = UnguidedExplorer(RAYS), rng()
-    pixels = [policy.choose(BOARD, draws).pixel for _ in range(200)]
+    pixels = [policy.select_action(BOARD, draws).pixel for _ in range(200)]
     small = sum(within(pixel, SMALL) for pixel in pixels)
     assert 70 <= small <= 130 and small + sum(within(pixel, LARGE) for pixel in pixels) == 200
 
@@ -36,27 +36,27 @@ def test_rare_heights_of_a_component_are_preferred() -> None:
     shares = []
     for stratified in (0.0, 1.0):
         policy, draws = UnguidedExplorer(RAYS, ExploreConfig(stratified=stratified)), rng()
-        pixels = [policy.choose(BOARD, draws).pixel for _ in range(200)]
+        pixels = [policy.select_action(BOARD, draws).pixel for _ in range(200)]
         shares.append(np.mean([within(pixel, KNOB) for pixel in pixels]))
     assert shares[0] < 0.03 and shares[1] > 0.1
 
 
 def test_every_pair_is_tried_once_in_an_order_of_its_own() -> None:
     policy, draws = UnguidedExplorer(RAYS), rng()
-    first, second = (policy.choose(BOARD, draws).directions for _ in range(2))
+    first, second = (policy.select_action(BOARD, draws).directions for _ in range(2))
     assert sorted(PAIR_OF[list(first)]) == list(range(9)) and first != second
-    few = UnguidedExplorer(RAYS, ExploreConfig(pairs=2)).choose(BOARD, rng()).directions
+    few = UnguidedExplorer(RAYS, ExploreConfig(pairs=2)).select_action(BOARD, rng()).directions
     assert len(few) == 2 and OPPOSITE[few[0]] != few[1]
 
 
 def test_an_empty_board_is_acted_on_anyway() -> None:
-    assert len(UnguidedExplorer(RAYS).choose(picture(), rng()).directions) == 9
-    assert len(GuidedExplorer(ButtonModel(), RAYS).choose(picture(), rng()).directions) == 9
+    assert len(UnguidedExplorer(RAYS).select_action(picture(), rng()).directions) == 9
+    assert len(GuidedExplorer(ButtonModel(), RAYS).select_action(picture(), rng()).directions) == 9
 
 
 def test_the_network_leads_to_the_knob_and_names_the_pair() -> None:
     policy = GuidedExplorer(ButtonModel(), RAYS, ExploreConfig(best=1, by_network=1))
-    action = policy.choose(BOARD, rng())
+    action = policy.select_action(BOARD, rng())
     assert within(action.pixel, KNOB)
     assert abs(DIRECTIONS[action.directions[0], 2]) == 1
 
@@ -65,24 +65,23 @@ def test_what_moved_and_what_failed_attract_less() -> None:
     other = (100, 60, 106, 66)
     boards = [picture((LARGE, BODY), (KNOB, height), (other, BUTTON)) for height in (BUTTON, PRESSED)]
     policy, draws = GuidedExplorer(ButtonModel(), RAYS, ExploreConfig(best=1)), rng()
-    policy.choose(boards[0], draws)
-    policy.told(Action((62, 62), (0,)), (0, 17), 1, boards[1])
-    assert all(within(policy.choose(boards[1], draws).pixel, other) for _ in range(10))
+    policy.select_action(boards[0], draws)
+    policy.observe(Action((62, 62), (0,)), (0, 17), 1, boards[1])
+    assert all(within(policy.select_action(boards[1], draws).pixel, other) for _ in range(10))
     for _ in range(60):
-        pixel = policy.choose(boards[1], draws).pixel
-        policy.told(Action(pixel, (0,)), (0, 17), 0, boards[1])
-    assert not within(policy.choose(boards[1], draws).pixel, other)
+        pixel = policy.select_action(boards[1], draws).pixel
+        policy.observe(Action(pixel, (0,)), (0, 17), 0, boards[1])
+    assert not within(policy.select_action(boards[1], draws).pixel, other)
 
 
 def test_only_depth_is_read() -> None:
-    """The same depth in other colours, without segmentation: the same actions."""
+    """The same depth in other colours: the same actions."""
     recoloured = [replace(board, rgb=255 - board.rgb[::-1]) for board in (BOARD, PRESSED_BOARD)]
-    assert all(board.segmentation is None for board in recoloured)
     for make in (lambda: UnguidedExplorer(RAYS), lambda: GuidedExplorer(ButtonModel(), RAYS)):
         chosen = []
         for before, after in ((BOARD, PRESSED_BOARD), recoloured):
             policy, draws = make(), rng()
-            action = policy.choose(before, draws)
-            policy.told(action, action.directions[:1], 1, after)
-            chosen.append((action, policy.choose(after, draws)))
+            action = policy.select_action(before, draws)
+            policy.observe(action, action.directions[:1], 1, after)
+            chosen.append((action, policy.select_action(after, draws)))
         assert chosen[0] == chosen[1]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.interact.beliefs import PAIR_OF
 from busybot.interact.memory import Failure, Memory
 from busybot.interact.policy_config import PolicyConfig
@@ -21,20 +21,15 @@ BODY_MASK = np.zeros((120, 160), bool)
 BODY_MASK[40:60, 40:80] = True
 
 
-def shown(left: float, right: float) -> Image:
+def shown(left: float, right: float) -> Observation:
     return picture(SWITCH, (LEFT, left), (RIGHT, right))
-
-
-def depth_of(image: Image) -> np.ndarray:
-    assert image.depth is not None
-    return image.depth
 
 
 BOTH_UP, LEFT_DOWN, BOTH_DOWN = shown(BUTTON, BUTTON), shown(PRESSED, BUTTON), shown(PRESSED, PRESSED)
 
 
 def fresh(**changed: object) -> Memory:
-    return Memory(RAYS.heights(depth_of(BOTH_UP)), CONFIG.model_copy(update=changed))
+    return Memory(RAYS.heights(BOTH_UP.depth), CONFIG.model_copy(update=changed))
 
 
 def logits_of(memory: Memory, *pixels: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -42,27 +37,26 @@ def logits_of(memory: Memory, *pixels: tuple[int, int]) -> tuple[np.ndarray, np.
 
 
 def test_the_region_is_what_moved_under_the_action() -> None:
-    region = moved_region(depth_of(BOTH_UP), depth_of(LEFT_DOWN), (50, 50), BODY_MASK, CONFIG)
+    region = moved_region(BOTH_UP.depth, LEFT_DOWN.depth, (50, 50), BODY_MASK, CONFIG)
     assert region[45:55, 45:55].all() and region.sum() == 100
 
 
 def test_motion_elsewhere_does_not_belong_to_the_link() -> None:
-    after = depth_of(shown(PRESSED, BUTTON))
+    after = shown(PRESSED, BUTTON).depth
     after[65:70, 50:55] -= 0.1  # another object within reach
     after[100:110, 50:60] -= 0.1  # a responder far away
-    region = moved_region(depth_of(BOTH_UP), after, (50, 50), BODY_MASK, CONFIG)
+    region = moved_region(BOTH_UP.depth, after, (50, 50), BODY_MASK, CONFIG)
     assert region.sum() == 100
 
 
 def test_a_link_that_jumps_leaves_two_places_of_one_region() -> None:
     before, after = (picture(SWITCH, ((u, 45, u + 6, 55), BUTTON)).depth for u in (45, 65))
-    assert before is not None and after is not None
     region = moved_region(before, after, (47, 50), BODY_MASK, CONFIG)
     assert region[45:55, 45:51].all() and region[45:55, 65:71].all() and region.sum() == 120
 
 
 def test_a_motion_without_visible_depth_leaves_a_small_region() -> None:
-    region = moved_region(depth_of(BOTH_UP), depth_of(BOTH_UP), (50, 50), BODY_MASK, CONFIG)
+    region = moved_region(BOTH_UP.depth, BOTH_UP.depth, (50, 50), BODY_MASK, CONFIG)
     assert region[50, 50] and 5 <= region.sum() <= 25
 
 
@@ -126,7 +120,7 @@ LAMP, BOX = (100, 40, 120, 60), (100, 80, 120, 100)
 BESIDE = ((LAMP, BODY), (BOX, BODY))
 
 
-def lit(left: float, box: tuple[int, int, int, int], level: int) -> Image:
+def lit(left: float, box: tuple[int, int, int, int], level: int) -> Observation:
     """The switch with its left button, a lamp and a box, of which one shines."""
     image = picture(SWITCH, (LEFT, left), *BESIDE)
     u0, v0, u1, v1 = box
@@ -135,7 +129,7 @@ def lit(left: float, box: tuple[int, int, int, int], level: int) -> Image:
 
 
 def board() -> Memory:
-    return Memory(RAYS.heights(depth_of(lit(BUTTON, LAMP, 0))), CONFIG)
+    return Memory(RAYS.heights(lit(BUTTON, LAMP, 0).depth), CONFIG)
 
 
 def test_what_changed_its_colour_by_an_action_elsewhere_is_hardly_a_trigger() -> None:

@@ -1,5 +1,6 @@
 """A model in its folder, and what it makes of a picture."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +9,14 @@ import torch
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
 from busybot.errors import BusybotError
+from busybot.interact.affordance.load import find_model, load_model
 from busybot.interact.beliefs import NOT_ELEVATED
-from busybot.interact.model import Model, ModelInfo, find_model
+from busybot.interact.model import Model, ModelInfo
 from busybot.interact.networks import KINDS, make_network
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
 from busybot.training.weights import initialise
@@ -32,17 +34,16 @@ def untrained(inputs: str = "depth") -> Model:
 
 
 @pytest.fixture
-def seen() -> tuple[Image, Rays]:
+def seen() -> tuple[Observation, Rays]:
     """A picture without what a learner must not see."""
     episode = make_episode(0)
-    image = episode.images[0]
-    return Image(image.rgb, image.depth, None, NO_BOXES), Rays(episode.camera)
+    return episode.observation(0), Rays(episode.camera)
 
 
-def test_a_folder_holds_all_of_a_model(tmp_path: Path, seen: tuple[Image, Rays]) -> None:
+def test_a_folder_holds_all_of_a_model(tmp_path: Path, seen: tuple[Observation, Rays]) -> None:
     model = untrained()
     model.save(tmp_path / "m")
-    loaded = Model.load(tmp_path / "m")
+    loaded = load_model(tmp_path / "m")
     assert loaded.info.model_copy(update={"files": {}}) == model.info
     assert np.array_equal(loaded.look(*seen).affordance, model.look(*seen).affordance)
     assert sum(path.stat().st_size for path in (tmp_path / "m").iterdir()) < 5e6
@@ -50,35 +51,33 @@ def test_a_folder_holds_all_of_a_model(tmp_path: Path, seen: tuple[Image, Rays])
 
 
 @pytest.mark.parametrize("inputs", ["depth", "rgb"])
-def test_only_elevated_pixels_can_be_acted_on(inputs: str, seen: tuple[Image, Rays]) -> None:
+def test_only_elevated_pixels_can_be_acted_on(inputs: str, seen: tuple[Observation, Rays]) -> None:
     view = untrained(inputs).look(*seen)
     image, rays = seen
-    assert image.depth is not None
     assert view.height.shape == view.affordance.shape == image.depth.shape == view.features.shape[1:]
     elevated = np.nan_to_num(rays.heights(image.depth), nan=-1) > 0.002
     assert (view.affordance[~elevated] == NOT_ELEVATED).all()
     assert (view.affordance[elevated] > NOT_ELEVATED).all()
 
 
-def test_what_is_far_from_every_object_does_not_change_what_is_seen(seen: tuple[Image, Rays]) -> None:
+def test_what_is_far_from_every_object_does_not_change_what_is_seen(seen: tuple[Observation, Rays]) -> None:
     """The position network is run around what is elevated, wherever in the picture that is."""
     image, rays = seen
-    assert image.depth is not None
     board = 4.0
     lone = np.full_like(image.depth, board)
     lone[60:80, 90:110] = 3.7
-    view = untrained().look(Image(image.rgb, lone, None, NO_BOXES), rays)
+    view = untrained().look(replace(image, depth=lone), rays)
     assert ((view.affordance > NOT_ELEVATED) == (lone < board)).all()
-    empty = untrained().look(Image(image.rgb, np.full_like(lone, board), None, NO_BOXES), rays)
+    empty = untrained().look(replace(image, depth=np.full_like(lone, board)), rays)
     assert (empty.affordance == NOT_ELEVATED).all()
 
 
 def test_around_what_is_elevated_it_sees_what_it_sees_in_the_whole_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the window leaves out is board, which says next to nothing about what stands on it."""
-    library, model = find("procedural"), Model.load("procedural")
+    library, model = find("procedural"), load_model("procedural")
     board = next(iter(generate_boards(BoardConfig(boards=1, seed=1, group_size=1), library)))
     scene = Simulator(library, RenderConfig()).board(board)
-    picture, rays = scene.observe(), Rays(scene.camera)
+    picture, rays = scene.observe().observation(scene.camera), Rays(scene.camera)
     model.bfloat16 = False
     sizes: list[tuple[int, ...]] = []
     run = model._run
@@ -99,11 +98,11 @@ def test_a_card_with_a_constant_that_does_not_exist_is_refused_by_its_file(tmp_p
     for thresholds, message in (('"explor": 0.3', "explor: Extra"), ('"explore": 3.0', "explore: Input should be")):
         card.write_text(card.read_text().replace('"explore": 0.3', thresholds))
         with pytest.raises(BusybotError, match=rf"model\.json: thresholds: .*{message}"):
-            Model.load(tmp_path)
+            load_model(tmp_path)
         card.write_text(card.read_text().replace(thresholds, '"explore": 0.3'))
 
 
-def test_directions_of_some_pixels(seen: tuple[Image, Rays]) -> None:
+def test_directions_of_some_pixels(seen: tuple[Observation, Rays]) -> None:
     model = untrained()
     view = model.look(*seen)
     pixels = np.array([[0, 0], [80, 60], [159, 119]])  # crops at the border reach outside of the picture
@@ -122,7 +121,7 @@ def test_what_is_no_model_is_refused_by_name(tmp_path: Path) -> None:
     weights = tmp_path / "position.safetensors"
     weights.write_bytes(weights.read_bytes()[:1000])
     with pytest.raises(BusybotError, match=r"position\.safetensors: damaged"):
-        Model.load(tmp_path)
+        load_model(tmp_path)
 
 
 def test_weights_of_other_inputs_are_refused(tmp_path: Path) -> None:
@@ -130,7 +129,7 @@ def test_weights_of_other_inputs_are_refused(tmp_path: Path) -> None:
     untrained().save(tmp_path / "depth")
     (tmp_path / "rgb" / "position.safetensors").replace(tmp_path / "depth" / "position.safetensors")
     with pytest.raises(BusybotError, match="not the weights of this network"):
-        Model.load(tmp_path / "depth")
+        load_model(tmp_path / "depth")
 
 
 def test_a_trainings_folder_stands_for_its_model(tmp_path: Path) -> None:
@@ -139,10 +138,9 @@ def test_a_trainings_folder_stands_for_its_model(tmp_path: Path) -> None:
 
 
 def test_a_closer_look_is_taken_again_only_where_something_changed(
-    seen: tuple[Image, Rays], monkeypatch: pytest.MonkeyPatch
+    seen: tuple[Observation, Rays], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model, (image, rays) = untrained(), seen
-    assert image.depth is not None
     sizes: list[int] = []
     run = model._run
     monkeypatch.setattr(
@@ -153,7 +151,7 @@ def test_a_closer_look_is_taken_again_only_where_something_changed(
     model.directions(first, pixels)
     moved = image.depth.copy()
     moved[78:84, 118:124] -= 0.3
-    after = Image(image.rgb, moved, None, NO_BOXES)
+    after = replace(image, depth=moved)
     position, probabilities = model.directions(model.look(after, rays, first), pixels[::-1])
     assert sizes == [0, 3, 0, 2], "the crop around (20, 30) is as it was"
     anew = model.directions(model.look(after, rays), pixels[::-1])
@@ -162,11 +160,11 @@ def test_a_closer_look_is_taken_again_only_where_something_changed(
 
 @pytest.mark.parametrize("able", [False, True])
 def test_numbers_are_rounded_where_that_is_faster_and_mean_the_same(
-    able: bool, seen: tuple[Image, Rays], monkeypatch: pytest.MonkeyPatch
+    able: bool, seen: tuple[Observation, Rays], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without bfloat16 in the processor, imitating it would cost several times as much as not rounding."""
     monkeypatch.setattr("busybot.interact.model.multiplies_bfloat16", lambda: able)
-    model, exact = Model.load("procedural"), Model.load("procedural")
+    model, exact = load_model("procedural"), load_model("procedural")
     exact.bfloat16 = False
     assert model.bfloat16 is able
     given, wanted = (1 / (1 + np.exp(-one.look(*seen).affordance)) for one in (model, exact))

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from busybot.boards.directions import OPPOSITE
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.interact.features import Inputs
 from busybot.interact.networks import KINDS, Kind
@@ -30,7 +30,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Samples:
 
 
 def job_for(kind: Kind, folder: Path, inputs: Inputs = "depth") -> PaperJob:
-    config = PaperConfig().learn(kind).model_copy(update={"batch": 4, "iterations": 3})
+    config = PaperConfig().learn(kind).model_copy(update={"batch": 2, "iterations": 3})
     return PaperJob(
         kind=kind,
         inputs=inputs,

@@ -28,7 +28,7 @@ def policy(**rules: float) -> PaperPolicy[HeightView]:
 
 
 def test_without_chance_it_takes_the_best_position_and_the_best_direction() -> None:
-    action = policy().choose(BOARD, rng())
+    action = policy().select_action(BOARD, rng())
     assert on_knob(action.pixel) >= 0
     assert len(action.directions) == 1 and abs(DIRECTIONS[action.directions[0], 2]) == 1
 
@@ -36,18 +36,18 @@ def test_without_chance_it_takes_the_best_position_and_the_best_direction() -> N
 def test_the_bonus_leads_to_the_other_knob_and_without_it_nothing_does() -> None:
     for c, expected in ((0.5, {0, 1}), (0, {0})):
         agent, draws = policy(ucb_c=c), rng()
-        assert {on_knob(agent.choose(BOARD, draws).pixel) for _ in range(4)} == expected
+        assert {on_knob(agent.select_action(BOARD, draws).pixel) for _ in range(4)} == expected
 
 
 def test_all_directions_are_tried_each_once() -> None:
     agent, draws = policy(all_directions=True), rng()
-    first, second = (agent.choose(BOARD, draws).directions for _ in range(2))
+    first, second = (agent.select_action(BOARD, draws).directions for _ in range(2))
     assert sorted(first) == sorted(second) == list(range(18)) and first != second
 
 
 def test_epsilon_is_the_share_of_chance() -> None:
     agent, draws = policy(epsilon_position=0.5, epsilon_direction=0.25, ucb_c=0), rng()
-    actions = [agent.choose(BOARD, draws) for _ in range(400)]
+    actions = [agent.select_action(BOARD, draws) for _ in range(400)]
     assert np.mean([on_knob(action.pixel) < 0 for action in actions]) == pytest.approx(0.5, abs=0.08)
     z = PAIR_OF[np.abs(DIRECTIONS[:, 2]).argmax()]
     other = np.mean([PAIR_OF[action.directions[0]] != z for action in actions])
@@ -59,9 +59,9 @@ def test_chance_alone_needs_no_model_and_stays_on_objects() -> None:
     assert not rules.needs_model()
     agent, draws = PaperPolicy(None, RAYS, rules, "test"), rng()
     for _ in range(50):
-        column, row = agent.choose(BOARD, draws).pixel
+        column, row = agent.select_action(BOARD, draws).pixel
         assert LARGE[0] <= column < LARGE[2] and LARGE[1] <= row < LARGE[3]
 
 
 def test_an_empty_board_is_acted_on_anyway() -> None:
-    assert len(policy().choose(picture(), rng()).directions) == 1
+    assert len(policy().select_action(picture(), rng()).directions) == 1

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from busybot.episodes.geometry import Rays
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
+from busybot.interact.affordance.load import load_model
 from busybot.interact.beliefs import NOT_ELEVATED
-from busybot.interact.chooser import LearnedChooser, usual_mode
-from busybot.interact.model import Model
+from busybot.interact.chooser import LearnedPolicyFactory, usual_mode
 from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_fit import PaperAffordanceLearner
 from busybot.interact.paper_model import PaperModel
@@ -113,20 +113,20 @@ def test_offline_it_repeats_the_training_from_its_own_rounds(trained: Path, reco
 
 
 def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> None:
-    model = Model.load(trained)
+    model = load_model(trained)
     assert isinstance(model, PaperModel) and model.info.variant == "paper"
     assert model.info.training["rounds"]["epochs"] == 4 and model.info.training["rounds"]["steps"] == 72
     assert usual_mode(str(trained)) == "ucb"
-    policy = LearnedChooser(str(trained)).provenance()["policy"]
+    policy = LearnedPolicyFactory(str(trained)).provenance()["policy"]
     own = {"candidates": "kmeans", "blur": 1, "prior": 0.5, "caution": 0, "temperature": 1}
     own |= dict.fromkeys(("component_penalty", "failure_penalty", "responder_penalty", "trigger_bonus"), 0)
     own |= {"collect": 0.5, "untried_first": False}  # a draw among all clusters, as the paper collects
-    assert policy == PolicyConfig.model_validate(own).model_dump(mode="json")
+    assert policy == PolicyConfig.model_validate(own).provenance()
     episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
-    rays, image = Rays(episode.camera), episode.image(0)
-    view = model.look(image, rays)
-    assert image.depth is not None and view.affordance.shape == image.depth.shape
-    elevated = np.nan_to_num(rays.heights(image.depth), nan=-1) > 0.002
+    rays, seen = Rays(episode.camera), episode.observation(0)
+    view = model.look(seen, rays)
+    assert view.affordance.shape == seen.depth.shape
+    elevated = np.nan_to_num(rays.heights(seen.depth), nan=-1) > 0.002
     assert ((view.affordance > NOT_ELEVATED) == elevated).all()
     pixels = np.array([[40, 60], [80, 60], [159, 119]])
     position, directions = model.directions(view, pixels)
@@ -139,12 +139,13 @@ def test_it_acts_by_the_papers_policy_unless_another_mode_is_asked_for(trained: 
     episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
     rays, draws = Rays(episode.camera), generator(0, "", 0, "test")
     for mode, kind in (("ucb", PaperPolicy), ("greedy", PaperPolicy), ("evaluate", LearnedPolicy)):
-        policy = LearnedChooser(str(trained), mode).make(None, rays, None)  # type: ignore[arg-type]
+        policy = LearnedPolicyFactory(str(trained), mode).make_policy(rays)
         assert type(policy) is kind and policy.name == f"learned-{mode}"
-        pixels = []
+        pixels, seen = [], episode.observation(0)
         for _ in range(3):
-            action = policy.choose(episode.images[0], draws)
-            policy.told(action, action.directions, 0, episode.images[0])
+            action = policy.select_action(seen, draws)
+            assert action is not None
+            policy.observe(action, action.directions, 0, seen)
             pixels.append(action.pixel)
         assert len(action.directions) == 1
         assert (len(set(pixels)) == 1) == (mode == "greedy")
@@ -155,7 +156,7 @@ def test_pictures_of_another_size_are_refused(trained: Path) -> None:
 
     episode = make_episode(0, width=128, height=96)
     with pytest.raises(BusybotError, match="128 x 96 pixels, the model was trained on 160 x 120"):
-        Model.load(trained).look(episode.images[0], Rays(episode.camera))
+        load_model(trained).look(episode.observation(0), Rays(episode.camera))
 
 
 def test_as_many_datasets_as_epochs(recorded: Path, tmp_path: Path) -> None:

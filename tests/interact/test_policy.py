@@ -7,20 +7,21 @@ import pytest
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.errors import BusybotError
 from busybot.interact.judge import judge
 from busybot.interact.metrics import micro
 from busybot.interact.policy import LearnedPolicy, Mode, mode_named
 from busybot.interact.policy_config import PolicyConfig
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.rng import generator
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import Action
+from busybot.sim.policy import Action
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
-from tests.interact.fakes import OracleChooser
+from tests.interact.fakes import TruthFactory
 from tests.interact.scenes import BODY, BUTTON, PRESSED, RAYS, ButtonModel, picture
 
 SWITCH = ((40, 40, 80, 60), BODY)
@@ -33,7 +34,7 @@ class Toy:
     def __init__(self) -> None:
         self.heights = [BUTTON, BUTTON]
 
-    def image(self) -> Image:
+    def image(self) -> Observation:
         return picture(SWITCH, *zip(PLACES, self.heights, strict=True))
 
     def act(self, action: Action) -> int:
@@ -50,10 +51,10 @@ def play(mode: Mode, actions: int, config: PolicyConfig | None = None, seed: int
     toy, policy = Toy(), LearnedPolicy(ButtonModel(), RAYS, config, mode)
     rng, image, moved = generator(seed, "", 0, "test"), toy.image(), []
     for _ in range(actions):
-        action = policy.choose(image, rng)
+        action = policy.select_action(image, rng)
         moved.append(toy.act(action))
         image = toy.image() if moved[-1] >= 0 else image
-        policy.told(action, action.directions, int(moved[-1] >= 0), image)
+        policy.observe(action, action.directions, int(moved[-1] >= 0), image)
     return moved
 
 
@@ -71,9 +72,9 @@ def test_ucb_goes_on_when_a_place_was_picked() -> None:
     image, rng = toy.image(), generator(0, "", 0, "test")
     pixels = []
     for _ in range(4):
-        action = policy.choose(image, rng)
+        action = policy.select_action(image, rng)
         pixels.append(action.pixel)
-        policy.told(action, action.directions, 0, image)
+        policy.observe(action, action.directions, 0, image)
     first, second = np.array(pixels[:2])
     assert np.abs(first - second).max() >= 5  # outside of the 10 x 10 window
 
@@ -95,16 +96,16 @@ def test_collecting_tries_every_place_before_one_again() -> None:
     image, rng = Toy().image(), generator(0, "", 0, "test")
     pixels = []
     for _ in range(2):
-        action = policy.choose(image, rng)
+        action = policy.select_action(image, rng)
         pixels.append(action.pixel)
-        policy.told(action, action.directions, 0, image)
+        policy.observe(action, action.directions, 0, image)
     assert sorted(policy.memory.tried_here(np.array(pixels)) if policy.memory else []) == [True, True]
     assert np.abs(np.subtract(*pixels)).max() > PolicyConfig().peak_radius
 
 
 def test_an_empty_board_is_guessed_at() -> None:
     policy = LearnedPolicy(ButtonModel(), RAYS)
-    action = policy.choose(picture(), generator(0, "", 0, "test"))
+    action = policy.select_action(picture(), generator(0, "", 0, "test"))
     assert policy.choice is not None and policy.choice.why == "guess" and len(action.directions) == 1
 
 
@@ -119,9 +120,9 @@ def shares(library: Library, boards: int, split: str, strict: bool = False) -> d
     config = BoardConfig.model_validate({"split": split, "boards": boards, "group_size": 1, "seed": 5})
     annotated = {key: model.directions for key, model in library.objects.items()}
     simulator, interaction = Simulator(library, RenderConfig()), InteractionConfig(strict=strict)
-    chooser = OracleChooser(noise=1.0)
+    factory = TruthFactory(noise=1.0)
     judged = [
-        judge(record_episode(simulator, board, chooser, 10, interaction, 0), annotated, interaction.delta)
+        judge(record_episode(simulator, board, factory, 10, interaction, 0), annotated, interaction.delta)
         for board in generate_boards(config, library)
     ]
     return {name: value for name, value in micro(judged).items() if value is not None}

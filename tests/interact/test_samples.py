@@ -8,7 +8,8 @@ import pytest
 
 from busybot.boards.directions import OPPOSITE
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
 from busybot.interact.samples import SIDE, SQUARES, cache_samples, open_samples
 from tests.episodes.folders import make_dataset

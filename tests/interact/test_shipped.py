@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
+from busybot.interact.affordance.load import find_model, load_model
 from busybot.interact.chooser import DEFAULT_MODEL, policy_config
-from busybot.interact.model import Model, find_model
 from busybot.training.model_folder import file_hashes
 
 RESULT = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "interact-procedural.json"
@@ -27,7 +27,7 @@ def test_the_card_has_the_results_numbers() -> None:
 def test_the_model_is_the_one_that_was_judged() -> None:
     hashes = file_hashes(find_model(DEFAULT_MODEL))
     assert {name: value for name, value in hashes.items() if name != CARD} == ROW["policy"]["model_sha256"]
-    assert policy_config(Model.load(DEFAULT_MODEL).info, {}).after_failure is not None
+    assert policy_config(load_model(DEFAULT_MODEL).info, {}).after_failure is not None
 
 
 def test_it_is_small_and_was_trained_in_45_minutes() -> None:

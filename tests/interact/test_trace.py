@@ -5,25 +5,28 @@ import pytest
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
-from busybot.episodes.episode import Image
+from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
+from busybot.interact.affordance.load import load_model
 from busybot.interact.chooser import DEFAULT_MODEL
-from busybot.interact.model import Model, View
+from busybot.interact.model import View
 from busybot.interact.policy import LearnedPolicy
 from busybot.interact.trace import retrace
-from busybot.objects.library import find
+from busybot.objects.resolve import find
+from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import Action, BuiltIn, Policy
+from busybot.sim.policy import Action, Policy
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
-from busybot.sim.scene import BoardScene, Simulator
+from busybot.sim.scene import Simulator
 from tests.interact.scenes import ButtonModel
 
 
 def test_links_are_known_once_they_moved() -> None:
     library = find("procedural")
     (board,) = generate_boards(BoardConfig(boards=1, seed=2), library)
-    episode = record_episode(Simulator(library, RenderConfig()), board, BuiltIn("scripted"), 6, InteractionConfig(), 0)
+    simulator = Simulator(library, RenderConfig())
+    episode = record_episode(simulator, board, ScriptedFactory(), 6, InteractionConfig(), 0)
     thoughts = list(retrace(episode, ButtonModel()))
     assert [thought.step for thought in thoughts] == list(range(6))
     assert not thoughts[0].links.any() and not thoughts[0].known
@@ -34,17 +37,17 @@ def test_links_are_known_once_they_moved() -> None:
 
 
 def test_who_acted_by_the_model_thought_the_same() -> None:
-    library, model, thought = find("procedural"), Model.load(DEFAULT_MODEL), []
+    library, model, thought = find("procedural"), load_model(DEFAULT_MODEL), []
 
     class Remembered(LearnedPolicy[View]):
-        def told(self, action: Action, executed: tuple[int, ...], reward: int, after: Image) -> None:
+        def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
             thought.append(self.candidates)
-            super().told(action, executed, reward, after)
+            super().observe(action, executed, reward, after)
 
     class Remembering:
         name = "learned"
 
-        def make(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
+        def make_policy(self, rays: Rays) -> Policy:
             return Remembered(model, rays)
 
     simulator, rewards = Simulator(library, RenderConfig()), set()

@@ -4,12 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from busybot.objects.procedural.build import make_library
+from busybot.objects.resolve import find
 
 
 @pytest.fixture(scope="session")
-def procedural(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def procedural() -> Path:
     """A folder with the default procedural library; tests that change something copy from it."""
-    folder = tmp_path_factory.mktemp("objects") / "library"
-    make_library(folder)
-    return folder
+    return find("procedural").folder

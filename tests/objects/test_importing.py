@@ -11,13 +11,12 @@ from typing import Any
 import pytest
 
 from busybot.errors import BusybotError
-from busybot.files import write_json
+from busybot.files import unfinished, write_json
 from busybot.objects import importing
 from busybot.objects.choices import Choices
 from busybot.objects.importing import Outcome, import_objects, raw_folders
 from busybot.objects.library import Library
 from busybot.objects.overrides import Overrides
-from busybot.unfinished import unfinished
 from tests.objects.raw_objects import DRAWER, LEAF, LEVER, ROCKER, make_raw
 
 
@@ -133,15 +132,15 @@ def test_a_stop_at_the_worst_moment_leaves_a_readable_library(
     """Also between taking the former object away and putting the new one in its place."""
     out = tmp_path / "library"
     put(out, raw / "1", raw / "2")
-    real, calls = os.rename, []
+    real, calls = importing.rename, []
 
-    def stops(source: Path, target: Path) -> None:
+    def stops(source: Path, target: Path, root: Path | None = None) -> None:
         calls.append(target)
         if len(calls) == call:
             raise KeyboardInterrupt
-        real(source, target)
+        real(source, target, root)
 
-    monkeypatch.setattr(importing.os, "rename", stops)
+    monkeypatch.setattr(importing, "rename", stops)
     with pytest.raises(KeyboardInterrupt):
         put(out, raw / "1", overrides=given(id1=Choices(scale=0.4)), replace=True)
     monkeypatch.undo()
@@ -155,15 +154,15 @@ import os, pathlib, sys
 from busybot.objects.choices import Choices
 from busybot.objects.importing import import_objects
 from busybot.objects.overrides import Overrides
-from busybot.unfinished import unfinished
-real, call = os.rename, int(sys.argv[3])
-def killing(source, target):
+from busybot.objects import importing
+real, call = importing.rename, int(sys.argv[3])
+def killing(source, target, root=None):
     global call
     call -= 1
     if not call:
         os.kill(os.getpid(), 9)
-    real(source, target)
-os.rename = killing
+    real(source, target, root)
+importing.rename = killing
 raw, out = map(pathlib.Path, sys.argv[1:3])
 list(import_objects([raw], out, Overrides(None, {raw.name: Choices(scale=0.4)}, {}), replace=True))
 """

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from busybot.errors import BusybotError
-from busybot.objects.library import Library, find
+from busybot.objects.cache import places
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 
 
 @pytest.fixture
@@ -84,7 +86,7 @@ def test_missing_folders_and_objects(tmp_path: Path, small: Path) -> None:
 
 
 def test_found_by_hash_wherever_it_was_last_seen(small: Path) -> None:
-    expected = {"Lamp/globe-01": Library.load(small).hashes()["Lamp/globe-01"]}
+    expected = {"Lamp/globe-01": find(str(small)).hashes()["Lamp/globe-01"]}
     # the default library holds the same lamp, but this one was seen last
     assert find(None, expected).folder == small.resolve()
     assert find(str(small), expected).get("Lamp/globe-01").sha256 == expected["Lamp/globe-01"]
@@ -103,13 +105,22 @@ def test_real_objects_are_found_by_the_environment(
     monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path))
     monkeypatch.setenv("BUSYBOT_PARTNET_DIR", str(partnet))
     expected = Library.load(partnet).hashes()
-    (tmp_path / "libraries.json").unlink()
     assert find(None, expected).folder.samefile(partnet)
+
+
+def test_loading_leaves_the_cache_alone_and_finding_remembers(
+    small: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path / "cache"))
+    expected = Library.load(small).hashes()
+    assert not (tmp_path / "cache").exists()
+    find(str(small))
+    assert places(expected) == [small.resolve()]
 
 
 def test_a_damaged_index_does_no_harm(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path / "cache"))
     (tmp_path / "cache").mkdir()
     (tmp_path / "cache" / "libraries.json").write_text('[{"path": 3}]')
-    library = Library.load(small)
+    library = find(str(small))
     assert find(None, library.hashes()).sha256 == library.sha256

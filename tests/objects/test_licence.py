@@ -1,16 +1,16 @@
 """Whose objects may be given away."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
 from busybot.objects.licence import PARTNET, licences
-from busybot.objects.procedural.build import make_library
+from busybot.objects.resolve import find
 
 
-def test_generated_objects_are_known_by_their_hashes(tmp_path: Path) -> None:
-    make_library(tmp_path / "copy")
-    for library in (find("procedural"), Library.load(tmp_path / "copy")):
+def test_generated_objects_are_known_by_their_hashes(few_objects: Callable[[int], Path]) -> None:
+    for library in (find("procedural"), Library.load(few_objects(0))):
         found = licences(library.objects.values())
         assert set(found) == set(library.objects)
         assert {(licence.name, licence.copies) for licence in found.values()} == {("MIT", True)}

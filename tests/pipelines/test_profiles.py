@@ -18,11 +18,11 @@ from busybot.interact.paper_config import PaperConfig
 from busybot.interact.train_config import TrainConfig
 from busybot.reason.event_config import EventConfig
 from busybot.reason.paper_config import PaperReasonConfig
-from busybot.view.report import write_report
+from busybot.view.report.report import write_report
 from pipelines.profile import FOLDER, install, read_profile
 from pipelines.stage import begin, note_of, run
 from pipelines.tables import interaction, notes, planning, reasoning, typed
-from tests.view.test_report import DATASET, reasoned
+from tests.view.report.test_report import DATASET, reasoned
 
 ROOT = Path(__file__).resolve().parents[2]
 DVC = ROOT / ".tools" / "dvc" / "bin"
@@ -199,7 +199,7 @@ def test_a_run_becomes_rows_of_the_tables(tmp_path: Path) -> None:
     }
     assert tables["table2"]["event"]["commands"] == ["busybot train reason"]
     for name, rows in tables.items():
-        write_json(tmp_path / "tables" / f"{name}.json", {"rows": rows})
+        write_json(tmp_path / "tables" / f"{name}.json", {"kind": name, "rows": rows})
     done = write_report([tmp_path / "tables"], tmp_path / "report")
     judged = {(one.row.name, one.split, one.key): one.reached for one in done.verdicts if one.reached is not None}
     assert judged["free-0", "novel-config", "precision"] and judged["free-0", "novel-config", "recall"] is False

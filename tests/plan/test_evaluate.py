@@ -1,5 +1,7 @@
 """Agents on tasks of procedural objects: measured, continued, recorded; and their failures' causes."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -7,28 +9,33 @@ import pytest
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
+from busybot.boards.spec import BoardSpec
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.episode import Episode, Image, Observation, Step
+from busybot.episodes.mcap_reader import read_episode
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from busybot.evaluation.folder import BOARDS, RESULT
 from busybot.files import read_json
 from busybot.interact.chooser import load_once
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.plan.agent import Act, Briefing, Contact, Situation, Stop
 from busybot.plan.agents.simple import Noop
+from busybot.plan.contacts import LearnedContacts
 from busybot.plan.evaluate import evaluate
 from busybot.plan.player import PlanConfig, Player, Prepared
 from busybot.reason.baselines import Persistence
 from busybot.reason.lookup import Lookup
 from busybot.reason.reasoner import Reasoner
+from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import BuiltIn
+from busybot.sim.policy import OracleObservation
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
-from busybot.sim.scene import Simulator
+from busybot.sim.scene import BoardScene, Simulator
+from tests.reach import reachable
 
 AGENTS = ["search", "noop", "oracle"]
 MODEL = "procedural"
@@ -36,12 +43,13 @@ BOARDS_CONFIG = BoardConfig(boards=2, split="novel-object", tasks="one-to-many",
 
 
 @pytest.fixture(scope="module")
-def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+def dataset(tmp_path_factory: pytest.TempPathFactory, work_here: Callable[[], AbstractContextManager[None]]) -> Dataset:
     """Two tasks with histories of 16 scripted actions."""
     path = tmp_path_factory.mktemp("tasks") / "data"
     library = find("procedural")
     found = create_dataset(path, BOARDS_CONFIG, library)
-    collect(found, library, CollectConfig(policy="scripted", steps=16), workers=1)
+    with work_here():
+        collect(found, library, CollectConfig(policy="scripted", steps=16), workers=1)
     return found
 
 
@@ -58,7 +66,7 @@ def player(simulator: Simulator) -> Player:
 @pytest.fixture(scope="module")
 def task(simulator: Simulator, player: Player) -> Prepared:
     board = next(iter(generate_boards(BOARDS_CONFIG, simulator.library)))
-    return player.prepare(record_episode(simulator, board, BuiltIn("scripted"), 16, InteractionConfig(), 0))
+    return player.prepare(record_episode(simulator, board, ScriptedFactory(), 16, InteractionConfig(), 0))
 
 
 def run(dataset: Dataset, agents: list[str] = AGENTS, boards: int | None = None, **more: Any) -> dict[str, Any]:
@@ -116,6 +124,32 @@ def test_search_with_the_truth_solves_what_search_may_not(player: Player, task: 
     assert both.judged.success == 1.0 and both.episode.oracle
     again = player.play(task, "search-true-both").judged
     assert again.responders == both.judged.responders and again.stopped == both.judged.stopped
+
+
+class Onlooker(Noop):
+    """Keeps what it is given."""
+
+    def __init__(self, given: list[object]):
+        self.given = given
+
+    def start(self, briefing: Briefing) -> None:
+        self.given.append(briefing)
+
+    def decide(self, situation: Situation) -> Act | Stop:
+        self.given += [situation, situation.candidates]
+        return Stop("has seen enough")
+
+
+def test_nothing_that_an_agent_is_given_leads_to_the_truth(player: Player, task: Prepared) -> None:
+    given: list[object] = []
+    played = player.play(task, lambda reasoner: Onlooker(given))
+    assert not played.episode.oracle and len(given) == 3
+    found = list(reachable(*given))
+    assert any(isinstance(one, Observation) for one in found) and any(isinstance(one, LearnedContacts) for one in found)
+    secret = Episode | BoardScene | BoardSpec | OracleObservation | Step | Player
+    assert not [type(one) for one in found if isinstance(one, secret)]
+    images = [one for one in found if isinstance(one, Image)]  # of the history, as reasoners have them
+    assert images and all(one.segmentation is None and not one.boxes.size for one in images)
 
 
 class Stranger(Noop):

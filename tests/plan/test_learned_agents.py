@@ -33,7 +33,7 @@ PPO = PpoConfig(iterations=4, envs=2, steps=30, batch=30, epochs=2, shuffle=Fals
 
 
 def sb3_or_skip() -> None:
-    pytest.importorskip("sb3_contrib", reason="sb3-contrib is not installed (extra `baselines`)")
+    pytest.importorskip("sb3_contrib", reason="sb3-contrib is not installed: `make extras`")
 
 
 def network(seed: int = 0) -> PolicyNetwork:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.plan.sight import Sight
 from busybot.reason.encoders.choose import choose
 from busybot.reason.observed import observe

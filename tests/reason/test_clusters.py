@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
 from busybot.reason.clusters import UNSEEN, clusters_of, fit_threshold, threshold_of
 from busybot.reason.features import features_of

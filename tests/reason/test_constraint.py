@@ -8,6 +8,7 @@ import pytest
 from busybot.errors import BusybotError
 from busybot.reason.constraint import PcConfig, discover_changes
 
+ABSENT = "causal-learn is not installed: `make extras`"
 TRIGGERS, RESPONDERS = np.array([0, 1, 2]), np.array([3, 4, 5])
 
 
@@ -20,7 +21,7 @@ def twelve_steps() -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_tests_of_pairs_find_what_changes_together() -> None:
-    pytest.importorskip("causallearn", exc_type=ImportError)
+    pytest.importorskip("causallearn", reason=ABSENT, exc_type=ImportError)
     edges = discover_changes(*twelve_steps(), TRIGGERS, RESPONDERS, PcConfig(condition=0))
     assert edges.shape == (12, 6, 6)
     assert {(int(i), int(j)) for i, j in np.argwhere(edges[-1])} == {(0, 3), (1, 4)}
@@ -29,7 +30,7 @@ def test_tests_of_pairs_find_what_changes_together() -> None:
 
 def test_full_conditioning_loses_edges_as_actions_determine_each_other() -> None:
     """With two triggers, which one was acted on follows from the other."""
-    pytest.importorskip("causallearn", exc_type=ImportError)
+    pytest.importorskip("causallearn", reason=ABSENT, exc_type=ImportError)
     changed, acted = twelve_steps()
     full = discover_changes(changed[:10], acted[:10], TRIGGERS[:2], RESPONDERS, PcConfig())
     assert not full[-1].any()

@@ -10,7 +10,7 @@ from torch_geometric.data import Batch
 
 from busybot.reason.event import EventReasoner
 from busybot.reason.event_config import EventConfig, NetConfig
-from busybot.reason.event_data import board_data, padded, seen_of
+from busybot.reason.event_data import board_graph, padded, seen_of
 from busybot.reason.event_fit import EventLearner
 from busybot.reason.event_net import EventNet
 from busybot.reason.lookup import Lookup
@@ -146,7 +146,7 @@ def test_boards_of_different_sizes_and_lengths_share_a_batch() -> None:
     boards = [*make_boards(2, 1), *make_boards(1, 2, triggers=4, responders=9, steps=12)]
     network = EventNet(NetConfig(), 2.0).eval()
     torch.nn.init.normal_(network.edges.pair[-1].weight)
-    alone = [network.log_edges(seen_of(Batch.from_data_list([board_data(b.seen)]), 2.0))[0] for b in boards]
-    together = network.log_edges(seen_of(Batch.from_data_list(padded(board_data(b.seen) for b in boards)), 2.0))[0]
+    alone = [network.log_edges(seen_of(Batch.from_data_list([board_graph(b.seen)]), 2.0))[0] for b in boards]
+    together = network.log_edges(seen_of(Batch.from_data_list(padded(board_graph(b.seen) for b in boards)), 2.0))[0]
     assert [len(one) for one in alone][2] == 36
     torch.testing.assert_close(together, torch.cat(alone), atol=1e-4, rtol=1e-4)

@@ -13,7 +13,7 @@ from torch import Tensor
 from busybot.errors import BusybotError
 from busybot.reason.event import EventReasoner
 from busybot.reason.event_config import EventConfig, LossConfig, NetConfig
-from busybot.reason.event_data import board_data
+from busybot.reason.event_data import board_graph
 from busybot.reason.event_fit import EventLearner, smallest_change
 from busybot.reason.sequence import Sequence
 from busybot.training.loop import LoopConfig, fit
@@ -150,7 +150,7 @@ def test_boards_of_different_lengths_are_trained_on_together() -> None:
 
 def test_the_smallest_change_lies_between_noise_and_change() -> None:
     boards = make_boards(20, 4, noise=0.02)
-    threshold = smallest_change([board_data(board.seen) for board in boards])
+    threshold = smallest_change([board_graph(board.seen) for board in boards])
     for board in boards:
         moved = np.linalg.norm(np.diff(board.seen.features, axis=0), axis=-1)[:, board.seen.responders]
         changed = (np.diff(board.states, axis=0) != 0)[:, board.seen.responders]

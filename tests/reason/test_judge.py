@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.reason.decoders import Decoded, Examples, appearances, examples, fit_decoders, fit_linear
 from busybot.reason.judge import Nearest
 from tests.episodes.synthetic import make_board

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from busybot.episodes.episode import Episode, Image, Link
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.reason.infer import infer
 from busybot.reason.observed import Observed, acted_objects, goal_of, observe
 from tests.episodes.synthetic import make_episode, make_task_episode

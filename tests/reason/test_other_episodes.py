@@ -12,7 +12,7 @@ import torch
 from busybot.boards.spec import LinkRef
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.reason.encoders.choose import choose
 from busybot.reason.evaluate import Judging, evaluate_dataset, judge_episode
 from busybot.reason.event_config import EventConfig

@@ -1,4 +1,7 @@
-"""The fast form of the paper's networks computes what the plain one does: outputs and gradients."""
+"""The paper's networks, in both of their forms, compute what the paper's formulas say: outputs and gradients.
+
+The formulas stand in `paper_dense`, with a board axis and two node axes.
+"""
 
 from collections.abc import Callable
 from typing import Literal
@@ -7,11 +10,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from busybot.reason import paper_dense as dense
 from busybot.reason.paper_boards import Boards, Frames, boards_of
 from busybot.reason.paper_config import PaperNetworkConfig
 from busybot.reason.paper_networks import PaperNetwork
 from busybot.reason.sequence import Sequence
+from tests.reason import paper_dense as dense
 from tests.reason.paper_scenes import SMALL, watched
 
 IMAGES = 5
@@ -21,9 +24,9 @@ PAIRS: list[Literal["all", "candidates"]] = ["all", "candidates"]
 Params = list[Tensor]
 
 
-def network_of(**changed: object) -> PaperNetwork:
+def network_of(factored: bool = True, **changed: object) -> PaperNetwork:
     torch.manual_seed(0)
-    return PaperNetwork(SMALL.model_copy(update=changed)).double()
+    return PaperNetwork(SMALL.model_copy(update=changed), factored).double()
 
 
 def boards(config: PaperNetworkConfig, seen: tuple[Sequence, ...] = SEEN) -> Boards:
@@ -69,10 +72,10 @@ def masks_of(joined: Boards) -> dense.Masks:
 def edge_slots(joined: Boards) -> tuple[Tensor, Tensor, Tensor]:
     """Board, receiver and sender of every pair."""
     board, place = slots(joined)
-    return board[joined.receivers], place[joined.receivers], place[joined.senders]
+    return board[joined.edge_index[1]], place[joined.edge_index[1]], place[joined.edge_index[0]]
 
 
-def fast(network: PaperNetwork, joined: Boards, noise: Tensor | None) -> tuple[Tensor, ...]:
+def passing(network: PaperNetwork, joined: Boards, noise: Tensor | None) -> tuple[Tensor, ...]:
     predicted, relations = network(joined, IMAGES, noise)
     return predicted, relations.logits, relations.types, relations.embeddings[:, 0]
 
@@ -101,17 +104,20 @@ def gradients(network: PaperNetwork, compute: Callable[[], tuple[Tensor, ...]]) 
     return tuple(torch.zeros_like(p) if p.grad is None else p.grad.clone() for p in network.parameters())
 
 
+@pytest.mark.parametrize("factored", [True, False])
 @pytest.mark.parametrize("pairs", PAIRS)
 @pytest.mark.parametrize("training", [True, False])
 @pytest.mark.parametrize("changed", [{}, {"normalise": False}, {"kernel": 3}, {"residual": True}], ids=str)
-def test_outputs_and_gradients_are_those_of_the_plain_form(pairs: str, training: bool, changed: dict[str, int]) -> None:
-    network = network_of(pairs=pairs, **changed).train(training)
+def test_outputs_and_gradients_are_those_of_the_formulas(
+    factored: bool, pairs: str, training: bool, changed: dict[str, int]
+) -> None:
+    network = network_of(factored, pairs=pairs, **changed).train(training)
     joined = boards(network.config)
-    noise = torch.randn(len(joined.receivers), 2, dtype=torch.float64) if training else None
-    for one, other in zip(fast(network, joined, noise), plain(network, joined, noise), strict=True):
+    noise = torch.randn(joined.edge_index.shape[1], 2, dtype=torch.float64) if training else None
+    for one, other in zip(passing(network, joined, noise), plain(network, joined, noise), strict=True):
         assert one.abs().max() > 0
         torch.testing.assert_close(one, other, rtol=1e-9, atol=1e-11)
-    one_way = gradients(network, lambda: fast(network, joined, noise))
+    one_way = gradients(network, lambda: passing(network, joined, noise))
     other_way = gradients(network, lambda: plain(network, joined, noise))
     torch.testing.assert_close(one_way, other_way, rtol=1e-8, atol=1e-10)
     flowing = {n for (n, _), gradient in zip(network.named_parameters(), one_way, strict=True) if gradient.any()}
@@ -130,14 +136,14 @@ def unused(network: PaperNetwork) -> set[str]:
 def test_steps_at_once_are_steps_one_after_the_other() -> None:
     network = network_of().eval()
     joined = boards(network.config)
-    pairs = joined.pairs
-    graph = network.infer(pairs, joined.observed(IMAGES))
+    edge_index = joined.edge_index
+    graph = network.infer(edge_index, joined.observed(IMAGES))
     frames, _ = joined.predicted(3)
-    together = network.predict(pairs, frames, graph)
+    together = network.predict(edge_index, frames, graph)
     for step in range(together.shape[1]):
         one = slice(step, step + 1)
         alone = network.predict(
-            pairs, Frames(frames.states[:, one], frames.actions[:, one], frames.actors[:, one]), graph
+            edge_index, Frames(frames.states[:, one], frames.actions[:, one], frames.actors[:, one]), graph
         )
         torch.testing.assert_close(alone, together[:, one])
 
@@ -145,11 +151,11 @@ def test_steps_at_once_are_steps_one_after_the_other() -> None:
 @pytest.mark.parametrize("pairs", PAIRS)
 def test_a_board_is_judged_alike_alone_and_among_others(pairs: str) -> None:
     network = network_of(pairs=pairs).eval()
-    together = fast(network, boards(network.config), None)
+    together = passing(network, boards(network.config), None)
     begin_node = begin_pair = 0
     for seen in SEEN:
         one = boards(network.config, (seen,))
-        for whole, alone in zip(together, fast(network, one, None), strict=True):
+        for whole, alone in zip(together, passing(network, one, None), strict=True):
             begin = begin_node if whole is together[0] else begin_pair
             torch.testing.assert_close(whole[begin : begin + len(alone)], alone)
-        begin_node, begin_pair = begin_node + sum(one.sizes), begin_pair + len(one.receivers)
+        begin_node, begin_pair = begin_node + sum(one.sizes), begin_pair + one.edge_index.shape[1]

@@ -148,12 +148,12 @@ def test_the_prior_is_an_option_that_makes_edges_rarer() -> None:
     network, joined = make_network(config, 0), boards(2)
     optimizer, outcomes = make_optimizer(network, config), []
     assert isinstance(network, PaperNetwork)
-    before = network.infer(joined.pairs, joined.observed(5)).probabilities.mean()
+    before = network.infer(joined.edge_index, joined.observed(5)).probabilities.mean()
     for number in range(12):
         outcomes.append(iterate(network, optimizer, joined, config, generator(0, "train", number, "test")))
     assert outcomes[0].loss == pytest.approx(outcomes[0].error + 10 * outcomes[0].divergence, rel=1e-5)
     assert outcomes[-1].divergence < 0.7 * outcomes[0].divergence
-    assert network.infer(joined.pairs, joined.observed(5)).probabilities.mean() < 0.7 * before
+    assert network.infer(joined.edge_index, joined.observed(5)).probabilities.mean() < 0.7 * before
 
 
 def test_matrices_may_be_multiplied_in_bfloat16() -> None:

@@ -7,7 +7,8 @@ import torch
 from busybot.reason.paper_boards import boards_of
 from busybot.reason.paper_config import PaperReasonConfig
 from busybot.reason.paper_fit import iterate, make_network, make_optimizer
-from busybot.reason.paper_history import PaperHistoryNetwork, PaperHistoryReasoner
+from busybot.reason.paper_networks import PaperHistoryNetwork
+from busybot.reason.paper_reasoner import PaperHistoryReasoner
 from busybot.reason.reasoner import Reasoner
 from busybot.reason.sequence import Sequence
 from busybot.rng import generator

@@ -1,8 +1,9 @@
 """The schedule of the paper's training, and that a stopped training ends in the weights of one that is not."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,9 @@ import torch
 
 from busybot.errors import BusybotError
 from busybot.reason.models import ModelInfo, load_reasoner
-from busybot.reason.paper_boards import Boards, boards_of
-from busybot.reason.paper_config import PaperLoopConfig, PaperNetworkConfig, PaperReasonConfig
-from busybot.reason.paper_history import PaperHistoryReasoner
+from busybot.reason.paper_config import PaperLoopConfig, PaperReasonConfig
 from busybot.reason.paper_learner import PaperLearner
-from busybot.reason.paper_reasoner import PaperReasoner
+from busybot.reason.paper_reasoner import PaperHistoryReasoner, PaperReasoner
 from busybot.reason.sequence import Sequence
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import fit
@@ -54,18 +53,26 @@ def test_the_schedule_is_200_epochs_over_all_boards() -> None:
     assert PaperReasonConfig().loop.patience == PaperReasonConfig().loop.held_out == 0
 
 
-def test_an_epoch_sees_every_board(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[int] = []
+class Watching(list[Sequence]):
+    """Boards that note which of them are read."""
 
-    def watching(sequences: list[Sequence], config: PaperNetworkConfig) -> Boards:
-        seen.extend([sequence is board for board in BOARDS].index(True) for sequence in sequences)
-        return boards_of(sequences, config)
+    def __init__(self, boards: Iterable[Sequence]):
+        super().__init__(boards)
+        self.read: list[int] = []
 
-    monkeypatch.setattr("busybot.reason.paper_learner.boards_of", watching)
-    learner = PaperLearner(CONFIG, BOARDS, [], 0)
+    def __getitem__(self, index: Any) -> Any:
+        self.read.append(index)
+        return super().__getitem__(index)
+
+
+def test_an_epoch_sees_every_board_and_reads_those_of_an_iteration_only() -> None:
+    boards = Watching(BOARDS)
+    learner = PaperLearner(CONFIG, boards, [], 0)
+    assert not boards.read
     for iteration in range(4):
         learner.iterate(iteration)
-    assert sorted(seen[:3]) == sorted(seen[3:]) == [0, 1, 2]
+        assert len(boards.read) == (2, 3, 5, 6)[iteration]
+    assert sorted(boards.read[:3]) == sorted(boards.read[3:]) == [0, 1, 2]
 
 
 @pytest.mark.parametrize("inference", [True, False])

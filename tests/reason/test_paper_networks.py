@@ -64,7 +64,7 @@ def test_a_board_has_ten_nodes_the_vacant_ones_zeros() -> None:
     assert boards.sizes == (10, 10)
     states = boards.observed(3).states
     assert not states[5:10].any() and not states[18:].any() and states[:5].any()
-    assert len(boards.receivers) == len(boards.senders) == 2 * 10 * 9  # every node with every other one
+    assert boards.edge_index.shape[1] == 2 * 10 * 9  # every node with every other one
     assert not boards.responders[5:10].any()
 
 
@@ -116,7 +116,7 @@ def test_a_relu_follows_every_layer_but_the_decoders_last() -> None:
     for part in (net.encode_node, *net.encode_edge, net.propagate_node, net.decode_node[0]):  # type: ignore[index]
         part.register_forward_hook(lambda module, inputs, output: seen.append(output))
     boards = boards_of([watched(triggers=2, responders=2)], SMALL)
-    decoded, _ = net(boards.pairs, torch.randn(6, 3, 4), torch.randn(len(boards.receivers), 3, 2))
+    decoded, _ = net(boards.edge_index, torch.randn(6, 3, 4), torch.randn(boards.edge_index.shape[1], 3, 2))
     assert len(seen) == 3  # edges are encoded without joining their inputs
     assert all((output >= 0).all() and (output == 0).any() for output in seen)
     assert (decoded < 0).any()
@@ -124,7 +124,7 @@ def test_a_relu_follows_every_layer_but_the_decoders_last() -> None:
 
 def test_the_spatial_encoder_gives_128_numbers_for_nodes_and_edges(paper: PaperNetwork, boards: Boards) -> None:
     nothing = boards.to("meta")
-    nodes, edges = paper.spatial(nothing.pairs, nothing.observed(23).states, None)
+    nodes, edges = paper.spatial(nothing.edge_index, nothing.observed(23).states, None)
     assert nodes.shape == (20, 23, 128) and edges.shape == (180, 23, 128)
 
 
@@ -149,7 +149,8 @@ def test_edges_have_two_types_and_32_numbers(graph: tuple[Tensor, Relations]) ->
 
 def test_edge_embeddings_depend_on_the_types() -> None:
     network, boards = PaperNetwork(SMALL).eval(), boards_of([watched()], SMALL)
-    first, second = (network.infer(boards.pairs, boards.observed(5), noise) for noise in noises(len(boards.receivers)))
+    edges, observed = boards.edge_index, boards.observed(5)
+    first, second = (network.infer(edges, observed, noise) for noise in noises(edges.shape[1]))
     assert torch.equal(first.logits, second.logits)
     assert (first.embeddings - second.embeddings).abs().max() > 0
 
@@ -191,12 +192,12 @@ def test_inference_knows_nothing_of_what_follows_the_23_images() -> None:
 
 def test_a_step_is_predicted_from_its_own_frame_action_and_the_graph() -> None:
     network, boards = PaperNetwork(SMALL).eval(), boards_of([watched(steps=8)], SMALL)
-    graph = network.infer(boards.pairs, boards.observed(4))
+    graph = network.infer(boards.edge_index, boards.observed(4))
     frames, _ = boards.predicted(4)
-    before = network.predict(boards.pairs, frames, graph)
+    before = network.predict(boards.edge_index, frames, graph)
     frames.states[:, 2, :256] += 1
     frames.actions[:, 3] += 1
-    changed = (network.predict(boards.pairs, frames, graph) - before).abs().amax((0, 2))
+    changed = (network.predict(boards.edge_index, frames, graph) - before).abs().amax((0, 2))
     assert changed[2] > 0 and changed[3] > 0 and not changed[[0, 1, 4]].any()
 
 
@@ -204,11 +205,11 @@ def test_no_message_passes_where_there_is_no_relation() -> None:
     network = PaperNetwork(SMALL.model_copy(update={"pairs": "candidates"})).eval()
     boards = boards_of([watched(triggers=1, responders=2)], network.config)
     frames, _ = boards.predicted(4)
-    for noise, reached in zip(noises(len(boards.receivers)), (False, True), strict=True):
-        graph = network.infer(boards.pairs, boards.observed(4), noise)
-        first = network.predict(boards.pairs, frames, graph)
+    for noise, reached in zip(noises(boards.edge_index.shape[1]), (False, True), strict=True):
+        graph = network.infer(boards.edge_index, boards.observed(4), noise)
+        first = network.predict(boards.edge_index, frames, graph)
         frames.actions.add_(1)
-        second = network.predict(boards.pairs, frames, graph)
+        second = network.predict(boards.edge_index, frames, graph)
         responders = (first - second)[boards.responders].abs().max()
         assert (responders > 1e-6) == reached
 
@@ -234,5 +235,5 @@ def test_options_predict_changes_and_leave_out_pairs_that_cannot_be_related() ->
     before = boards.predicted(4)[0].states[..., :256]
     torch.testing.assert_close(change(boards, 4)[0], plain(boards, 4)[0] + before)
     few = boards_of([watched(1, 2, 3), watched(2, 3, 4)], SMALL.model_copy(update={"pairs": "candidates"}))
-    assert few.sizes == (5, 7) and len(few.receivers) == 2 * 3 + 3 * 4
-    assert few.responders[few.receivers].all() and not few.responders[few.senders].any()
+    assert few.sizes == (5, 7) and few.edge_index.shape[1] == 2 * 3 + 3 * 4
+    assert few.responders[few.edge_index[1]].all() and not few.responders[few.edge_index[0]].any()

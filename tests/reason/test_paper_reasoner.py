@@ -54,9 +54,9 @@ def test_probabilities_are_those_of_the_network(reasoner: PaperReasoner) -> None
     seen = watched(triggers=2, responders=3, steps=6)
     boards = board_of(seen, reasoner.network)
     with torch.no_grad():
-        relations = reasoner.network.infer(boards.pairs, boards.observed(7))
+        relations = reasoner.network.infer(boards.edge_index, boards.observed(7))
     matrix = reasoner.graph(seen).after(6)
-    pairs = zip(boards.senders, boards.receivers, relations.probabilities, strict=True)
+    pairs = zip(*boards.edge_index, relations.probabilities, strict=True)
     found = {(int(sender), int(receiver)): float(p) for sender, receiver, p in pairs}
     for trigger, responder in zip(*np.nonzero(seen.candidates), strict=True):
         assert matrix[trigger, responder] == pytest.approx(found[trigger, responder], abs=1e-6)

@@ -8,14 +8,15 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.objects.library import Library
 from busybot.reason.appearance import changes
 from busybot.reason.evaluate import judge_episode
 from busybot.reason.observed import acted_objects, observe
 from busybot.reason.summary import summarise
+from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import BuiltIn
 from busybot.sim.recorder import record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
@@ -36,7 +37,7 @@ def test_counting_finds_the_relations_of_scripted_rollouts(simulator: Simulator,
     judged = []
     for board in generate_boards(config, simulator.library):
         write_episode(
-            tmp_path / "e.mcap", record_episode(simulator, board, BuiltIn("scripted"), 22, InteractionConfig(), 11)
+            tmp_path / "e.mcap", record_episode(simulator, board, ScriptedFactory(), 22, InteractionConfig(), 11)
         )
         episode = read_episode(tmp_path / "e.mcap", "lazy")
         _assert_changes_are_seen(episode)

@@ -8,7 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
 from busybot.reason.encoders.choose import choose
 from busybot.reason.features import Features, features_of, store_of

@@ -35,6 +35,22 @@ def test_the_lock_agrees_with_pyproject() -> None:
     assert {name: locked.get(name) for name in direct} == direct
 
 
+def test_whatever_is_installed_for_users_is_imported_by_the_package() -> None:
+    """But for pandas: what dataset cards tell readers to open the tables with."""
+    modules = {
+        "foxglove-sdk": "foxglove",
+        "opencv-python": "cv2",
+        "pillow": "PIL",
+        "protobuf": "google.protobuf",
+        "pyyaml": "yaml",
+        "rerun-sdk": "rerun",
+    }
+    text = "\n".join(path.read_text() for path in (ROOT / "busybot").rglob("*.py"))
+    named = {name: modules.get(name, name.replace("-", "_")) for name in pins(PROJECT["dependencies"])}
+    idle = {name for name, module in named.items() if not re.search(rf"^ *(from|import) {module}\b", text, re.M)}
+    assert idle == set() and "import pandas as pd" in text and "trimesh" not in named
+
+
 def test_the_lock_has_hashes_and_no_place() -> None:
     requirements = re.findall(
         r"^[a-z0-9][^\n]*==[^\n]*\n(?:    --hash=sha256:[0-9a-f]{64}(?: \\)?\n)+", LOCK, re.MULTILINE

@@ -1,6 +1,7 @@
 """One simulator per test process: shaders are compiled once, and SAPIEN keeps its shader pack globally."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
@@ -8,10 +9,13 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import Simulator
+
+Once = Callable[[str, Callable[[Path], object]], Path]
 
 
 @pytest.fixture(scope="session")
@@ -34,11 +38,15 @@ def small_simulator() -> Simulator:
 
 
 @pytest.fixture(scope="session")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dataset]:
+def recorded(once: Once, work_here: Callable[[], AbstractContextManager[None]]) -> Iterator[Dataset]:
     """Three boards with relations of all kinds and what the scripted policy did on them; not to be changed."""
-    path = tmp_path_factory.mktemp("recorded") / "data"
-    dataset = create_dataset(path, BoardConfig(boards=3, group_size=1, relations="one-to-many"), find("procedural"))
-    collect(dataset, find("procedural"), CollectConfig(policy="scripted", steps=5, render=SMALL), 1)
+
+    def record(path: Path) -> None:
+        dataset = create_dataset(path, BoardConfig(boards=3, group_size=1, relations="one-to-many"), find("procedural"))
+        with work_here():
+            collect(dataset, find("procedural"), CollectConfig(policy="scripted", steps=5, render=SMALL), 1)
+
+    dataset = Dataset.open(once("recorded", record))
     before = dataset.hashes()
-    yield Dataset.open(path)
+    yield dataset
     assert dataset.hashes() == before

@@ -9,7 +9,7 @@ import pytest
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim import builders
 from busybot.sim.builders import Builders
 from busybot.sim.render import RenderConfig
@@ -30,6 +30,7 @@ def test_the_least_recently_used_objects_are_forgotten(monkeypatch: pytest.Monke
     assert kept.get(models[1], 1.0) is not second
 
 
+@pytest.mark.long
 def test_memory_is_bounded() -> None:
     """In a process of its own: what other tests left behind moves the memory of this one."""
     code = "from tests.sim.test_builders import growth; print(growth())"
@@ -51,7 +52,8 @@ def growth() -> float:
 
 def test_pictures_are_the_same_whatever_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     library = find("procedural")
-    boards = list(generate_boards(BoardConfig(boards=24, group_size=1), library))
+    boards = list(generate_boards(BoardConfig(boards=12, group_size=1), library))
+    assert len({item.key for board in boards for item in board.objects}) > 20
     forgetful, thorough = Simulator(library, SMALL), Simulator(library, SMALL)
     for board in boards:
         monkeypatch.setattr(builders, "KEPT", 10)

@@ -58,7 +58,7 @@ def test_truncation_after_max_steps(env: BusyBoardEnv) -> None:
 
 def test_acting_on_a_visible_trigger_works_and_can_be_undone_by_restoring(env: BusyBoardEnv) -> None:
     env.reset(seed=1)
-    scene, image = env._scene, env.image
+    scene, image = env._scene, env._image
     assert scene is not None and image.segmentation is not None and image.depth is not None
     successes = 0
     for code, link in enumerate(scene.links, start=1):

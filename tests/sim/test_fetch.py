@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from busybot.errors import BusybotError
+from busybot.files import unfinished
 from busybot.objects.raw import read_raw
 from busybot.sim.fetch import fetch
-from busybot.unfinished import unfinished
 from tests.objects.raw_objects import ROCKER, make_raw
 
 TOKEN = "secret+token/with=signs"

@@ -11,8 +11,8 @@ from busybot.boards.task import goal_responders, responder_states, start_states
 from busybot.episodes.compare import compare_episodes, compare_images
 from busybot.episodes.episode import Episode
 from busybot.errors import BusybotError
+from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import BuiltIn
 from busybot.sim.recorder import picture_goal, record_episode
 from busybot.sim.replay import act_again
 from busybot.sim.scene import BoardState, Simulator
@@ -23,7 +23,7 @@ def board(simulator: Simulator, seed: int = 3) -> BoardSpec:
 
 
 def record(simulator: Simulator, spec: BoardSpec, steps: int = 8) -> Episode:
-    return record_episode(simulator, spec, BuiltIn("scripted"), steps, InteractionConfig(), 3)
+    return record_episode(simulator, spec, ScriptedFactory(), steps, InteractionConfig(), 3)
 
 
 def with_goal(spec: BoardSpec, goal: tuple[int, ...]) -> BoardSpec:

@@ -9,8 +9,9 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.directions import OPPOSITE
 from busybot.boards.generate import generate_boards
 from busybot.episodes.geometry import Rays
+from busybot.sim.builtin_policies import RandomPolicy, ScriptedPolicy
 from busybot.sim.interaction import InteractionConfig, changed_pixels, interact, permitted
-from busybot.sim.policies import BuiltIn
+from busybot.sim.policy import oracle_observation
 from busybot.sim.recorder import grasp_at
 from busybot.sim.scene import BoardScene, Simulator
 
@@ -51,9 +52,9 @@ def test_the_proposed_direction_comes_first_and_a_success_ends_the_action(proced
     seen = set()
     for scene in scenes(procedural_simulator, 4):
         rays, image = Rays(scene.camera), scene.observe()
-        policy = BuiltIn("scripted").make(scene, rays, InteractionConfig())
+        policy = ScriptedPolicy(scene, rays, InteractionConfig())
         for _ in range(12):
-            action = policy.choose(image, rng)
+            action = policy.select_action(oracle_observation(image, scene.camera), rng)
             for direction in (action.directions[0], int(OPPOSITE[action.directions[0]])):
                 grasp = grasp_at(scene, image, rays, action.pixel)
                 saved = scene.save()
@@ -77,8 +78,8 @@ def test_the_proposed_direction_comes_first_and_a_success_ends_the_action(proced
 def test_a_joint_that_did_not_cross_its_detent_snaps_back(procedural_simulator: Simulator) -> None:
     scene = scenes(procedural_simulator, 1)[0]
     rays, image = Rays(scene.camera), scene.observe()
-    policy = BuiltIn("scripted").make(scene, rays, InteractionConfig())
-    action = policy.choose(image, np.random.default_rng(1))
+    policy = ScriptedPolicy(scene, rays, InteractionConfig())
+    action = policy.select_action(oracle_observation(image, scene.camera), np.random.default_rng(1))
     grasp = grasp_at(scene, image, rays, action.pixel)
     before = scene.joint_positions()
     short = InteractionConfig(increment=1e-5)
@@ -120,9 +121,9 @@ def test_rewards_have_no_false_positives_and_effects_are_larger_than_delta(real_
     for scene in scenes(real_simulator, 6):
         rays, image = Rays(scene.camera), scene.observe()
         for name, count in (("scripted", 12), ("random", 12)):
-            policy = BuiltIn(name).make(scene, rays, InteractionConfig())
+            policy = ScriptedPolicy(scene, rays, InteractionConfig()) if name == "scripted" else RandomPolicy(rays)
             for _ in range(count):
-                action = policy.choose(image, rng)
+                action = policy.select_action(oracle_observation(image, scene.camera), rng)
                 step, after = interact(
                     scene, grasp_at(scene, image, rays, action.pixel), action.directions[0], InteractionConfig(), image
                 )
@@ -140,9 +141,9 @@ def test_the_physical_stop_agrees_with_looking_after_every_increment(real_simula
     looking = InteractionConfig(stop="pixels")
     for scene in scenes(real_simulator, 10, seed=3):
         rays, image = Rays(scene.camera), scene.observe()
-        policy = BuiltIn("scripted").make(scene, rays, InteractionConfig())
+        policy = ScriptedPolicy(scene, rays, InteractionConfig())
         for attempt in range(20):
-            action = policy.choose(image, rng)
+            action = policy.select_action(oracle_observation(image, scene.camera), rng)
             # every second action is a random direction, which often fails
             direction = action.directions[0] if attempt % 2 else int(rng.integers(18))
             grasp = grasp_at(scene, image, rays, action.pixel)

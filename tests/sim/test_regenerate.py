@@ -9,10 +9,11 @@ import pytest
 
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.diff import diff
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
-from busybot.objects.library import find
+from busybot.objects.resolve import find
 from busybot.sim.regenerate import regenerate
 from tests.episodes.folders import make_dataset
 from tests.episodes.tamper import rewrite

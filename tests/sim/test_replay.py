@@ -11,10 +11,11 @@ from busybot.boards.generate import generate_boards
 from busybot.episodes.compare import compare_episodes
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
+from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policies import BuiltIn
 from busybot.sim.recorder import record_episode
 from busybot.sim.replay import Replay, act_again, render_config, shows_effects
 from busybot.sim.scene import Simulator
@@ -38,7 +39,7 @@ def test_every_step_of_a_dataset_goes_back_exactly(recorded: Dataset, small_simu
 def record(simulator: Simulator, policy: str, seed: int, steps: int = 8) -> Episode:
     config = BoardConfig(boards=1, group_size=1, relations="one-to-many", seed=seed)
     board = next(iter(generate_boards(config, simulator.library)))
-    return record_episode(simulator, board, BuiltIn(policy), steps, InteractionConfig(), seed)
+    return record_episode(simulator, board, builtin_factory(policy), steps, InteractionConfig(), seed)
 
 
 @pytest.mark.parametrize("policy", ["scripted", "random"])

@@ -8,7 +8,7 @@ from busybot.episodes.carried import library_of
 from busybot.episodes.create import boards_again
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.manifest import read_manifest
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.episodes.verify import verify
 from busybot.files import scan
 from busybot.sim.regenerate import regenerate

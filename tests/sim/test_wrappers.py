@@ -33,7 +33,7 @@ def test_a_pixel_means_what_is_seen_there(env: gymnasium.Env[Any, Any]) -> None:
     wrapped, core = PixelActions(env), env.unwrapped
     assert isinstance(core, BusyBoardEnv)
     wrapped.reset(seed=2)
-    scene, segmentation = core._scene, core.image.segmentation
+    scene, segmentation = core._scene, core._image.segmentation
     assert scene is not None and segmentation is not None
     seen = 0
     for code, link in enumerate(scene.links, start=1):

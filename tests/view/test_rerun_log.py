@@ -9,7 +9,8 @@ from rerun.chunk import RrdReader
 
 from busybot.boards.task import goal_responders
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import read_episode, write_episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
 from busybot.reason.result import InferredGraph
 from busybot.view.rerun_graph import graph_positions, place_labels

@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 from busybot.cli.main import app
 from busybot.episodes.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_file import write_episode
+from busybot.episodes.mcap_writer import write_episode
 from busybot.errors import BusybotError
 from busybot.view.palette import ACTION, CORRECT, WRONG
-from busybot.view.report_page import Heading, Picture, Text
-from busybot.view.report_sequences import MISSING, sequence_blocks
+from busybot.view.report.page import Heading, Picture, Text
+from busybot.view.report.report import NO_SEQUENCE, sequence_blocks
 from busybot.view.scene import named, remaining_responders
 from busybot.view.sequence_figure import COLUMNS, sequence_figure
 from tests.episodes.folders import make_dataset
@@ -96,4 +96,4 @@ def test_a_report_shows_a_telling_rollout_of_every_folder(rollouts: Path, tmp_pa
     sequence_figure(tmp_path / "second.png", rollout())
     assert cv2.imread(str(picture.path)).shape == cv2.imread(str(tmp_path / "second.png")).shape
     histories = make_dataset(tmp_path / "other" / "histories", finished=(0,)).path
-    assert sequence_blocks([histories.parent, tmp_path / "none"], tmp_path / "figures")[1:] == [Text(MISSING)]
+    assert sequence_blocks([histories.parent, tmp_path / "none"], tmp_path / "figures")[1:] == [Text(NO_SEQUENCE)]

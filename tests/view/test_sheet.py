@@ -8,7 +8,8 @@ import pytest
 from PIL import Image
 
 from busybot.errors import BusybotError
-from busybot.objects.library import Library, find
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
 from busybot.sim.portraits import GROUND, portraits
 from busybot.view.sheet import groups, sheet
 

@@ -5,21 +5,19 @@ never meets the objects of an old one. It is built beside its place and renamed 
 all, and of two processes that build at once the second one's copy is dropped.
 """
 
+import contextlib
 import hashlib
-import os
-import shutil
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
 from busybot.errors import BusybotError
-from busybot.files import write_json
+from busybot.files import make_folder, remove, remove_abandoned, rename, unfinished, write_json
 from busybot.objects import cache
 from busybot.objects.library import SPLIT_FILE, Library
 from busybot.objects.procedural.families import FAMILIES
 from busybot.objects.procedural.write import write_object
 from busybot.rng import generator
-from busybot.unfinished import remove_abandoned, unfinished
 
 DEFAULT_SEED = 0
 
@@ -52,15 +50,16 @@ def make_library(folder: Path, seed: int = DEFAULT_SEED) -> list[str]:
     return keys
 
 
-def procedural_library(seed: int = DEFAULT_SEED) -> Library:
+def procedural_library() -> Library:
     """The procedural library from the user's cache, made there first if it is absent or damaged."""
-    place = cache.cache_folder() / f"procedural-{_code_hash(seed)}"
+    place = cache.cache_folder() / f"procedural-{_code_hash()}"
     if place.is_dir():
         try:
             return _named(Library.load(place))
         except BusybotError:
-            shutil.rmtree(place, ignore_errors=True)
-    _build_into(place, seed)
+            with contextlib.suppress(OSError):
+                remove(place)
+    _build_into(place)
     return _named(Library.load(place))
 
 
@@ -68,14 +67,14 @@ def _named(library: Library) -> Library:
     return replace(library, name="procedural")
 
 
-def _build_into(place: Path, seed: int) -> None:
+def _build_into(place: Path) -> None:
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(place.parent)
         remove_abandoned(place.parent, "procedural")
         with unfinished(place.parent, "procedural") as made:
-            make_library(made, seed)
+            make_library(made)
             try:
-                os.rename(made, place)
+                rename(made, place)
             except OSError:
                 if not place.is_dir():  # nobody else was faster
                     raise
@@ -85,9 +84,9 @@ def _build_into(place: Path, seed: int) -> None:
         ) from None
 
 
-def _code_hash(seed: int) -> str:
-    """Names the library that this code makes from this seed."""
-    digest = hashlib.sha256(str(seed).encode())
+def _code_hash() -> str:
+    """Names the library that this code makes from its seed."""
+    digest = hashlib.sha256(str(DEFAULT_SEED).encode())
     sources = [entry for entry in resources.files("busybot.objects.procedural").iterdir() if entry.name.endswith(".py")]
     for entry in sorted(sources, key=lambda entry: entry.name):
         digest.update(entry.read_bytes())

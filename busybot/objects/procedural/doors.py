@@ -3,8 +3,6 @@
 In plan: x along the door's height (its top at +x), y across; the hinge at low y. Behind the leaf lies a dark floor.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from busybot.objects.procedural import hardware, palette
@@ -29,7 +27,6 @@ LEAF_LENGTH, LEAF_WIDTH = 0.66, 0.30
 LEAF_BOTTOM, LEAF_TOP = 0.014, 0.044
 OPEN = 1.5
 FLOORS = (palette.SHADOW, palette.NAVY, palette.WINE, palette.FOREST, palette.BLUSH, palette.SKY)
-Leaf = Callable[[np.random.Generator], list[Part]]
 
 
 def door(
@@ -59,8 +56,8 @@ def stud(radius: float, height: float) -> Solid:
     return lathe([(radius, 0.0), (0.8 * radius, 0.6 * height), (0.0, height)], 10)
 
 
-def slab(material: Material, top: float = LEAF_TOP) -> Part:
-    return Part(prism(rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.006), LEAF_BOTTOM, top, bevel=0.003), material)
+def slab(material: Material) -> Part:
+    return Part(prism(rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.006), LEAF_BOTTOM, LEAF_TOP, bevel=0.003), material)
 
 
 def _panel(x: float, y: float, length: float, width: float, material: Material) -> list[Part]:

@@ -46,11 +46,10 @@ def plate(
     rng: np.random.Generator,
     screws: str = "corners",
     radius: float = 0.03,
-    thickness: float = PLATE_THICKNESS,
 ) -> list[Part]:
     """A cover plate with a rounded rim and screws: `corners`, `ends` (left and right), `poles` or `none`."""
     outline = rectangle(width, height, radius)
-    parts = [Part(prism(outline, 0, thickness, bevel=0.010, steps=3), material)]
+    parts = [Part(prism(outline, 0, PLATE_THICKNESS, bevel=0.010, steps=3), material)]
     x, y = width / 2 - 0.028, height / 2 - 0.028
     places = {
         "corners": [(sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1)],
@@ -59,7 +58,7 @@ def plate(
         "none": [],
     }[screws]
     for place in places:
-        parts += screw(*place, thickness - 0.001, float(rng.uniform(0, np.pi)))
+        parts += screw(*place, PLATE_THICKNESS - 0.001, float(rng.uniform(0, np.pi)))
     return parts
 
 
@@ -82,9 +81,9 @@ def round_bezel(outer: float, inner: float, rise: float, material: Material) -> 
     return [Part(collar, material), Part(lathe([(inner + lip, 0), (inner + lip, 0.002)], 32), palette.SHADOW)]
 
 
-def rocker_body(width: float, length: float, ends: float, middle: float, depth: float, facets: int = 6) -> Solid:
+def rocker_body(width: float, length: float, ends: float, middle: float, depth: float) -> Solid:
     """A rocker that tilts about y: its top dips from `ends` (at x = +-length / 2) to `middle`."""
-    xs = np.linspace(length / 2, -length / 2, 2 * facets + 1)
+    xs = np.linspace(length / 2, -length / 2, 13)
     dip = middle + (ends - middle) * np.abs(2 * xs / length) ** 1.6
     section = [(-length / 2, -depth), (length / 2, -depth), *zip(xs.tolist(), dip.tolist(), strict=True)]
     outline = np.array(section)
@@ -138,24 +137,24 @@ def bat(length: float, radius: float, metal: Material, tip: Material) -> list[Pa
     return [Part(stem, metal), Part(lathe(smooth(profile, 2), 18), tip)]
 
 
-def dish_cap(radius: float, height: float, skirt: float = 0.03) -> Solid:
-    """A round button with a dished top; its rim is at `height`, its hidden skirt reaches down to -skirt."""
+def dish_cap(radius: float, height: float) -> Solid:
+    """A round button with a dished top; its rim is at `height`, its hidden skirt reaches down to -0.03."""
     top = [(radius, height - 0.010), (0.97 * radius, height - 0.003), (0.90 * radius, height)]
     dish = [(0.80 * radius, height - 0.001), (0.5 * radius, height - 0.005), (0.0, height - 0.007)]
-    return lathe([(radius, -skirt), *top, *dish], 32)
+    return lathe([(radius, -0.03), *top, *dish], 32)
 
 
-def dome(radius: float, height: float, skirt: float = 0.03, points: int = 32) -> Solid:
+def dome(radius: float, height: float, skirt: float) -> Solid:
     """A mushroom top, widest at z = 0."""
-    angles = np.linspace(0, np.pi / 2, 3 + points // 8)
+    angles = np.linspace(0, np.pi / 2, 7)
     profile = [(radius * float(np.cos(a)), height * float(np.sin(a))) for a in angles]
     profile[-1] = (0.0, height)
-    return lathe([(0.55 * radius, -skirt), (0.62 * radius, -0.012), (0.95 * radius, -0.010), *profile], points)
+    return lathe([(0.55 * radius, -skirt), (0.62 * radius, -0.012), (0.95 * radius, -0.010), *profile], 32)
 
 
-def knob(radius: float, height: float, material: Material, metal: Material, teeth: int = 20) -> list[Part]:
+def knob(radius: float, height: float, material: Material, metal: Material) -> list[Part]:
     """A knurled knob with a metal disc on top."""
-    body = prism(star(radius, 0.035 * radius, teeth, 4), 0, height, bevel=0.12 * radius)
+    body = prism(star(radius, 0.035 * radius, 20, 4), 0, height, bevel=0.12 * radius)
     disc = lathe([(0.72 * radius, height), (0.70 * radius, height + 0.003), (0.0, height + 0.0035)], 28)
     return [Part(body, material), Part(disc, metal)]
 
@@ -168,10 +167,10 @@ def slot(width: float, height: float, material: Material, rim: float = 0.012) ->
     return [Part(frame(outer, inner, 0, 0.010, bevel=0.004), material), Part(floor, palette.SHADOW)]
 
 
-def ridged_cap(length: float, width: float, height: float, material: Material, ridges: int = 5) -> list[Part]:
-    """A slider's grip: a rounded block with ridges across x."""
+def ridged_cap(length: float, width: float, height: float, material: Material) -> list[Part]:
+    """A slider's grip: a rounded block with five ridges across x."""
     block = prism(rectangle(length, width, 0.2 * min(length, width)), 0, height, bevel=0.2 * height, steps=3)
     parts = [Part(block, material)]
-    for x in np.linspace(-0.32, 0.32, ridges) * length:
+    for x in np.linspace(-0.32, 0.32, 5) * length:
         parts.append(Part(box(0.09 * length, 0.86 * width, 0.008, 0.003).moved(x=float(x), z=height - 0.002), material))
     return parts

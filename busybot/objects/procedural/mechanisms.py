@@ -23,9 +23,9 @@ def swung(parts: Sequence[Part], at: Vector, swing: float, kind: Kind = "small",
     return MovingLink(shifted(parts, at), "revolute", at, (0, 1, 0), -swing, swing, kind, label)
 
 
-def lifted(parts: Sequence[Part], at: Vector, angle: float, kind: Kind = "small") -> MovingLink:
+def lifted(parts: Sequence[Part], at: Vector, angle: float) -> MovingLink:
     """Hinged at `at`: what lies at higher x comes up by `angle` radians."""
-    return MovingLink(shifted(parts, at), "revolute", at, (0, -1, 0), 0.0, angle, kind, "lever")
+    return MovingLink(shifted(parts, at), "revolute", at, (0, -1, 0), 0.0, angle, "small", "lever")
 
 
 def trodden(parts: Sequence[Part], at: Vector, angle: float) -> MovingLink:

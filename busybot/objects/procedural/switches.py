@@ -36,16 +36,15 @@ from busybot.objects.procedural.solids import (
 
 
 def rocker_link(
-    x: float, y: float, z: float, width: float, length: float, tilt: float, material: Material, marks: bool = True
+    x: float, y: float, z: float, width: float, length: float, tilt: float, material: Material
 ) -> MovingLink:
     """A rocker that tilts about y; (x, y, z) is the middle of its dipping top."""
-    parts = [Part(hardware.rocker_body(width, length, 0.014, 0.0, 0.03), material)]
-    if marks:
-        sign = palette.WHITE if sum(material.color) < 2.2 else palette.GRAPHITE
-        parts += [
-            hardware.mark_bar(0.36 * width, sign).turned("y", -0.10).moved(x=0.30 * length, z=0.0066),
-            hardware.mark_ring(0.17 * width, sign).turned("y", 0.10).moved(x=-0.30 * length, z=0.0066),
-        ]
+    sign = palette.WHITE if sum(material.color) < 2.2 else palette.GRAPHITE
+    parts = [
+        Part(hardware.rocker_body(width, length, 0.014, 0.0, 0.03), material),
+        hardware.mark_bar(0.36 * width, sign).turned("y", -0.10).moved(x=0.30 * length, z=0.0066),
+        hardware.mark_ring(0.17 * width, sign).turned("y", 0.10).moved(x=-0.30 * length, z=0.0066),
+    ]
     # pressed left at the lower limit: turning about y lowers +x
     return MovingLink(
         shifted(parts, (x, y, z)), "revolute", (x, y, z - 0.02), (0, 1, 0), -tilt, tilt, "small", "rocker"
@@ -105,9 +104,9 @@ def toggle(variant: int, rng: np.random.Generator) -> Design:
     return Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x" if along == "x" else "y"))
 
 
-def button_link(parts: list[Part], x: float, y: float, z: float, travel: float, label: str = "button") -> MovingLink:
+def button_link(parts: list[Part], x: float, y: float, z: float, travel: float) -> MovingLink:
     """Something that is pressed: at position 0 it stands out, at `travel` it is down."""
-    return MovingLink(shifted(parts, (x, y, z)), "prismatic", (x, y, z), (0, 0, -1), 0.0, travel, "small", label)
+    return MovingLink(shifted(parts, (x, y, z)), "prismatic", (x, y, z), (0, 0, -1), 0.0, travel, "small", "button")
 
 
 def button(variant: int, rng: np.random.Generator) -> Design:

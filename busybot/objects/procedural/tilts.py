@@ -38,8 +38,9 @@ SUNK = 0.02
 """How far wheels and balls may reach below the board's surface."""
 
 
-def wedge_body(length: float, width: float, ends: float, middle: float, depth: float = 0.03) -> Solid:
+def wedge_body(length: float, width: float, ends: float, middle: float) -> Solid:
     """Two flat faces that meet in the middle, at a ridge if it is higher than the ends, else in a valley."""
+    depth = 0.03
     section = [(-length / 2, -depth), (length / 2, -depth), (length / 2, ends), (0.0, middle), (-length / 2, ends)]
     outline = np.array(section)
     rings = [ring(outline, -width / 2), ring(outline, width / 2)]

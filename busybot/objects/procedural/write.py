@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from busybot.files import make_folder, write_new
 from busybot.objects.procedural.design import Design, Material, MovingLink, Part, by_material, shifted
 from busybot.objects.procedural.solids import Solid, joined
 
@@ -20,12 +21,12 @@ _INERTIAL = '<inertial><mass value="10"/><inertia ixx="1" ixy="0" ixz="0" iyy="1
 
 def write_object(design: Design, folder: Path) -> None:
     """Write the object's files into a new folder."""
-    (folder / "textured_objs").mkdir(parents=True)
+    make_folder(folder / "textured_objs")
     for name, parts, origin in _links(design):
         if parts:
             local = shifted(parts, [-value for value in origin])
             _write_mesh(folder / "textured_objs", name, local, 1 / design.scale)
-    (folder / "mobility.urdf").write_text(_urdf(design), encoding="utf-8")
+    write_new(folder / "mobility.urdf", _urdf(design).encode())
     low, high = _box(design)
     _write_json(folder / "bounding_box.json", {"min": low, "max": high})
     _write_json(folder / "object_meta_info.json", _annotation(design, low, high))
@@ -79,9 +80,9 @@ def _write_mesh(folder: Path, name: str, parts: Sequence[Part], factor: float) -
         corners = np.stack([solid.faces + vertex_base, index.reshape(-1, 3) + normal_base], axis=2)
         lines.append(_rows("f %d//%d %d//%d %d//%d", corners.reshape(-1, 6)))
         vertex_base, normal_base = vertex_base + len(vertices), normal_base + len(unique)
-    (folder / f"{name}.obj").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_new(folder / f"{name}.obj", ("\n".join(lines) + "\n").encode())
     text = "\n".join(_material(material) for material, _ in groups)
-    (folder / f"{name}.mtl").write_text(text, encoding="utf-8")
+    write_new(folder / f"{name}.mtl", text.encode())
 
 
 def _rows(line: str, values: np.ndarray) -> str:
@@ -206,4 +207,4 @@ def _effects(design: Design) -> list[dict[str, Any]]:
 
 
 def _write_json(path: Path, value: Any) -> None:
-    path.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    write_new(path, (json.dumps(value, indent=1, sort_keys=True) + "\n").encode())

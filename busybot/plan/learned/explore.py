@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from busybot.boards.task import MAX_STEPS, reached, responder_states
 from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_file import read_episode
+from busybot.episodes.mcap_reader import read_episode
 from busybot.interact.chooser import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
 from busybot.plan.contacts import Contacts, LearnedContacts, worked_in
@@ -130,7 +130,7 @@ def explore(task: Prepared, scene: BoardScene, contacts: Contacts, sight: Sight,
         image = scene.observe()
         features = sight.see(Frame(image.rgb, image.depth))
         last = away[number] >= MAX_STEPS
-        offered, choices = offer(() if last else contacts.propose(image))
+        offered, choices = offer(() if last else contacts.propose(image.observation(scene.camera)))
         leads, worked = np.full(CHOICES, -1), np.full(CHOICES, -1)
         leads[STOP] = number
         for row, (contact, direction) in enumerate(choices, start=1):

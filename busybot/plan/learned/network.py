@@ -29,6 +29,7 @@ from busybot.plan.learned.practice import Rollout
 from busybot.reason.sequence import CHANNELS
 from busybot.training.checkpoint import load_tensors, load_weights
 from busybot.training.model_folder import WEIGHTS_FILE, ModelCard, find_folder, read_info
+from busybot.training.weights import drawing_nothing
 
 IMPOSSIBLE = -1e9
 """Score of what is no choice."""
@@ -174,7 +175,8 @@ def read_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, Poli
     info = read_info(folder, PolicyInfo)
     if info.agent != agent:
         raise BusybotError(f"{folder}: a policy of agent {info.agent}, not {agent}", f"name it as {info.agent}")
-    network = PolicyNetwork(info.net)
+    with drawing_nothing():
+        network = PolicyNetwork(info.net)
     load_weights(network, load_tensors(folder / WEIGHTS_FILE).tensors, folder / WEIGHTS_FILE)
     return info, network.eval()
 

@@ -12,8 +12,8 @@ what differs between two states of a responder moves many of them, what JPEG doe
 | 48 | colour, 4 x 4 x 3, weighted by occupancy |
 | 64 | gradients of the grey value, 4 x 4, four directions |
 
-The paper takes the first stage of an ImageNet ResNet-50 instead (encoder `resnet50`); `benchmarks/features.py` compares
-them.
+The paper takes the first stage of an ImageNet ResNet-50 instead (encoder `resnet50`); `benchmarks/studies/features.py`
+compares them.
 """
 
 import cv2

@@ -1,12 +1,11 @@
 """Where the weights of ImageNet's ResNet-50 come from: a file at hand, the cache, or their official place."""
 
 import hashlib
-import os
 import urllib.request
 from pathlib import Path
 
 from busybot.errors import BusybotError
-from busybot.files import sha256_of
+from busybot.files import replacing, sha256_of
 from busybot.objects.cache import cache_folder
 
 ADDRESS = "https://download.pytorch.org/models/resnet50-0676ba61.pth"
@@ -40,20 +39,15 @@ def resnet50_file(file: Path | None) -> tuple[Path, str]:
 
 
 def _download(place: Path) -> None:
-    place.parent.mkdir(parents=True, exist_ok=True)
-    temporary = place.with_name(f".{place.name}.{os.getpid()}.tmp")
     digest = hashlib.sha256()
     try:
-        with urllib.request.urlopen(ADDRESS, timeout=TIME_LIMIT_S) as answer, open(temporary, "wb") as out:
+        with urllib.request.urlopen(ADDRESS, timeout=TIME_LIMIT_S) as answer, replacing(place) as out:
             size = 0
             while (piece := answer.read(PIECE)) and size <= BYTES:
                 size += len(piece)
                 digest.update(piece)
                 out.write(piece)
-        if digest.hexdigest() != SHA256:
-            raise BusybotError(f"{ADDRESS}: what came has another SHA-256 than the file that is known", MEND)
-        os.replace(temporary, place)
+            if digest.hexdigest() != SHA256:
+                raise BusybotError(f"{ADDRESS}: what came has another SHA-256 than the file that is known", MEND)
     except OSError as error:  # no network, refused, too slow, or no room
         raise BusybotError(f"{ADDRESS}: cannot be downloaded: {error}", MEND) from None
-    finally:
-        temporary.unlink(missing_ok=True)

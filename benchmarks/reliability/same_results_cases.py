@@ -1,0 +1,160 @@
+"""What `same_results` runs: commands of `busybot` by name, and work that is interrupted.
+
+In commands `data/NAME` is a dataset of `DATASETS`, `tiny` a copy of the one that the repository ships, and `{real}` the
+folder of the annotated PartNet-Mobility objects.
+"""
+
+import itertools
+import shlex
+from dataclasses import dataclass
+
+SPLITS, ASSETS = ("train", "novel-config", "novel-object"), ("procedural", "{real}")
+WIRINGS = ("relations one-to-one", "relations one-to-many", "tasks one-to-one", "tasks one-to-many")
+BOARDS = {
+    f"{split}, {assets.strip('{}')}, {wiring}": f"--split {split} --assets {assets} --{wiring}"
+    for split, assets, wiring in itertools.product(SPLITS, ASSETS, WIRINGS)
+}
+"""Boards alone: what is given to `generate`, by name."""
+
+DATASETS = {
+    "random": ("--split train", "--policy random --steps 6"),
+    "random, 2 workers": ("--split train", "--policy random --steps 6 --workers 2"),
+    "scripted, png": ("--split train --relations one-to-many", "--policy scripted --steps 8 --images png"),
+    "learned": ("--split novel-config --relations one-to-one", "--policy learned --steps 6"),
+    "learned, 2 workers": ("--split novel-config --relations one-to-one", "--policy learned --steps 6 --workers 2"),
+    "learned, strict": ("--split novel-object --relations one-to-many", "--policy learned --steps 6 --strict"),
+    "real, random, png": ("--split novel-config --assets {real}", "--policy random --steps 6 --images png"),
+    "real, scripted": ("--split train --relations one-to-many --assets {real}", "--policy scripted --steps 10"),
+    "real, learned": ("--split novel-object --relations one-to-one --assets {real}", "--policy learned --steps 6"),
+    "tasks": ("--split train --tasks one-to-many", "--policy scripted --steps 10"),
+    "tasks, novel": ("--split novel-config --tasks one-to-one", "--steps 8"),
+    "real, tasks": ("--split novel-object --tasks one-to-many --assets {real}", "--steps 8"),
+}
+"""Recorded datasets of two boards: what is given to `generate` and to `collect`, by name."""
+
+MODES, REASONERS = ("evaluate", "greedy", "ucb", "collect"), ("event", "count", "pc", "lookup", "persistence")
+AGENTS = "search,busybot,predictive,relation,random,noop,oracle,search-true-relations,search-true-contacts"
+EVALUATIONS = {
+    **{f"interact, {mode}": f"interact 'data/learned, strict' --mode {mode} --set actions=4" for mode in MODES},
+    "interact, random": "interact data/learned --model random --set actions=4",
+    "interact, scripted": "interact data/learned --model scripted --set actions=4",
+    "interact, strict": "interact data/learned --strict --set actions=4",
+    "interact, real": "interact 'data/real, learned' --set actions=4",
+    "interact, real, ucb, strict": "interact 'data/real, learned' --mode ucb --strict --set actions=4",
+    **{f"reason, {model}": f"reason tiny --images 9 --model {model}" for model in REASONERS},
+    "reason, event, decoders": "reason 'data/scripted, png' --images 6 --decoders tiny",
+    "reason, event, real": "reason 'data/real, scripted' --images 7",
+    "reason, lookup, real": "reason 'data/real, scripted' --images 7 --model lookup",
+    "plan": f"plan 'data/tasks, novel' --agents {AGENTS}",
+    "plan, lookup": "plan data/tasks --model lookup --agents search,busybot,predictive,search-true-both",
+    "plan, real": f"plan 'data/real, tasks' --agents {AGENTS}",
+}
+"""`busybot eval` with shipped models and baselines, by name."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """Work that is done three times: at one go; until it is killed; and from there to its end.
+
+    Attributes:
+        command: `{out}` stands for its folder.
+        killed_at: it is killed when each of these patterns matches a file in its folder that is not empty.
+        generate: the folder is a dataset, generated so.
+        judged: command that judges the model that comes of it, `{model}`.
+    """
+
+    command: str
+    killed_at: tuple[str, ...]
+    generate: str = ""
+    judged: str = ""
+
+
+def settings(*values: str) -> str:
+    """Options that set parameters."""
+    return shlex.join(word for value in values for word in ("--set", value))
+
+
+SMALL_PICTURES = settings("render.width=160", "render.height=120")
+FAST = settings(
+    *("interaction.delta=30", "validation=2", "validation_steps=8", "position.checkpoint=4", "direction.checkpoint=4"),
+    "rounds=[{boards: 6, steps: 12, position: 12, direction: 12}, {boards: 3, steps: 6, position: 12, direction: 12}]",
+)
+PAPER = settings(
+    *("epochs=3", "boards=3", "steps=12", "random_epochs=0", "all_directions_epochs=1", "joint_epochs=1", "threads=1"),
+    *("checkpoint=1", "interaction.reward=joints", "position.epsilon_epochs=1", "direction.epsilon_epochs=1"),
+    *("position.batch=2", "position.iterations=2", "direction.batch=2", "direction.iterations=2"),
+)
+EVENT = settings("iterations=24", "batch=4", "images=6", "loop.judge=4", "loop.report=4", "loop.held_out=0.2")
+WIDTHS = ("embedding", "edge_embedding", "action", "hidden", "convolution", "recurrent")
+GRAPH = settings(
+    *("images=6", "epochs=4", "batch=4", "threads=1", "loop.judge=2"), *(f"network.{width}=8" for width in WIDTHS)
+)
+AGENT = settings("iterations=16", "loop.judge=4", "loop.report=4", "net.hidden=16", "net.token=16")
+BC, PPO = settings("batch=4"), settings("batch=16", "envs=2", "steps=16")
+
+EPISODE, CHECKPOINT, JUDGED_BOARD = "episodes/000000.mcap", "checkpoints/*.safetensors", "boards.jsonl"
+JUDGE_INTERACT = f"eval interact data/learned --model {{model}} --boards 1 --set actions=3 {SMALL_PICTURES}"
+JUDGE_REASON = "eval reason tiny --images 9 --model {model}"
+WORKS = {
+    "collect-random": Work(
+        "collect {out} --policy random --steps 6", (EPISODE,), "--split novel-object --boards 4 --group-size 1"
+    ),
+    "collect-learned": Work(
+        "collect {out} --steps 6", (EPISODE,), "--split train --tasks one-to-one --boards 3 --group-size 1"
+    ),
+    "eval-interact": Work("eval interact data/learned --set actions=4 --out {out}", (JUDGED_BOARD,)),
+    "eval-plan": Work("eval plan 'data/tasks, novel' --agents search,busybot,random --out {out}", (JUDGED_BOARD,)),
+    "interact-fast": Work(
+        f"train interact --out {{out}} {SMALL_PICTURES} {FAST}", ("rounds/01/" + EPISODE,), judged=JUDGE_INTERACT
+    ),
+    "interact-paper": Work(
+        f"train interact --model paper --out {{out}} {SMALL_PICTURES} {PAPER}",
+        ("rounds/002/" + EPISODE, CHECKPOINT),
+        judged=JUDGE_INTERACT,
+    ),
+    "reason-event": Work(f"train reason --out {{out}} --data tiny {EVENT}", (CHECKPOINT,), judged=JUDGE_REASON),
+    "reason-paper": Work(
+        f"train reason --model paper --out {{out}} --data tiny {GRAPH}", (CHECKPOINT,), judged=JUDGE_REASON
+    ),
+    "bc": Work(
+        f"train bc --out {{out}} --data data/tasks {AGENT} {BC}",
+        (CHECKPOINT,),
+        judged="eval plan 'data/tasks, novel' --boards 1 --agents bc={model}",
+    ),
+    "ppo": Work(
+        f"train ppo --out {{out}} --data data/tasks {AGENT} {PPO}",
+        (CHECKPOINT,),
+        judged="eval plan 'data/tasks, novel' --boards 1 --agents ppo={model}",
+    ),
+}
+"""Datasets, evaluations and trainings that can be interrupted."""
+
+OTHERS = {
+    "tiny, verify": "dataset verify tiny --workers 1",
+    "tiny, info": "dataset info tiny",
+    "tiny, replay": "replay tiny/episodes/000003.mcap --step 5",
+    "tiny, regenerate": "dataset regenerate tiny --out tiny-again --workers 1",
+    "tiny, info of what is regenerated": "dataset info tiny-again",
+    **{
+        name.format(version): command.format(version)
+        for version in ("1.0", "1.1")
+        for name, command in (
+            ("schema {}, verify", "dataset verify fixtures/{}/dataset --workers 1"),
+            ("schema {}, info", "dataset info fixtures/{}/dataset"),
+            ("schema {}, recording without simulator", "view fixtures/{0}/real.mcap --save {0}.rrd"),
+        )
+    },
+    "diff": "dataset diff data/random 'data/random, 2 workers' --workers 1",
+    "freeze": "dataset freeze 'data/scripted, png' --workers 1",
+    "verify what is frozen": "dataset verify 'data/scripted, png' --workers 1",
+    **{
+        f"features, {encoder}": f"features tiny --encoder {encoder} --parquet {encoder}.parquet --workers 1"
+        for encoder in ("embedded", "random-box", "random-mask")
+    },
+    "models, list": "models list",
+    "models, verify": "models verify",
+    "models, verify old ones": f"models verify {' '.join(f'old/straight/{one}' for one in WORKS if WORKS[one].judged)}",
+    "report": "report results --out report",
+    "report of old results": "report old/results --out old-report",
+}
+"""Other commands, in the order in which they need each other."""

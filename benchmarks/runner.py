@@ -1,0 +1,186 @@
+"""What all benchmarks share: their options, the commands that they run, the cost of these, and their result files."""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import deque
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from busybot.evaluation.results import KINDS, read_result, stamp, write_result
+
+
+def parser(description: str | None, assets: bool = True, out: bool = True) -> argparse.ArgumentParser:
+    """A command line with the options that benchmarks have alike.
+
+    Args:
+        description: the module's docstring.
+        assets: whether it takes objects, by default procedural ones.
+        out: whether it has to be told a file for the result; otherwise the result is printed, too.
+    """
+    made = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    if assets:
+        made.add_argument("--assets", default="procedural", help="`procedural`, or a folder of objects")
+    made.add_argument("--out", type=Path, required=out, help="file for the result")
+    return made
+
+
+def finish(
+    kind: str,
+    arguments: argparse.Namespace,
+    figures: dict[str, Any],
+    versions: dict[str, str] | None = None,
+    hashes: dict[str, dict[str, Any]] | None = None,
+    machine: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Put what every result has before the figures, write it to `--out` if that is given, and return it.
+
+    Args:
+        machine: what is to be told of it beside what is told of all.
+    """
+    command, seed = typed(kind, arguments), getattr(arguments, "seed", None)
+    told = stamp(kind, command=command, seed=seed, versions=versions, hashes=hashes)
+    told["machine"] |= machine or {}
+    result = {**told, **figures}
+    if arguments.out:
+        write_result(arguments.out, result)
+    return result
+
+
+def typed(kind: str, arguments: argparse.Namespace) -> str:
+    """The command as it was typed, with names for places of this machine."""
+    words = [KINDS[kind].split(" --")[0]]
+    for name, value in vars(arguments).items():
+        if value is None or value is False or value == [] or callable(value):
+            continue
+        values = value if isinstance(value, list | tuple) else [value]
+        told = [] if value is True else [_without_place(name, one) for one in values]
+        words.append(" ".join([f"--{name.replace('_', '-')}", *told]))
+    return " ".join(words)
+
+
+def _without_place(option: str, value: Any) -> str:
+    """`event=/some/folder` is told as `event=FOLDER`, a file or folder by its option's name."""
+    name, given, place = str(value).partition("=")
+    if isinstance(value, Path) or "/" in name:
+        return option.upper()
+    return f"{name}=FOLDER" if given and "/" in place else str(value)
+
+
+def busybot(*arguments: str) -> dict[str, Any]:
+    """Run a command with --json and return what it printed; its progress goes on being shown.
+
+    Raises:
+        RuntimeError: the command failed; with the last lines of what it said.
+    """
+    command = [sys.executable, "-m", "busybot", *arguments, "--json"]
+    said: deque[str] = deque(maxlen=5)
+    with (
+        tempfile.TemporaryFile("w+") as out,  # a pipe that nobody reads meanwhile would fill up
+        subprocess.Popen(command, stdout=out, stderr=subprocess.PIPE, text=True) as process,
+    ):
+        assert process.stderr is not None
+        for line in process.stderr:
+            print(line, end="", file=sys.stderr, flush=True)
+            said.append(line.strip())
+        process.wait()
+        out.seek(0)
+        printed = out.read()
+    if process.returncode:
+        raise RuntimeError(" ".join(said))
+    return dict(json.loads(printed))
+
+
+def train(out: Path, *arguments: str) -> dict[str, Any]:
+    """Run a training into `out`, or continue it, or find it done; returns what it tells.
+
+    The key `cost` is added: wall time and memory, None if something interrupted the training.
+    """
+    fresh, note = not out.exists(), out.with_suffix(".cost.json")
+    with Cost() as cost:
+        told = busybot(*arguments)
+    if fresh:
+        note.write_text(json.dumps({"seconds": round(cost.seconds), "megabytes": round(cost.megabytes)}))
+    told["cost"] = json.loads(note.read_text()) if note.exists() else None
+    return told
+
+
+class Cost:
+    """Wall time and memory of the processes below this one, while it is entered."""
+
+    def __enter__(self) -> "Cost":
+        self.began, self.megabytes, self._over = time.monotonic(), 0.0, threading.Event()
+        self._watch = threading.Thread(target=self._sample, daemon=True)
+        self._watch.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._watch.join()
+        self.seconds = time.monotonic() - self.began
+
+    def _sample(self) -> None:
+        while not self._over.wait(2):
+            self.megabytes = max(self.megabytes, sum(_private(pid) for pid in _below(os.getpid())))
+
+
+def _below(pid: int) -> list[int]:
+    """Processes below one; what ends while this looks is left out."""
+    found: list[int] = []
+    try:
+        threads = os.listdir(f"/proc/{pid}/task")
+    except OSError:
+        return found
+    for thread in threads:
+        try:
+            children = Path(f"/proc/{pid}/task/{thread}/children").read_text().split()
+        except OSError:
+            continue
+        for child in children:
+            found += [int(child), *_below(int(child))]
+    return found
+
+
+def _private(pid: int) -> float:
+    """Memory that no file backs, MB (the system tells KiB); pages shared by processes are divided among them."""
+    try:
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    except OSError:
+        return 0.0  # it has just ended
+    return sum(int(line.split()[1]) for line in lines if line.startswith(("Pss_Anon", "Pss_Shmem"))) * 1024 / 1e6
+
+
+def chosen(names: str, known: Iterable[str]) -> list[str]:
+    """Names from a comma-separated option; all are checked before hours are spent on the first.
+
+    Raises:
+        SystemExit: there is no such name.
+    """
+    listed, there = names.split(","), list(known)
+    if unknown := [name for name in listed if name not in there]:
+        raise SystemExit(f"there is no {', '.join(unknown)}; choose among {', '.join(there)}")
+    return listed
+
+
+def assets_name(assets: str) -> str:
+    """What a result calls the objects: never where they lie."""
+    return "procedural" if assets == "procedural" else Path(assets).name
+
+
+def told_rows(out: Path, kind: str) -> dict[str, Any]:
+    """The rows that a result file has already."""
+    return dict(read_result(out, kind)["rows"]) if out.exists() else {}
+
+
+def as_typed(command: tuple[str, ...], places: dict[str, str]) -> str:
+    """A command as a reader types it, with names for places of this machine; `procedural` is none, everybody has it."""
+    line = "busybot " + " ".join(command)
+    for place, name in places.items():
+        line = line if place == "procedural" else line.replace(place, name)
+    return line

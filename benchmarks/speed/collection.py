@@ -1,0 +1,173 @@
+"""What a recorded interaction costs, in CPU time, against one frame of SAPIEN's `minimal` shader pack.
+
+    python -m benchmarks.speed.collection [--assets DIR] [--boards 5] [--out FILE]
+    python -m benchmarks.speed.collection --memory 500 [--assets DIR]
+
+The first mode acts on the same boards with our shader pack and, alternating within one process, shows each new state
+to a camera with SAPIEN's `minimal` pack. Counted are interactions that moved a link: simulated, rendered, read back,
+encoded (RGB, depth, segmentation) and written. The reference is `minimal`'s render and read-back of colour, position
+and segmentation alone, lit by ambient light and one sun with shadows (a map of 1024 x 1024); without shadows beside it.
+First frames of a board are dropped; figures are medians. Policy time is left out: it is no part of an interaction. CPU
+time is the process's, over all threads.
+
+The second mode builds and plays so many boards in one process and reports its memory and open files along the way.
+"""
+
+import json
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import psutil
+
+from benchmarks.runner import finish, parser
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
+from busybot.boards.spec import BoardSpec
+from busybot.episodes.episode import Image, Step
+from busybot.episodes.geometry import Rays
+from busybot.episodes.mcap_writer import write_episode
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
+from busybot.sim.builtin_policies import RandomPolicy, ScriptedFactory, ScriptedPolicy
+from busybot.sim.interaction import Grasp, InteractionConfig, interact
+from busybot.sim.policy import oracle_observation
+from busybot.sim.recorder import grasp_at, record_episode
+from busybot.sim.render import RenderConfig
+from busybot.sim.scene import BoardScene, Simulator
+from busybot.sim.surroundings import Surroundings
+
+STEPS = 30
+SEED = 1
+Result = TypeVar("Result")
+Times = dict[str, list[float]]
+
+
+def timed(times: Times, name: str, work: Callable[[], Result]) -> Result:
+    """Run `work` and note the process's CPU seconds under `name`."""
+    began = time.process_time()
+    result = work()
+    times.setdefault(name, []).append(time.process_time() - began)
+    return result
+
+
+def measure_board(simulators: dict[str, Simulator], board: BoardSpec, folder: Path, times: Times) -> None:
+    """Play one board; every moved link is a line in `times["moved"]` and a frame in each reference."""
+    config = InteractionConfig()
+    scene = timed(times, "build", lambda: simulators["ours"].board(board))
+    image = timed(times, "first frame", scene.observe)
+    references = {name: simulator.board(board) for name, simulator in simulators.items() if name != "ours"}
+    for reference in references.values():
+        timed_frame(reference)
+    rays = Rays(scene.camera)
+    policies = [ScriptedPolicy(scene, rays, config), RandomPolicy(rays)]
+    rng = np.random.default_rng(board.index)
+    episode = record_episode(simulators["ours"], board, ScriptedFactory(), STEPS, config, 0)
+    writing: Times = {}
+    size = timed(writing, "write", lambda: write_episode(folder / "episode.mcap", episode))
+    times.setdefault("bytes per frame", []).append(size / len(episode.images))
+    for number in range(2 * STEPS):
+        action = policies[number % 2].select_action(oracle_observation(image, scene.camera), rng)
+        step, after, seconds = timed_action(
+            scene, grasp_at(scene, image, rays, action.pixel), action.directions[0], image
+        )
+        if after is None:
+            times.setdefault("unchanged interaction", []).append(seconds)
+            continue
+        image = after
+        times.setdefault("moved: simulate, render, read", []).append(seconds)
+        times.setdefault("moved: encode, write", []).append(writing["write"][0] / len(episode.images))
+        for name, reference in references.items():
+            for trigger, state in enumerate(step.trigger_states_after):
+                reference.set_trigger(trigger, state)
+            times.setdefault(name, []).append(timed_frame(reference))
+
+
+def timed_action(scene: BoardScene, grasp: Grasp, direction: int, image: Image) -> tuple[Step, Image | None, float]:
+    """An interaction and its CPU seconds."""
+    began = time.process_time()
+    step, after = interact(scene, grasp, direction, InteractionConfig(), image)
+    return step, after, time.process_time() - began
+
+
+def timed_frame(scene: BoardScene) -> float:
+    """CPU seconds of rendering and reading back what `minimal` offers; nothing is converted."""
+    began = time.process_time()
+    scene.scene.update_render()
+    camera: Any = scene._camera
+    camera.take_picture()
+    camera.get_picture("Color"), camera.get_picture("PositionSegmentation")
+    return time.process_time() - began
+
+
+def benchmark(library: Library, boards: int) -> dict[str, Any]:
+    """All figures, CPU milliseconds (medians) and ratios."""
+    ours = Simulator(library, RenderConfig())
+    times: Times = {}
+    specs = list(generate_boards(BoardConfig(boards=boards, group_size=1, seed=SEED), library))
+    with tempfile.TemporaryDirectory() as folder:
+        # the shader pack belongs to the camera, so simulators with different packs live side by side
+        with_shadows = Simulator(library, RenderConfig(shader="minimal"))
+        without = Simulator(library, RenderConfig(shader="minimal"))
+        without._surroundings = Surroundings(lights=True, shadows=False)
+        simulators = {"ours": ours, "minimal frame": with_shadows, "minimal frame without shadows": without}
+        for spec in specs:
+            measure_board(simulators, spec, Path(folder), times)
+    milliseconds = {
+        name: round(1e3 * float(np.median(values)), 2) for name, values in times.items() if "bytes" not in name
+    }
+    first, second = times["moved: simulate, render, read"], times["moved: encode, write"]
+    total = 1e3 * float(np.median(np.add(first, second)))
+    return {
+        "assets": library.name,
+        "boards": boards,
+        "moved_interactions": len(first),
+        "cpu_ms_per_moved_interaction": round(total, 2),
+        "cpu_ms": milliseconds,
+        "kilobytes_per_frame": round(float(np.mean(times["bytes per frame"])) / 1e3, 1),
+        "ratio_to_minimal_frame": round(total / milliseconds["minimal frame"], 3),
+        "ratio_to_minimal_frame_without_shadows": round(total / milliseconds["minimal frame without shadows"], 3),
+        "device": ours.board(specs[0]).scene.render_system.device.name,
+    }
+
+
+def memory(library: Library, boards: int) -> dict[str, Any]:
+    """Resident memory of this process, MB, after every tenth of the boards (each played for 3 actions)."""
+    simulator = Simulator(library, RenderConfig())
+    process, trace = psutil.Process(), []
+    config = BoardConfig(boards=boards, group_size=1, seed=SEED)
+    for number, spec in enumerate(generate_boards(config, library), start=1):
+        record_episode(simulator, spec, ScriptedFactory(), 3, InteractionConfig(), 0)
+        if number % max(1, boards // 10) == 0:
+            resident = round(process.memory_info().rss / 1e6)
+            trace.append({"boards": number, "rss_mb": resident, "open_files": process.num_fds()})
+            print(trace[-1], file=sys.stderr, flush=True)
+    return {
+        "assets": library.name,
+        "memory": trace,
+        # until then caches fill
+        "growth_mb_over_second_half": trace[-1]["rss_mb"] - trace[len(trace) // 2 - 1]["rss_mb"],
+        "peak_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3),
+        "more_open_files_over_second_half": trace[-1]["open_files"] - trace[len(trace) // 2 - 1]["open_files"],
+    }
+
+
+def main() -> None:
+    options = parser(__doc__, out=False)
+    options.add_argument("--boards", type=int, default=5, help="boards to play in the first mode")
+    options.add_argument("--memory", type=int, metavar="BOARDS", help="run the second mode over so many boards")
+    options.set_defaults(seed=SEED)
+    arguments = options.parse_args()
+    library = find(arguments.assets)
+    result = memory(library, arguments.memory) if arguments.memory else benchmark(library, arguments.boards)
+    kind, hashes = "memory" if arguments.memory else "collection", {"data": {"objects": library.sha256}}
+    print(json.dumps(finish(kind, arguments, result, hashes=hashes), indent=1))
+
+
+if __name__ == "__main__":
+    main()

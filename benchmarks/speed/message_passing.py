@@ -1,0 +1,80 @@
+"""What multiplying nodes before they are joined to edges saves in the paper's training of relations.
+
+    python -m benchmarks.speed.message_passing [--iterations 5] [--boards 4] [--out benchmarks/results/message-passing.json]
+
+The edge functions of the paper's networks have two forms that compute the same (`paper_parts.EdgeFunction`): the one
+that the paper writes, and a factored one. Iterations of both take turns on made-up boards of the paper's size; what is
+reported is the processor time of one and their ratio. The factored form is kept where it is at least 1.5 times as fast.
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+
+from benchmarks.commands import write_result
+from benchmarks.paper_reason import made_up
+from busybot.reason.paper_boards import boards_of
+from busybot.reason.paper_config import PaperNetworkConfig, PaperReasonConfig
+from busybot.reason.paper_fit import iterate, make_network, make_optimizer
+from busybot.reason.paper_parts import factor
+from busybot.rng import generator
+from busybot.training.run_folder import learner_versions
+from busybot.workers import machine
+
+GATE = 1.5
+"""Least ratio for which a second form is worth having."""
+PAIRS: tuple[Literal["all", "candidates"], ...] = ("all", "candidates")
+FORMS = {"joined": False, "factored": True}
+
+
+def measure(pairs: Literal["all", "candidates"], boards: int, iterations: int, inference: bool = True) -> dict[str, Any]:
+    """Median processor seconds of an iteration in each form, and how many times as fast the factored one is."""
+    config = PaperReasonConfig(network=PaperNetworkConfig(pairs=pairs), inference=inference)
+    rng = generator(0, "", 0, "made-up boards")
+    batch = boards_of([made_up(rng) for _ in range(boards)], config.network)
+    networks = {form: make_network(config, 0) for form in FORMS}
+    optimizers = {form: make_optimizer(network, config) for form, network in networks.items()}
+    seconds: dict[str, list[float]] = {form: [] for form in FORMS}
+    for number in range(iterations + 1):
+        for form, network in networks.items():
+            factor(network, FORMS[form])
+            began = time.process_time()
+            iterate(network, optimizers[form], batch, config, generator(0, "", number, "benchmark"))
+            seconds[form].append(time.process_time() - began)
+    medians = {form: float(np.median(times[1:])) for form, times in seconds.items()}  # the first does not count
+    ratio = medians["joined"] / medians["factored"]
+    return {
+        "edges": batch.edge_index.shape[1],
+        **{f"{form}_cpu_seconds": round(each, 3) for form, each in medians.items()},
+        "ratio": round(ratio, 2),
+        "reached": ratio >= GATE,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--iterations", type=int, default=5, help="of each form, after one that does not count")
+    parser.add_argument("--boards", type=int, default=4, help="per iteration")
+    parser.add_argument("--out", type=Path, help="write the result to this file, too")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    about = {
+        "command": f"python -m benchmarks.speed.message_passing --iterations {arguments.iterations} "
+        f"--boards {arguments.boards}",
+        "machine": {**machine(), "threads": 1},
+        "versions": learner_versions(),
+        "gate_ratio": GATE,
+    }
+    result = {**about, "pairs": {pairs: measure(pairs, arguments.boards, arguments.iterations) for pairs in PAIRS}}
+    if arguments.out:
+        write_result(arguments.out, result)
+    print(json.dumps(result, indent=2))
+
+
+if __name__ == "__main__":
+    main()

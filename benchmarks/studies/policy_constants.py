@@ -1,0 +1,192 @@
+"""The constants of the learned policy, one varied at a time, on training objects that the model has not seen.
+
+    python -m benchmarks.studies.policy_constants --assets DIR --work FOLDER --other MODEL \
+        --out benchmarks/results/policy_constants.json
+
+Of the training objects some are held out: a copy of the library calls them novel and has no real novel object at all. A
+strict model is trained on the others and judged, under the veto, on boards of those that were held out, where it makes
+the mistakes that the constants are for. What differs without the veto is varied without it, there, on new boards of the
+objects that the model knows, and, with `--other`, with a model that was trained on all training objects without the
+veto, on new boards of them. Run it again with the same FOLDER after an interruption: it goes on.
+"""
+
+import argparse
+import json
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.runner import busybot, chosen, finish, parser
+from busybot.evaluation.results import read_result
+from busybot.interact.policy_config import FIXED, STRICT_POLICY, PolicyConfig
+
+KIND, SEED = "policy-constants", 78
+OBJECTS, MODEL = "objects", "model"
+HELD_OUT = {
+    "Switch": ("100849", "100906", "100934", "100976", "100979", "100981", "102812", "102836"),
+    "Lamp": ("13491",),
+    "Door": ("8903", "8994"),
+}
+"""One of two sliders, one of two levers that are annotated as buttons, six drawn switches, a drawn lamp, two doors."""
+VALUES: dict[str, tuple[float, ...]] = {
+    "explore": (0.2, 0.5),
+    "caution": (0.0, 3.0),
+    "insist": (0.05, 0.5),
+    "temperature": (1.0, 2.0, 5.0),
+    "component_penalty": (0.3, 2.0),
+    "failure_penalty": (0.3, 1.4),
+    "dense_weight": (0.5, 1.0),
+    "peak_radius": (2, 6),
+    "responder_penalty": (0.0, 1.0),
+    "trigger_bonus": (1.2,),
+}
+"""Values beside the default."""
+BEFORE = {
+    "explore": 0.35,
+    "insist": 0.35,
+    "caution": 0,
+    "temperature": 1,
+    "after_failure": "null",
+    "dense_weight": 0.5,
+    "trigger_bonus": 0,
+}
+"""What was there before doubt on new objects was: one row varies them together."""
+KEYS = ("precision", "recall", "precision_exploring", "intervals", "failures_by_object", "missed_links")
+TRAIN = ("--strict",)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Which model is judged on which boards.
+
+    Attributes:
+        name: of the boards: `novel-object` for held-out objects, `novel-config` for those that the model knows, `other`
+            for the other model on boards of what it knows.
+        library: the objects.
+        folder: of the boards.
+        split: of the library.
+        boards: how many.
+    """
+
+    name: str
+    model: Path
+    library: Path
+    folder: Path
+    split: str
+    boards: int
+
+    def judge(self, out: Path, *options: str) -> dict[str, Any]:
+        """All metrics of the model with these options; what was judged before is read."""
+        drawn = ("--split", self.split, "--boards", str(self.boards), "--seed", str(SEED), "--group-size", "1")
+        busybot("generate", str(self.folder), *drawn, "--assets", str(self.library))  # refuses other boards there
+        command = ("eval", "interact", str(self.folder), "--model", str(self.model), "--assets", str(self.library))
+        values = busybot(*command, *options, "--out", str(out))
+        shares = f"P {100 * values['precision']:5.1f} R {100 * values['recall']:5.1f}"
+        print(f"{out.name:60} {shares}", file=sys.stderr, flush=True)
+        return values
+
+
+def places(arguments: argparse.Namespace) -> list[Place]:
+    """Held-out objects first; the other model only if one is named."""
+    work, count = arguments.work, arguments.boards
+    own = (work / MODEL, work / OBJECTS)
+    found = [
+        Place("novel-object", *own, work / "boards", "novel-object", count),
+        Place("novel-config", *own, work / "boards-novel-config", "novel-config", count),
+    ]
+    if arguments.other:
+        boards = (work / "boards-other", "novel-config", arguments.other_boards)
+        found.append(Place("other", arguments.other, arguments.assets, *boards))
+    return found
+
+
+def held_out_library(assets: Path, folder: Path) -> Path:
+    """A copy in which the held-out objects are the novel ones; made once."""
+    if folder.exists():
+        return folder
+    split = json.loads((assets / "data.json").read_text())
+    changed: dict[str, dict[str, list[str]]] = {}
+    for category, lists in split["Reason"].items():
+        held = HELD_OUT.get(category, tuple(lists["train"]))  # the only toy is on both sides
+        kept = [name for name in lists["train"] if name not in held] or list(held)
+        changed[category] = {"train": kept, "test": list(held)}
+    unfinished = folder.with_name(folder.name + ".part")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    for category, lists in changed.items():
+        for name in {*lists["train"], *lists["test"]}:
+            shutil.copytree(assets / category / name, unfinished / category / name)
+    (unfinished / "data.json").write_text(json.dumps({"Interact": split["Interact"], "Reason": changed}))
+    unfinished.rename(folder)
+    return folder
+
+
+def settings(values: dict[str, Any]) -> list[str]:
+    """Options that set constants of the learned policy."""
+    return [word for name, value in values.items() for word in ("--set", f"learned.{name}={value}")]
+
+
+def main() -> None:
+    arguments = parsed()
+    names, work = chosen(arguments.constants, VALUES), arguments.work
+    work.mkdir(parents=True, exist_ok=True)
+    library = str(held_out_library(arguments.assets, work / OBJECTS))
+    config = ("--config", str(arguments.config)) if arguments.config else ()
+    trained = busybot("train", "interact", "--out", str(work / MODEL), "--assets", library, *TRAIN, *config)["training"]
+    known = read_result(arguments.out, KIND) if arguments.out.exists() else {"training": trained}
+    if known["training"] != trained:
+        raise SystemExit(f"{arguments.out} has rows of another model: name another file, or remove it")
+    default = PolicyConfig().model_dump(include=set(VALUES)) | FIXED  # whose rows stay as they were measured
+    result: dict[str, Any] = {
+        "assets": arguments.assets.name,
+        "held_out": HELD_OUT,
+        "default": default,
+        "default_strict": {**default, **STRICT_POLICY},
+        "training": trained,
+        **{part: known.get(part, {}) for part in ("boards", "models", "rows", "free")},
+    }
+    held_out, *_ = everywhere = places(arguments)
+    free = {name: default[name] for name in STRICT_POLICY}  # the model's card has the veto's
+    for row, values in without_veto().items():
+        result["free"][row] = dict(known.get("free", {}).get(row, {}))
+        for place in everywhere:
+            told = place.judge(work / f"judged-free-{place.name}-{row}", *settings({**free, **values}))
+            result["free"][row][place.name] = {key: told[key] for key in KEYS}
+            result["boards"][place.name] = {key: told["dataset"][key] for key in ("boards", "board_hash")}
+            result["models"][place.name] = told["provenance"]["model"]["sha256"]
+        _write(arguments, result)
+    varied: dict[str, dict[str, Any]] = {"defaults": {}, "before": BEFORE}
+    varied |= {f"{name}={value}": {name: value} for name in names for value in VALUES[name]}
+    for row, values in varied.items():
+        told = held_out.judge(work / f"judged-{row}", "--strict", *settings(values))
+        result["rows"][row] = {key: told[key] for key in KEYS}
+        _write(arguments, result)
+
+
+def _write(arguments: argparse.Namespace, result: dict[str, Any]) -> None:
+    boards = {name: {"board_hash": one["board_hash"]} for name, one in result["boards"].items()}
+    finish(KIND, arguments, result, hashes={"models": result["models"], "data": boards})
+
+
+def without_veto() -> dict[str, dict[str, Any]]:
+    """What is varied without the veto: all that differs under it together, and one by one."""
+    alone = {f"{name}={value}": {name: value} for name, value in STRICT_POLICY.items()}
+    return {"defaults": {}, "strict": dict(STRICT_POLICY), **alone}
+
+
+def parsed() -> argparse.Namespace:
+    options = parser(__doc__, assets=False)
+    options.add_argument("--assets", type=Path, required=True, help="folder of annotated objects")
+    options.add_argument("--work", type=Path, required=True, help="for library, model and boards; continued")
+    options.add_argument("--boards", type=int, default=60)
+    options.add_argument("--other", type=Path, help="a model trained on all training objects, without the veto")
+    options.add_argument("--other-boards", type=int, default=200)
+    options.add_argument("--constants", default=",".join(VALUES))
+    options.add_argument("--config", type=Path, help="YAML file with parameters of the training")
+    options.set_defaults(seed=SEED)
+    return options.parse_args()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,162 @@
+"""Table 1 of the protocol: all interaction policies, trained and judged by the commands that a user types.
+
+    python -m benchmarks.tables.table1 --assets DIR --work FOLDER --out benchmarks/results/table1.json [--rows a,b]
+
+Every command resumes, so this one does: run it again with the same FOLDER after any interruption. A row appears in the
+result as soon as both novel splits are judged. All rows propose ten actions on each of the same boards; every trained
+row had the same number of boards, actions and iterations. Boards have an appearance each (`--group-size 1`). Time and
+memory of a training are noted if nothing interrupted it.
+"""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.runner import as_typed, assets_name, busybot, chosen, finish, parser, told_rows, train
+from busybot.workers import machine
+
+SPLITS = ("novel-config", "novel-object")
+JUDGE_SEED = 303
+KEYS = (
+    "precision",
+    "recall",
+    "recall_objects",
+    "precision_exploring",
+    "off_axis_share",
+    "precision_reward",
+    "reward_agreement",
+    "boards",
+    "intervals",
+    "failures_by_cause",
+    "failures_by_object",
+    "missed_links",
+    "by_step",
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One policy.
+
+    Attributes:
+        train: options of `busybot train interact`; None for a row that trains nothing of its own.
+        seed: of the training.
+        judge: options of `busybot eval interact`.
+        model: a built-in policy, or the row whose model is judged.
+    """
+
+    train: tuple[str, ...] | None = ()
+    seed: int = 0
+    judge: tuple[str, ...] = ()
+    model: str | None = None
+
+
+def _delta(pixels: int) -> Row:
+    options = ("--set", "responders=false", "--set", f"interaction.delta={pixels}")
+    return Row(options, judge=options)
+
+
+JOINTS = ("--set", "interaction.reward=joints")
+
+
+ROWS = {
+    "free-0": Row(seed=0),
+    "free-1": Row(seed=1),
+    "free-2": Row(seed=2),
+    "strict-0": Row(("--strict",), 0, ("--strict",)),
+    "strict-1": Row(("--strict",), 1, ("--strict",)),
+    "strict-2": Row(("--strict",), 2, ("--strict",)),
+    "oracle": Row(JOINTS, judge=JOINTS),
+    "rgb": Row(("--set", "inputs=rgb")),
+    "greedy": Row(None, judge=("--mode", "greedy"), model="free-1"),
+    "ucb": Row(None, judge=("--mode", "ucb"), model="free-1"),
+    "random": Row(None, model="random"),
+    "free-0-delta-1000": Row(None, judge=("--set", "interaction.delta=1000"), model="free-0"),
+    "without-responders-100": _delta(100),
+    "without-responders-500": _delta(500),
+    "without-responders-1000": _delta(1000),
+    "paper": Row(("--model", "paper")),
+}
+ON_REQUEST = ("paper",)
+"""Rows that only `--rows` runs: days on a CPU."""
+NOTHING_LEARNED = "no recorded action succeeded"
+"""What training says where not a single action was rewarded: there is no model to judge."""
+
+
+def boards(folder: Path, split: str, arguments: argparse.Namespace) -> tuple[str, ...]:
+    """The command that makes the boards that all rows are judged on; it refuses others that are there already."""
+    seed, number = str(arguments.judge_seed), str(arguments.boards)
+    options = ("--split", split, "--boards", number, "--seed", seed, "--group-size", "1")
+    return ("generate", str(folder), *options, "--assets", arguments.assets)
+
+
+def training(row: Row, out: Path, arguments: argparse.Namespace) -> tuple[str, ...]:
+    """The command that trains a row."""
+    command = ("train", "interact", "--out", str(out), "--assets", arguments.assets, "--seed", str(row.seed))
+    config = ("--config", str(arguments.config)) if arguments.config else ()
+    return (*command, *(row.train or ()), *config)
+
+
+def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
+    """Train a row if it has a training, and judge it on both novel splits."""
+    row, work = ROWS[name], arguments.work
+    commands, trained, places = [], None, {str(work): "WORK", arguments.assets: "ASSETS"}
+    model = row.model if row.model == "random" else str(work / (row.model or name))
+    if row.train is not None:
+        command = training(row, Path(model), arguments)
+        try:
+            told = train(Path(model), *command)
+        except RuntimeError as error:
+            if NOTHING_LEARNED not in str(error):
+                raise
+            told = {"commands": [as_typed(command, places)], "machine": machine()}
+            return {**told, "training": None, "untrained": NOTHING_LEARNED}
+        commands.append(command)
+        trained = {**told["training"], "cost": told["cost"]}
+    judged, policy = {}, {}
+    for split in SPLITS:
+        folder = work / f"judge-{arguments.judge_seed}-{split}"
+        out = work / f"judged-{arguments.judge_seed}-{name}-{split}"
+        commands.append(boards(folder, split, arguments))
+        busybot(*commands[-1])
+        command = ("eval", "interact", str(folder), "--model", model, *row.judge)
+        result = busybot(*command, "--out", str(out), "--assets", arguments.assets)
+        judged[split] = {key: result[key] for key in (*KEYS, "dataset", "versions")}
+        policy = judged_policy(result["provenance"])
+        commands.append(command)
+    typed = [as_typed(command, places) for command in commands]
+    return {"commands": typed, "machine": machine(), "training": trained, "policy": policy, **judged}
+
+
+def judged_policy(provenance: dict[str, Any]) -> dict[str, Any]:
+    """What was judged: hashes of the model's files, and the policy's constants; its table lies in the model's card."""
+    constants = {key: value for key, value in provenance.get("policy", {}).items() if key != "after_failure"}
+    return {"model_sha256": provenance["model"].get("sha256"), "constants": constants}
+
+
+def main() -> None:
+    options = parser(__doc__)
+    options.add_argument("--work", type=Path, required=True, help="for models and results; continued if it exists")
+    usual = ",".join(name for name in ROWS if name not in ON_REQUEST)
+    options.add_argument("--rows", default=usual, help=f"which rows, in this order; {', '.join(ON_REQUEST)} on request")
+    options.add_argument("--boards", type=int, default=200, help="per split")
+    options.add_argument("--judge-seed", type=int, default=JUDGE_SEED, help="of the boards that rows are judged on")
+    options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
+    arguments = options.parse_args()
+    result: dict[str, Any] = {
+        "assets": assets_name(arguments.assets),
+        "judge_seed": arguments.judge_seed,
+        "rows": told_rows(arguments.out, "table1"),
+    }
+    names = chosen(arguments.rows, ROWS)
+    for name in names:
+        result["rows"][name] = run(name, arguments)
+        finish("table1", arguments, result)  # every row has hashes, seeds and a machine of its own
+        for split in SPLITS:
+            row = result["rows"][name].get(split, {"precision": 0.0, "recall": 0.0})
+            print(f"{name:24} {split:13} P {100 * row['precision']:5.1f} R {100 * row['recall']:5.1f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,187 @@
+"""Table 2 of the protocol: who finds relations and predicts what follows, by the commands that a user types.
+
+    python -m benchmarks.tables.table2 --data FOLDER --work FOLDER --out benchmarks/results/table2.json [--rows a,b]
+
+`--data` holds recorded datasets: `train` (to train on), `validation` (training objects, other boards), `novel-config`
+and `novel-object` (to judge on). The rows "without exploration" need the same beneath `random`, recorded with
+`--policy random`. What is not there is not judged.
+
+Every command resumes, so this one does: run it again with the same `--work` after any interruption. A row appears in
+the result as soon as it is judged. Trained rows have three seeds each; their mean and extremes stand beside.
+"""
+
+import argparse
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.runner import as_typed, busybot, chosen, finish, parser, told_rows, train
+from busybot.files import write_json
+from busybot.workers import machine
+
+SPLITS = ("validation", "novel-config", "novel-object")
+SCORES = (
+    "edge_p",
+    "edge_r",
+    "edge_acc",
+    "edge_r_bound",
+    "pred_a",
+    "pred_a_successful",
+    "pred_a_responder",
+    "pred_a_changed",
+    "pred_a_unchanged",
+    "pred_a_bound",
+    "ece",
+    "brier",
+)
+"""Of which mean and extremes over seeds are told."""
+DETAILS = (
+    "boards",
+    "predicted_steps",
+    "failing",
+    "bounds",
+    "decoded",
+    "decoder_accuracy",
+    "persistence",
+    "baselines",
+    "calibration",
+    "intervals",
+    "macro",
+    "by_kind",
+    "pred_by_kind",
+    "pred_by_category",
+    "by_images",
+    "encoder",
+    "dataset",
+    "decoders",
+    "hashes",
+    "versions",
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One reasoner.
+
+    Attributes:
+        model: of `busybot eval reason`; None for one that is trained.
+        train: options of `busybot train reason`.
+        judge: options of `busybot eval reason`.
+        data: folder beneath `--data` with its datasets.
+        seeds: so many trainings; ours has three, what stands beside it one.
+    """
+
+    model: str | None = None
+    train: tuple[str, ...] = ()
+    judge: tuple[str, ...] = ()
+    data: str = ""
+    seeds: int = 1
+
+
+EVENT, PAPER = ("--model", "event"), ("--model", "paper")
+SHORT = ("epochs=50", "network.pairs=candidates", "bfloat16=true", "loop.held_out=0.05", "threads=1")
+"""What half an hour of a processor can do of the paper's schedule; the best weights on held-out boards are kept."""
+BOARDS = (20, 100, 300)
+"""Smaller trainings of `event`, for the curve over their number of boards."""
+ROWS = {
+    "event": Row(train=EVENT, seeds=3),
+    "event-without-inference": Row(train=(*EVENT, "--set", "net.inference=false")),
+    "event-without-exploration": Row(train=EVENT, data="random"),
+    **{f"event-{count}": Row(train=(*EVENT, "--set", f"loop.boards={count}")) for count in BOARDS},
+    "lookup": Row("lookup"),
+    "count": Row("count"),
+    "persistence": Row("persistence"),
+    "pc": Row("pc"),
+    "pc-pairs": Row("pc", judge=("--set", "condition=0")),
+    "paper": Row(train=PAPER),
+    "paper-50-epochs": Row(train=(*PAPER, *(word for parameter in SHORT for word in ("--set", parameter)))),
+    "paper-without-inference": Row(train=(*PAPER, "--set", "inference=false")),
+    "paper-without-exploration": Row(train=PAPER, data="random"),
+}
+"""By name. `pc` conditions on other variables, `pc-pairs` tests each pair by itself."""
+WHOLE_SCHEDULE = ("paper", "paper-without-inference", "paper-without-exploration")
+"""Rows of days; they are trained only if they are named."""
+
+
+def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
+    """Train a row, with every seed, if it is trained, and judge it on what there is to judge on."""
+    row, data = ROWS[name], arguments.data / ROWS[name].data
+    places = {str(arguments.work): "WORK", str(arguments.data): "DATA", str(arguments.assets): "ASSETS"}
+    trained: list[dict[str, Any]] = []
+    commands: list[tuple[str, ...]] = []
+    judged: dict[str, list[dict[str, Any]]] = {}
+    for seed in range(row.seeds):
+        model = row.model or str(arguments.work / f"{name}-{seed}")
+        if row.model is None:
+            config = ("--config", str(arguments.config)) if arguments.config else ()
+            options = ("--data", str(data / "train"), "--out", model, "--seed", str(seed))
+            commands.append(("train", "reason", *row.train, *options, *config))
+            told = train(Path(model), *commands[-1])
+            kept = {key: value for key, value in told.items() if key not in ("out", "model")}
+            trained.append({**kept, "machine": machine()})
+        for split in SPLITS:
+            if (data / split).is_dir():
+                commands.append(_judging(row, model, data, split, arguments))
+                judged.setdefault(split, []).append(_told(commands[-1], arguments.work / f"{name}-{seed}-{split}.json"))
+    return {
+        "commands": [as_typed(command, places) for command in commands],
+        "training": trained,
+        "splits": {split: {**across(results), "seeds": results} for split, results in judged.items()},
+    }
+
+
+def _judging(row: Row, model: str, data: Path, split: str, arguments: argparse.Namespace) -> tuple[str, ...]:
+    decoders = ("--decoders", str(data / "train")) if row.model not in ("count", "pc") else ()
+    assets = ("--assets", str(arguments.assets)) if arguments.assets else ()
+    return ("eval", "reason", str(data / split), "--model", model, *row.judge, *decoders, *assets)
+
+
+def _told(command: tuple[str, ...], out: Path) -> dict[str, Any]:
+    """A judgement, or the one that an earlier run wrote by the same command."""
+    if out.exists():
+        known = json.loads(out.read_text())
+        if known["typed"] == list(command):
+            return dict(known["result"])
+    told = busybot(*command)
+    result = {key: told[key] for key in (*SCORES, *DETAILS)}
+    write_json(out, {"typed": command, "result": result})
+    return result
+
+
+def across(results: list[dict[str, Any]]) -> dict[str, dict[str, float | None]]:
+    """Mean and extremes over seeds of every score; None where one of them is undefined."""
+    told: dict[str, dict[str, float | None]] = {"mean": {}, "least": {}, "most": {}}
+    for key in SCORES:
+        values = [result[key] for result in results]
+        known = None not in values
+        told["mean"][key] = sum(values) / len(values) if known else None
+        told["least"][key], told["most"][key] = (min(values), max(values)) if known else (None, None)
+    return told
+
+
+def main() -> None:
+    options = parser(__doc__, assets=False)
+    options.add_argument("--data", type=Path, required=True, help="recorded datasets, see above")
+    options.add_argument("--work", type=Path, required=True, help="for models and results; continued if it exists")
+    options.add_argument("--assets", help="objects, if they are not found by their hashes")
+    usual = ",".join(name for name in ROWS if name not in WHOLE_SCHEDULE)
+    options.add_argument("--rows", default=usual, help="which rows, in this order")
+    options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
+    arguments = options.parse_args()
+    arguments.work.mkdir(parents=True, exist_ok=True)
+    result: dict[str, Any] = {"rows": told_rows(arguments.out, "table2")}
+    for name in chosen(arguments.rows, ROWS):
+        result["rows"][name] = run(name, arguments)
+        finish("table2", arguments, result)  # every evaluation has hashes, seeds and versions of its own
+        for split, scores in result["rows"][name]["splits"].items():
+            told = " ".join(f"{key} {_percent(scores['mean'][key])}" for key in ("edge_p", "edge_r", "pred_a"))
+            print(f"{name:26} {split:13} {told}", flush=True)
+
+
+def _percent(share: float | None) -> str:
+    return "    -" if share is None else f"{100 * share:5.1f}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,133 @@
+"""Table 3 of the protocol: who reaches a goal picture, by the commands that a user types.
+
+    python -m benchmarks.tables.table3 --policy-model MODEL --reasoner FOLDER FOLDER FOLDER --work FOLDER --out FILE
+
+For each split and each kind of relations: tasks are generated, their histories recorded with the interaction model, and
+agents play them. With the first reasoner every agent plays, with the others (trained with other seeds) only those that
+are ours or the paper's whole system; learned baselines, which need no reasoner, play by themselves. Every command
+resumes, so this one does; a cell appears as soon as it is judged.
+"""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from benchmarks.runner import as_typed, assets_name, busybot, finish, parser
+from busybot.evaluation.folder import RESULT
+from busybot.evaluation.results import read_result
+from busybot.files import read_json
+from busybot.training.model_folder import INFO_FILE
+
+SEEDS = {"train": 701, "novel-config": 702, "novel-object": 703}
+KINDS = ("one-to-one", "one-to-many")
+OURS = ("search", "busybot")
+TRUTHS = ("search-true-relations", "search-true-contacts", "search-true-both")
+AGENTS = (*OURS, "relation", "predictive", "random", "noop", "oracle", *TRUTHS)
+SPLITS = ("novel-object", "novel-config", "train")
+ORIGINS = ("dataset", "hashes", "provenance", "versions")
+PROVENANCE = ("best_iteration", "boards", "boards_held_out", "data", "held_out", "seed", "versions")
+DETAILS = ("interval", "micro", "by_features", "solved", "steps", "steps_more", "step_success", "failures_by_cause")
+
+
+def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -> dict[str, Any]:
+    """What every agent reached on one dataset of tasks: agent to success and details."""
+    tasks = options.work / f"{split}-{kind}"
+    assets, model = ("--assets", options.assets), options.policy_model
+    make = ("--split", split, "--tasks", kind, "--boards", str(options.boards), "--seed", str(SEEDS[split]))
+    commands = [
+        ("generate", str(tasks), *make, *assets),
+        ("collect", str(tasks), "--policy", "learned", "--model", model, "--seed", str(SEEDS[split]), *assets),
+    ]
+    for seed, reasoner in enumerate(options.reasoner):
+        agents = AGENTS if seed == 0 else OURS
+        who = ("--agents", ",".join(agents), "--model", str(reasoner), "--policy-model", model)
+        out = ("--out", str(place(options, split, kind, str(seed))))
+        commands.append(("eval", "plan", str(tasks), *who, *assets, *out))
+    if options.learned:
+        alone = ("--agents", ",".join(options.learned), "--policy-model", model)
+        out = ("--out", str(place(options, split, kind, "learned")))
+        commands.append(("eval", "plan", str(tasks), *alone, *assets, *out))
+    typed += [as_typed(command, _places(options)) for command in commands]
+    told = [busybot(*command) for command in commands][2:]
+    names = [name for result in told for name in result["agents"]]
+    return {name: _across(name, told) for name in dict.fromkeys(names)}
+
+
+def place(options: argparse.Namespace, split: str, kind: str, who: str = "0") -> Path:
+    """Folder of an evaluation: with the reasoner of that number, or of the learned baselines."""
+    return Path(options.work / f"judged-{split}-{kind}-{who}")
+
+
+def origin(options: argparse.Namespace, split: str, kind: str) -> dict[str, Any]:
+    """Which tasks, histories and models an evaluation was about, with what versions."""
+    told = read_result(place(options, split, kind) / RESULT, "plan")
+    return {key: told[key] for key in ORIGINS}
+
+
+def _places(options: argparse.Namespace) -> dict[str, str]:
+    """Names for folders of this machine; what ships with busybot has one that everybody knows."""
+    named = {options.assets: "ASSETS", options.policy_model: "POLICY"}
+    named |= {str(folder): f"REASONER-{seed}" for seed, folder in enumerate(options.reasoner)}
+    named |= {str(folder): name.upper() for name, folder in _learned(options).items()}
+    return {str(options.work): "WORK"} | {where: name for where, name in named.items() if Path(where).is_dir()}
+
+
+def _learned(options: argparse.Namespace) -> dict[str, Path]:
+    """Folders of the learned baselines' trainings."""
+    return {name: Path(folder) for name, _, folder in (given.partition("=") for given in options.learned)}
+
+
+def training(folder: Path) -> dict[str, Any]:
+    """What a learned baseline was trained on, for how long, and how good it was on held-out boards."""
+    told = read_json(folder / "model" / INFO_FILE)["training"]
+    return {**read_json(folder / "budget.json"), **{key: told[key] for key in PROVENANCE}}
+
+
+def _across(agent: str, told: list[dict[str, Any]]) -> dict[str, Any]:
+    """Mean success over seeds, each seed's beside it, and the first one's details."""
+    judged = [result for result in told if agent in result["agents"]]
+    rows = [result["agents"][agent] for result in judged]
+    values = [row["success"] for row in rows]
+    details = {key: rows[0][key] for key in DETAILS}
+    return {"success": sum(values) / len(values), "seeds": values, **details, "timing": judged[0]["timing"][agent]}
+
+
+def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """The result file's content after every kind of every split."""
+    options.work.mkdir(parents=True, exist_ok=True)
+    rows: dict[str, Any] = {}
+    typed: list[str] = []
+    origins: dict[str, Any] = {}
+    for split in SPLITS:
+        for kind in KINDS:
+            for agent, scores in cell(split, kind, options, typed).items():
+                rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
+                print(f"{split:13} {kind:12} {agent:24} {100 * scores['success']:5.1f}", flush=True)
+            origins[f"{split}, {kind}"] = origin(options, split, kind)
+            for name, folder in _learned(options).items():
+                rows[name]["training"] = [training(folder)]
+            about = {"assets": assets_name(options.assets), "tasks": options.boards, "commands": typed}
+            yield {**about, "origins": origins, "rows": rows}
+
+
+def parsed(description: str | None, **given: Any) -> argparse.Namespace:
+    """Options of the command line; what is given counts unless an option says otherwise."""
+    made = parser(description)
+    made.add_argument("--policy-model", required=not given)
+    made.add_argument("--reasoner", nargs="+", required=not given, help="one for each seed")
+    made.add_argument("--learned", nargs="*", default=[], help="learned baselines, as bc=FOLDER")
+    made.add_argument("--boards", type=int, default=50, help="tasks in each cell")
+    made.add_argument("--work", type=Path, required=True)
+    made.set_defaults(**given)
+    return made.parse_args()
+
+
+def main() -> None:
+    options = parsed(__doc__)
+    for result in measured(options):
+        finish("table3", options, result)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,159 @@
+"""One format of result files: a JSON object that says what its figures are and where they come from.
+
+Before the figures of its kind every file has these keys; what is not known or does not apply is null, or empty.
+
+| key | what |
+|---|---|
+| `kind` | which figures follow, one of `KINDS`; readers go by it and by nothing else |
+| `commit` | of the code, with `-dirty` behind it if files differed; null outside a repository |
+| `command` | the command that makes the file |
+| `seed` | of what was drawn |
+| `machine` | cores, system, processor |
+| `versions` | of busybot, Python and the packages that the figures depend on |
+| `hashes` | of `models`, `tasks`, `histories` and `data`: for each its hashes by name |
+
+The rows of a table and what belongs to one of several evaluations have hashes, seeds and versions of their own.
+"""
+
+import json
+import os
+import platform
+import subprocess
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from busybot import __version__
+from busybot.errors import BusybotError
+from busybot.files import read_json, write_atomically
+from busybot.workers import machine
+
+SOURCE = Path(__file__).resolve().parents[1]
+"""Of the package: its commit is told."""
+GIT_SECONDS = 10
+PACKAGES = ("numpy", "sapien", "torch")
+HASHED = ("models", "tasks", "histories", "data")
+KEYS = ("kind", "commit", "command", "seed", "machine", "versions", "hashes")
+
+KINDS = {
+    "interact": "busybot eval interact",
+    "reason": "busybot eval reason",
+    "plan": "busybot eval plan",
+    "table1": "python -m benchmarks.tables.table1",
+    "table2": "python -m benchmarks.tables.table2",
+    "table3": "python -m benchmarks.tables.table3",
+    "plan-procedural": "python -m benchmarks.tables.plan_procedural",
+    "reason-procedural": "busybot eval reason",
+    "stages": "python -m pipelines.tables",
+    "reason-robustness": "python -m benchmarks.studies.reason_robustness",
+    "changed-pixels": "python -m benchmarks.studies.changed_pixels",
+    "coverage": "python -m benchmarks.studies.coverage",
+    "features": "python -m benchmarks.studies.features",
+    "import-rules": "python -m benchmarks.studies.import_rules",
+    "policy-constants": "python -m benchmarks.studies.policy_constants",
+    "splits": "python -m benchmarks.studies.splits",
+    "collection": "python -m benchmarks.speed.collection",
+    "memory": "python -m benchmarks.speed.collection --memory",
+    "decision-time": "python -m benchmarks.speed.decision_time",
+    "features-speed": "python -m benchmarks.speed.features",
+    "interact-speed": "python -m benchmarks.speed.interact",
+    "paper-interact-speed": "python -m benchmarks.speed.paper_interact",
+    "paper-reason-speed": "python -m benchmarks.speed.paper_reason",
+    "hostile": "python -m tests.hostile.run",
+    "kills": "python -m benchmarks.reliability.kills",
+    "s3": "python -m benchmarks.reliability.s3",
+}
+"""Every kind with the command that makes it."""
+
+
+def stamp(
+    kind: str,
+    *,
+    command: str | None = None,
+    seed: int | None = None,
+    versions: Mapping[str, str] | None = None,
+    hashes: Mapping[str, Mapping[str, Any]] | None = None,
+) -> dict[str, Any]:
+    """The keys of every result file, to be written before the figures.
+
+    Args:
+        versions: those of `package_versions()` if None.
+        hashes: by a name of `HASHED`, then by the name of what is hashed: a digest, or several by name.
+    """
+    assert kind in KINDS, f"{kind}: add it to KINDS"
+    assert not set(hashes or {}) - set(HASHED)
+    return {
+        "kind": kind,
+        "commit": commit(),
+        "command": command,
+        "seed": seed,
+        "machine": machine(),
+        "versions": dict(package_versions() if versions is None else versions),
+        "hashes": {name: dict((hashes or {}).get(name, {})) for name in HASHED},
+    }
+
+
+def write_result(path: Path, result: dict[str, Any]) -> None:
+    """Write a stamped result as JSON, atomically; keys keep their order, so that `kind` comes first."""
+    assert result.keys() >= set(KEYS), "stamp it first"
+    write_atomically(path, (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
+
+
+def read_result(path: Path, kind: str | None = None) -> dict[str, Any]:
+    """A result file's content.
+
+    Args:
+        kind: the only one that is wanted.
+
+    Raises:
+        BusybotError: there is no such file, it is not JSON, or it has no kind, an unknown one or another one.
+    """
+    value = read_json(path)
+    told = value.get("kind") if isinstance(value, dict) else None
+    if not isinstance(told, str):
+        again = f"`{KINDS[kind]}`" if kind else "`busybot eval ... --out`"
+        hint = f"run the evaluation again ({again}), or add the key `kind` to an older file: {', '.join(KINDS)}"
+        raise BusybotError(f"{path}: it is no result, because it has no `kind`", hint)
+    if told not in KINDS:
+        raise BusybotError(f"{path}: a result of the unknown kind {told!r}", f"known are {', '.join(KINDS)}")
+    if kind is not None and told != kind:
+        raise BusybotError(f"{path}: a result of the kind {told}, not {kind}", f"`{KINDS[kind]}` makes one")
+    return dict(value)
+
+
+def package_versions(packages: tuple[str, ...] = PACKAGES) -> dict[str, str]:
+    """Of busybot, Python and packages; those that are not installed are left out."""
+    found = {"busybot": __version__, "python": platform.python_version()}
+    for name in packages:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def commit(source: Path = SOURCE) -> str | None:
+    """The commit of the source, 40 hexadecimal digits; `-dirty` behind them if tracked files differ from it.
+
+    None where the source is not tracked by git (an installed package may lie inside of somebody else's repository), and
+    where git is not there or says nothing.
+    """
+    tracked = _git(source, "ls-files", "--error-unmatch", "__init__.py")
+    return _git(source, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*") if tracked else None
+
+
+def _git(folder: Path, *arguments: str) -> str | None:
+    environment = os.environ | {"GIT_OPTIONAL_LOCKS": "0"}
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(folder), *arguments],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=GIT_SECONDS,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None if done.returncode == 0 else None

@@ -1,0 +1,82 @@
+"""Finds the library that a command or a dataset means: by name, by folder, or by the hashes that were recorded.
+
+Where a library with certain objects was last seen is noted in the user's cache (`objects.cache`), so that a dataset's
+objects are found again without being named.
+"""
+
+import os
+from pathlib import Path
+
+from busybot.errors import BusybotError
+from busybot.objects import cache
+from busybot.objects.library import Library
+from busybot.objects.procedural.build import procedural_library
+
+
+def find(assets: str | None, expected: dict[str, str] | None = None) -> Library:
+    """The library that a command or a dataset means.
+
+    Args:
+        assets: `procedural` or a library's folder. None: the one that holds `expected`, else `procedural`.
+        expected: sha256 by key as a dataset recorded them.
+
+    Raises:
+        BusybotError: an expected object is absent or differs; it is named.
+    """
+    if assets is None and expected:
+        return _find_by_hash(expected)
+    library = _open(assets or "procedural")
+    problem = mismatch(library, expected or {})
+    if problem:
+        raise BusybotError(problem, "name the library with which the dataset was made: --assets DIR")
+    return library
+
+
+def mismatch(library: Library, expected: dict[str, str]) -> str | None:
+    """What the library lacks or has otherwise, naming up to three objects; None when all is there."""
+    faults = [f"{key} is absent" for key in sorted(expected) if key not in library.objects]
+    faults += [
+        f"{key} differs from the recorded one (sha256 {expected[key][:12]})"
+        for key, model in library.objects.items()
+        if key in expected and expected[key] != model.sha256
+    ]
+    if not faults:
+        return None
+    return f"{library.folder}: {'; '.join(faults[:3])}{f'; and {len(faults) - 3} more' if len(faults) > 3 else ''}"
+
+
+def load_and_remember(path: Path) -> Library:
+    """Read a library, and note in the user's cache where its objects lie."""
+    library = Library.load(path)
+    cache.remember(path, library.hashes())
+    return library
+
+
+def _open(assets: str) -> Library:
+    if assets != "procedural":
+        return load_and_remember(Path(assets))
+    library = procedural_library()
+    cache.remember(library.folder, library.hashes())
+    return library
+
+
+def _find_by_hash(expected: dict[str, str]) -> Library:
+    """Where the objects were last seen, then `$BUSYBOT_PARTNET_DIR`, then the procedural ones."""
+    candidates = [str(place) for place in cache.places(expected) if place.is_dir()]
+    if variable := os.environ.get("BUSYBOT_PARTNET_DIR"):
+        candidates.append(variable)
+    problems = []
+    for candidate in [*dict.fromkeys(candidates), "procedural"]:
+        try:
+            library = _open(candidate)
+        except BusybotError as error:
+            problems.append(error.what)
+            continue
+        problem = mismatch(library, expected)
+        if problem is None:
+            return library
+        problems.append(problem)
+    raise BusybotError(
+        f"no library holds the objects that the dataset recorded: {' | '.join(problems)}",
+        "name the library with which the dataset was made: --assets DIR",
+    )

@@ -1,0 +1,270 @@
+"""The report: Tables 1 to 3 with plots, as Markdown and as one HTML file, from files of results.
+
+What is missing is shown as missing, and every gate of the protocol that is missed is named.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from busybot import __version__
+from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.episodes.episode import Episode
+from busybot.episodes.mcap_reader import read_episode
+from busybot.errors import BusybotError
+from busybot.evaluation.reference_tables import TABLES, Table
+from busybot.files import copy_file, make_folder, scan, write_atomically
+from busybot.plan.notes import is_rollout
+from busybot.view.curves import Course, courses_figure, table_figure
+from busybot.view.report import sections
+from busybot.view.report.gates import Verdict, gate_blocks, summary_tiles, verdicts
+from busybot.view.report.page import Block, Fold, Heading, Items, Picture, Text, document, markdown
+from busybot.view.report.results import InteractResult, ReasonResult, Results, read_results
+from busybot.view.sequence_figure import sequence_figure
+
+TITLE = "BusyBot, measured"
+MARKDOWN, HTML, FIGURES = "report.md", "report.html", "figures"
+INTRODUCTIONS = {
+    1: "Ten actions on each board. Precision: share of actions that moved a trigger. Recall: share of the movable "
+    "links that were moved. New links: precision of the actions that did not repeat a link. Behind ± is half the width "
+    "of the 95 % interval over boards.",
+    2: "From 23 images: which trigger controls which responder (P, R over pairs), and what every later action does "
+    "(Pred-A: all responders of the board right; successful: the same over actions that moved a trigger).",
+    3: "At most 8 actions a task; share of the affectable responders in their goal state, mean over tasks, for tasks "
+    "with one-to-one and with one-to-many relations.",
+}
+NO_TABLES = "The paper's three tables and the gates: none of their rows was given"
+WRITTEN = f"Written by busybot {__version__} from the files [at the end](#files)."
+LEAD = (
+    "Agents that learn to interact, to reason about cause and effect and to plan on toy boards, beside the paper "
+    "BusyBot (Liu, Xu, Song; CoRL 2022). Every number is measured by the commands beneath its table; a gate is the "
+    f"least that is asked of us. {WRITTEN}"
+)
+LEAD_SINGLES = f"Single evaluations, beside the paper BusyBot (Liu, Xu, Song; CoRL 2022). {WRITTEN}"
+MOST_COURSES = 12
+"""Panels of a figure."""
+MOST_SEQUENCES = 8
+"""Folders of rollouts that are shown."""
+LOOKED_AT = 20
+"""Among so many rollouts of a folder the first of at least `TELLING` actions is shown, else the first."""
+TELLING = 2
+NO_SEQUENCE = (
+    "**Missing**: planning sequences. `busybot eval plan DATASET --record DIR` records rollouts; name DIR, too."
+)
+WANTED = {"affordance": "what the policy believes", "refinement": "how the inferred graph grows"}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An episode to draw the paper's figures of.
+
+    Attributes:
+        episode: its file.
+        model: of interaction, by name or folder; None to leave affordances out.
+        reasoner: by name or folder.
+    """
+
+    episode: Path
+    model: str | None = None
+    reasoner: str = "count"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What was written, and the gates."""
+
+    markdown: Path
+    html: Path
+    figures: tuple[Path, ...]
+    verdicts: tuple[Verdict, ...]
+
+    def count(self, reached: bool | None) -> int:
+        """Gates that are reached, missed (False) or not measured (None)."""
+        return sum(one.reached is reached for one in self.verdicts)
+
+
+def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -> Report:
+    """Read results and write `report.md`, `report.html` and `figures/` into a folder; older ones are replaced.
+
+    Args:
+        paths: files of results, pictures, and folders of both.
+
+    Raises:
+        BusybotError: nothing that was given is a result, or one of them is damaged.
+    """
+    results = read_results(paths)
+    if not results.files:
+        what = f"{', '.join(map(str, paths))}: no result lies there"
+        what += f", only {results.without_kind} JSON files without a known `kind`" if results.without_kind else ""
+        raise BusybotError(what, "`busybot eval ... --out FILE` makes one")
+    if out.exists() and not out.is_dir():
+        raise BusybotError(f"{out}: it is a file", "name a folder")
+    judged = verdicts(results)
+    figures = out / FIGURES
+    make_folder(figures, out)
+    blocks: list[Block] = [Heading(TITLE, 1), *_measured(results, judged, figures)]
+    blocks += sequence_blocks(paths, figures)
+    blocks += _pictures(results, figures, shown)
+    blocks += [
+        Heading("Files"),
+        Items(tuple(f"`{name}`, SHA-256 `{digest}`" for name, digest in results.files.items())),
+    ]
+    write_atomically(out / MARKDOWN, markdown(blocks, out).encode())
+    write_atomically(out / HTML, document(TITLE, blocks).encode())
+    drawn = tuple(block.path for block in blocks if isinstance(block, Picture))
+    return Report(out / MARKDOWN, out / HTML, drawn, tuple(judged))
+
+
+def _measured(results: Results, judged: list[Verdict], figures: Path) -> list[Block]:
+    """All numbers: the tables first, or single evaluations if nothing else was given."""
+    tables: list[Block] = [summary_tiles(judged, results)]
+    tables += [Heading("Gates that are missed"), *gate_blocks(judged, results)]
+    for table in TABLES:
+        tables += _table(table, results, figures)
+    singles: list[Block] = []
+    if results.singles or results.plans:
+        singles = [Heading("Single evaluations"), *sections.single_blocks(results)]
+    rest = [*_courses(results, figures), *_beside(results, figures)]
+    if singles and not results.tables:
+        return [Text(LEAD_SINGLES), *singles, Fold(NO_TABLES, tuple(tables)), *rest]
+    return [Text(LEAD), *tables, *rest, *singles]
+
+
+def _table(table: Table, results: Results, figures: Path) -> list[Block]:
+    """A table's plot, numbers and origins."""
+    rows = results.tables.get(table.number, {})
+    blocks: list[Block] = [Heading(f"Table {table.number}: {table.title}"), Text(INTRODUCTIONS[table.number])]
+    if rows:
+        caption = "Dots are ours with their intervals, diamonds the paper's, lines the gates; no dot: not run."
+        plot = table_figure(figures / f"table{table.number}.png", table, rows, figures.parent)
+        blocks.append(Picture(plot, caption))
+    else:
+        blocks.append(Text(f"**Missing**: none of its rows was given. `{sections.RUN[table.number]}` measures them."))
+    blocks.append(sections.table_grid(table, rows))
+    return [*blocks, sections.provenance(table, results)] if rows else blocks
+
+
+def _courses(results: Results, figures: Path) -> list[Block]:
+    """How scores grow with actions and images, of all results that tell it."""
+    told = [*_told_by_tables(results), *_told_by_singles(results)]
+    interact = [one for one in told if isinstance(one.result, InteractResult) and one.result.by_step]
+    reason = [one for one in told if isinstance(one.result, ReasonResult) and one.result.by_images]
+    captions = {
+        "discovery": "Discovery: links found, and how many of the actions with this number succeed.",
+        "images": "Relations and predictions after so many images; dotted: what the recordings determine.",
+    }
+    blocks: list[Block] = [Heading("How scores grow")]
+    for (name, caption), courses in zip(captions.items(), (interact, reason), strict=True):
+        if courses:
+            plot = courses_figure(figures / f"{name}.png", courses[:MOST_COURSES], figures.parent)
+            blocks.append(Picture(plot, caption))
+        else:
+            blocks.append(Text(f"**Missing**. {caption}"))
+    return blocks
+
+
+def _told_by_tables(results: Results) -> list[Course]:
+    courses = []
+    for table in TABLES:
+        for row in table.rows:
+            found = results.tables.get(table.number, {}).get(row.name)
+            if row.role == "ours" and found is not None:
+                judged = [
+                    (words, found.results[split]) for split, words in table.splits.items() if split in found.results
+                ]
+                courses += [Course(row.name, words, result) for words, result in judged]
+    return courses
+
+
+def _told_by_singles(results: Results) -> list[Course]:
+    return [
+        Course(sections.subject(result), str(result.dataset.get("split")), result)
+        for result in results.singles.values()
+    ]
+
+
+def _beside(results: Results, figures: Path) -> list[Block]:
+    """Calibration, robustness and cost."""
+    blocks: list[Block] = [Heading("Calibration")]
+    explained = "Expected calibration error and Brier score over trigger-responder pairs; 0 is best."
+    grid = sections.calibration_grid(results)
+    blocks += [Text(explained), grid] if grid else [Text("**Missing**: no row of Table 2 was given.")]
+    blocks += [Heading("Robustness"), *sections.robustness_blocks(results.robustness, figures)]
+    blocks.append(Heading("Cost"))
+    cost = sections.cost_grid(results)
+    blocks.append(cost or Text("**Missing**: no training tells its time."))
+    return [*blocks, *sections.stage_blocks(results.stages)]
+
+
+def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:
+    """How agents went to their goals: a rollout of every dataset of rollouts in the folders, drawn into `figures`.
+
+    Raises:
+        BusybotError: a dataset in them is damaged.
+    """
+    blocks: list[Block] = []
+    for folder in _datasets(paths):
+        if len(blocks) == MOST_SEQUENCES:
+            break
+        if (episode := _telling(Dataset.open(folder))) is None:
+            continue
+        picture = sequence_figure(figures / f"sequence-{len(blocks):02d}.png", episode, figures.parent)
+        kind = "" if episode.board.task is None else f", {episode.board.task.kind}"
+        caption = f"{episode.policy} on board {episode.board.index} ({episode.board.split}{kind})"
+        blocks.append(Picture(picture, caption))
+    return [Heading("Planning sequences"), *(blocks or [Text(NO_SEQUENCE)])]
+
+
+def _datasets(paths: Iterable[Path]) -> list[Path]:
+    """Folders that are datasets, in the given folders and at any depth below."""
+    names = [(path, name) for path in paths if path.is_dir() for name in scan(path).files]
+    return [(path / name).parent for path, name in names if Path(name).name == INFO_FILE]
+
+
+def _telling(dataset: Dataset) -> Episode | None:
+    """The rollout to be shown; None if these are no rollouts."""
+    first = None
+    for number in sorted(dataset.finished())[:LOOKED_AT]:
+        episode = read_episode(dataset.episode_path(number), "lazy")
+        if not is_rollout(episode) or episode.goal is None:
+            return None
+        if len(episode.steps) >= TELLING:
+            return episode
+        first = first or episode
+    return first
+
+
+def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Block]:
+    """The paper's figures, drawn from an episode, and pictures that were given."""
+    blocks: list[Block] = [Heading("Pictures")]
+    drawn = _drawn(figures, shown) if shown else {}
+    for name, words in WANTED.items():
+        blocks.append(
+            drawn[name] if name in drawn else Text(f"**Missing**: {words}. `--episode FILE --model NAME` draws it.")
+        )
+    for place, source in enumerate(results.pictures):
+        copy = figures / f"given-{place:02d}{source.suffix.lower()}"
+        copy_file(source, copy, figures.parent)
+        blocks.append(Picture(copy, "/".join(source.parts[-3:])))
+    return blocks
+
+
+def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
+    from busybot.interact.chooser import load_once, policy_config
+    from busybot.interact.trace import retrace
+    from busybot.reason.foresee import believed
+    from busybot.view.affordance_figure import affordance_figure
+    from busybot.view.figures import refinement_figure
+
+    episode = read_episode(shown.episode, "lazy")
+    graph = believed(episode, shown.reasoner)
+    growing = f"How the graph that {graph.name} infers grows with the steps; true relations are framed."
+    drawn = refinement_figure(figures / "refinement.png", episode, graph, root=figures.parent)
+    found: dict[str, Block] = {"refinement": Picture(drawn, growing)}
+    if shown.model is not None:
+        loaded = load_once(shown.model)
+        thoughts = list(retrace(episode, loaded, policy_config(loaded.info, {})))
+        caption = "What the policy believed before its first actions: affordance in orange, candidates as dots."
+        drawn = affordance_figure(figures / "affordance.png", episode, thoughts, root=figures.parent)
+        found["affordance"] = Picture(drawn, caption)
+    return found

@@ -1,0 +1,381 @@
+"""Result files, read for a report by the kind that they name (`busybot.evaluation.results`).
+
+Files hold shares from 0 to 1; the cells of tables are percent.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from busybot.errors import BusybotError
+from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, Table
+from busybot.evaluation.results import KINDS, read_result
+from busybot.files import read_json, scan, sha256_of
+
+PICTURES = (".png", ".jpg", ".jpeg")
+SHOWN = ("interact", "reason", "plan", "table1", "table2", "table3", "reason-robustness", "stages")
+"""Kinds that a report shows."""
+MOST_PICTURES = 24
+"""Of all given folders together: a report is one file."""
+
+
+class _File(BaseModel):
+    """Files have more than a report shows."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True)
+
+
+class _Evaluation(_File):
+    """One of `busybot eval`, on a dataset."""
+
+    dataset: dict[str, Any]
+    seed: int | None = None
+    command: str | None = None
+
+
+class InteractResult(_Evaluation):
+    """Of `busybot eval interact`."""
+
+    precision: float | None
+    recall: float | None
+    precision_exploring: float | None = None
+    boards: int
+    policy: str = ""
+    strict: bool = False
+    intervals: dict[str, Any]
+    by_step: list[dict[str, float | None]] = []
+
+
+class ReasonResult(_Evaluation):
+    """Of `busybot eval reason`."""
+
+    model: str | None = None
+    boards: int
+    edge_p: float | None
+    edge_r: float | None
+    edge_r_bound: float | None = None
+    pred_a: float | None = None
+    pred_a_successful: float | None = None
+    pred_a_bound: float | None = None
+    bounds: dict[str, dict[str, float | None] | None] | None = None
+    ece: float | None = None
+    brier: float | None = None
+    intervals: dict[str, Any]
+    by_images: list[dict[str, float | None]] = []
+    baselines: dict[str, dict[str, float | None]] = {}
+    persistence: dict[str, Any] | None = None
+
+
+class AgentScores(_File):
+    """One agent on the tasks of a dataset; in a table the success of several seeds."""
+
+    success: float | None
+    interval: tuple[float, float] | None = None
+    solved: float | None = None
+    steps: float | None = None
+    seeds: list[float] = []
+
+
+class PlanResult(_Evaluation):
+    """Of `busybot eval plan`; `kinds` has the number of tasks by the kind of their relations."""
+
+    agents: dict[str, AgentScores]
+    kinds: dict[str, int]
+    tasks: int
+
+
+class _Row(_File):
+    """A row of a table, with its commands and trainings; Table 2 keeps a training and its cost beside each other."""
+
+    commands: list[str] = []
+    training: list[dict[str, Any]] = []
+
+    @field_validator("training", mode="before")
+    @classmethod
+    def _as_list(cls, value: Any) -> Any:
+        listed = value if isinstance(value, list) else [value] if value else []
+        return [{**one["training"], "cost": one.get("cost")} if "training" in one else one for one in listed]
+
+
+class _InteractRow(_Row):
+    untrained: str | None = None
+    config: InteractResult | None = Field(None, alias="novel-config")
+    object: InteractResult | None = Field(None, alias="novel-object")
+
+
+class _Seeds(_File):
+    """One split of Table 2: scores over seeds."""
+
+    mean: dict[str, float | None]
+    least: dict[str, float | None]
+    most: dict[str, float | None]
+    seeds: list[ReasonResult] = Field(min_length=1)
+
+
+class _ReasonRow(_Row):
+    splits: dict[str, _Seeds] = {}
+
+
+class _PlanRow(_Row):
+    splits: dict[str, dict[str, AgentScores]] = {}
+
+
+class Scores(_File):
+    """A model on disturbed recordings."""
+
+    edge_p: float | None = None
+    edge_r: float | None = None
+    edge_f1: float | None
+    pred_a: float | None = None
+
+
+class Disturbed(_File):
+    """One strength of a disturbance: scores by model, and the share of steps that could be known in spite of it."""
+
+    strength: float
+    boards: int
+    known: float
+    models: dict[str, Scores]
+
+
+class Disturbance(_File):
+    """What is done to recordings; older files have no title."""
+
+    what: str
+    unit: str
+    title: str = ""
+
+
+class Robustness(_File):
+    """Of `benchmarks.studies.reason_robustness`: trained models, and rows by disturbance in growing strength."""
+
+    boards: int
+    models: dict[str, Any]
+    disturbances: dict[str, Disturbance]
+    rows: dict[str, list[Disturbed]]
+
+
+class Stage(_File):
+    """One stage of a pipeline."""
+
+    seconds: float
+    done: bool
+
+
+class Stages(_File):
+    """What the stages of a run took, by their output."""
+
+    machine: dict[str, Any] | None = None
+    stages: dict[str, Stage]
+
+
+@dataclass(frozen=True)
+class Score:
+    """One number of a table, percent.
+
+    Attributes:
+        value: over all boards; the mean if there are several seeds.
+        low: end of the 95 % interval over boards, or the least seed.
+        high: the other end.
+        bound: what the recordings determine at all, if that limits this number.
+        several: the value is a mean over seeds, of which low and high are the least and the greatest.
+    """
+
+    value: float
+    low: float | None = None
+    high: float | None = None
+    bound: float | None = None
+    several: bool = False
+
+
+@dataclass
+class RowFound:
+    """A row that was run.
+
+    Attributes:
+        cells: by (split, key); what is undefined is None.
+        note: why there is no number.
+        trainings: provenance as told by the training; empty if nothing was trained.
+        judged: origin of the boards by split.
+        results: by split the first seed's whole result, for curves.
+    """
+
+    cells: dict[tuple[str, str], Score | None] = field(default_factory=dict)
+    note: str | None = None
+    commands: list[str] = field(default_factory=list)
+    trainings: list[dict[str, Any]] = field(default_factory=list)
+    judged: dict[str, dict[str, Any]] = field(default_factory=dict)
+    results: dict[str, InteractResult | ReasonResult] = field(default_factory=dict)
+
+
+@dataclass
+class Results:
+    """All that was given.
+
+    Attributes:
+        tables: rows by name, by the table's number.
+        about: assets, machine and commands of each table's file as a whole.
+        singles: single evaluations of acting and reasoning by file.
+        plans: those of planning.
+        robustness, stages: the last ones given.
+        pictures: in the order in which they were given.
+        files: SHA-256 of every file that was read.
+        without_kind: JSON files in folders that say no kind: they were passed over.
+    """
+
+    tables: dict[int, dict[str, RowFound]] = field(default_factory=dict)
+    about: dict[int, dict[str, Any]] = field(default_factory=dict)
+    singles: dict[str, InteractResult | ReasonResult] = field(default_factory=dict)
+    plans: dict[str, PlanResult] = field(default_factory=dict)
+    robustness: Robustness | None = None
+    stages: Stages | None = None
+    pictures: list[Path] = field(default_factory=list)
+    files: dict[str, str] = field(default_factory=dict)
+    without_kind: int = 0
+
+
+def read_results(paths: Iterable[Path]) -> Results:
+    """Read files, and all results and pictures in folders; other files in folders are passed over.
+
+    Raises:
+        BusybotError: a path does not exist, a named file is no result that a report shows, or one is damaged.
+    """
+    results = Results()
+    for path in paths:
+        if path.is_dir():
+            for name in scan(path).files:
+                _read(results, path / name, named=False)
+        else:
+            _read(results, path, named=True)
+    return results
+
+
+def _read(results: Results, file: Path, named: bool) -> None:
+    if file.suffix.lower() in PICTURES:
+        if len(results.pictures) < MOST_PICTURES:
+            results.pictures.append(file)
+            results.files[str(file)] = sha256_of(file)
+        return
+    if not named and not _says_kind(results, file):
+        return
+    value = read_result(file)
+    try:
+        shown = _take(results, file, value)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise BusybotError(f"{file}: {place}: {first['msg']}", "make the result again") from None
+    if shown:
+        results.files[str(file)] = sha256_of(file)
+    elif named:
+        what = f"{file}: a report does not show results of the kind {value['kind']}"
+        raise BusybotError(what, f"it shows {', '.join(SHOWN)}")
+
+
+def _says_kind(results: Results, file: Path) -> bool:
+    if file.suffix != ".json":
+        return False
+    value = read_json(file)
+    known = isinstance(value, dict) and value.get("kind") in KINDS
+    results.without_kind += not known
+    return known
+
+
+def _take(results: Results, file: Path, value: dict[str, Any]) -> bool:
+    """Sort a file's content in by its kind; False if it is none of `SHOWN`."""
+    match value["kind"]:
+        case "interact":
+            results.singles[str(file)] = InteractResult.model_validate(value)
+        case "reason":
+            results.singles[str(file)] = ReasonResult.model_validate(value)
+        case "plan":
+            results.plans[str(file)] = PlanResult.model_validate(value)
+        case "reason-robustness":
+            results.robustness = Robustness.model_validate(value)
+        case "stages":
+            results.stages = Stages.model_validate(value)
+        case "table1" | "table2" | "table3" as kind:
+            number = int(kind.removeprefix("table"))
+            results.tables.setdefault(number, {}).update(rows_of(number, value.get("rows") or {}))
+            results.about[number] = {key: value.get(key) for key in ("assets", "machine", "commands")}
+        case _:
+            return False
+    return True
+
+
+def rows_of(number: int, rows: dict[str, Any]) -> dict[str, RowFound]:
+    """Rows of a table's file, or of one with rows alike, by name.
+
+    Raises:
+        pydantic.ValidationError: a row is not what rows of this table are.
+    """
+    read = {1: _interact_row, 2: _reason_row, 3: _plan_row}[number]
+    return {name: read(row, TABLES[number - 1]) for name, row in rows.items()}
+
+
+def _interact_row(value: dict[str, Any], table: Table) -> RowFound:
+    row = _InteractRow.model_validate(value)
+    found = RowFound(commands=row.commands, trainings=row.training, note=row.untrained)
+    for split, result in (("novel-config", row.config), ("novel-object", row.object)):
+        if result is not None:
+            found.cells |= {(split, key): score_of(result, key) for key in table.keys}
+            found.judged[split], found.results[split] = result.dataset, result
+    return found
+
+
+def _reason_row(value: dict[str, Any], table: Table) -> RowFound:
+    row = _ReasonRow.model_validate(value)
+    found = RowFound(commands=row.commands, trainings=row.training)
+    for split, judged in row.splits.items():
+        first = judged.seeds[0]
+        for key in table.keys:
+            ends = (judged.least.get(key), judged.most.get(key))
+            mean = score(judged.mean.get(key), ends, _bound(first, key), several=True)
+            found.cells[split, key] = mean if len(judged.seeds) > 1 else score_of(first, key)
+        found.judged[split], found.results[split] = first.dataset, first
+    return found
+
+
+def _plan_row(value: dict[str, Any], table: Table) -> RowFound:
+    row = _PlanRow.model_validate(value)
+    found = RowFound(commands=row.commands, trainings=row.training)
+    for split, kinds in row.splits.items():
+        for kind, told in kinds.items():
+            several = len(told.seeds) > 1  # the interval is the first one's
+            ends = (min(told.seeds), max(told.seeds)) if several else told.interval
+            found.cells[split, kind] = score(told.success, ends, several=several)
+    return found
+
+
+INTERVALS = {"edge_p": "precision", "edge_r": "recall"}
+"""Names of intervals that differ from those of the values."""
+
+
+def score_of(result: InteractResult | ReasonResult, key: str) -> Score | None:
+    """A number of a single evaluation with its interval over boards; None if it is undefined."""
+    return score(getattr(result, key), result.intervals.get(INTERVALS.get(key, key)), _bound(result, key))
+
+
+def score(
+    share: float | None,
+    ends: tuple[float | None, float | None] | None = None,
+    bound: float | None = None,
+    several: bool = False,
+) -> Score | None:
+    """Percent from shares, None without a value."""
+    if share is None:
+        return None
+    low, high, most = (None if x is None else 100 * x for x in (*(ends or (None, None)), bound))
+    return Score(100 * share, low, high, most, several)
+
+
+def _bound(result: InteractResult | ReasonResult, key: str) -> float | None:
+    """What the recordings determine of a number, as far as the result tells it."""
+    if not isinstance(result, ReasonResult):
+        return None
+    if key in BOUND_SLACK:
+        return getattr(result, BOUND_SLACK[key][0])
+    return ((result.bounds or {}).get("not_knowing") or {}).get(key)

@@ -1,0 +1,316 @@
+"""The parts of a report that show numbers: tables, single evaluations, robustness, cost, and where they come from."""
+
+from pathlib import Path
+from typing import Any
+
+from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, TABLES, Role, Row, Table
+from busybot.evaluation.results import KINDS
+from busybot.view.report.gates import judge
+from busybot.view.report.page import (
+    Block,
+    Entry,
+    Fold,
+    Grid,
+    Heading,
+    Items,
+    Picture,
+    Text,
+    Tone,
+    number,
+    plain_grid,
+    reference,
+    spread,
+)
+from busybot.view.report.results import (
+    InteractResult,
+    PlanResult,
+    ReasonResult,
+    Results,
+    Robustness,
+    RowFound,
+    Score,
+    Scores,
+    Stages,
+    score,
+    score_of,
+)
+from busybot.view.robustness_figure import BASELINES, robustness_figure, strength_words, title_of
+
+SECTIONS: dict[str, tuple[Role, ...]] = {
+    "ours": ("ours",),
+    "changed, or another method": ("ablation", "competitor"),
+    "trivial, and oracles": ("trivial", "bound"),
+}
+MISSING = Entry("missing", tone="missing")
+NONE = Entry("-", tone="reference")
+RUN = {
+    1: f"{KINDS['table1']} --assets DIR --work FOLDER --out table1.json",
+    2: f"{KINDS['table2']} --data FOLDER --work FOLDER --out table2.json",
+    3: f"{KINDS['table3']} --policy-model MODEL --reasoner M0 M1 M2 --work FOLDER --out table3.json",
+}
+"""What makes the numbers of a table."""
+ROBUSTNESS_RUN = f"{KINDS['reason-robustness']} --data DATASET --model event=FOLDER --out FILE"
+SPLITS = {"train": "validation"}
+"""Splits of datasets under the names that the tables' columns have."""
+SKILLS = {"interact": "Acting", "reason": "Reasoning"}
+HASHES = ("board_hash", "trace_hash", "content_hash")
+
+
+def _reference(value: float | None) -> Entry:
+    return Entry("" if value is None else reference(value), tone="reference")
+
+
+def _share(value: float | None) -> Entry:
+    return NONE if value is None else Entry(number(100 * value))
+
+
+def table_grid(table: Table, rows: dict[str, RowFound], beside: bool = True) -> Grid:
+    """All rows of a table by what they stand for, then bound, gates, aims and the paper's rows.
+
+    Args:
+        beside: False for the rows alone that were run, without what the paper's objects are measured by.
+    """
+    lines: list[tuple[str, tuple[Entry, ...]]] = []
+    for words, roles in SECTIONS.items():
+        shown = [row for row in table.rows if row.role in roles and (beside or row.name in rows)]
+        lines += [(words, ()), *((row.words, _entries(table, row, rows.get(row.name), beside)) for row in shown)]
+    if beside:
+        if table is REASONING:
+            lines.append(("what the recordings determine", _bounds(table, rows)))
+        lines.append(("asked of us", ()))
+        for kind, values in (("gate", table.gates), ("aim", table.aims)):
+            lines += [(f"{kind}: {name}", tuple(map(_reference, percents))) for name, percents in values.items()]
+        lines.append(("the paper", ()))
+        lines += [(name, tuple(map(_reference, values))) for name, values in table.paper.items()]
+    groups = tuple((words, len(table.keys)) for words in table.splits.values())
+    return Grid(groups, tuple(table.keys.values()) * len(table.splits), tuple(lines), "percent")
+
+
+def _entries(table: Table, row: Row, found: RowFound | None, gated: bool) -> tuple[Entry, ...]:
+    """The cells of a row: numbers with their spread, marked where there is a gate."""
+    if found is None:
+        return (MISSING,) * len(table.columns())
+    entries = []
+    for split, key in table.columns():
+        told = found.cells.get((split, key))
+        if (split, key) not in found.cells:
+            entries.append(Entry(found.note or "missing", tone="missing"))
+        elif told is None:
+            entries.append(NONE)
+        else:
+            verdict = judge(table, row, split, key, told) if gated else None
+            tone: Tone = "" if verdict is None else "reached" if verdict.reached else "missed"
+            entries.append(Entry(number(told.value), spread(told.low, told.high, told.several), tone))
+    return tuple(entries)
+
+
+def _bounds(table: Table, rows: dict[str, RowFound]) -> tuple[Entry, ...]:
+    entries = []
+    for column in table.columns():
+        told = [rows[row.name].cells.get(column) for row in table.rows if row.name in rows and row.role == "ours"]
+        known = [one.bound for one in told if one is not None and one.bound is not None]
+        entries.append(_reference(None) if not known else Entry(number(known[0]), tone="reference"))
+    return tuple(entries)
+
+
+def provenance(table: Table, results: Results) -> Fold:
+    """Commands, seeds, hashes and versions of every row that was run."""
+    about = results.about.get(table.number, {})
+    machine = _in_a_line(about.get("machine") or {})
+    blocks: list[Block] = []
+    where = [f"{name}: {value}." for name, value in (("Objects", about.get("assets")), ("Machine", machine)) if value]
+    if where:
+        blocks.append(Text(" ".join(where)))
+    if commands := about.get("commands"):
+        blocks += [Text("all rows"), Items(tuple(f"`{command}`" for command in commands))]
+    seen: dict[tuple[str, ...], str] = {}
+    for row in table.rows:
+        found = results.tables.get(table.number, {}).get(row.name)
+        if found is None:
+            continue
+        first = seen.setdefault(tuple(found.commands), row.words)
+        commands = [f"`{command}`" for command in found.commands]
+        if commands and first != row.words:
+            commands = [f"commands as for {first}"]
+        if lines := [*commands, *_origins(found)]:
+            blocks += [Text(row.words), Items(tuple(lines))]
+    return Fold("Commands, seeds, hashes, versions", tuple(blocks))
+
+
+def _origins(found: RowFound) -> list[str]:
+    """Trainings and boards of a row, as far as they were recorded."""
+    lines = []
+    for training in found.trainings:
+        data = [*training.get("rounds", []), *training.get("data", [])]
+        hashes = ", ".join(f"`{str(entry['content_hash'])[:16]}`" for entry in data if entry.get("content_hash"))
+        seed = "" if training.get("seed") is None else f"seed {training['seed']}"
+        told = ", ".join(filter(None, (seed, hashes and f"content of its data {hashes}")))
+        lines += [f"training: {told}"] if told else []
+        lines += [f"made with {_in_a_line(training['versions'])}"] if training.get("versions") else []
+    return lines + [f"judged, {split}: {_dataset(origin)}" for split, origin in found.judged.items()]
+
+
+def _in_a_line(values: dict[str, Any]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in values.items())
+
+
+def _dataset(origin: dict[str, Any]) -> str:
+    """Which boards, in a line."""
+    hashes = [f"{key.replace('_', ' ')} `{str(origin[key])[:16]}`" for key in HASHES if origin.get(key)]
+    seed = f", seed {origin['seed']}" if origin.get("seed") is not None else ""
+    boards = "" if origin.get("boards") is None else f"{origin['boards']} boards{seed}"
+    return ", ".join(filter(None, (boards, *hashes)))
+
+
+def cost_grid(results: Results) -> Grid | None:
+    """Time and memory of the trainings, as far as they were measured."""
+    lines = []
+    for table in TABLES:
+        for row in table.rows:
+            found = results.tables.get(table.number, {}).get(row.name)
+            costs = [training["cost"] for training in found.trainings if training.get("cost")] if found else []
+            if costs:
+                minutes = [f"{cost['seconds'] / 60:.1f}" for cost in costs]
+                known = [cost["megabytes"] for cost in costs if "megabytes" in cost]
+                memory = f"{max(known) / 1000:.1f}" if known else "-"
+                lines.append((f"Table {table.number}, {row.words}", (", ".join(minutes), memory)))
+    return plain_grid(("minutes", "GB at most"), lines, "training") if lines else None
+
+
+def calibration_grid(results: Results) -> Grid | None:
+    """How far the probabilities of edges can be believed."""
+    lines = []
+    for row in REASONING.rows:
+        found = results.tables.get(2, {}).get(row.name)
+        told = {} if found is None else {split: result.model_dump() for split, result in found.results.items()}
+        if any(one.get("ece") is not None for one in told.values()):
+            values = [told.get(split, {}).get(key) for split in REASONING.splits for key in ("ece", "brier")]
+            lines.append((row.words, tuple(NONE if value is None else Entry(f"{value:.4f}") for value in values)))
+    groups = tuple((words, 2) for words in REASONING.splits.values())
+    return Grid(groups, ("ECE", "Brier") * len(REASONING.splits), tuple(lines)) if lines else None
+
+
+def robustness_blocks(robustness: Robustness | None, figures: Path) -> list[Block]:
+    """Quality against the strength of every disturbance as a figure, its numbers, and what is done."""
+    if robustness is None:
+        return [Text(f"**Missing**: what disturbed recordings cost. `{ROBUSTNESS_RUN}` measures it.")]
+    told = robustness.model_dump()
+    names = [*robustness.models, *(name for name in BASELINES if name not in robustness.models)]
+    lines = []
+    for name, rows in robustness.rows.items():
+        for row in rows:
+            none = Scores(edge_f1=None)
+            judged = (row.models.get(model, none) for model in names)
+            shares = [share for scores in judged for share in (scores.edge_f1, scores.pred_a)]
+            words = "" if name not in robustness.disturbances else f", {strength_words(told, name, row.strength)}"
+            lines.append((f"{title_of(told, name)}{words}", tuple(map(_share, (*shares, row.known)))))
+    groups = (*((name, 2) for name in names), ("", 1))
+    grid = Grid(groups, (*("edges (F1)", "Pred-A") * len(names), "known"), tuple(lines), "percent")
+    done = Items(tuple(f"{title_of(told, name)}: {one.what}" for name, one in robustness.disturbances.items()))
+    caption = "Edges and predictions when recordings are disturbed, always in one way at a time; 0 is undisturbed."
+    note = (
+        f"{robustness.boards} boards. Baselines stand with defaults and with the best of several settings, chosen "
+        "with the truth. Known: steps that could be predicted in spite of the disturbance."
+    )
+    picture = Picture(robustness_figure(figures / "robustness.png", told, figures.parent), caption)
+    return [picture, Text(note), Fold("Numbers, and what is done", (grid, done))]
+
+
+def stage_blocks(stages: Stages | None) -> list[Block]:
+    """Wall time of a pipeline's stages, those of one kind together."""
+    if stages is None:
+        return []
+    kinds: dict[str, list[float]] = {}
+    for name, stage in stages.stages.items():
+        kinds.setdefault("features" if name.endswith(".features") else name.split("/")[0], []).append(stage.seconds)
+    named = {**{f"`{kind}`": one for kind, one in kinds.items()}, "all": [s for one in kinds.values() for s in one]}
+    lines = [(name, (str(len(one)), f"{sum(one) / 60:.1f}")) for name, one in named.items()]
+    unfinished = [name for name, stage in stages.stages.items() if not stage.done]
+    machine = _in_a_line(stages.machine or {}) or "not recorded"
+    words = f"Wall time of the run by output folder, interrupted attempts included. Machine: {machine}."
+    words += f" Not finished: {', '.join(unfinished)}." if unfinished else ""
+    return [Text(words), plain_grid(("stages", "minutes"), lines, "run")]
+
+
+def single_blocks(results: Results) -> list[Block]:
+    """A table for every single evaluation: numbers beside the paper's, the trivial baselines' and the gate."""
+    blocks: list[Block] = []
+    for name, result in results.singles.items():
+        table = INTERACTION if isinstance(result, InteractResult) else REASONING
+        blocks += _single(f"{SKILLS[table.skill]}: {subject(result)}", name, result, f"{result.boards} boards")
+        blocks.insert(-1, _single_grid(table, result))
+    for name, plan in results.plans.items():
+        blocks += _single("Planning", name, plan, f"{plan.tasks} tasks")
+        blocks.insert(-1, _plan_grid(plan))
+    if blocks:
+        note = (
+            "The paper's numbers and the gates are those of its 58 objects and of thousands of boards: beside other "
+            "objects, or on a few boards, they only say where one stands."
+        )
+        blocks.insert(0, Text(note))
+    return blocks
+
+
+def _single(words: str, name: str, result: InteractResult | ReasonResult | PlanResult, judged: str) -> list[Block]:
+    """Heading, and where the numbers come from."""
+    heading = Heading(f"{words} on {result.dataset.get('name')} ({result.dataset.get('split')})", 3)
+    items = [f"file `{name}`", f"judged {judged} of {_dataset(result.dataset)}"]
+    items += [f"seed of the evaluation {result.seed}", *([f"`{result.command}`"] if result.command else [])]
+    extra = result.model_extra or {}
+    items += [f"code of commit `{extra['commit']}`"] if extra.get("commit") else []
+    items += [f"made with {_in_a_line(extra['versions'])}"] if isinstance(extra.get("versions"), dict) else []
+    return [heading, Items(tuple(items))]
+
+
+def subject(result: InteractResult | ReasonResult) -> str:
+    """Who was judged, in short."""
+    if isinstance(result, InteractResult):
+        return f"{result.policy}{', strict' if result.strict else ''}"
+    return str(result.model)
+
+
+def _single_grid(table: Table, result: InteractResult | ReasonResult) -> Grid:
+    split = SPLITS.get(result.dataset.get("split", ""), result.dataset.get("split", ""))
+    gates = table.gates["event" if isinstance(result, ReasonResult) else "strict" if result.strict else "free"]
+    baselines = _baselines(result) if isinstance(result, ReasonResult) else {}
+    lines = []
+    for key, words in table.keys.items():
+        told = score_of(result, key)
+        known = split in table.splits
+        beside = [table.at(values, split, key) if known else None for values in (table.paper["BusyBot"], gates)]
+        trivial = [_reference(None if (x := values.get(key)) is None else 100 * x) for values in baselines.values()]
+        bound = Entry("" if told is None or told.bound is None else number(told.bound), tone="reference")
+        lines.append((words, (*_measured(told), *trivial, bound, *map(_reference, beside))))
+    heads = ("measured", "95 % interval", *baselines, "bound", "the paper", "gate")
+    return Grid((), heads, tuple(lines), f"percent, {result.boards} boards")
+
+
+def _baselines(result: ReasonResult) -> dict[str, dict[str, Any]]:
+    """Trivial answers on the same boards, as the result tells them."""
+    told: dict[str, Any] = {name.replace("_", " "): dict(values) for name, values in result.baselines.items()}
+    return told | ({"nothing changes": result.persistence} if result.persistence else {})
+
+
+def _plan_grid(result: PlanResult) -> Grid:
+    """All agents; the paper's and the gate where the tasks are of one kind."""
+    split, kind = result.dataset.get("split", ""), next(iter(result.kinds)) if len(result.kinds) == 1 else ""
+    known = (split, kind) in PLANNING.columns()
+    rows = {row.name: row for row in PLANNING.rows}
+    lines = []
+    for agent, scores in result.agents.items():
+        row = rows.get(agent)
+        paper = PLANNING.paper.get((row.paper if row else None) or "")
+        gate = PLANNING.gates.get((row.gate if row else None) or "")
+        beside = [PLANNING.at(values, split, kind) if known and values else None for values in (paper, gate)]
+        steps = NONE if scores.steps is None else Entry(number(scores.steps))
+        measured = (*_measured(score(scores.success, scores.interval)), _share(scores.solved), steps)
+        lines.append((row.words if row else agent, (*measured, *map(_reference, beside))))
+    heads = ("success", "95 % interval", "tasks solved", "steps", "the paper", "gate")
+    return Grid((), heads, tuple(lines), f"percent, {result.tasks} tasks")
+
+
+def _measured(told: Score | None) -> tuple[Entry, Entry]:
+    if told is None:
+        return NONE, Entry("")
+    interval = "" if told.low is None or told.high is None else f"{number(told.low)} to {number(told.high)}"
+    return Entry(number(told.value)), Entry(interval)

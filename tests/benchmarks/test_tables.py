@@ -1,0 +1,127 @@
+"""Benchmarks: how their commands are told, and what a stopped table keeps."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks import runner
+from benchmarks.runner import as_typed, finish, parser, told_rows, typed
+from benchmarks.tables import table1, table2, table3
+from benchmarks.tables.table2 import DETAILS, SCORES, across
+from busybot.errors import BusybotError
+from busybot.evaluation.reference_tables import INTERACTION
+from busybot.evaluation.results import read_result
+
+
+def scores(**values: float | None) -> dict[str, Any]:
+    told: dict[str, Any] = dict.fromkeys((*SCORES, *DETAILS), None)
+    told["bounds"] = {"not_knowing": {"pred_a": 0.96, "pred_a_successful": 0.99}}
+    return {**told, **values}
+
+
+def test_mean_and_extremes_over_seeds() -> None:
+    told = across([scores(pred_a=0.9, edge_r=1.0), scores(pred_a=0.8, edge_r=None)])
+    assert (told["mean"]["pred_a"], told["least"]["pred_a"], told["most"]["pred_a"]) == (pytest.approx(0.85), 0.8, 0.9)
+    assert told["mean"]["edge_r"] is told["least"]["edge_r"] is None
+
+
+def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def answer(*arguments: str) -> dict[str, Any]:
+        asked.append(arguments)
+        return scores(pred_a=0.5)
+
+    monkeypatch.setattr(table2, "busybot", answer)
+    (tmp_path / "data" / "novel-object").mkdir(parents=True)
+    out = tmp_path / "table2.json"
+    monkeypatch.setattr(
+        "sys.argv",
+        ["table2", "--data", f"{tmp_path}/data", "--work", f"{tmp_path}/work", "--out", str(out), "--rows", "lookup"],
+    )
+    table2.main()
+    table2.main()
+    assert len(asked) == 1 and asked[0][:2] == ("eval", "reason")
+    row = json.loads(out.read_text())["rows"]["lookup"]
+    assert row["splits"]["novel-object"]["mean"]["pred_a"] == 0.5
+    assert row["commands"] == ["busybot eval reason DATA/novel-object --model lookup --decoders DATA/train"]
+    assert told_rows(out, "table2")["lookup"] == row and told_rows(tmp_path / "none.json", "table2") == {}
+
+
+def test_commands_are_told_without_this_machines_places(tmp_path: Path) -> None:
+    assert as_typed(("eval", f"{tmp_path}/x"), {str(tmp_path): "DATA"}) == "busybot eval DATA/x"
+    made = ("train", "--assets", "procedural", "--config", "benchmarks/procedural.yaml")
+    assert as_typed(made, {"procedural": "ASSETS"}) == "busybot " + " ".join(made)
+
+
+def test_a_result_tells_its_command_without_places(tmp_path: Path) -> None:
+    options = parser("text")
+    options.add_argument("--model", action="append")
+    options.add_argument("--boards", type=int, default=5)
+    options.add_argument("--dense-boards", type=int)
+    arguments = options.parse_args(
+        ["--assets", "/a/b", "--out", f"{tmp_path}/r.json", "--model", "event=/c/d", "--model", "x"]
+    )
+    command = "python -m benchmarks.speed.collection --assets ASSETS --out OUT --model event=FOLDER x --boards 5"
+    assert typed("collection", arguments) == typed("memory", arguments) == command
+    finish("collection", arguments, {"rows": {}}, machine={"threads": 1})
+    told = read_result(tmp_path / "r.json", "collection")
+    assert told["command"] == command and told["machine"]["threads"] == 1 and told["rows"] == {}
+    assert [path.name for path in tmp_path.iterdir()] == ["r.json"]
+    with pytest.raises(BusybotError, match="a result of the kind collection, not table1"):
+        told_rows(tmp_path / "r.json", "table1")
+    assert finish("memory", argparse.Namespace(out=None, seed=3), {})["seed"] == 3
+
+
+def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def answer(*arguments: str) -> dict[str, Any]:
+        asked.append(arguments)
+        row = dict.fromkeys(table3.DETAILS) | {"success": 0.5 + len(asked) / 100}
+        return {"agents": {"search": row, "bc": row}, "timing": {"search": {}, "bc": {}}}
+
+    monkeypatch.setattr(table3, "busybot", answer)
+    monkeypatch.setattr(table3, "origin", lambda options, split, kind: {"hashes": {"tasks": {kind: split}}})
+    monkeypatch.setattr("sys.argv", ["plan", "--work", f"{tmp_path}/w", "--out", f"{tmp_path}/o", "--boards", "2"])
+    *_, result = table3.measured(table3.parsed("", policy_model="procedural", reasoner=["event"]))
+    assert len(asked) == 3 * 6 and "--boards 2" in result["commands"][0]
+    assert "--model event --policy-model procedural" in result["commands"][2], "what ships is told by its name"
+    assert "WORK/judged-novel-object-one-to-one-0" in result["commands"][2]
+    assert result["rows"]["search"]["splits"]["train"]["one-to-one"]["success"] == pytest.approx(0.65)
+    assert result["origins"]["train, one-to-many"]["hashes"]["tasks"] == {"one-to-many": "train"}
+
+
+def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def answer(*arguments: str) -> dict[str, Any]:
+        asked.append(arguments)
+        if "responders=false" in arguments:
+            raise RuntimeError("round 0: no recorded action succeeded, so there is nothing to learn")
+        if arguments[0] == "train":
+            return {"training": {"seed": 1}}
+        keys = dict.fromkeys((*table1.KEYS, "dataset", "versions"), 0.5)
+        policy = {"explore": 0.25, "after_failure": [[0.0]]}
+        return keys | {"provenance": {"policy": policy, "model": {"sha256": {"a": "b"}}}}
+
+    for module in (table1, runner):
+        monkeypatch.setattr(module, "busybot", answer)
+    (tmp_path / "w").mkdir()
+    out, rows = tmp_path / "table1.json", "free-1,greedy,without-responders-1000"
+    monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--rows", rows])
+    table1.main()
+    told = json.loads(out.read_text())["rows"]
+    assert list(told) == rows.split(",") and told["without-responders-1000"]["untrained"]
+    assert told["free-1"]["policy"] == {"model_sha256": {"a": "b"}, "constants": {"explore": 0.25}}
+    assert told["free-1"]["training"]["cost"].keys() == {"seconds", "megabytes"} and not told["greedy"]["training"]
+    assert (
+        told["greedy"]["commands"][1]
+        == "busybot eval interact WORK/judge-303-novel-config --model WORK/free-1 --mode greedy"
+    )
+    trained = [command for command in asked if command[0] == "train"]
+    assert len(trained) == 2 and "--seed" in trained[0] and trained[0][trained[0].index("--seed") + 1] == "1"
+    assert "paper" in table1.ROWS and {row.name for row in INTERACTION.rows} == set(table1.ROWS)

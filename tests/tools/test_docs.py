@@ -1,0 +1,196 @@
+"""Everything generated in the documentation is what its results, commands and schema make of it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from benchmarks.studies import changed_pixels
+from busybot.errors import BusybotError
+from tools import docs, prose, tables
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def rows_of(text: str) -> dict[str, list[str]]:
+    """Cells of a table's rows by their first one."""
+    lines = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("| ")]
+    return {line[0]: line[1:] for line in lines}
+
+
+@pytest.fixture
+def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder in place of the committed results."""
+    monkeypatch.setattr(tables, "RESULTS", tmp_path)
+    return tmp_path
+
+
+def put(folder: Path, name: str, kind: str, **figures: Any) -> None:
+    (folder / f"{name}.json").write_text(json.dumps({"kind": kind, **figures}))
+
+
+def test_the_documentation_is_what_would_be_generated() -> None:
+    assert docs.differences() == {}, "python -m tools.docs"
+
+
+def test_a_page_that_differs_is_named_and_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for page in docs.PAGES:
+        (tmp_path / page).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / page).write_bytes((ROOT / page).read_bytes())
+    plan = tmp_path / "docs/results/plan.md"
+    plan.write_text(plan.read_text().replace("| 97.3 (96.7 to 97.7) |", "| 97.4 (96.7 to 97.7) |", 1))
+    monkeypatch.setattr(docs, "ROOT", tmp_path)
+    found = docs.differences(tmp_path)
+    assert list(found) == ["docs/results/plan.md"] and "97.4 (96.7" in found["docs/results/plan.md"]
+    monkeypatch.setattr(docs, "differences", lambda: found)
+    monkeypatch.setattr("sys.argv", ["docs", "--check"])
+    assert docs.main() == 1 and "97.4" in plan.read_text()
+    monkeypatch.setattr("sys.argv", ["docs"])
+    assert docs.main() == 0 and plan.read_bytes() == (ROOT / "docs/results/plan.md").read_bytes()
+
+
+def test_the_command_of_ci() -> None:
+    done = subprocess.run([sys.executable, "-m", "tools.docs", "--check"], cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert "-m tools.docs --check" in (ROOT / "Makefile").read_text(encoding="utf-8")
+
+
+def test_a_part_goes_into_its_place_alone() -> None:
+    text = docs.with_part("a\n<!-- t -->\nold\n<!-- end of t -->\nb", "t", "\nnew\n")
+    assert text == "a\n<!-- t -->\nnew\n<!-- end of t -->\nb" == docs.with_part(text, "t", "new")
+    for spoilt in ("nothing", text.replace("<!-- t -->", ""), text + text, "<!-- end of t --><!-- t -->"):
+        with pytest.raises(BusybotError, match="no place for the part t"):
+            docs.with_part(spoilt, "t", "new")
+    with pytest.raises(BusybotError, match=r"README\.md: nobody makes other"):
+        docs.written("README.md", "<!-- other --><!-- end of other -->")
+
+
+def test_what_is_said_without_a_number_has_to_be_so(results: Path) -> None:
+    soak = {"memory": [{"boards": 2000}], "growth_mb_over_second_half": 11, "more_open_files_over_second_half": 1}
+    put(results, "memory", "memory", **soak)
+    cost = {"ratio_to_minimal_frame": 0.246, "ratio_to_minimal_frame_without_shadows": 0.536}
+    put(results, "collection", "collection", **cost)
+    with pytest.raises(BusybotError, match="the results do not say that no file stays open"):
+        prose.costs()
+    put(results, "memory", "memory", **{**soak, "more_open_files_over_second_half": 0})
+    assert "0.25 of one frame" in prose.costs() and "11 MB over the last 1000 of 2000 boards" in prose.costs()
+
+
+def test_the_overview_shows_the_worst_seed_and_what_is_missed(results: Path) -> None:
+    def judged(precision: float) -> dict[str, Any]:
+        one = {"precision": precision, "recall": 1.0, "boards": 2, "intervals": {}, "dataset": {}}
+        return {"novel-config": one, "novel-object": one}
+
+    put(results, "table1", "table1", rows={f"free-{n}": judged(share) for n, share in enumerate((0.99, 0.95))})
+    put(results, "table2", "table2", rows={})
+    kinds = {"one-to-one": {"success": 0.97, "seeds": [1.0, 0.94]}, "one-to-many": {"success": 1.0, "seeds": [1.0]}}
+    put(results, "table3", "table3", rows={"search": {"splits": {"novel-object": kinds}}})
+    rows = rows_of(tables.overview())
+    assert rows["actions that move something"] == ["**95.0**", "90.1", "97", "95.0", "82.6", "93"]
+    assert rows["goals reached, one-to-one"] == ["missing", "93.7", "98", "**94.0**", "92.3", "96"]
+    assert rows["relations: recall"][0] == "missing"
+
+
+def test_only_uninterrupted_trainings_have_a_cost(results: Path) -> None:
+    def told(*costs: dict[str, Any] | None) -> str:
+        put(
+            results,
+            "table2",
+            "table2",
+            machine={"cores": 2},
+            rows={"event": {"training": [{"cost": c} for c in costs]}},
+        )
+        return tables.table2().splitlines()[-1]
+
+    cost = {"seconds": 600, "megabytes": 1500}
+    assert "model: 10 minutes and at most 1.5 GB of memory on 2 cores (1 of 2 trainings" in told(None, cost)
+    assert "model: 10 to 20 minutes" in told(cost, cost | {"seconds": 1200})
+    assert "From nothing" not in told(None)
+
+
+def test_decision_times_are_compared_with_the_gate(results: Path) -> None:
+    def timing(mean: float | None, least: float = 0.0) -> dict[str, Any]:
+        told = None if mean is None else 2 * mean
+        return {"cpu_ms": mean, "cpu_ms_p95": told, "cpu_ms_without_model": None if mean is None else mean - least}
+
+    agents = {
+        "search": {"one-to-one": timing(9.0, 4.0), "one-to-many": timing(9.0, 4.0)},
+        "random": {"one-to-one": timing(9.0), "one-to-many": timing(50.1)},
+        "noop": {"one-to-one": timing(None), "one-to-many": timing(9.0)},
+    }
+    put(results, "decision_time", "decision-time", gate_ms=50.0, decisions=agents)
+    rows = rows_of(tables.decision_time())
+    assert rows["**search over learned effects**"] == ["9.0 (95 %: 18.0; model 4.0) ✓"] * 2
+    assert rows["random actions"][1] == "50.1 (95 %: 100.2; model 0.0) ✗" and rows["doing nothing"][0] == "-"
+    assert len(rows) == 4
+
+
+def test_moves_with_and_without_responders_beside_each_other(results: Path) -> None:
+    both, alone = (
+        changed_pixels.summary(pd.DataFrame({"trigger": ["a", "a", "b"], "changed_pixels": pixels}))
+        for pixels in ([900, 1200, 700], [90, 700, 50])
+    )
+    assert alone["exceeding"]["500"] == {"share_of_moves": 0.3333, "ever": ["a"], "mostly": []}
+    splits = {name: {"with": both, "without": alone} for name in ("train", "novel-object")}
+    put(results, "changed_pixels", "changed-pixels", splits=splits)
+    text = tables.changed_pixels()
+    assert "| training objects, with responders | 700 | 900 | 1200 | 100.0 % | 100.0 % | 33.3 % |" in text
+    assert "| novel objects, 2 switches | 1 (1) | 1 (0) | 0 (0) |" in text
+    assert "Above 500, training objects: a.\n" in text and "Above 1000" not in text
+
+
+def test_the_policys_constants_are_told_beside_their_defaults(results: Path) -> None:
+    keys = ("precision", "recall", "precision_exploring")
+    judged = {**dict.fromkeys(keys, 0.9), "intervals": {"precision": [0.88, 0.92], "recall": None, keys[2]: [0.8, 1.0]}}
+    told = {
+        "default_strict": {"explore": 0.35},
+        "rows": {"before": judged, "explore=0.2": judged},
+        "default": {"explore": 0.25},
+        "free": {"explore=0.35": {"novel-object": judged, "novel-config": {**judged, "recall": 0.8}}},
+    }
+    put(results, "policy_constants", "policy-constants", **told)
+    text = tables.policy_constants()
+    assert "| *before* |  |  | 90.0 ± 2.0 | 90.0 ± 0.0 | 90.0 ± 10.0 |" in text
+    assert "| `explore` | 0.35 | 0.2 | 90.0 ± 2.0 |" in text
+    held_out, known = "90.0 ± 2.0 | 90.0 ± 0.0", "90.0 ± 2.0 | 80.0 ± 0.0"
+    assert f"| `explore` | 0.25 | 0.35 | {held_out} | {known} | missing | missing |" in text
+
+
+def test_what_the_papers_interaction_networks_cost(results: Path) -> None:
+    network = {
+        "parameters": 2_100_000,
+        "batch": 16,
+        "iterations": 50,
+        "seconds_median": 9.04,
+        "cpu_seconds_median": 8.5,
+    }
+    hours = {"training": 15.2, "collecting": 3.9, "both": 19.1}
+    whole = {"epochs": 400, "iterations": {"position": 2960}, "hours": hours, "cpu_hours": hours}
+    machine = {"processor": "P", "threads": 1}
+    told = {"machine": machine, "networks": {"position": network}, "extrapolated": whole}
+    put(results, "paper_interact", "paper-interact-speed", **told)
+    text = tables.paper_interact_speed()
+    assert "| position | 2.1 million | 16 | 50 | 9.0 | 8.5 | 2960 |" in text
+    assert "(P, 1 thread) the 400 epochs take 19 hours, of CPU 19: 15 for training and at least 4 for coll" in text
+
+
+def test_disturbed_recordings(results: Path) -> None:
+    scores = {"edge_p": 0.9, "edge_r": 0.8, "pred_a": 0.7}
+    graph = {"edge_p": None, "edge_r": 0.8, "pred_a": None}
+    models = {"event": scores, "lookup": scores, "count at best": graph}
+    rows = {
+        "undisturbed": [{"strength": 0.0, "boards": 3, "known": 0.96, "models": models}],
+        "missing": [{"strength": 0.1, "boards": 3, "known": 0.9, "models": {"event": scores}}],
+    }
+    what = {"missing": {"what": "lost", "unit": "of frames"}}
+    put(results, "reason_robustness", "reason-robustness", models={"event": {}}, rows=rows, disturbances=what)
+    text = tables.robustness()
+    assert text.splitlines()[0] == "| percent | `event` | lookup | lookup at best | count | count at best | known |"
+    found = rows_of(text)
+    expected = ["90.0 / 80.0, 70.0", "90.0 / 80.0, 70.0", "-", "-", "- / 80.0", "96.0"]
+    assert found["undisturbed, 3 boards"] == expected
+    assert found["missing frames, 10 % of frames"][-2:] == ["-", "90.0"] and "- *missing frames*: lost." in text

@@ -1,0 +1,326 @@
+"""The report: what is missed is named, what is missing is shown, and nothing from a file becomes markup."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from busybot.cli.main import app
+from busybot.errors import BusybotError
+from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, TABLES
+from busybot.view.report.gates import judge
+from busybot.view.report.report import Report, Shown, write_report
+from busybot.view.report.results import Score, read_results
+
+RESULTS = Path(__file__).resolve().parents[3] / "benchmarks" / "results"
+TABLE1 = RESULTS / "table1.json"
+DATASET = {"name": "d", "split": "novel-config", "boards": 3, "board_hash": "ab" * 32}
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    """The report of the committed Table 1."""
+    return write_report([TABLE1], tmp_path_factory.mktemp("report"))
+
+
+def below_a_gate(folder: Path) -> Path:
+    """The committed Table 1 with one number below its gate, whatever its own numbers reach."""
+    table = json.loads(TABLE1.read_text())
+    table["rows"]["free-1"]["novel-object"]["precision"] = 0.5
+    return write(folder / "table1.json", table)
+
+
+def reasoned(**values: Any) -> dict[str, Any]:
+    """As `busybot eval reason` tells it."""
+    scores = {"edge_p": 1.0, "edge_r": 0.985, "edge_r_bound": 0.988, "pred_a": 0.9, "pred_a_bound": 0.915}
+    told = {"boards": 3, "intervals": {"precision": [1.0, 1.0]}, "dataset": DATASET, "model": "event", "seed": 4}
+    curve = [{"images": n, "edge_p": 1.0, "edge_r": 0.4 * n, "edge_r_bound": 0.4 * n} for n in (1, 2)]
+    by_images = [one | {"pred_a": None, "pred_a_bound": None} for one in curve]
+    return {
+        "kind": "reason",
+        **scores,
+        "pred_a_successful": 0.95,
+        "ece": 0.01,
+        "brier": 0.02,
+        "by_images": by_images,
+        **told,
+        **values,
+    }
+
+
+def table2(*seeds: dict[str, Any]) -> dict[str, Any]:
+    keys = tuple(REASONING.keys)
+    values = {key: [seed[key] for seed in seeds] for key in keys}
+    across = {
+        "mean": {key: sum(several) / len(several) for key, several in values.items()},
+        "least": {key: min(several) for key, several in values.items()},
+        "most": {key: max(several) for key, several in values.items()},
+    }
+    training = [{"seed": n, "cost": {"seconds": 90, "megabytes": 500}} for n in range(len(seeds))]
+    row = {
+        "commands": ["busybot x"],
+        "training": training,
+        "splits": {"novel-config": {**across, "seeds": list(seeds)}},
+    }
+    return {"kind": "table2", "assets": "made", "machine": {"cores": 2}, "rows": {"event": row}}
+
+
+def write(path: Path, value: Any) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(value))
+    return path
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.skill)
+def test_every_number_of_the_protocol_has_its_column(table: Any) -> None:
+    for values in (*table.paper.values(), *table.gates.values(), *table.aims.values()):
+        assert len(values) == len(table.columns())
+        assert all(value is None or 0 <= value <= 100 for value in values)
+    assert all(row.paper is None or row.paper in table.paper for row in table.rows)
+    assert all(row.gate is None or row.gate in table.gates for row in table.rows)
+    assert len({row.name for row in table.rows}) == len(table.rows)
+    assert any(row.gate for row in table.rows) and any(row.role == "trivial" for row in table.rows)
+
+
+def test_numbers_of_the_paper_stand_in_the_right_columns() -> None:
+    assert INTERACTION.at(INTERACTION.paper["BusyBot"], "novel-object", "recall") == 84.8
+    assert REASONING.at(REASONING.paper["without exploration"], "novel-config", "edge_r") == 3.1
+    assert REASONING.at(REASONING.paper["BusyBot"], "novel-object", "pred_a") == 31.0
+    assert PLANNING.at(PLANNING.paper["Relation"], "train", "one-to-many") == 61.1
+    assert PLANNING.at(PLANNING.gates["search"], "novel-object", "one-to-many") == 92
+
+
+@pytest.mark.parametrize("as_committed", [True, False])
+def test_table_1_with_its_missed_gates(first: Report, tmp_path: Path, as_committed: bool) -> None:
+    file = TABLE1 if as_committed else below_a_gate(tmp_path)
+    done = first if as_committed else write_report([file], tmp_path / "report")
+    text, page = done.markdown.read_text(), done.html.read_text()
+    rows = json.loads(file.read_text())["rows"]
+    named = text.split("## Gates that are missed")[1].split("\n## ")[0]
+    for row in (row for row in INTERACTION.rows if row.gate and row.name in rows):
+        for split, words in INTERACTION.splits.items():
+            for key in ("precision", "recall"):
+                gate, share = INTERACTION.at(INTERACTION.gates[row.gate or ""], split, key), rows[row.name][split][key]
+                place = f"| Table 1, {row.words}, {words}: {key} | {100 * share:.1f} "
+                assert gate is not None
+                assert (place in named) == (100 * share < gate), place
+    assert as_committed or f"{INTERACTION.splits['novel-object']}: precision | 50.0 " in named
+    for row in INTERACTION.rows:
+        line = next(line for line in text.splitlines() if line.startswith(f"| {row.words} |"))
+        assert ("missing" in line) == (row.name not in rows)
+    assert done.count(True) + done.count(False) + done.count(None) == len(done.verdicts) == 6 * 4 + 12 + 6
+    for name in rows:
+        for split in INTERACTION.splits if "untrained" not in rows[name] else ():
+            assert rows[name][split]["dataset"]["board_hash"][:16] in page
+    assert "without responders, threshold 1000 (no recorded action succeeded)" in text
+    assert "**Missing**: none of its rows was given" in text
+
+
+def test_the_html_is_one_file_that_loads_nothing(first: Report) -> None:
+    page = first.html.read_text()
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert sources and all(source.startswith(("data:image/", "#")) for source in sources)
+    assert not re.search(r"url\(|@import|<script|<link", page)
+
+
+def test_markdown_links_to_pictures_that_are_there(first: Report) -> None:
+    text = first.markdown.read_text()
+    links = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text)
+    assert links and all((first.markdown.parent / link).stat().st_size > 10_000 for link in links)
+
+
+def test_a_gate_is_for_the_worst_seed(tmp_path: Path) -> None:
+    good = reasoned(pred_a=0.99, edge_r=1.0)
+    file = write(tmp_path / "table2.json", table2(good, {**good, "pred_a": 0.5}, good))
+    done = write_report([file], tmp_path / "out")
+    missed = [(one.split, one.key, one.worst) for one in done.verdicts if one.reached is False]
+    assert ("novel-config", "pred_a", 50.0) in missed and ("novel-config", "edge_r", 100.0) not in missed
+    assert "82.7 (50.0 to 99.0) ✗" in done.markdown.read_text()
+
+
+def test_what_the_recordings_do_not_determine_is_not_asked_for() -> None:
+    row = next(row for row in REASONING.rows if row.gate)
+    near = judge(REASONING, row, "novel-config", "edge_r", Score(98.5, bound=98.9))
+    assert near is not None and near.reached and near.by_bound
+    far = judge(REASONING, row, "novel-config", "edge_r", Score(98.3, bound=98.9))
+    assert far is not None and far.reached is False
+    other = judge(REASONING, row, "novel-config", "edge_p", Score(98.9, bound=98.9))
+    assert other is not None and other.reached is False
+    exact = judge(REASONING, row, "novel-config", "edge_p", Score(100 * 0.99))
+    assert exact is not None and exact.reached and not exact.by_bound
+
+
+def test_single_evaluations_and_pictures_of_a_folder(tmp_path: Path) -> None:
+    write(tmp_path / "in" / "one.json", reasoned())
+    write(tmp_path / "in" / "settings.json", {"something": "else"})
+    (tmp_path / "in" / "a.png").write_bytes((RESULTS.parents[1] / "docs/images/viewer.png").read_bytes())
+    done = write_report([tmp_path / "in"], tmp_path / "out")
+    text = done.markdown.read_text()
+    assert "### Reasoning: event on d (novel-config)" in text
+    assert "| R | 98.5 |  | 98.8 | 99.7 | 99.0 |" in text
+    assert len(read_results([tmp_path / "in"]).files) == 2
+    assert [path.name for path in done.figures] == ["images.png", "given-00.png"]
+
+
+def test_planning_has_its_place(tmp_path: Path) -> None:
+    kinds = {"one-to-one": {"success": 0.99, "interval": [0.98, 1.0]}, "one-to-many": {"success": 0.9}}
+    file = write(tmp_path / "table3.json", {"kind": "table3", "rows": {"search": {"splits": {"train": kinds}}}})
+    done = write_report([file], tmp_path / "out")
+    text = done.markdown.read_text()
+    assert "99.0 ± 1.0 ✓ | 90.0 ✗ | missing" in text and "- Table 3: **search over learned effects** (in part)" in text
+    assert "Procedural objects" not in text
+    told = json.loads(file.read_text()) | {"assets": "procedural"}
+    assert "**Procedural objects**" in write_report([write(file, told)], tmp_path / "out").markdown.read_text()
+
+
+def test_of_planning_too_a_gate_is_for_the_worst_seed(tmp_path: Path) -> None:
+    kinds = {"one-to-one": {"success": 0.97, "seeds": [1.0, 0.99, 0.92], "interval": [0.99, 1.0]}}
+    file = write(tmp_path / "table3.json", {"kind": "table3", "rows": {"search": {"splits": {"novel-config": kinds}}}})
+    done = write_report([file], tmp_path / "out")
+    assert "97.0 (92.0 to 100.0) ✗" in done.markdown.read_text()
+    assert [one.worst for one in done.verdicts if one.reached is False] == [92.0]
+
+
+def test_an_evaluation_of_planning_stands_beside_the_paper(tmp_path: Path) -> None:
+    agents = {
+        "search": {"success": 0.975, "interval": [0.95, 1.0], "solved": 0.9, "steps": 2.5},
+        "mine": {"success": 1},
+    }
+    told = {"kind": "plan", "agents": agents, "kinds": {"one-to-many": 7}, "tasks": 7, "dataset": DATASET, "seed": 3}
+    file = write(tmp_path / "planned" / "result.json", told)
+    text = write_report([file], tmp_path / "out").markdown.read_text()
+    assert "### Planning on d (novel-config)" in text
+    assert "| **search over learned effects** | 97.5 | 95.0 to 100.0 | 90.0 | 2.5 | 69.4 | 95.0 |" in text
+    assert "| mine | 100.0 |  | - | - |  |  |" in text
+
+
+def disturbed() -> dict[str, Any]:
+    """As `benchmarks/reason_robustness.py` tells it."""
+    models = {"event": {"edge_f1": 0.9, "pred_a": 0.7}, "count": {"edge_f1": 0.8, "pred_a": None}}
+    row = {"boards": 3, "known": 0.95, "models": models}
+    rows = {"undisturbed": [{"strength": 0.0, **row}], "patch": [{"strength": n / 10, **row} for n in (1, 2)]}
+    what = {"patch": {"title": "hidden", "what": "a box is grey", "unit": "of frames"}}
+    told = {"boards": 3, "models": {"event": {}}, "disturbances": what, "rows": rows}
+    return {"kind": "reason-robustness", **told}
+
+
+def test_robustness_is_drawn_and_told_or_missing(first: Report, tmp_path: Path) -> None:
+    assert "## Robustness\n\n**Missing**" in first.markdown.read_text()
+    done = write_report([write(tmp_path / "r.json", disturbed())], tmp_path / "out")
+    text = done.markdown.read_text()
+    assert "robustness.png" in [path.name for path in done.figures]
+    assert "| hidden, 20 % of frames | 90.0 | 70.0 | " in text and "- hidden: a box is grey" in text
+    assert "| undisturbed | 90.0 | 70.0 | " in text
+
+
+def test_what_the_stages_of_a_run_took(tmp_path: Path) -> None:
+    took = {"data/train": 90, "data/train.features": 30, "data/novel-object": 60, "reason": 120}
+    stages = {name: {"seconds": seconds, "done": name != "reason"} for name, seconds in took.items()}
+    file = write(tmp_path / "stages.json", {"kind": "stages", "machine": {"cores": 2}, "stages": stages})
+    text = write_report([file], tmp_path / "out").markdown.read_text()
+    for line in ("| `data` | 2 | 2.5 |", "| `features` | 1 | 0.5 |", "| all | 4 | 5.0 |", "Not finished: reason."):
+        assert line in text
+
+
+def test_rows_without_a_gate_are_named_as_measured_or_missing(tmp_path: Path) -> None:
+    one = {"one-to-one": {"success": 0.5}}
+    full = {split: {**one, "one-to-many": {"success": 0.5}} for split in PLANNING.splits}
+    rows = {"bc": {"splits": full}, "noop": {"splits": {"train": one}}}
+    text = write_report(
+        [write(tmp_path / "t.json", {"kind": "table3", "rows": rows})], tmp_path / "out"
+    ).markdown.read_text()
+    lines = {
+        line.split(": ")[0]: line.split(": ", 1)[1] for line in text.splitlines() if line.startswith("- Table 3, ")
+    }
+    assert lines["- Table 3, measured"] == "behaviour cloning"
+    assert lines["- Table 3, measured in part"] == "doing nothing"
+    assert "PPO" in lines["- Table 3, **missing**"]
+
+
+@pytest.mark.long
+def test_figures_of_an_episode(tmp_path: Path, tiny: Path) -> None:
+    done = write_report([TABLE1], tmp_path, Shown(tiny / "episodes" / "000003.mcap"))
+    assert "refinement.png" in [path.name for path in done.figures]
+    assert "**Missing**: what the policy believes" in done.markdown.read_text()
+
+
+def test_nothing_from_a_file_becomes_markup(tmp_path: Path) -> None:
+    evil = "<script>alert(1)</script>"
+    file = write(tmp_path / "one.json", reasoned(model=evil, dataset={**DATASET, "name": evil}, command=f"`{evil}"))
+    assert "<script" not in write_report([file], tmp_path / "out").html.read_text()
+    text = write_report([file], tmp_path / "out").markdown.read_text()
+    assert "<script" not in re.sub(r"`[^`\n]*`", "", text), "nor in Markdown, but within code"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            {"kind": "table1", "rows": {"free-0": {"novel-config": {"dataset": {}, "precision": "high"}}}},
+            r"bad\.json: novel-config\.precision: ",
+        ),
+        (
+            {"kind": "table2", "rows": {"event": {"splits": {"train": {"mean": {}}}}}},
+            r"bad\.json: splits\.train\.least: ",
+        ),
+        ({"rows": {"event": {}}}, r"bad\.json: it is no result, because it has no `kind`(.|\n)*busybot eval"),
+        ({"kind": "table9"}, r"bad\.json: a result of the unknown kind 'table9'(.|\n)*table1"),
+        ({"kind": "s3"}, r"bad\.json: a report does not show results of the kind s3(.|\n)*table1"),
+        ([], r"bad\.json: it is no result"),
+    ],
+)
+def test_files_that_are_no_results(tmp_path: Path, content: Any, message: str) -> None:
+    file = write(tmp_path / "bad.json", content)
+    with pytest.raises(BusybotError, match=message):
+        write_report([file], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_without_results(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match=r"no result lies there(.|\n)*busybot eval"):
+        write_report([tmp_path], tmp_path / "out")
+    write(tmp_path / "old.json", {"edge_p": 1.0, "dataset": {}})
+    with pytest.raises(BusybotError, match=r"only 1 JSON files without a known `kind`"):
+        write_report([tmp_path], tmp_path / "out")
+
+
+def test_the_command(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["report", str(below_a_gate(tmp_path)), "--out", str(tmp_path / "r"), "--json"])
+    told = json.loads(done.stdout)
+    assert done.exit_code == 0 and Path(told["html"]).is_file()
+    assert sum(told["gates"].values()) == 42 and told["gates"]["missed"] > 0
+    assert CliRunner().invoke(app, ["report", str(tmp_path / "none.json"), "--out", str(tmp_path / "r")]).exit_code == 1
+
+
+def folds(text: str) -> list[str]:
+    return re.findall(r"<details><summary>Commands, seeds, hashes, versions</summary>(.*?)</details>", text, re.DOTALL)
+
+
+def test_what_made_the_committed_tables_is_told(tmp_path: Path) -> None:
+    files = [RESULTS / f"table{number}.json" for number in (1, 2, 3)]
+    told = folds(write_report(files, tmp_path / "out").markdown.read_text())
+    assert len(told) == 3
+    for fold in told:
+        assert "- `busybot " in fold and "- training: seed " in fold and "- made with busybot " in fold
+        assert "None" not in fold and "not recorded" not in fold
+    content = json.loads(files[1].read_text())["rows"]["event"]["training"][0]["training"]["data"][0]["content_hash"]
+    assert content[:16] in told[1]
+    for command in json.loads(files[2].read_text())["commands"]:
+        assert told[2].count(f"- `{command}`\n") == 1
+
+
+def test_rows_with_the_same_commands_name_them_once(tmp_path: Path) -> None:
+    row = {"commands": ["busybot x"], "splits": {"train": {"one-to-one": {"success": 0.5}}}}
+    file = write(tmp_path / "t.json", {"kind": "table3", "rows": {"noop": row, "bc": row}})
+    (fold,) = folds(write_report([file], tmp_path / "out").markdown.read_text())
+    assert fold.count("busybot x") == 1 and "- commands as for behaviour cloning" in fold
+
+
+def test_without_a_table_single_evaluations_come_first(tmp_path: Path) -> None:
+    text = write_report([write(tmp_path / "one.json", reasoned())], tmp_path / "out").markdown.read_text()
+    assert text.index("## Single evaluations") < text.index("<details><summary>The paper") < text.index("## Table 1")
+    assert text.index("## Table 3") < text.index("</details>") < text.index("## How scores grow")
+    assert text.count("## Single evaluations") == 1

@@ -1,0 +1,121 @@
+"""Everything in the documentation that programs make: tables of results, the reference of commands and of the format.
+
+    python -m tools.docs            writes the generated parts of all pages
+    python -m tools.docs --check    exits with 1 and says which parts are not what they would be
+
+A generated part stands between `<!-- NAME -->` and `<!-- end of NAME -->`; `PAGES` says who makes it. What is between
+these lines is replaced, what is around them is written by people.
+"""
+
+import argparse
+import difflib
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from busybot.episodes.protobuf import proto_text
+from busybot.errors import BusybotError
+from busybot.files import write_atomically
+from tools import prose, references, tables
+
+ROOT = Path(__file__).resolve().parents[1]
+Part = Callable[[], str]
+
+PAGES: dict[str, dict[str, Part]] = {
+    "README.md": {"overview": tables.overview},
+    "benchmarks/README.md": {"costs": prose.costs, "relations": prose.relations},
+    "docs/guides/reproduce.md": {"laptop": prose.laptop},
+    "docs/reference/commands.md": {"commands": references.commands},
+    "docs/reference/dataset-format.md": {"format": references.dataset_format},
+    "docs/results/interact.md": {
+        "table1": tables.table1,
+        "further-boards": tables.further_boards,
+        "changed-pixels": tables.changed_pixels,
+        "policy-constants": tables.policy_constants,
+        "interact-speed": tables.interact_speed,
+        "paper-interact-speed": tables.paper_interact_speed,
+    },
+    "docs/results/reason.md": {
+        "features": tables.features,
+        "features-speed": prose.features_speed,
+        "paper-reason-speed": tables.paper_reason_speed,
+        "table2": tables.table2,
+        "reason-robustness": tables.robustness,
+        "reason-procedural": tables.reason_procedural,
+    },
+    "docs/results/plan.md": {
+        "decision-time": tables.decision_time,
+        "table3": tables.table3,
+        "plan-procedural": tables.plan_procedural,
+    },
+}
+"""Pages by their place in the repository, and who makes each of their generated parts."""
+WHOLE: dict[str, Part] = {"busybot/episodes/busybot.proto": proto_text}
+"""Files of which nothing is written by people."""
+
+
+def with_part(text: str, name: str, content: str) -> str:
+    """The page with the content in the part's place.
+
+    Raises:
+        BusybotError: the page has no such place, or more than one.
+    """
+    begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    if text.count(begin) != 1 or text.count(end) != 1 or text.index(begin) > text.index(end):
+        raise BusybotError(f"no place for the part {name}", f"write a line {begin} and below it {end}")
+    before, rest = text.split(begin)
+    return f"{before}{begin}\n{content.strip()}\n{end}{rest.split(end)[1]}"
+
+
+def written(page: str, text: str) -> str:
+    """A page's text with all its generated parts made anew.
+
+    Raises:
+        BusybotError: it lacks the place of a part, or has one that nobody makes.
+    """
+    if page in WHOLE:
+        return WHOLE[page]()
+    parts = PAGES[page]
+    if strangers := set(re.findall(r"<!-- end of ([\w-]+) -->", text)) - set(parts):
+        raise BusybotError(f"{page}: nobody makes {', '.join(sorted(strangers))}", "add it to PAGES in tools/docs.py")
+    for name, make in parts.items():
+        try:
+            text = with_part(text, name, make())
+        except BusybotError as error:
+            raise BusybotError(f"{page}: {error.what}", error.mend) from None
+    return text
+
+
+def differences(root: Path = ROOT) -> dict[str, str]:
+    """Pages that are not what they would be, each with the lines that differ."""
+    found = {}
+    for page in (*PAGES, *WHOLE):
+        text = (root / page).read_text(encoding="utf-8")
+        if (made := written(page, text)) != text:
+            lines = difflib.unified_diff(text.splitlines(), made.splitlines(), page, "made anew", lineterm="", n=0)
+            found[page] = "\n".join(lines)
+    return found
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--check", action="store_true", help="write nothing; exit with 1 if a page differs")
+    arguments = parser.parse_args()
+    try:
+        differing = differences()
+        for page in () if arguments.check else differing:
+            text = (ROOT / page).read_text(encoding="utf-8")
+            write_atomically(ROOT / page, written(page, text).encode())
+    except BusybotError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    for page, lines in differing.items():
+        print(lines if arguments.check else f"wrote {page}")
+    if arguments.check and differing:
+        print(f"{', '.join(differing)}: not what `python -m tools.docs` writes", file=sys.stderr)
+    return int(arguments.check and bool(differing))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -65,7 +65,7 @@ def make_selection(folder: Path) -> Library:
                 place.write_bytes(data)
     sections = {category: {"train": instances, "test": []} for category, instances in chosen.items()}
     write_json(folder / SPLIT_FILE, {"Reason": sections})
-    return Library.load(folder)
+    return find(str(folder))
 
 
 def make(out: Path, workers: int) -> None:

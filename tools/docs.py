@@ -14,7 +14,6 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from busybot.episodes.protobuf import proto_text
 from busybot.errors import BusybotError
 from busybot.files import write_atomically
 from tools import prose, references, tables
@@ -51,8 +50,6 @@ PAGES: dict[str, dict[str, Part]] = {
     },
 }
 """Pages by their place in the repository, and who makes each of their generated parts."""
-WHOLE: dict[str, Part] = {"busybot/episodes/busybot.proto": proto_text}
-"""Files of which nothing is written by people."""
 
 
 def with_part(text: str, name: str, content: str) -> str:
@@ -74,8 +71,6 @@ def written(page: str, text: str) -> str:
     Raises:
         BusybotError: it lacks the place of a part, or has one that nobody makes.
     """
-    if page in WHOLE:
-        return WHOLE[page]()
     parts = PAGES[page]
     if strangers := set(re.findall(r"<!-- end of ([\w-]+) -->", text)) - set(parts):
         raise BusybotError(f"{page}: nobody makes {', '.join(sorted(strangers))}", "add it to PAGES in tools/docs.py")
@@ -90,7 +85,7 @@ def written(page: str, text: str) -> str:
 def differences(root: Path = ROOT) -> dict[str, str]:
     """Pages that are not what they would be, each with the lines that differ."""
     found = {}
-    for page in (*PAGES, *WHOLE):
+    for page in PAGES:
         text = (root / page).read_text(encoding="utf-8")
         if (made := written(page, text)) != text:
             lines = difflib.unified_diff(text.splitlines(), made.splitlines(), page, "made anew", lineterm="", n=0)

@@ -36,7 +36,7 @@ from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.sim.builtin_policies import RandomPolicy, ScriptedFactory, ScriptedPolicy
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
-from busybot.sim.policy import oracle_observation
+from busybot.sim.policy import Policy, oracle_observation
 from busybot.sim.recorder import grasp_at, record_episode
 from busybot.sim.render import RenderConfig
 from busybot.sim.scene import BoardScene, Simulator
@@ -65,7 +65,7 @@ def measure_board(simulators: dict[str, Simulator], board: BoardSpec, folder: Pa
     for reference in references.values():
         timed_frame(reference)
     rays = Rays(scene.camera)
-    policies = [ScriptedPolicy(scene, rays, config), RandomPolicy(rays)]
+    policies: tuple[Policy, Policy] = (ScriptedPolicy(scene, rays, config), RandomPolicy(rays))
     rng = np.random.default_rng(board.index)
     episode = record_episode(simulators["ours"], board, ScriptedFactory(), STEPS, config, 0)
     writing: Times = {}
@@ -73,6 +73,7 @@ def measure_board(simulators: dict[str, Simulator], board: BoardSpec, folder: Pa
     times.setdefault("bytes per frame", []).append(size / len(episode.images))
     for number in range(2 * STEPS):
         action = policies[number % 2].select_action(oracle_observation(image, scene.camera), rng)
+        assert action is not None, "every board has links to move"
         step, after, seconds = timed_action(
             scene, grasp_at(scene, image, rays, action.pixel), action.directions[0], image
         )

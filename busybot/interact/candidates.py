@@ -11,14 +11,18 @@ from typing import Protocol, TypeVar
 
 import cv2
 import numpy as np
+from scipy.cluster.vq import kmeans2
 
 from busybot.boards.directions import OPPOSITE
 from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
 from busybot.interact.beliefs import NOT_ELEVATED, PAIRS, pair_scores, sigmoid, tempered
-from busybot.interact.clusters import cluster_tops
 from busybot.interact.memory import Memory
 from busybot.interact.policy_config import OPENING, PolicyConfig
+from busybot.rng import generator
+
+MOST_POINTS = 4000
+"""K-means looks at no more pixels than these, evenly chosen."""
 
 
 class View(Protocol):
@@ -190,6 +194,31 @@ def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, co
         rest = np.where(links > 0, np.float32(NOT_ELEVATED), smoothed(rest, config.blur))
         found = np.unique(np.concatenate([found, _peaks(rest, left > 0, config)]), axis=0)
     return found
+
+
+def cluster_tops(affordance: np.ndarray, likely: np.ndarray, clusters: int) -> np.ndarray:
+    """The paper's candidate positions (section 3.2): the likely pixels grouped by K-means, the best of each cluster.
+
+    Args:
+        affordance: float (H, W).
+        likely: bool (H, W).
+        clusters: k; fewer pixels make fewer clusters.
+
+    Returns:
+        int (K, 2), u and v. Equal input gives equal output: the clusters' seeds come from a generator of their own.
+    """
+    rows, columns = np.nonzero(likely)
+    if not len(rows):
+        return np.zeros((0, 2), int)
+    points = np.stack([columns, rows], axis=1).astype(float)
+    every = -(-len(points) // MOST_POINTS)
+    centres, _ = kmeans2(
+        points[::every], min(clusters, len(points[::every])), minit="++", rng=generator(0, "", 0, "interact/kmeans")
+    )
+    owner = np.argmin(((points[:, None] - centres[None]) ** 2).sum(-1), axis=1)
+    values = affordance[rows, columns]
+    best = [np.flatnonzero(owner == k)[values[owner == k].argmax()] for k in np.unique(owner)]
+    return np.stack([columns[best], rows[best]], axis=1)
 
 
 def _peaks(smooth: np.ndarray, where: np.ndarray, config: PolicyConfig) -> np.ndarray:

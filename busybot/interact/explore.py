@@ -20,7 +20,7 @@ from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays, normals
 from busybot.interact.beliefs import ELEVATED, PAIRS, pair_scores, sigmoid
 from busybot.interact.candidates import ActionModel, V, held
-from busybot.interact.regions import moved_window
+from busybot.interact.memory import moved_window
 from busybot.sim.policy import Action, StatelessPolicy
 
 Share = Annotated[float, Field(ge=0, le=1)]

@@ -2,9 +2,10 @@
 
 What the paper leaves open: positions are pixels that lie above the board, because nothing else can be held; in the
 first 10 epochs, and where epsilon says so, one of them is drawn, all alike. Where all directions are tried, each is
-followed by its opposite, in a random order, until one works. For t and N of the bonus see `interact.ucb`.
+followed by its opposite, in a random order, until one works. For t and N of the bonus see `ucb_bonus`.
 """
 
+from collections.abc import Sequence
 from typing import Annotated, Generic
 
 import numpy as np
@@ -15,7 +16,6 @@ from busybot.episodes.episode import Observation
 from busybot.episodes.geometry import Rays
 from busybot.interact.beliefs import ELEVATED, sigmoid
 from busybot.interact.candidates import ActionModel, V
-from busybot.interact.ucb import ucb_bonus
 from busybot.sim.policy import Action, StatelessPolicy
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -97,3 +97,22 @@ class PaperPolicy(StatelessPolicy, Generic[V]):
         if self._view is None or seen is not self._seen:
             self._seen, self._view = seen, self._model.look(seen, self._rays)
         return self._view
+
+
+def ucb_bonus(shape: tuple[int, ...], picks: Sequence[tuple[int, int]], c: float = 0.5, window: int = 10) -> np.ndarray:
+    """The bonus for places that were not picked yet (Upper Confidence Bound): c sqrt(ln t / N), float (H, W).
+
+    t counts steps, and N those whose window holds the pixel. The paper does not say what happens where no window holds
+    it: N = 0, the bonus infinite. Here both counts include the step that is being decided, as if it picked the pixel:
+    t = 1 + earlier picks, N = 1 + earlier picks whose window x window square holds the pixel.
+
+    Args:
+        shape: rows and columns of the picture.
+        picks: pixels (u, v) chosen on this board so far. A window reaches from window / 2 pixels before its pick to
+            window / 2 - 1 after it.
+        window: its side, pixels, even.
+    """
+    counts, half = np.ones(shape), window // 2
+    for column, row in picks:
+        counts[max(row - half, 0) : row + half, max(column - half, 0) : column + half] += 1
+    return c * np.sqrt(np.log(len(picks) + 1) / counts)

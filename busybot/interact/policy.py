@@ -4,7 +4,7 @@ Modes:
 
 - `evaluate`: try new links while the best candidate's expected success exceeds a threshold, then repeat known ones.
 - `greedy`: always the highest affordance and its best direction (Table 1, row "w/o exploration").
-- `ucb`: the paper's Upper Confidence Bound, P + c sqrt(ln t / N) at every elevated pixel (`interact.ucb`).
+- `ucb`: the paper's Upper Confidence Bound, P + c sqrt(ln t / N) at every elevated pixel (`ucb_bonus`).
 - `collect`: a random one of the candidates, one per region, for data to reason from. The paper draws among all of them;
   here those that were not tried yet come first (`PolicyConfig.untried_first`).
 """
@@ -21,8 +21,8 @@ from busybot.errors import BusybotError
 from busybot.interact.beliefs import ELEVATED, PAIR_OF, PAIRS, pair_scores, sigmoid
 from busybot.interact.candidates import ActionModel, Candidates, V, find_candidates, held, prior_shift, smoothed
 from busybot.interact.memory import Failure, Memory
+from busybot.interact.paper_policy import ucb_bonus
 from busybot.interact.policy_config import PolicyConfig
-from busybot.interact.ucb import ucb_bonus
 from busybot.sim.policy import Action
 
 Mode = Literal["evaluate", "greedy", "ucb", "collect"]

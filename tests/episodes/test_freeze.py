@@ -250,7 +250,7 @@ def test_changed_objects_are_found(tmp_path: Path, few: Library, empty_collectio
 
 
 def test_partnet_objects_are_never_carried(tmp_path: Path, partnet: Path, empty_collection: None) -> None:
-    library = Library.load(partnet)
+    library = find(str(partnet))
     dataset = drawn(tmp_path / "d", library)
     done = freeze(dataset.path, library, licence="CC0-1.0")
     assert not (dataset.path / "objects").exists() and "PartNet-Mobility" in done.left_out[0]

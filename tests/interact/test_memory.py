@@ -6,9 +6,8 @@ import pytest
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Observation
 from busybot.interact.beliefs import PAIR_OF
-from busybot.interact.memory import Failure, Memory
+from busybot.interact.memory import Failure, Memory, moved_region
 from busybot.interact.policy_config import PolicyConfig
-from busybot.interact.regions import moved_region
 from tests.interact.scenes import BODY, BUTTON, PRESSED, RAYS, picture
 
 CONFIG = PolicyConfig()

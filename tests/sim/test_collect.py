@@ -78,7 +78,7 @@ def test_images_of_unchanged_steps_are_stored_once(tmp_path: Path) -> None:
 
 
 def test_a_dataset_refuses_other_objects(tmp_path: Path, partnet: Path) -> None:
-    dataset = make(tmp_path / "data", library=Library.load(partnet))
+    dataset = make(tmp_path / "data", library=find(str(partnet)))
     with pytest.raises(BusybotError, match="--assets"):
         find("procedural", dataset.info.assets.sha256)
     assert find(None, dataset.info.assets.sha256).name == partnet.name

@@ -16,9 +16,7 @@ import json
 import math
 import os
 import resource
-import sys
-import time
-from collections.abc import Callable
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -26,7 +24,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from benchmarks.runner import finish, parser
+from benchmarks.runner import finish, parser, timed
 from busybot.evaluation.results import package_versions
 from busybot.reason import paper_dense as dense
 from busybot.reason.paper_boards import Boards, Frames, boards_of
@@ -95,15 +93,17 @@ def measure(form: str, sequences: list[Sequence], iterations: int) -> dict[str, 
     optimizer = make_optimizer(network, config)
     boards = boards_of(sequences, config.network).to(device())
 
-    def once(number: int) -> None:
+    numbers = count()
+
+    def once() -> None:
         if form.startswith("plain"):
             plain_iteration(network, optimizer, boards, config)
         else:
-            iterate(network, optimizer, boards, config, generator(0, "", number, "benchmark"))
+            iterate(network, optimizer, boards, config, generator(0, "", next(numbers), "benchmark"))
         if device().type == "cuda":
             torch.cuda.synchronize()
 
-    wall, cpu = timed(once, iterations, form)
+    wall, cpu = timed(once, iterations, label=form)
     scale = config.batch / len(sequences)
     hours = config.epochs * math.ceil(BOARDS / config.batch) * scale / 3600
     return {
@@ -116,18 +116,6 @@ def measure(form: str, sequences: list[Sequence], iterations: int) -> dict[str, 
         "schedule_cpu_hours": round(hours * float(np.median(cpu)), 1),
         "peak_mb_so_far": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3),
     }
-
-
-def timed(once: Callable[[int], None], iterations: int, label: str) -> tuple[list[float], list[float]]:
-    """Wall and CPU seconds of each iteration after a first one that does not count."""
-    wall, cpu = [], []
-    for number in range(iterations + 1):
-        began, began_cpu = time.perf_counter(), time.process_time()
-        once(number)
-        wall.append(time.perf_counter() - began)
-        cpu.append(time.process_time() - began_cpu)
-        print(f"{label}: {number} of {iterations}, {wall[-1]:.2f} s", file=sys.stderr, flush=True)
-    return wall[1:], cpu[1:]
 
 
 def main() -> None:

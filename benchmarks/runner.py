@@ -9,7 +9,7 @@ import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +38,16 @@ def finish(
     versions: dict[str, str] | None = None,
     hashes: dict[str, dict[str, Any]] | None = None,
     machine: dict[str, Any] | None = None,
+    seed: int | None = None,
 ) -> dict[str, Any]:
     """Put what every result has before the figures, write it to `--out` if that is given, and return it.
 
     Args:
         machine: what is to be told of it beside what is told of all.
+        seed: of what was drawn, if `--seed` does not tell it.
     """
-    command, seed = typed(kind, arguments), getattr(arguments, "seed", None)
-    told = stamp(kind, command=command, seed=seed, versions=versions, hashes=hashes)
+    drawn = getattr(arguments, "seed", seed)
+    told = stamp(kind, command=typed(kind, arguments), seed=drawn, versions=versions, hashes=hashes)
     told["machine"] |= machine or {}
     result = {**told, **figures}
     if arguments.out:
@@ -71,6 +73,19 @@ def _without_place(option: str, value: Any) -> str:
     if isinstance(value, Path) or "/" in name:
         return option.upper()
     return f"{name}=FOLDER" if given and "/" in place else str(value)
+
+
+def timed(work: Callable[[], object], times: int, warm_up: int = 1, label: str = "") -> tuple[list[float], list[float]]:
+    """Wall and CPU seconds of each time that the work is done; the first `warm_up` times do not count."""
+    wall, cpu = [], []
+    for number in range(warm_up + times):
+        began, began_cpu = time.perf_counter(), time.process_time()
+        work()
+        wall.append(time.perf_counter() - began)
+        cpu.append(time.process_time() - began_cpu)
+        if label:
+            print(f"{label}: {number + 1 - warm_up} of {times}, {wall[-1]:.2f} s", file=sys.stderr, flush=True)
+    return wall[warm_up:], cpu[warm_up:]
 
 
 def busybot(*arguments: str) -> dict[str, Any]:

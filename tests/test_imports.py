@@ -9,7 +9,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[1] / "busybot"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 HEAVY = {"sapien", "rerun", "torch", "torch_geometric", "cv2", "pandas", "pyarrow", "scipy", "matplotlib", "trimesh"}
-LIGHT_FOLDERS = {"boards", "episodes", "objects"}
+LIGHT_FOLDERS = {"boards", "episodes", "evaluation", "objects"}
 # What a module may do when it is imported, besides definitions and assignments.
 DECLARATIONS = (
     ast.Import,

@@ -162,12 +162,11 @@ def main() -> None:
     options = parser(__doc__, out=False)
     options.add_argument("--boards", type=int, default=5, help="boards to play in the first mode")
     options.add_argument("--memory", type=int, metavar="BOARDS", help="run the second mode over so many boards")
-    options.set_defaults(seed=SEED)
     arguments = options.parse_args()
     library = find(arguments.assets)
     result = memory(library, arguments.memory) if arguments.memory else benchmark(library, arguments.boards)
     kind, hashes = "memory" if arguments.memory else "collection", {"data": {"objects": library.sha256}}
-    print(json.dumps(finish(kind, arguments, result, hashes=hashes), indent=1))
+    print(json.dumps(finish(kind, arguments, result, hashes=hashes, seed=SEED), indent=1))
 
 
 if __name__ == "__main__":

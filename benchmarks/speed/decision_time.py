@@ -30,9 +30,8 @@ def main() -> None:
             agents.setdefault(name, {})[kind] = scores["timing"]
             print(f"{kind:12} {name:24} {scores['timing']['cpu_ms'] or 0:6.1f} ms", flush=True)
         origins[kind] = origin(options, SPLIT, kind)
-    options.seed = SEEDS[SPLIT]
     figures = {"tasks": options.boards, "gate_ms": GATE_MS, "commands": typed, "origins": origins, "decisions": agents}
-    finish("decision-time", options, figures)  # every origin has hashes of its own
+    finish("decision-time", options, figures, seed=SEEDS[SPLIT])  # every origin has hashes of its own
 
 
 if __name__ == "__main__":

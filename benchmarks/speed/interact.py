@@ -22,7 +22,7 @@ import numpy as np
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks.runner import finish, parser
+from benchmarks.runner import finish, parser, timed
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
@@ -55,13 +55,8 @@ SIDE = 1024
 
 
 def seconds(work: Callable[[], Any], times: int) -> float:
-    """Median CPU seconds; the first time is not counted."""
-    spent = []
-    for _ in range(times + 1):
-        began = time.process_time()
-        work()
-        spent.append(time.process_time() - began)
-    return float(np.median(spent[1:]))
+    """Median CPU seconds."""
+    return float(np.median(timed(work, times)[1]))
 
 
 def product_seconds(times: int) -> float:
@@ -155,7 +150,6 @@ def main() -> None:
     options = parser(__doc__, out=False)
     options.add_argument("--boards", type=int, default=12)
     options.add_argument("--iterations", type=int, default=30)
-    options.set_defaults(seed=SEED)
     arguments = options.parse_args()
     torch.set_num_threads(1)
     library = find(arguments.assets)
@@ -167,7 +161,7 @@ def main() -> None:
         looks = {str(threads): looking(library, boards, threads) for threads in range(1, (os.cpu_count() or 1) + 1)}
         result = {"iteration": iterations, "milliseconds_per_look": looks, **acting(library, boards, folder)}
     hashes = {"models": {DEFAULT_MODEL: fingerprint(DEFAULT_MODEL)["sha256"]}, "data": {"objects": library.sha256}}
-    print(json.dumps(finish("interact-speed", arguments, result, hashes=hashes), indent=1))
+    print(json.dumps(finish("interact-speed", arguments, result, hashes=hashes, seed=SEED), indent=1))
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ of the collecting processes, do so much less.
 import json
 import os
 import resource
-import sys
 import tempfile
 import time
 from contextlib import nullcontext
@@ -26,7 +25,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmarks.runner import finish, parser
+from benchmarks.runner import finish, parser, timed
 from busybot.interact.networks import KINDS, Kind
 from busybot.interact.paper_config import PaperConfig
 from busybot.interact.paper_train import PaperTraining
@@ -77,14 +76,8 @@ def cpu_seconds() -> float:
 def measure(training: PaperTraining, kind: Kind, samples: Samples, iterations: int) -> dict[str, Any]:
     """Seconds per iteration of a network's training."""
     learner, batch = training.learners[kind], training.config.learn(kind).batch
-    rng, wall, cpu = generator(0, "", 0, "benchmark"), [], []
-    for number in range(WARM_UP + iterations):
-        first, first_cpu = time.perf_counter(), time.process_time()
-        learner.learn(samples, rng)
-        if number >= WARM_UP:
-            wall.append(time.perf_counter() - first)
-            cpu.append(time.process_time() - first_cpu)
-            print(f"{kind}: {number - WARM_UP + 1} of {iterations}, {wall[-1]:.2f} s", file=sys.stderr, flush=True)
+    rng = generator(0, "", 0, "benchmark")
+    wall, cpu = timed(lambda: learner.learn(samples, rng), iterations, WARM_UP, kind)
     quartiles = [round(float(value), 4) for value in np.quantile(wall, [0.25, 0.75])]
     return {
         "parameters": parameters_of(learner.network),

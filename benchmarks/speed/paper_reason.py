@@ -17,15 +17,13 @@ import json
 import math
 import os
 import resource
-import sys
-import time
-from collections.abc import Callable
+from itertools import count
 from typing import Any
 
 import numpy as np
 import torch
 
-from benchmarks.runner import finish, parser
+from benchmarks.runner import finish, parser, timed
 from busybot.evaluation.results import package_versions
 from busybot.reason.paper_boards import boards_of
 from busybot.reason.paper_config import PaperReasonConfig
@@ -65,12 +63,14 @@ def measure(form: str, sequences: list[Sequence], iterations: int) -> dict[str, 
     optimizer = make_optimizer(network, config)
     boards = boards_of(sequences, config.network).to(device())
 
-    def once(number: int) -> None:
-        iterate(network, optimizer, boards, config, generator(0, "", number, "benchmark"))
+    numbers = count()
+
+    def once() -> None:
+        iterate(network, optimizer, boards, config, generator(0, "", next(numbers), "benchmark"))
         if device().type == "cuda":
             torch.cuda.synchronize()
 
-    wall, cpu = timed(once, iterations, form)
+    wall, cpu = timed(once, iterations, label=form)
     scale = config.batch / len(sequences)
     hours = config.epochs * math.ceil(BOARDS / config.batch) * scale / 3600
     return {
@@ -83,18 +83,6 @@ def measure(form: str, sequences: list[Sequence], iterations: int) -> dict[str, 
         "schedule_cpu_hours": round(hours * float(np.median(cpu)), 1),
         "peak_mb_so_far": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3),
     }
-
-
-def timed(once: Callable[[int], None], iterations: int, label: str) -> tuple[list[float], list[float]]:
-    """Wall and CPU seconds of each iteration after a first one that does not count."""
-    wall, cpu = [], []
-    for number in range(iterations + 1):
-        began, began_cpu = time.perf_counter(), time.process_time()
-        once(number)
-        wall.append(time.perf_counter() - began)
-        cpu.append(time.process_time() - began_cpu)
-        print(f"{label}: {number} of {iterations}, {wall[-1]:.2f} s", file=sys.stderr, flush=True)
-    return wall[1:], cpu[1:]
 
 
 def main() -> None:

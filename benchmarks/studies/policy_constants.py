@@ -166,7 +166,7 @@ def main() -> None:
 
 def _write(arguments: argparse.Namespace, result: dict[str, Any]) -> None:
     boards = {name: {"board_hash": one["board_hash"]} for name, one in result["boards"].items()}
-    finish(KIND, arguments, result, hashes={"models": result["models"], "data": boards})
+    finish(KIND, arguments, result, hashes={"models": result["models"], "data": boards}, seed=SEED)
 
 
 def without_veto() -> dict[str, dict[str, Any]]:
@@ -184,7 +184,6 @@ def parsed() -> argparse.Namespace:
     options.add_argument("--other-boards", type=int, default=200)
     options.add_argument("--constants", default=",".join(VALUES))
     options.add_argument("--config", type=Path, help="YAML file with parameters of the training")
-    options.set_defaults(seed=SEED)
     return options.parse_args()
 
 

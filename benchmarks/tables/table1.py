@@ -152,7 +152,7 @@ def main() -> None:
     names = chosen(arguments.rows, ROWS)
     for name in names:
         result["rows"][name] = run(name, arguments)
-        finish("table1", arguments, result)  # every row has hashes, seeds and a machine of its own
+        finish("table1", arguments, result, seed=arguments.judge_seed)  # rows have hashes and seeds of their own
         for split in SPLITS:
             row = result["rows"][name].get(split, {"precision": 0.0, "recall": 0.0})
             print(f"{name:24} {split:13} P {100 * row['precision']:5.1f} R {100 * row['recall']:5.1f}", flush=True)

@@ -1,18 +1,16 @@
 """The reference of the dataset format, from the schema itself.
 
-    python -m busybot.episodes.reference docs/dataset-format.md busybot/episodes/busybot.proto
+    python -m busybot.episodes.reference docs/dataset-format.md
 
-Writes the definition of the messages, and of the page everything below the line that begins with `<!-- from here on`.
-Tests compare both.
+Writes everything below the line that begins with `<!-- from here on`; a test compares.
 """
 
 import sys
 from pathlib import Path
 
 from busybot.episodes import mcap_topics as topics
-from busybot.episodes.protobuf import PACKAGE, proto_text
+from busybot.episodes.protobuf import PACKAGE
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS, TABLES, Column, StepField
-from busybot.files import write_atomically
 from busybot.pages import renew, renewed
 
 _VALUES = """\
@@ -80,11 +78,7 @@ def page(text: str) -> str:
 
 
 def main() -> None:
-    for path in map(Path, sys.argv[1:]):
-        if path.suffix == ".proto":
-            write_atomically(path, proto_text().encode())
-        else:
-            renew(path, page)
+    renew(Path(sys.argv[1]), page)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
 """Protobuf messages of a recording that no Foxglove schema covers, and their classes.
 
 Descriptors are built from the list of messages below and `schema.STEP_FIELDS`; there is no generated code, which would
-be tied to the protobuf version that generated it. `busybot.proto` says the same for other programs.
+be tied to the protobuf version that generated it. `busybot.proto` says the same for people and other programs; a test
+compares.
 """
 
 from functools import cache
@@ -24,13 +25,6 @@ _SCALARS = {
     "string": _Field.TYPE_STRING,
     "uint32": _Field.TYPE_UINT32,
 }
-_HEAD = f"""\
-// Messages of an episode that no Foxglove schema covers. Numbers and types of fields never change their meaning;
-// new fields get new numbers. Units: board units, radians, pixels. Frames: see episodes/episode.py.
-syntax = "proto3";
-
-package {PACKAGE};
-"""
 
 
 class Field(NamedTuple):
@@ -40,14 +34,6 @@ class Field(NamedTuple):
     type: str
     number: int
     repeated: bool
-
-
-class Message(NamedTuple):
-    """A message; `comment` says what it holds."""
-
-    name: str
-    comment: str
-    fields: tuple[Field, ...]
 
 
 def _numbered(**types: str | list[str]) -> tuple[Field, ...]:
@@ -69,47 +55,21 @@ def _of_step(privileged: bool) -> tuple[Field, ...]:
     return tuple(sorted(fields, key=lambda field: field.number))
 
 
-MESSAGES = (
-    Message(
-        "Step",
-        "One proposed action and what everybody could see of its outcome. Topic /step, at the time of the frame "
-        "before.",
-        _of_step(privileged=False),
+MESSAGES = {
+    "Step": _of_step(privileged=False),
+    "StepTruth": _of_step(privileged=True),
+    "Object": _numbered(role="string", position=["float"], box=["sint32"]),
+    "Objects": _numbered(objects=["Object"]),
+    "Boxes": _numbered(image="uint32", frame="uint32", corners=["sint32"]),
+    "Link": _numbered(object="uint32", name="string", trigger="bool"),
+    "Links": _numbered(links=["Link"]),
+    "Trigger": _numbered(object="uint32", link="string"),
+    "Relation": _numbered(
+        kind="string", triggers=["Trigger"], responder="uint32", stage="string", states=["uint32"], parameters="string"
     ),
-    Message("StepTruth", "What only the simulator knows about a step. Topic /truth/step.", _of_step(privileged=True)),
-    Message(
-        "Object",
-        "An object as the first image shows it; NaN and -1 where it is not visible.",
-        _numbered(role="string", position=["float"], box=["sint32"]),
-    ),
-    Message("Objects", "All objects in the board's order. Topic /objects, once.", _numbered(objects=["Object"])),
-    Message(
-        "Boxes",
-        "Boxes of all objects in one stored image: u0, v0, u1, v1 for each. Topic /truth/boxes.",
-        _numbered(image="uint32", frame="uint32", corners=["sint32"]),
-    ),
-    Message(
-        "Link",
-        "A link that the segmentation names by 1 + its position in the list.",
-        _numbered(object="uint32", name="string", trigger="bool"),
-    ),
-    Message("Links", "Topic /truth/links, once.", _numbered(links=["Link"])),
-    Message("Trigger", "A trigger of a relation.", _numbered(object="uint32", link="string")),
-    Message(
-        "Relation",
-        "What controls what; see boards/spec.py. `parameters` is JSON.",
-        _numbered(
-            kind="string",
-            triggers=["Trigger"],
-            responder="uint32",
-            stage="string",
-            states=["uint32"],
-            parameters="string",
-        ),
-    ),
-    Message("Relations", "Topic /truth/relations, once.", _numbered(relations=["Relation"])),
-)
-"""In the order in which they are declared: a message after those it is made of."""
+    "Relations": _numbered(relations=["Relation"]),
+}
+"""Fields of each message, after those of the messages it is made of. `busybot.proto` says what they mean."""
 
 
 @cache
@@ -117,32 +77,23 @@ def message_schema(name: str) -> bytes:
     """A serialized FileDescriptorSet with one of our messages and those it is made of: its schema in MCAP."""
     wanted = {name}
     for message in reversed(MESSAGES):
-        if message.name in wanted:
-            wanted |= {field.type for field in message.fields}
+        if message in wanted:
+            wanted |= {field.type for field in MESSAGES[message]}
     file = descriptor_pb2.FileDescriptorProto(name=FILE_NAME, package=PACKAGE, syntax="proto3")
-    file.message_type.extend(_descriptor(message) for message in MESSAGES if message.name in wanted)
+    for message in (message for message in MESSAGES if message in wanted):
+        described = file.message_type.add(name=message)
+        for field in MESSAGES[message]:
+            _add_field(described, field)
     return descriptor_pb2.FileDescriptorSet(file=[file]).SerializeToString(deterministic=True)
 
 
-def _descriptor(message: Message) -> descriptor_pb2.DescriptorProto:
-    described = descriptor_pb2.DescriptorProto(name=message.name)
-    for name, kind, number, repeated in message.fields:
-        head, *tail = name.split("_")
-        field = described.field.add(name=name, number=number, json_name=head + "".join(map(str.capitalize, tail)))
-        field.label = _Field.LABEL_REPEATED if repeated else _Field.LABEL_OPTIONAL
-        field.type = _SCALARS.get(kind, _Field.TYPE_MESSAGE)
-        if kind not in _SCALARS:
-            field.type_name = f".{PACKAGE}.{kind}"
-    return described
-
-
-def proto_text() -> str:
-    """The text of `busybot.proto`."""
-    parts = [_HEAD]
-    for message in MESSAGES:
-        fields = [f"  {'repeated ' * f.repeated}{f.type} {f.name} = {f.number};\n" for f in message.fields]
-        parts.append(f"\n// {message.comment}\nmessage {message.name} {{\n{''.join(fields)}}}\n")
-    return "".join(parts)
+def _add_field(message: descriptor_pb2.DescriptorProto, field: Field) -> None:
+    head, *tail = field.name.split("_")
+    added = message.field.add(name=field.name, number=field.number, json_name=head + "".join(map(str.capitalize, tail)))
+    added.label = _Field.LABEL_REPEATED if field.repeated else _Field.LABEL_OPTIONAL
+    added.type = _SCALARS.get(field.type, _Field.TYPE_MESSAGE)
+    if field.type not in _SCALARS:
+        added.type_name = f".{PACKAGE}.{field.type}"
 
 
 @cache

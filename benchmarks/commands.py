@@ -12,6 +12,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from busybot.files import write_atomically
+
 
 def busybot(*arguments: str) -> dict[str, Any]:
     """Run a command with --json and return what it printed; its progress goes on being shown.
@@ -120,9 +122,7 @@ def told_rows(out: Path) -> dict[str, Any]:
 
 def write_result(out: Path, result: dict[str, Any]) -> None:
     """Replace the result file as a whole."""
-    temporary = out.with_name(f".{out.name}.{os.getpid()}.tmp")
-    temporary.write_text(json.dumps(result, indent=1) + "\n")
-    os.replace(temporary, out)
+    write_atomically(out, (json.dumps(result, indent=1) + "\n").encode())
 
 
 def as_typed(command: tuple[str, ...], places: dict[str, str]) -> str:

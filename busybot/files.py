@@ -195,7 +195,7 @@ def unfinished(parent: Path, name: str, root: Path | None = None, mode: int = 0o
             os.close(lock)
 
 
-def remove_abandoned(parent: Path, name: str, rescue: Callable[[Path], None] | None = None) -> None:
+def remove_abandoned(parent: Path, name: str, rescue: Callable[[Path], object] | None = None) -> None:
     """Remove such folders of processes that are no more.
 
     Args:

@@ -23,7 +23,7 @@ from busybot.episodes.episode import Camera, Episode
 from busybot.episodes.images import LazyImages
 from busybot.episodes.mcap_reader import read_episode
 from busybot.errors import BusybotError
-from busybot.files import replacing
+from busybot.files import make_folder, remove_leftovers, replacing
 from busybot.interact.features import Inputs
 
 SIDE = 160
@@ -92,6 +92,8 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
     place = folder / f"{content[:16]}-{inputs}-{'whole-' if whole else ''}{CACHE_VERSION}"
     if (place / INDEX).exists():
         return place
+    make_folder(place, folder.parent)
+    remove_leftovers(place, folder.parent)
     columns: dict[str, list[np.ndarray]] = {name: [] for name in ((*COLUMNS, ROW) if whole else COLUMNS)}
     camera: Camera | None = None
     with replacing(place / SQUARES, folder.parent) as file:
@@ -108,8 +110,9 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
         raise BusybotError(f"{dataset.path}: no episode has been recorded", "`busybot collect` records them")
     size = np.array([camera.width, camera.height])
     arrays: dict[str, Any] = {"size": size, "matrix": camera.matrix, "pose": camera.pose}
-    with replacing(place / INDEX, folder.parent) as file:
-        np.savez(file, **arrays, **{name: np.concatenate(parts) for name, parts in columns.items()})
+    arrays |= {name: np.concatenate(parts) for name, parts in columns.items()}
+    with replacing(place / INDEX, folder.parent) as index_file:
+        np.savez(index_file, **arrays)
     return place
 
 

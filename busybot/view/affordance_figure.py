@@ -41,6 +41,7 @@ def affordance_figure(
     Args:
         thoughts: of `interact.trace.retrace`, one for each step to be drawn at the least.
         steps: indices from 0; by default the first ones, two rows of them.
+        root: the folder that the user named, if it is not the one the picture lies in; see `files`.
     """
     known = {thought.step: thought for thought in thoughts}
     chosen = [step for step in (steps if steps is not None else sorted(known)[: 2 * columns]) if step in known]

@@ -157,6 +157,7 @@ def refinement_figure(
 
     Args:
         steps: numbers of steps; by default five, denser at the beginning, where most is learned.
+        root: the folder that the user named, if it is not the one the picture lies in; see `files`.
     """
     check_inferred(episode, inferred)
     chosen = telling_moments(len(inferred.probabilities)) if steps is None else list(steps)

@@ -29,6 +29,7 @@ def robustness_figure(path: Path, result: dict[str, Any], root: Path | None = No
 
     Args:
         result: of `benchmarks.studies.reason_robustness`.
+        root: the folder that the user named, if it is not the one the picture lies in; see `files`.
     """
     names = [name for name in result["disturbances"] if name in result["rows"]]
     bands = -(-len(names) // COLUMNS)

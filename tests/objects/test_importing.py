@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from busybot.errors import BusybotError
-from busybot.files import unfinished, write_json
+from busybot.files import rename, unfinished, write_json
 from busybot.objects import importing
 from busybot.objects.choices import Choices
 from busybot.objects.importing import Outcome, import_objects, raw_folders
@@ -132,7 +132,7 @@ def test_a_stop_at_the_worst_moment_leaves_a_readable_library(
     """Also between taking the former object away and putting the new one in its place."""
     out = tmp_path / "library"
     put(out, raw / "1", raw / "2")
-    real, calls = importing.rename, []
+    real, calls = rename, []
 
     def stops(source: Path, target: Path, root: Path | None = None) -> None:
         calls.append(target)

@@ -17,8 +17,6 @@ from busybot.reason.sequence import Sequence
 from busybot.rng import generator
 from busybot.training.device import device, repeat_exactly
 
-Source = BoardSource[Sequence]
-
 
 class PaperLearner:
     """See `fit.Learner`. Boards are read when an iteration needs them.

@@ -3,10 +3,10 @@
     python -m benchmarks.speed.paper_reason [--iterations 3] [--boards 64] [--threads 1] [--out FILE]
 
 Iterations of the paper's size (64 boards of 30 steps, 10 objects, 23 images to infer from) are timed in every form of
-the networks: the plain one, with every pair of nodes joined in every frame before it is multiplied; the fast one, which
-multiplies nodes before, on the same pairs and on trigger-responder pairs; and that with matrices multiplied in
-bfloat16. The boards are made up: their numbers do
-not matter to the cost. Forms that would take too long are timed on fewer boards (`--dense-boards`) and scaled up.
+the networks: the plain one, which joins receiver, sender and edge for every pair of nodes in every frame; the fast one,
+which multiplies nodes before, on the same pairs; the fast one on trigger-responder pairs; and that with matrices
+multiplied in bfloat16. The boards are made up: their numbers do not matter to the cost. Forms that would take too long
+are timed on fewer boards (`--dense-boards`) and scaled up.
 
 The whole schedule (10,000 boards, 200 epochs of 157 iterations) is an extrapolation from the medians; nothing is said
 about how good the trained model would be. Wall seconds grow with whatever else the machine does (its load is noted);

@@ -1,4 +1,4 @@
-"""Boards as a PyTorch Geometric dataset, and batches of them from its `DataLoader`.
+"""Boards as a PyTorch Geometric dataset, over stored features or in memory, and batches of them from its `DataLoader`.
 
 A model says what graph it makes of a board (`event_data.board_graph`, `paper_boards.board_graph`). Which boards an
 iteration sees is drawn by the learner, so that a training that was stopped goes on with the same batches.
@@ -18,7 +18,7 @@ from busybot.errors import BusybotError
 Board_co = TypeVar("Board_co", covariant=True)
 
 
-class Boards(Protocol[Board_co]):
+class BoardSource(Protocol[Board_co]):
     """Boards in memory, or stored ones that are read one by one when they are asked for (`recorded.Recorded`)."""
 
     def __len__(self) -> int: ...
@@ -34,7 +34,7 @@ class BoardDataset(Dataset):
         graph: makes one, whenever it is asked for.
     """
 
-    def __init__(self, boards: Boards[Any], graph: Callable[[Any], HeteroData] = lambda board: board):
+    def __init__(self, boards: BoardSource[Any], graph: Callable[[Any], HeteroData] = lambda board: board):
         super().__init__()
         self.boards, self.graph = boards, graph
 

@@ -91,7 +91,7 @@ class PaperReasonConfig(BaseModel):
         threads: of PyTorch on a CPU; the order of sums, and so the last bits of the weights, depend on it.
         loop: how the schedule is reported and judged.
         network: the graph networks.
-        inference: False is the ablation "w/o inference" (`paper_history`).
+        inference: False is the ablation "w/o inference" (`PaperHistoryNetwork`).
         images: the graph is inferred from so many first frames; the steps after the last of them are predicted.
         epochs: times that every board is seen.
         batch: boards per iteration.

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from busybot.errors import BusybotError
-from busybot.reason.board_dataset import BoardDataset, Boards, batches_of, in_turn
+from busybot.reason.board_dataset import BoardDataset, BoardSource, batches_of, in_turn
 from busybot.reason.paper_boards import board_graph, read_batch
 from busybot.reason.paper_config import PaperReasonConfig
 from busybot.reason.paper_fit import Network, batches, iterate, losses, make_network, make_optimizer
@@ -30,7 +30,9 @@ class PaperLearner(Learner):
     name = "paper"
     network: Network
 
-    def __init__(self, config: PaperReasonConfig, boards: Boards[Sequence], held_out: Boards[Sequence], seed: int):
+    def __init__(
+        self, config: PaperReasonConfig, boards: BoardSource[Sequence], held_out: BoardSource[Sequence], seed: int
+    ):
         torch.set_num_threads(config.threads)
         repeat_exactly()
         if not len(boards):

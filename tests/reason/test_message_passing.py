@@ -1,17 +1,19 @@
-"""What all networks that pass messages have in common: their sums repeat, and they write no file."""
+"""What all networks that pass messages have in common: sums repeat, names of weights stay, no file is written."""
 
+import hashlib
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from busybot.reason.event_config import NetConfig
 from busybot.reason.event_net import EventNet
 from busybot.reason.message_passing import GraphModule
-from busybot.reason.paper_networks import PaperNetwork
+from busybot.reason.paper_config import PaperNetworkConfig
+from busybot.reason.paper_networks import PaperHistoryNetwork, PaperNetwork
 from tests.reason.paper_scenes import SMALL
 
 
@@ -62,3 +64,22 @@ def test_no_source_is_generated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     EventNet(NetConfig())
     Sum()(torch.zeros(2, 1, dtype=torch.int64), torch.ones(1, 1))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("network", "count", "digest"),
+    [
+        (lambda: EventNet(NetConfig()), 30, "caa9dc81c1b8cd3b"),
+        (lambda: PaperNetwork(PaperNetworkConfig()), 348, "e608a0343168e024"),
+        (lambda: PaperHistoryNetwork(PaperNetworkConfig()), 171, "0772006e89e20b6c"),
+    ],
+    ids=["event", "paper", "paper without inference"],
+)
+def test_names_shapes_and_order_of_weights_are_those_of_models_that_people_have(
+    network: Callable[[], nn.Module], count: int, digest: str
+) -> None:
+    """Models are loaded by name; the optimizer of a stopped training goes by the order."""
+    with torch.device("meta"):
+        lines = [f"{name} {tuple(tensor.shape)}" for name, tensor in network().state_dict().items()]
+    assert len(lines) == count
+    assert hashlib.sha256("\n".join(lines).encode()).hexdigest().startswith(digest)

@@ -167,13 +167,15 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="write the result to this file, too")
     parser.add_argument("--json", action="store_true", help="print one JSON object only")
     arguments = parser.parse_args()
-    library = find(arguments.assets)
+    loading: Times = {}
+    library = timed(loading, "objects", lambda: find(arguments.assets))
     result = memory(library, arguments.memory) if arguments.memory else benchmark(library, arguments.boards)
     mode = f"--memory {arguments.memory}" if arguments.memory else f"--boards {arguments.boards}"
     origin = {
         "command": f"python benchmarks/collection.py --assets {library.name} {mode}",
         "seed": SEED,
         "assets_sha256": library.sha256,
+        "cpu_ms_per_object_loaded": round(1e3 * loading["objects"][0] / len(library.objects), 2),
         "machine": {**machine(), "python": platform.python_version()},
     }
     text = json.dumps(origin | result, indent=None if arguments.json else 2)

@@ -2,8 +2,8 @@
 
 - `dvc`: DVC in an environment of its own, `.tools/dvc`, where `make reproduce` and `busybot dataset push` find it. Its
   packages would fight ours, so it is a tool beside the project, not an import.
-- `packages`: the optional packages of pyproject.toml (`cluster`, `causal`, `baselines`) in `.venv`. Their lock lists only
-  what the base does not have and is installed alone, so that no pinned package of the base changes.
+- `packages`: the optional packages of pyproject.toml (`cluster`, `causal`, `baselines`) in `.venv`. Their lock lists
+  only what the base does not have and is installed alone, so that no pinned package of the base changes.
 
 What is there already is left alone.
 """

@@ -41,7 +41,7 @@ def faulty() -> Callable[[int], int]:
 
 def slow() -> Callable[[int], int]:
     def work(task: int) -> int:
-        time.sleep(60)
+        time.sleep(600)
         return task
 
     return work
@@ -105,7 +105,7 @@ def test_a_hanging_task_is_killed_and_named() -> None:
     began = time.monotonic()
     with pytest.raises(BusybotError, match="task 7 took more than 0 s in each of 3 tries"):
         list(run_tasks([7], slow, (), 1, task_seconds=0.4))
-    assert time.monotonic() - began < 30
+    assert time.monotonic() - began < 300
 
 
 def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     assert all(psutil.pid_exists(pid) for pid in workers)
     parent.kill()
     parent.wait()
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 60
     while time.monotonic() < deadline and any(_runs(pid) for pid in workers):
         time.sleep(0.05)
     assert not any(_runs(pid) for pid in workers)

@@ -163,8 +163,10 @@ def main() -> None:
     options.add_argument("--boards", type=int, default=5, help="boards to play in the first mode")
     options.add_argument("--memory", type=int, metavar="BOARDS", help="run the second mode over so many boards")
     arguments = options.parse_args()
-    library = find(arguments.assets)
+    loading: Times = {}
+    library = timed(loading, "objects", lambda: find(arguments.assets))
     result = memory(library, arguments.memory) if arguments.memory else benchmark(library, arguments.boards)
+    result["cpu_ms_per_object_loaded"] = round(1e3 * loading["objects"][0] / len(library.objects), 2)
     kind, hashes = "memory" if arguments.memory else "collection", {"data": {"objects": library.sha256}}
     print(json.dumps(finish(kind, arguments, result, hashes=hashes, seed=SEED), indent=1))
 

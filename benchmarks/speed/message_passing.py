@@ -8,24 +8,21 @@ reported is the processor time of one and their ratio. The factored form is wort
 the paper's graph, which connects all pairs; it then serves the smaller graph, too.
 """
 
-import argparse
 import json
 import time
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 import torch
 
-from benchmarks.commands import write_result
-from benchmarks.paper_reason import made_up
+from benchmarks.runner import finish, parser
+from benchmarks.speed.paper_reason import made_up
 from busybot.reason.paper_boards import boards_of
 from busybot.reason.paper_config import PaperNetworkConfig, PaperReasonConfig
 from busybot.reason.paper_fit import iterate, make_network, make_optimizer
 from busybot.reason.paper_parts import factor
 from busybot.rng import generator
 from busybot.training.run_folder import learner_versions
-from busybot.workers import machine
 
 GATE = 1.5
 """Least ratio for which a second form is worth having."""
@@ -60,22 +57,14 @@ def measure(
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--iterations", type=int, default=3, help="of each form, after one that does not count")
-    parser.add_argument("--boards", type=int, default=8, help="per iteration")
-    parser.add_argument("--out", type=Path, help="write the result to this file, too")
-    arguments = parser.parse_args()
+    options = parser(__doc__, assets=False, out=False)
+    options.add_argument("--iterations", type=int, default=3, help="of each form, after one that does not count")
+    options.add_argument("--boards", type=int, default=8, help="per iteration")
+    arguments = options.parse_args()
     torch.set_num_threads(1)
-    about = {
-        "command": f"python -m benchmarks.speed.message_passing --iterations {arguments.iterations} "
-        f"--boards {arguments.boards}",
-        "machine": {**machine(), "threads": 1},
-        "versions": learner_versions(),
-        "gate_ratio": GATE,
-    }
-    result = {**about, "pairs": {pairs: measure(pairs, arguments.boards, arguments.iterations) for pairs in PAIRS}}
-    if arguments.out:
-        write_result(arguments.out, result)
+    pairs = {name: measure(name, arguments.boards, arguments.iterations) for name in PAIRS}
+    figures = {"gate_ratio": GATE, "pairs": pairs}
+    result = finish("message-passing", arguments, figures, learner_versions(), machine={"threads": 1})
     print(json.dumps(result, indent=2))
 
 

@@ -59,6 +59,7 @@ KINDS = {
     "features-speed": "python -m benchmarks.speed.features",
     "interact-speed": "python -m benchmarks.speed.interact",
     "paper-interact-speed": "python -m benchmarks.speed.paper_interact",
+    "message-passing": "python -m benchmarks.speed.message_passing",
     "paper-reason-speed": "python -m benchmarks.speed.paper_reason",
     "hostile": "python -m tests.hostile.run",
     "kills": "python -m benchmarks.reliability.kills",

@@ -198,11 +198,11 @@ def test_fetch_asks_for_the_token_without_showing_it(tmp_path: Path) -> None:
         start_new_session=True,
     )
     try:
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 120
         while termios.tcgetattr(terminal)[3] & termios.ECHO and time.monotonic() < deadline:
             time.sleep(0.02)  # what is typed before the echo is off would be shown, and thrown away
         os.write(terminal, f"{token}\n".encode())
-        code = process.wait(30)
+        code = process.wait(120)
     finally:
         process.kill()
         os.close(inside)

@@ -16,7 +16,7 @@ from tests.cli.commands import busybot
 def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) -> None:
     out = tmp_path / "demo"
     command = [sys.executable, "-m", "busybot", "demo", "--out", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip().splitlines()[-1] == str(out), "the path is printed last"
     report = (out / "report.md").read_text()
@@ -31,7 +31,7 @@ def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) 
         if line.startswith("view"):
             continue  # opens a window
         ran = subprocess.run(
-            [sys.executable, "-m", "busybot", *line.split()], cwd=out, capture_output=True, timeout=120
+            [sys.executable, "-m", "busybot", *line.split()], cwd=out, capture_output=True, timeout=900
         )
         assert ran.returncode == 0, (line, ran.stderr)
     assert "At the end 100.0 % of the responders" in report, "the task is solved"

@@ -108,11 +108,11 @@ def test_the_probe_survives_a_crash(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_the_probe_survives_a_hang(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    sapien_that(tmp_path, "import time; time.sleep(60)", monkeypatch)
+    sapien_that(tmp_path, "import time; time.sleep(600)", monkeypatch)
     start = time.monotonic()
     found = probe.run(time_limit_s=1.0)
     assert not found["renders"] and "within 1 s" in found["error"]
-    assert time.monotonic() - start < 20
+    assert time.monotonic() - start < 300
 
 
 def test_the_probe_survives_a_python_that_is_absent() -> None:

@@ -123,7 +123,6 @@ def test_quarter_turns_turn_everything() -> None:
     assert {d for d in facing(design, 2).directions} == set(design.directions), "both signs are annotated"
 
 
-@pytest.mark.long
 def test_moving_links_stay_over_their_object(procedural: Path) -> None:
     """So nothing on a board runs into its neighbour: boards keep at least a quarter of a switch's size free."""
     for family in FAMILIES:

@@ -37,7 +37,7 @@ def stubborn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return program
 
 
-def pids(file: Path, seconds: float = 20.0) -> list[int]:
+def pids(file: Path, seconds: float = 120.0) -> list[int]:
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         with contextlib.suppress(FileNotFoundError, ValueError):
@@ -48,7 +48,7 @@ def pids(file: Path, seconds: float = 20.0) -> list[int]:
     raise AssertionError(f"{file} was not written")
 
 
-def gone(process_ids: list[int], seconds: float = 10.0) -> bool:
+def gone(process_ids: list[int], seconds: float = 60.0) -> bool:
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         alive = [p for p in process_ids if psutil.pid_exists(p) and psutil.Process(p).status() != psutil.STATUS_ZOMBIE]

@@ -13,29 +13,29 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
 from busybot.boards.task import least_steps, start_states, task_of
-from busybot.episodes.create import create_dataset
-from busybot.episodes.dataset import Dataset
+from busybot.common.atomic_io import make_folder, write_atomically, write_json
+from busybot.common.errors import BusybotError
+from busybot.datasets.create import create_dataset
+from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_reader import read_episode
-from busybot.errors import BusybotError
-from busybot.files import make_folder, write_atomically, write_json
-from busybot.interact.chooser import DEFAULT_MODEL, LearnedPolicyFactory, load_once, policy_config
-from busybot.interact.trace import Thought, retrace
+from busybot.episodes.mcap.reader import read_episode
+from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory, load_once, policy_config
+from busybot.interact.policy.policy_trace import Thought, retrace
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.plan.evaluate import evaluate
-from busybot.plan.player import PlanConfig
-from busybot.reason.evaluate import Judging, evaluate_dataset
-from busybot.reason.foresee import believed
-from busybot.reason.infer import DEFAULT_REASONER
-from busybot.reason.result import InferredGraph
+from busybot.plan.rollout import PlanConfig
+from busybot.reason.evaluation.evaluate import Judging, evaluate_dataset
+from busybot.reason.evaluation.explain import believed
+from busybot.reason.models.base import InferredGraph
+from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.sim.collect import CollectConfig, collect
-from busybot.view import figures
-from busybot.view.affordance_figure import affordance_figure
+from busybot.view.figures import episode as figures
+from busybot.view.figures.affordance import affordance_figure
+from busybot.view.figures.planning import sequence_figure
 from busybot.view.report.demo import Story, demo_report
-from busybot.view.rerun_log import Layers, save_rrd
+from busybot.view.rerun.recording import Layers, save_rrd
 from busybot.view.screenshot import save_screenshot
-from busybot.view.sequence_figure import sequence_figure
 
 BOARDS = 4
 STEPS = 30

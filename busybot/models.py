@@ -13,9 +13,9 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 from safetensors import SafetensorError, safe_open
 
-from busybot.errors import BusybotError, without_name
-from busybot.files import inside, scan, sha256_of
-from busybot.training.model_folder import INFO_FILE, SHIPPED, find_folder, read_info
+from busybot.common.atomic_io import inside, scan, sha256_of
+from busybot.common.errors import BusybotError, without_name
+from busybot.training.model_cards import INFO_FILE, SHIPPED, find_folder, read_info
 
 CARD_FILE = "README.md"
 WEIGHTS = ".safetensors"
@@ -221,13 +221,13 @@ def _load_interact(folder: Path, _: str) -> None:
 
 
 def _load_reason(folder: Path, _: str) -> None:
-    from busybot.reason.models import load_reasoner
+    from busybot.reason.models.model_folder import load_reasoner
 
     load_reasoner(folder)
 
 
 def _load_plan(folder: Path, agent: Any) -> None:
-    from busybot.plan.learned.network import read_policy
+    from busybot.plan.learning.network import read_policy
 
     read_policy(folder, agent)
 

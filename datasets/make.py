@@ -13,7 +13,6 @@ import shutil
 import sys
 from pathlib import Path
 
-from busybot.boards.config import BoardConfig
 from busybot.episodes.carried import library_of
 from busybot.episodes.create import create_dataset
 from busybot.episodes.dataset import Dataset
@@ -22,10 +21,12 @@ from busybot.episodes.manifest import is_frozen
 from busybot.episodes.verify import verify
 from busybot.errors import BusybotError
 from busybot.files import scan, write_json
+from busybot.objects.snapshot import read_snapshot
+
+from busybot.boards.config import BoardConfig
 from busybot.objects.catalogue import kinds
 from busybot.objects.library import SPLIT_FILE, Library
 from busybot.objects.resolve import find
-from busybot.objects.snapshot import read_snapshot
 from busybot.sim.collect import CollectConfig, collect
 
 SELECTION = {"Switch": 8, "Lamp": 4, "Door": 4, "Toy": 2}

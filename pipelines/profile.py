@@ -15,9 +15,9 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from busybot.config import build
-from busybot.errors import BusybotError, naming
-from busybot.files import write_atomically
+from busybot.common.atomic_io import write_atomically
+from busybot.common.config import build
+from busybot.common.errors import BusybotError, naming
 from busybot.objects.resolve import find
 
 FOLDER = Path(__file__).resolve().parent
@@ -185,7 +185,7 @@ def read_profile(name: str, folder: Path = FOLDER) -> Profile:
 
 
 def _check_agents(file: Path, tasks: Tasks) -> None:
-    from busybot.plan.player import kind_of
+    from busybot.plan.rollout import kind_of
 
     for name in ("agents", "shown"):
         with naming(f"{file}: parameter tasks.{name}"):
@@ -195,8 +195,8 @@ def _check_agents(file: Path, tasks: Tasks) -> None:
 
 def stage_configs(profile: Profile) -> dict[str, type[BaseModel]]:
     """What the other files of a profile are read as, by name; PyTorch is imported only here."""
-    from busybot.interact.paper_config import PaperConfig
-    from busybot.interact.train_config import TrainConfig
+    from busybot.interact.training.config import TrainConfig
+    from busybot.interact.training.paper_config import PaperConfig
     from busybot.reason.train import CONFIGS
 
     interact = PaperConfig if profile.interact.model == "paper" else TrainConfig

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
-from busybot.files import write_json
+from busybot.common.atomic_io import write_json
 
 ROOT = Path(__file__).resolve().parents[1]
 CODE = ROOT / "busybot"

@@ -13,8 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from busybot.files import read_json, write_atomically
-from busybot.interact.networks import KINDS
+from busybot.common.atomic_io import read_json, write_atomically
+from busybot.interact.affordance.fast_networks import KINDS
 from busybot.training.metrics_file import read_metrics
 
 SHOWN = {

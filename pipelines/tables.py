@@ -11,9 +11,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from busybot.common.atomic_io import read_json
 from busybot.evaluation.reference_tables import PLANNING, REASONING
 from busybot.evaluation.results import stamp, write_result
-from busybot.files import read_json
 from pipelines.stage import STATE, Note, note_of
 
 NOVEL = ("novel-config", "novel-object")

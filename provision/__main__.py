@@ -80,7 +80,7 @@ def _ready(found: dict[str, object]) -> str:
 
 def probe(environment: packages.Environment) -> dict[str, object]:
     """Render a tiny image in a process of its own."""
-    from busybot.sim.probe import run
+    from busybot.sim.vulkan_check import run
 
     return run(str(environment.python), PROBE_SECONDS)
 

@@ -127,7 +127,7 @@ def run_tasks_here(
     """As `run_tasks`, without processes; what would go to a process and come back is pickled all the same."""
     import pickle
 
-    from busybot.errors import BusybotError
+    from busybot.common.errors import BusybotError
 
     make_work, arguments = pickle.loads(pickle.dumps((make_work, arguments)))
     work = None
@@ -148,7 +148,7 @@ def work_here() -> Callable[[], AbstractContextManager[None]]:
 
     The code is changed, not the name: modules have `run_tasks` under names of their own.
     """
-    from busybot.workers import run_tasks
+    from busybot.common.process_pool import run_tasks
 
     @contextmanager
     def patched() -> Iterator[None]:

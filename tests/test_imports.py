@@ -9,7 +9,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[1] / "busybot"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 HEAVY = {"sapien", "rerun", "torch", "torch_geometric", "cv2", "pandas", "pyarrow", "scipy", "matplotlib", "trimesh"}
-LIGHT_FOLDERS = {"boards", "episodes", "evaluation", "objects"}
+LIGHT_FOLDERS = {"boards", "datasets", "episodes", "evaluation", "objects"}
 # What a module may do when it is imported, besides definitions and assignments.
 DECLARATIONS = (
     ast.Import,
@@ -90,20 +90,14 @@ def test_stages_need_the_package_and_each_other() -> None:
 
 def test_data_flows_one_way() -> None:
     """Objects know nothing of boards, boards nothing of simulation, recordings nothing of skills or views."""
-    refused = {
-        "objects": {"boards", "sim", "episodes", "interact", "reason", "plan", "view", "cli"},
-        "boards": {"sim", "episodes", "interact", "reason", "plan", "view", "cli"},
-        "episodes": {"sim", "interact", "reason", "plan", "view", "cli"},
-        "sim": {"interact", "reason", "plan", "view", "cli"},
-        "training": {"objects", "boards", "sim", "episodes", "interact", "reason", "plan", "view", "cli"},
-        "interact": {"view", "cli"},
-        "reason": {"view", "cli"},
-        "plan": {"view", "cli"},
-        "view": {"cli"},
-    }
+    order = ("common", "objects", "boards", "episodes", "datasets", "sim", "skills", "view", "cli")
+    skills = {"training": "skills", "evaluation": "skills", "interact": "skills", "reason": "skills", "plan": "skills"}
     for path in MODULES:
-        used = {name.split(".")[1] for name in uses(path) if name.startswith("busybot.")}
-        assert not used & refused.get(room(path), set()), name_of(path)
+        own = skills.get(room(path), room(path))
+        if own in order:  # else it is at the top, and brings rooms together
+            later = set(order[order.index(own) + 1 :])
+            used = {name.split(".")[1] for name in uses(path) if name.startswith("busybot.")}
+            assert not {skills.get(one, one) for one in used} & later, name_of(path)
 
 
 def _graph() -> dict[str, set[str]]:
@@ -131,12 +125,12 @@ def test_no_circle_of_imports() -> None:
     """Also none that is hidden in functions: what needs each other is one module, or a third one knows both."""
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}) == [("a", "b", "c")]
     graph = _graph()
-    assert "objects.library" in graph["objects.resolve"] and "reason.models" in graph["reason.infer"]
+    assert "objects.library" in graph["objects.resolve"] and "reason.models.base" in graph["reason.models.registry"]
     assert not circles(graph)
 
 
 def test_the_command_line_imports_what_is_heavy_inside_functions() -> None:
-    allowed = ("busybot.cli.", "busybot.errors.", "busybot.__version__")
+    allowed = ("busybot.cli.", "busybot.common.errors.", "busybot.__version__")
     for path in MODULES:
         if room(path) == "cli":
             at_once = imported(tree_of(path), anywhere=False)
@@ -158,9 +152,13 @@ def test_nothing_happens_at_import_time() -> None:
             assert fine, f"{name_of(path)}:{node.lineno}: {ast.unparse(node)[:80]}"
 
 
-def test_package_inits_stay_empty() -> None:
+def test_package_inits_are_empty_or_the_public_face() -> None:
+    """What a folder offers to others, and nothing else: a docstring, imports, `__all__`."""
     for path in PACKAGE.rglob("*/__init__.py"):
-        assert not path.read_text().strip(), name_of(path)
+        for node in tree_of(path).body:
+            said = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+            offered = isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
+            assert said or offered or isinstance(node, ast.ImportFrom), f"{name_of(path)}:{node.lineno}"
 
 
 def test_no_pickle_and_no_global_randomness() -> None:

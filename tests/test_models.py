@@ -11,13 +11,13 @@ import torch
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.interact.affordance.load import load_model
 from busybot.models import about, find, models_below, shipped_models, verify
-from busybot.plan.learned.network import PolicyInfo, PolicyNetwork, read_policy
-from busybot.reason.event_config import EventConfig, NetConfig
-from busybot.reason.event_net import EventNet
-from busybot.reason.models import ModelInfo, load_reasoner
+from busybot.plan.learning.network import PolicyInfo, PolicyNetwork, read_policy
+from busybot.reason.models.event.config import EventConfig, NetConfig
+from busybot.reason.models.event.networks import EventNet
+from busybot.reason.models.model_folder import ModelInfo, load_reasoner
 from busybot.training.checkpoint import save_model
 from busybot.training.device import threads
 from tests.reason.boards import make_boards

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from busybot.files import write_atomically
+from busybot.common.atomic_io import write_atomically
 
 PACKAGE = Path(__file__).resolve().parents[1] / "busybot"
 WRITER = Path(inspect.getsourcefile(write_atomically) or "")
@@ -162,7 +162,7 @@ def test_what_writes_is_found(code: str) -> None:
         "scene.save()",
         "buffer = BytesIO()\nnp.save(buffer, values)",
         "with replacing(path) as file, pq.ParquetWriter(file, schema) as writer:\n    writer.write_table(rows)",
-        "from busybot.files import rename\nrename(made, path)",
+        "from busybot.common.atomic_io import rename\nrename(made, path)",
         "from safetensors.torch import save\nsave(tensors, header)",
         "json.dumps(values)",
         "np.memmap(path, np.uint8, 'r')",

@@ -14,8 +14,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from busybot.errors import BusybotError
-from busybot.files import write_atomically
+from busybot.common.atomic_io import write_atomically
+from busybot.common.errors import BusybotError
 from tools import prose, references, tables
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -6,7 +6,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.evaluation.results import read_result
 from tools.tables import RESULTS, result
 

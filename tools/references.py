@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from busybot.cli.main import COMMANDS, load_command
-from busybot.episodes import mcap_topics as topics
-from busybot.episodes.protobuf import PACKAGE
+from busybot.episodes.mcap import topics
+from busybot.episodes.mcap.messages import PACKAGE
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS, TABLES, Column, StepField
 from busybot.view.report.page import Block, Heading, Text, markdown, plain_grid
 

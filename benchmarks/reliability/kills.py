@@ -28,12 +28,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runner import chosen, finish, parser
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.manifest import is_frozen, read_manifest
-from busybot.episodes.verify import verify
-from busybot.errors import BusybotError
-from busybot.files import scan, sha256_of
-from busybot.rng import generator
+from busybot.common.atomic_io import scan, sha256_of
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.manifest import is_frozen, read_manifest
+from busybot.datasets.verify import verify
 
 BUSYBOT = [sys.executable, "-m", "busybot"]
 SMALL = ["--set", "render.width=160", "--set", "render.height=120"]

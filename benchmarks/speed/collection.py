@@ -29,18 +29,18 @@ from benchmarks.runner import finish, parser
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
+from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Image, Step
-from busybot.episodes.geometry import Rays
-from busybot.episodes.mcap_writer import write_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.sim.builtin_policies import RandomPolicy, ScriptedFactory, ScriptedPolicy
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.policy import Policy, oracle_observation
 from busybot.sim.recorder import grasp_at, record_episode
-from busybot.sim.render import RenderConfig
-from busybot.sim.scene import BoardScene, Simulator
-from busybot.sim.surroundings import Surroundings
+from busybot.sim.scene.background import Surroundings
+from busybot.sim.scene.board_scene import BoardScene, Simulator
+from busybot.sim.scene.render import RenderConfig
 
 STEPS = 30
 SEED = 1

@@ -11,8 +11,8 @@ from typing import Any
 
 from benchmarks.runner import finish
 from benchmarks.tables.table3 import KINDS, SEEDS, cell, origin, parsed
-from busybot.interact.chooser import DEFAULT_MODEL
-from busybot.reason.infer import DEFAULT_REASONER
+from busybot.interact.policy.policy_factory import DEFAULT_MODEL
+from busybot.reason.models.registry import DEFAULT_REASONER
 
 SPLIT = "novel-object"
 GATE_MS = 50.0

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runner import finish, parser
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_reader import read_episode
-from busybot.reason.features import features_of
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.mcap.reader import read_episode
+from busybot.reason.inputs.feature_store import features_of
 
 
 def measured(arguments: argparse.Namespace) -> dict[str, Any]:

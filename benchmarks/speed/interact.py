@@ -26,26 +26,31 @@ from benchmarks.runner import finish, parser, timed
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
-from busybot.episodes.create import create_dataset
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.geometry import Rays
-from busybot.episodes.mcap_writer import write_episode
+from busybot.common.rng import generator
+from busybot.datasets.create import create_dataset
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.camera import Rays
+from busybot.episodes.mcap.writer import write_episode
+from busybot.interact.affordance.fast_networks import KINDS, Kind
 from busybot.interact.affordance.load import load_model
-from busybot.interact.chooser import DEFAULT_MODEL, ExplorePolicyFactory, LearnedPolicyFactory, fingerprint
-from busybot.interact.fit import FastAffordanceLearner, FitJob
-from busybot.interact.networks import KINDS, Kind
-from busybot.interact.samples import cache_samples
-from busybot.interact.train_config import TrainConfig
+from busybot.interact.policy.policy_factory import (
+    DEFAULT_MODEL,
+    ExplorePolicyFactory,
+    LearnedPolicyFactory,
+    fingerprint,
+)
+from busybot.interact.training.config import TrainConfig
+from busybot.interact.training.fast import FastAffordanceLearner, FitJob
+from busybot.interact.training.sample_cache import cache_samples
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.rng import generator
 from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import AnyPolicyFactory
 from busybot.sim.recorder import record_episode
-from busybot.sim.render import RenderConfig
-from busybot.sim.scene import Simulator
+from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.scene.render import RenderConfig
 from busybot.training.device import multiplies_bfloat16
 
 SEED = 3

@@ -17,11 +17,11 @@ import torch
 
 from benchmarks.runner import finish, parser
 from benchmarks.speed.paper_reason import made_up
-from busybot.reason.paper_boards import boards_of
-from busybot.reason.paper_config import PaperNetworkConfig, PaperReasonConfig
-from busybot.reason.paper_fit import iterate, make_network, make_optimizer
-from busybot.reason.paper_parts import factor
-from busybot.rng import generator
+from busybot.common.rng import generator
+from busybot.reason.models.paper.config import PaperNetworkConfig, PaperReasonConfig
+from busybot.reason.models.paper.data import boards_of
+from busybot.reason.models.paper.learner import iterate, make_network, make_optimizer
+from busybot.reason.models.paper.parts import factor
 from busybot.training.run_folder import learner_versions
 
 GATE = 1.5

@@ -26,14 +26,14 @@ import numpy as np
 import torch
 
 from benchmarks.runner import finish, parser, timed
-from busybot.interact.networks import KINDS, Kind
-from busybot.interact.paper_config import PaperConfig
-from busybot.interact.paper_train import PaperTraining
-from busybot.interact.rounds import Recorder, Told
-from busybot.interact.samples import Samples
+from busybot.common.rng import generator
+from busybot.interact.affordance.fast_networks import KINDS, Kind
+from busybot.interact.training.paper import PaperTraining
+from busybot.interact.training.paper_config import PaperConfig
+from busybot.interact.training.round_recorder import Recorder, Told
+from busybot.interact.training.sample_cache import Samples
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.rng import generator
 from busybot.training.device import device
 from busybot.training.weights import parameters_of
 

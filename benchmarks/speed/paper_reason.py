@@ -24,13 +24,13 @@ import numpy as np
 import torch
 
 from benchmarks.runner import finish, parser, timed
+from busybot.common.rng import generator
 from busybot.evaluation.results import package_versions
-from busybot.reason.paper_boards import boards_of
-from busybot.reason.paper_config import PaperReasonConfig
-from busybot.reason.paper_fit import iterate, make_network, make_optimizer
-from busybot.reason.paper_parts import factor
-from busybot.reason.sequence import CHANNELS, Sequence
-from busybot.rng import generator
+from busybot.reason.inputs.sequence import CHANNELS, Sequence
+from busybot.reason.models.paper.config import PaperReasonConfig
+from busybot.reason.models.paper.data import boards_of
+from busybot.reason.models.paper.learner import iterate, make_network, make_optimizer
+from busybot.reason.models.paper.parts import factor
 from busybot.training.device import device
 
 BOARDS = 10_000

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runner import finish, parser
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.geometry import Rays
-from busybot.episodes.mcap_reader import read_episode
-from busybot.interact.candidates import find_candidates
-from busybot.interact.chooser import fingerprint, load_once, policy_config
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.camera import Rays
+from busybot.episodes.mcap.reader import read_episode
+from busybot.interact.policy.candidates import find_candidates
+from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 
 PROMISES = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode, Image
-from busybot.episodes.geometry import Rays
-from busybot.reason.observed import NO_BOXES, Action, Observed, observe
-from busybot.reason.truth import NOTHING_HELD, StateTruth, states_of
+from busybot.reason.evaluation.ground_truth import NOTHING_HELD, StateTruth, states_of
+from busybot.reason.inputs.observation import NO_BOXES, Action, Observed, observe
 
 HAND: tuple[int, int, int] = (205, 160, 130)
 HAND_WIDTH = 70

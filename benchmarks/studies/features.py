@@ -24,15 +24,15 @@ import numpy as np
 from scipy.stats import rankdata
 
 from benchmarks.runner import finish, parser
-from busybot.episodes.carried import library_of
-from busybot.episodes.dataset import Dataset
+from busybot.datasets.bundled_assets import library_of
+from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
-from busybot.reason.clusters import THRESHOLDS, clusters_of, fit_threshold
-from busybot.reason.decoders import Decoded, Linear, appearances, examples, fit_decoders
-from busybot.reason.features import Features, features_of
-from busybot.reason.truth import states_of
+from busybot.reason.evaluation.decoders import Decoded, Linear, appearances, examples, fit_decoders
+from busybot.reason.evaluation.ground_truth import states_of
+from busybot.reason.evaluation.state_clusters import THRESHOLDS, clusters_of, fit_threshold
+from busybot.reason.inputs.feature_store import Features, features_of
 
 ENCODERS = "embedded,embedded-box,embedded-mask,random"
 

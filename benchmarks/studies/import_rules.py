@@ -1,4 +1,4 @@
-"""How often the import rules (`busybot.objects.rules`) agree with the authors' annotation of the paper's objects.
+"""How often the rules of `objects.importing.auto_annotation` agree with the authors' annotation of the paper's objects.
 
     python -m benchmarks.studies.import_rules --assets DIR --out benchmarks/results/import_rules.json
 
@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.runner import finish, parser
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.evaluation.results import package_versions
 from busybot.objects.catalogue import catalogue
-from busybot.objects.importing import annotate
+from busybot.objects.importing.auto_annotation import RULES_VERSION, decide
+from busybot.objects.importing.importer import annotate
+from busybot.objects.importing.raw import read_raw
 from busybot.objects.library import Library
 from busybot.objects.model import Effect, ObjectModel
-from busybot.objects.raw import read_raw
-from busybot.objects.rules import RULES_VERSION, decide
 
 ANGLE_DEG = 30.0
 TURN_DEG = 5.0

@@ -20,7 +20,7 @@ from typing import Any
 
 from benchmarks.runner import busybot, chosen, finish, parser
 from busybot.evaluation.results import read_result
-from busybot.interact.policy_config import FIXED, STRICT_POLICY, PolicyConfig
+from busybot.interact.policy.config import FIXED, STRICT_POLICY, PolicyConfig
 
 KIND, SEED = "policy-constants", 78
 OBJECTS, MODEL = "objects", "model"

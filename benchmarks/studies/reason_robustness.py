@@ -24,27 +24,26 @@ import numpy as np
 
 from benchmarks.runner import finish, parser, told_rows
 from benchmarks.studies.disturbances import DISTURBANCES, Recording, noisy, recording_of
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_reader import read_episode
-from busybot.files import sha256_of
-from busybot.reason.appearance import ChangeConfig, changes
-from busybot.reason.count import CountConfig, count_changes
-from busybot.reason.encoders.choose import choose
-from busybot.reason.evaluate import IMAGES, origin
-from busybot.reason.forecast import BOUND, NEAREST, Forecast, Watched, forecast
-from busybot.reason.infer import reasoner_of
-from busybot.reason.judge import Nearest, judged_objects
-from busybot.reason.lookup import Lookup, LookupConfig
-from busybot.reason.models import ModelInfo
-from busybot.reason.observed import acted_objects
-from busybot.reason.reasoner import Reasoner
-from busybot.reason.result import InferredGraph
-from busybot.reason.sequence import sequence_of
-from busybot.reason.summary import Judged, summarise
-from busybot.reason.truth import truth_of
-from busybot.rng import generator
-from busybot.training.model_folder import WEIGHTS_FILE, find_folder, read_info
-from busybot.workers import share
+from busybot.common.atomic_io import sha256_of
+from busybot.common.process_pool import share
+from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.mcap.reader import read_episode
+from busybot.reason.encoders.registry import choose
+from busybot.reason.evaluation.evaluate import IMAGES, origin
+from busybot.reason.evaluation.ground_truth import truth_of
+from busybot.reason.evaluation.prediction import BOUND, NEAREST, Forecast, Watched, forecast
+from busybot.reason.evaluation.state_readout import Nearest, judged_objects
+from busybot.reason.evaluation.summary import Judged, summarise
+from busybot.reason.inputs.change_detection import ChangeConfig, changes
+from busybot.reason.inputs.observation import acted_objects
+from busybot.reason.inputs.sequence import sequence_of
+from busybot.reason.models.base import InferredGraph, Reasoner
+from busybot.reason.models.counting import CountConfig, count_changes
+from busybot.reason.models.lookup import Lookup, LookupConfig
+from busybot.reason.models.model_folder import ModelInfo
+from busybot.reason.models.registry import reasoner_of
+from busybot.training.model_cards import WEIGHTS_FILE, find_folder, read_info
 
 KIND, ENCODER = "reason-robustness", "embedded"
 UNDISTURBED, PNG = "undisturbed", "png"
@@ -249,7 +248,7 @@ def main() -> None:
     data = {one["name"]: one["content_hash"] for one in (figures["dataset"], figures["png"]) if one}
     finish(KIND, arguments, figures, hashes={"models": models, "data": data})
     if arguments.figure:
-        from busybot.view.robustness_figure import robustness_figure
+        from busybot.view.figures.robustness import robustness_figure
 
         robustness_figure(arguments.figure, figures)
 

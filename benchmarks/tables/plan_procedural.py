@@ -8,8 +8,8 @@ result names its rows `agents`: a report's Table 3 is that of real objects.
 
 from benchmarks.runner import finish
 from benchmarks.tables.table3 import measured, parsed
-from busybot.interact.chooser import DEFAULT_MODEL
-from busybot.reason.infer import DEFAULT_REASONER
+from busybot.interact.policy.policy_factory import DEFAULT_MODEL
+from busybot.reason.models.registry import DEFAULT_REASONER
 
 if __name__ == "__main__":
     options = parsed(__doc__, policy_model=DEFAULT_MODEL, reasoner=[DEFAULT_REASONER])

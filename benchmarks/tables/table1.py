@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runner import as_typed, assets_name, busybot, chosen, finish, parser, told_rows, train
-from busybot.workers import machine
+from busybot.common.process_pool import machine
 
 SPLITS = ("novel-config", "novel-object")
 JUDGE_SEED = 303

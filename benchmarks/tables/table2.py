@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runner import as_typed, busybot, chosen, finish, parser, told_rows, train
-from busybot.files import write_json
-from busybot.workers import machine
+from busybot.common.atomic_io import write_json
+from busybot.common.process_pool import machine
 
 SPLITS = ("validation", "novel-config", "novel-object")
 SCORES = (

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runner import as_typed, assets_name, busybot, finish, parser
+from busybot.common.atomic_io import read_json
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.results import read_result
-from busybot.files import read_json
-from busybot.training.model_folder import INFO_FILE
+from busybot.training.model_cards import INFO_FILE
 
 SEEDS = {"train": 701, "novel-config": 702, "novel-object": 703}
 KINDS = ("one-to-one", "one-to-many")

@@ -13,12 +13,12 @@ from busybot.boards.config import SPLITS, BoardConfig
 from busybot.boards.layout import place
 from busybot.boards.relations import draw_relations
 from busybot.boards.spec import BoardSpec, PlacedObject, Relation
-from busybot.boards.surface import COLORS, TEXTURES
 from busybot.boards.task import with_task
-from busybot.errors import BusybotError
+from busybot.boards.textures import COLORS, TEXTURES
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel
-from busybot.rng import generator
 
 GENERATOR_VERSION = "1.0"
 """Changes when the same configuration gives other boards."""

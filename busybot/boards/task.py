@@ -11,9 +11,9 @@ from typing import Literal
 
 from busybot.boards.relations import responder_state
 from busybot.boards.spec import BoardSpec, LinkRef, PlacedObject, Task
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
 from busybot.objects.model import ObjectModel
-from busybot.rng import generator
 
 MAX_STEPS = 8
 """Steps in which a task is to be solved."""

@@ -8,9 +8,9 @@ import typer
 from busybot.cli.common import JsonOption, SeedOption, check_file, print_json, say
 
 if TYPE_CHECKING:
-    from busybot.objects.importing import Outcome
+    from busybot.objects.importing.annotation_edits import Overrides
+    from busybot.objects.importing.importer import Outcome
     from busybot.objects.library import Library
-    from busybot.objects.overrides import Overrides
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="List, make and check objects.")
 
@@ -56,7 +56,7 @@ def check(
     json: JsonOption = False,
 ) -> None:
     """Say what is wrong with each object, and which are raw. Exits with 1 if any is bad or raw."""
-    from busybot.objects.check import check_objects
+    from busybot.objects.partnet.check import check_objects
 
     findings = check_objects(folder)
     bad = [finding for finding in findings if not finding.ok]
@@ -89,8 +89,8 @@ def import_raw(
 
     Without --out nothing is imported: --review alone shows what the rules propose. Exits with 1 if any is refused.
     """
-    from busybot.objects.importing import import_objects, raw_folders
-    from busybot.objects.overrides import read_overrides
+    from busybot.objects.importing.annotation_edits import read_overrides
+    from busybot.objects.importing.importer import import_objects, raw_folders
 
     if out is None and review is None:
         raise typer.BadParameter("nothing to do: give --out DIR, --review FILE or both", param_hint="--out")
@@ -133,7 +133,7 @@ def fetch(
     The token is read from the environment variable SAPIEN_ACCESS_TOKEN, or asked for. PartNet-Mobility's terms of use
     apply to what is downloaded.
     """
-    from busybot.sim.fetch import fetch as fetch_object
+    from busybot.sim.partnet_download import fetch as fetch_object
 
     token = _token()
     fetched = []
@@ -152,7 +152,7 @@ def _token() -> str:
     import os
     import sys
 
-    from busybot.errors import BusybotError
+    from busybot.common.errors import BusybotError
 
     token = os.environ.get("SAPIEN_ACCESS_TOKEN", "").strip()
     if not token and sys.stdin.isatty():
@@ -166,14 +166,14 @@ def _token() -> str:
 
 
 def _refuse_existing(review: Path) -> None:
-    from busybot.errors import BusybotError
+    from busybot.common.errors import BusybotError
 
     if review.exists():
         raise BusybotError(f"{review}: exists, perhaps with somebody's changes", "name another file for the proposal")
 
 
 def _write_review(review: Path, outcomes: "list[Outcome]") -> None:
-    from busybot.objects.overrides import write_review
+    from busybot.objects.importing.annotation_edits import write_review
 
     proposals = {outcome.name: (outcome.choices, outcome.notes) for outcome in outcomes if outcome.choices}
     write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
@@ -197,7 +197,7 @@ def sheet(
 ) -> None:
     """Draw a contact sheet: a portrait of every object, by category and split."""
     from busybot.objects.resolve import find
-    from busybot.view.sheet import sheet as draw
+    from busybot.view.figures.contact_sheet import sheet as draw
 
     check_file("--out", out, "sheet.png")
     count = draw(out, find(folder), cell, columns)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from busybot.cli.common import JsonOption, WorkersOption, episode_progress, own_name, print_json, say
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
+    from busybot.common.process_pool import Engine
     from busybot.sim.collect import Collected
     from busybot.sim.policy import AnyPolicyFactory
-    from busybot.workers import Engine
 
 
 def collect(
@@ -38,12 +38,12 @@ def collect(
     json: JsonOption = False,
 ) -> None:
     """Act on every board and record what happens. Ctrl-C loses nothing: the same command continues."""
-    from busybot.config import build
-    from busybot.episodes.carried import library_of
-    from busybot.episodes.dataset import Dataset
+    from busybot.common.config import build
+    from busybot.common.process_pool import default_workers
+    from busybot.datasets.bundled_assets import library_of
+    from busybot.datasets.dataset import Dataset
     from busybot.sim.collect import CollectConfig
     from busybot.sim.collect import collect as run
-    from busybot.workers import default_workers
 
     options = {"steps": steps, "policy": policy, "images": images, "seed": seed, "interaction.strict": strict or None}
     target = Dataset.open(dataset)
@@ -71,8 +71,8 @@ def _print(dataset: Path, result: "Collected", json: bool) -> None:
 
 def _engine(name: str) -> "Engine":
     """Who runs the workers."""
-    from busybot.cluster import run_on_ray
-    from busybot.workers import run_tasks
+    from busybot.common.process_pool import run_tasks
+    from busybot.common.ray_pool import run_on_ray
 
     engines: dict[str, Engine] = {"local": run_tasks, "ray": run_on_ray}
     if name not in engines:
@@ -92,7 +92,7 @@ def _policy_factory(
             what = f"--set learned.{next(iter(learned))} goes with --policy learned, not with {policy}"
             raise BusybotError(what, mend)
         return None, None
-    from busybot.interact.chooser import DEFAULT_MODEL, LearnedPolicyFactory
+    from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory
 
     factory = LearnedPolicyFactory(model or DEFAULT_MODEL, "collect", learned)
     return factory, factory.provenance()

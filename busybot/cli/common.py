@@ -16,7 +16,7 @@ from typing import Annotated, Any, NoReturn
 
 import typer
 
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 
 JSON_WANTED = "busybot.json"
 CONTEXT = {"help_option_names": ["-h", "--help"]}

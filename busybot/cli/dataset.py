@@ -8,7 +8,7 @@ import typer
 from busybot.cli import dataset_share
 from busybot.cli import dataset_tell as tell
 from busybot.cli.common import JsonOption, WorkersOption, counted, episode_progress, print_json, say
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="Look at a dataset, check, mend, freeze, compare, share it."
@@ -21,7 +21,7 @@ AssetsOption = Annotated[str | None, typer.Option(help="Objects, if they are not
 @app.command()
 def info(dataset: DatasetArgument, json: JsonOption = False) -> None:
     """What is in a dataset, with the hashes over its boards, traces and content."""
-    from busybot.episodes.summary import summarise
+    from busybot.datasets.dataset_stats import summarise
 
     summary = summarise(dataset)
     if json:
@@ -41,7 +41,7 @@ def verify(
 
     Objects are compared with the recorded hashes where they are found. Exits with 1 if something is wrong.
     """
-    from busybot.episodes.verify import verify as verify_dataset
+    from busybot.datasets.verify import verify as verify_dataset
 
     with episode_progress("verifying") as progress:
         report = verify_dataset(dataset, _workers(workers), progress, assets)
@@ -69,11 +69,11 @@ def freeze(
     json: JsonOption = False,
 ) -> None:
     """Give a finished dataset a manifest and a card, and make it read-only. Nothing is collected into it any more."""
-    from busybot.episodes.carried import library_of
-    from busybot.episodes.dataset import Dataset
-    from busybot.episodes.freeze import freeze as freeze_dataset
-    from busybot.episodes.freeze import refuse_unfinished
-    from busybot.episodes.manifest import is_frozen
+    from busybot.datasets.bundled_assets import library_of
+    from busybot.datasets.dataset import Dataset
+    from busybot.datasets.freeze import freeze as freeze_dataset
+    from busybot.datasets.freeze import refuse_unfinished
+    from busybot.datasets.manifest import is_frozen
 
     target, library = Dataset.open(dataset), None
     if (objects or assets) and not is_frozen(dataset):
@@ -104,7 +104,7 @@ def diff(
     json: JsonOption = False,
 ) -> None:
     """Say what differs: settings, boards, actions, states, images, versions. Exits with 1 if anything does."""
-    from busybot.episodes.diff import diff as compare
+    from busybot.datasets.dataset_diff import diff as compare
 
     with episode_progress("comparing") as progress:
         found = compare(first, second, _workers(workers), progress)
@@ -130,7 +130,7 @@ def repair(
 
     With `--no-partial` an episode that cannot be saved entirely is dropped, and `busybot collect` records it again.
     """
-    from busybot.episodes.repair import repair as repair_dataset
+    from busybot.datasets.repair import repair as repair_dataset
 
     with episode_progress("looking") as progress:
         done = repair_dataset(dataset, out, partial, _workers(workers), progress)
@@ -153,8 +153,8 @@ def regenerate(
     Boards and discrete states must be equal, joints within 1e-5, images equal under the same renderer, else at most
     0.1 % of their pixels beyond 2/255.
     """
-    from busybot.episodes.carried import library_of
-    from busybot.episodes.dataset import Dataset
+    from busybot.datasets.bundled_assets import library_of
+    from busybot.datasets.dataset import Dataset
     from busybot.sim.regenerate import regenerate as make_again
 
     library = library_of(Dataset.open(dataset), assets)
@@ -173,6 +173,6 @@ pull = app.command()(dataset_share.pull)
 
 
 def _workers(wanted: int | None) -> int:
-    from busybot.workers import default_workers
+    from busybot.common.process_pool import default_workers
 
     return wanted or default_workers()

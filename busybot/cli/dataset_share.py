@@ -8,7 +8,7 @@ import typer
 from busybot.cli.common import JsonOption, print_json, say
 
 if TYPE_CHECKING:
-    from busybot.episodes.share import Shared
+    from busybot.datasets.dvc_remote import Shared
 
 RemoteOption = Annotated[
     str,
@@ -27,7 +27,7 @@ def push(
 
     Credentials come from the environment, as the storage's own tools read them (AWS_ACCESS_KEY_ID, ...).
     """
-    from busybot.episodes.share import push as run
+    from busybot.datasets.dvc_remote import push as run
 
     shared = run(dataset, remote, endpoint)
     _tell(shared, json, f"sent {dataset}", f"keep {shared.pointer} in version control")
@@ -40,7 +40,7 @@ def pull(
     json: JsonOption = False,
 ) -> None:
     """Fetch the dataset that a pointer means, and compare every file with its manifest. Ctrl-C loses nothing."""
-    from busybot.episodes.share import pull as run
+    from busybot.datasets.dvc_remote import pull as run
 
     shared = run(dataset, remote, endpoint)
     _tell(shared, json, f"fetched {dataset}" if shared.new else f"{dataset} is there and whole", "")

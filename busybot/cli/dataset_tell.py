@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 from busybot.cli.common import counted, say
 
 if TYPE_CHECKING:
-    from busybot.episodes.compare import Difference
-    from busybot.episodes.diff import DatasetDifference
-    from busybot.episodes.repair import Repaired
+    from busybot.datasets.dataset_diff import DatasetDifference
+    from busybot.datasets.repair import Repaired
+    from busybot.episodes.episode_diff import Difference
     from busybot.sim.regenerate import Regenerated
 
 MOST_LINES = 20
@@ -94,8 +94,8 @@ def repaired(done: "Repaired") -> None:
         say(f"shorter now: {counted(partial, 'episode')}; to record them again: --no-partial, then busybot collect")
     sound = counted(done.sound, "episode")
     if any(verdict.fate == "dropped" for verdict in done.damaged):
-        from busybot.episodes.dataset import Dataset
-        from busybot.episodes.dataset_info import collect_command
+        from busybot.datasets.dataset import Dataset
+        from busybot.datasets.info import collect_command
 
         say(f"next: {collect_command(done.dataset, Dataset.open(done.dataset).info)}")
     print(f"{done.dataset}: {sound} sound, {len(done.damaged)} damaged; the tables are up to date")

@@ -19,8 +19,8 @@ def demo(
     json: JsonOption = False,
 ) -> None:
     """Boards, recorded interactions, inferred relations, a goal, and a report with pictures, in a minute or two."""
+    from busybot.common.process_pool import default_workers
     from busybot.demo import run_demo
-    from busybot.workers import default_workers
 
     done = run_demo(out or _free("demo"), seed, workers or default_workers(), say, assets, model)
     if json:

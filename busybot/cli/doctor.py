@@ -113,7 +113,7 @@ def _import_check(name: str) -> Check:
 
 def vulkan() -> list[Check]:
     """The device and driver that SAPIEN takes, and whether a tiny image comes out right."""
-    from busybot.sim.probe import run
+    from busybot.sim.vulkan_check import run
 
     found = run(sys.executable, TIME_LIMIT_S)
     chosen = next((name for name in CHOOSE_DRIVER if os.environ.get(name)), None)

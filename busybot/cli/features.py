@@ -27,8 +27,8 @@ def features(
     """
     import time
 
-    from busybot.episodes.dataset import Dataset
-    from busybot.reason.features import features_of
+    from busybot.datasets.dataset import Dataset
+    from busybot.reason.inputs.feature_store import features_of
 
     check_file("--parquet", parquet, "features.parquet")
     began = time.monotonic()
@@ -38,7 +38,7 @@ def features(
         )
     seconds = time.monotonic() - began
     if parquet is not None:
-        from busybot.reason.features_table import write_table
+        from busybot.reason.inputs.feature_store import write_table
 
         write_table(parquet, found)
         say(f"wrote {parquet}")

@@ -30,8 +30,8 @@ def generate(
     """Draw boards: objects, places, colours and hidden relations. What the same command made before is left alone."""
     from busybot.boards.config import BoardConfig
     from busybot.boards.generate import Redraws
-    from busybot.config import build
-    from busybot.episodes.create import create_dataset
+    from busybot.common.config import build
+    from busybot.datasets.create import create_dataset
     from busybot.objects.resolve import find
 
     options = {"split": split, "boards": boards, "relations": relations, "tasks": tasks, "group_size": group_size}

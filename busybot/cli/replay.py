@@ -23,8 +23,8 @@ def replay(
     Pictures must be equal where the renderer is the one that recorded, else close: at most 0.1 % of the pixels differ
     by more than 2/255. Exits with 1 if a step does not hold.
     """
-    from busybot.episodes.carried import library_of_file
-    from busybot.episodes.mcap_reader import read_episode
+    from busybot.datasets.bundled_assets import library_of_file
+    from busybot.episodes.mcap.reader import read_episode
     from busybot.sim.replay import replay_file
 
     read_episode(episode, images="lazy")  # a fault of the file is told before objects are looked for

@@ -35,8 +35,8 @@ def view(
     json: JsonOption = False,
 ) -> None:
     """Look at an episode: camera, scene graph, board with relations, signals. Without options a window opens."""
-    from busybot.episodes.carried import library_of_file
-    from busybot.view.show import Wanted, episode_file, show
+    from busybot.datasets.bundled_assets import library_of_file
+    from busybot.view.viewer import Wanted, episode_file, show
 
     if step is not None and not screenshot and (save or web or figure):
         raise typer.BadParameter("it needs --screenshot or the viewer's window", param_hint="--step")

@@ -14,7 +14,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 
 ImageFormat = Literal["jpeg", "png"]
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from busybot.boards.spec import BoardSpec
-from busybot.errors import BusybotError, naming
+from busybot.common.errors import BusybotError, naming
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.episodes import mcap_topics as topics
+from busybot.common.atomic_io import write_atomically
+from busybot.common.errors import BusybotError
 from busybot.episodes.digests import Digests, episode_digests
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_reader import decode_episode
-from busybot.episodes.mcap_records import parse_records, read_records
+from busybot.episodes.mcap import topics
+from busybot.episodes.mcap.reader import decode_episode
+from busybot.episodes.mcap.records import parse_records, read_records
 from busybot.episodes.schema import STEP_FIELDS, arrow_schema
-from busybot.errors import BusybotError
-from busybot.files import write_atomically
 
 EPISODES_PER_SHARD = 500
 EPISODES_PER_ROW_GROUP = 25

@@ -22,11 +22,11 @@ from typing import Any, Generic, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from busybot import __version__
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.dataset_info import CollectInfo
-from busybot.errors import BusybotError
-from busybot.files import append_line, make_folder, read_json, write_atomically, write_json
-from busybot.workers import run_tasks
+from busybot.common.atomic_io import append_line, make_folder, read_json, write_atomically, write_json
+from busybot.common.errors import BusybotError
+from busybot.common.process_pool import run_tasks
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import CollectInfo
 
 SETTINGS, BOARDS, RESULT = "settings.json", "boards.jsonl", "result.json"
 

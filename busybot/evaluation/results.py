@@ -25,9 +25,9 @@ from pathlib import Path
 from typing import Any
 
 from busybot import __version__
-from busybot.errors import BusybotError
-from busybot.files import read_json, write_atomically
-from busybot.workers import machine
+from busybot.common.atomic_io import read_json, write_atomically
+from busybot.common.errors import BusybotError
+from busybot.common.process_pool import machine
 
 SOURCE = Path(__file__).resolve().parents[1]
 """Of the package: its commit is told."""

@@ -10,21 +10,21 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.dataset_info import CollectInfo
-from busybot.episodes.mcap_writer import write_episode
+from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import CollectInfo
+from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.bootstrap import LEVEL
 from busybot.evaluation.folder import BoardWork, Progress, Recording, conclude, judge_boards, versions
 from busybot.evaluation.results import stamp
 from busybot.interact import metrics as m
-from busybot.interact.judge import judge
+from busybot.interact.outcomes import judge
 from busybot.objects.library import Library
-from busybot.rng import generator
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import AnyPolicyFactory
 from busybot.sim.recorder import record_episode
-from busybot.sim.render import RenderConfig
-from busybot.sim.scene import Simulator
+from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.scene.render import RenderConfig
 
 
 class EvaluateConfig(BaseModel):

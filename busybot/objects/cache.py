@@ -7,7 +7,7 @@ import json
 import os
 from pathlib import Path
 
-from busybot.files import write_json
+from busybot.common.atomic_io import write_json
 
 _INDEX = "libraries.json"
 _MAX_ENTRIES = 64

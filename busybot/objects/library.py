@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from busybot.errors import BusybotError
-from busybot.files import read_json
+from busybot.common.atomic_io import read_json
+from busybot.common.errors import BusybotError
 from busybot.objects.catalogue import SPLITS, catalogue
-from busybot.objects.folder import load_object
 from busybot.objects.model import CATEGORIES, ObjectModel
+from busybot.objects.partnet.loader import load_object
 
 SPLIT_FILE = "data.json"
 MAX_OBJECTS = 10_000

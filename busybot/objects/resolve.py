@@ -7,7 +7,7 @@ objects are found again without being named.
 import os
 from pathlib import Path
 
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.objects import cache
 from busybot.objects.library import Library
 from busybot.objects.procedural.build import procedural_library

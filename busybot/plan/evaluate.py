@@ -9,22 +9,22 @@ from pathlib import Path
 from typing import Any
 
 from busybot.boards.task import MAX_STEPS, least_steps, start_states, task_of
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.dataset_info import CollectInfo, collect_command
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_writer import write_episode
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import CollectInfo, collect_command
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.folder import BoardWork, Progress, Recording, conclude, judge_boards, versions
 from busybot.evaluation.results import stamp
-from busybot.interact.chooser import fingerprint, load_once, policy_config
+from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
-from busybot.plan.player import TRAINED, PlanConfig, Player, kind_of, name_of
-from busybot.reason.features import features_of
-from busybot.reason.infer import REASONERS, config_class, reasoner_of
-from busybot.rng import generator
-from busybot.sim.scene import Simulator
-from busybot.training.model_folder import file_hashes, find_folder
+from busybot.plan.rollout import TRAINED, PlanConfig, Player, kind_of, name_of
+from busybot.reason.inputs.feature_store import features_of
+from busybot.reason.models.registry import REASONERS, config_class, reasoner_of
+from busybot.sim.scene.board_scene import Simulator
+from busybot.training.model_cards import file_hashes, find_folder
 
 
 def evaluate(

@@ -15,17 +15,17 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.summary import origin_of
-from busybot.reason.event_config import EventConfig
-from busybot.reason.features import Progress, features_of
-from busybot.reason.models import ModelInfo
-from busybot.reason.paper_config import PaperReasonConfig
-from busybot.reason.recorded import Recorded, held_apart
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.dataset_stats import origin_of
+from busybot.reason.inputs.feature_store import Progress, features_of
+from busybot.reason.inputs.recorded_boards import Recorded, held_apart
+from busybot.reason.models.event.config import EventConfig
+from busybot.reason.models.model_folder import ModelInfo
+from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import Learner, fit
 from busybot.training.metrics_file import read_metrics
-from busybot.training.model_folder import INFO_FILE, read_info
+from busybot.training.model_cards import INFO_FILE, read_info
 from busybot.training.plots import Panel, draw, judgements, losses
 from busybot.training.run_folder import begin_folder, learner_versions
 
@@ -91,10 +91,10 @@ def train_reason(
 def make_learner(config: Config, boards: Recorded, held_out: Recorded, seed: int) -> Learner:
     """The learner of the model whose parameters these are."""
     if isinstance(config, PaperReasonConfig):
-        from busybot.reason.paper_learner import PaperLearner
+        from busybot.reason.models.paper.learner import PaperLearner
 
         return PaperLearner(config, boards, held_out, seed)
-    from busybot.reason.event_fit import EventLearner
+    from busybot.reason.models.event.learner import EventLearner
 
     return EventLearner(config, boards, held_out, seed)
 

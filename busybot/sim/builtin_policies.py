@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.common.errors import BusybotError
+from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.episodes.geometry import Rays
-from busybot.errors import BusybotError
 from busybot.sim.interaction import InteractionConfig, permitted, pull
-from busybot.sim.parts import TriggerJoint
 from busybot.sim.policy import Action, AnyPolicyFactory, Policy, StatelessPolicy, privileged
-from busybot.sim.scene import BoardScene
+from busybot.sim.scene.board_scene import BoardScene
+from busybot.sim.scene.joints import TriggerJoint
 
 ELEVATION = 0.01
 """A pixel is elevated when it lies more than this above the board, board units."""

@@ -11,18 +11,18 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.dataset_info import CollectInfo
-from busybot.episodes.mcap_writer import write_episode
+from busybot.common.process_pool import Engine, run_tasks
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import CollectInfo
+from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows
 from busybot.objects.library import Library
 from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import AnyPolicyFactory
 from busybot.sim.recorder import record_episode
-from busybot.sim.render import RenderConfig
-from busybot.sim.scene import Simulator
-from busybot.workers import Engine, run_tasks
+from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.scene.render import RenderConfig
 
 
 class CollectConfig(BaseModel):

@@ -10,15 +10,15 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
+from busybot.episodes.camera import Rays, project
 from busybot.episodes.episode import Step
-from busybot.episodes.geometry import Rays, project
-from busybot.errors import BusybotError
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.rng import generator
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
-from busybot.sim.render import RenderConfig
-from busybot.sim.scene import BoardScene, BoardState, Simulator
+from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
+from busybot.sim.scene.render import RenderConfig
 
 REACH = 0.05
 """A position farther than this from the visible surface at its pixel (along the optical axis) holds nothing."""

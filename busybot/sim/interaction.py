@@ -27,8 +27,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.episodes.episode import Image, Step
-from busybot.sim.parts import TriggerJoint
-from busybot.sim.scene import BoardScene
+from busybot.sim.scene.board_scene import BoardScene
+from busybot.sim.scene.joints import TriggerJoint
 
 
 class InteractionConfig(BaseModel):

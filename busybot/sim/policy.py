@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
+from busybot.common.errors import BusybotError
+from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Camera, Image, Observation
-from busybot.episodes.geometry import Rays
-from busybot.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.sim.interaction import InteractionConfig
-    from busybot.sim.scene import BoardScene
+    from busybot.sim.scene.board_scene import BoardScene
 
 
 @dataclass(frozen=True)

@@ -14,16 +14,16 @@ import numpy as np
 
 from busybot import __version__
 from busybot.boards.spec import BoardSpec
-from busybot.episodes.belongs import ENDED
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
+from busybot.datasets.membership import ENDED
+from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode, Image, Link, Observation
-from busybot.episodes.geometry import Rays
-from busybot.errors import BusybotError
-from busybot.rng import generator
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.policy import AnyPolicyFactory, OracleFactory, oracle_observation
-from busybot.sim.probe import driver_of
-from busybot.sim.render import RenderConfig
-from busybot.sim.scene import BoardScene, BoardState, Simulator
+from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
+from busybot.sim.scene.render import RenderConfig
+from busybot.sim.vulkan_check import driver_of
 
 RECORDED_PACKAGES = ("sapien", "numpy", "opencv-python")
 
@@ -147,7 +147,7 @@ def _driver(device: str) -> str | None:
 
 @cache
 def _shader_hash() -> str:
-    folder = Path(__file__).with_name("shaders")
+    folder = Path(__file__).parent / "scene" / "shaders"
     parts = [(folder / name).read_bytes() for name in ("gbuffer.vert", "gbuffer.frag")]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()
 

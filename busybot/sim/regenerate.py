@@ -9,19 +9,19 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from busybot.episodes.compare import Difference, ImageDifference, Rule, compare_episodes, rule_for
-from busybot.episodes.create import boards_again, continue_or_create
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.dataset_info import CollectInfo, collect_command
+from busybot.common.errors import BusybotError, naming
+from busybot.common.process_pool import run_tasks
+from busybot.datasets.create import boards_again, continue_or_create
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import CollectInfo, collect_command
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_writer import write_episode
+from busybot.episodes.episode_diff import Difference, ImageDifference, Rule, compare_episodes, rule_for
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.tables import Rows, episode_rows
-from busybot.errors import BusybotError, naming
 from busybot.objects.library import Library
 from busybot.sim.replay import act_again, render_config
-from busybot.sim.scene import Simulator
-from busybot.workers import run_tasks
+from busybot.sim.scene.board_scene import Simulator
 
 Progress = Callable[[int, int], None]
 

@@ -19,20 +19,20 @@ from pydantic import BaseModel, ValidationError
 
 from busybot.boards.relations import responder_state
 from busybot.boards.spec import BoardSpec
+from busybot.common.atomic_io import write_atomically
+from busybot.common.errors import BusybotError, naming
+from busybot.common.process_pool import run_tasks
+from busybot.episodes.camera import Rays
 from busybot.episodes.codec import encode_rgb
-from busybot.episodes.compare import JOINT_TOLERANCE, ImageDifference, Rule, compare_images, rule_for
 from busybot.episodes.episode import Episode, Image, Step
-from busybot.episodes.geometry import Rays
-from busybot.episodes.images import LazyImages
-from busybot.episodes.mcap_reader import read_episode
-from busybot.errors import BusybotError, naming
-from busybot.files import write_atomically
+from busybot.episodes.episode_diff import JOINT_TOLERANCE, ImageDifference, Rule, compare_images, rule_for
+from busybot.episodes.lazy_images import LazyImages
+from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.recorder import package_versions, picture_goal, renderer_fingerprint, visible_centres
-from busybot.sim.render import RenderConfig
-from busybot.sim.scene import BoardScene, BoardState, Simulator
-from busybot.workers import run_tasks
+from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
+from busybot.sim.scene.render import RenderConfig
 
 REPLAY_SECONDS = 24 * 3600.0
 Config = TypeVar("Config", bound=BaseModel)

@@ -11,7 +11,7 @@ from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.sim.env import BusyBoardEnv
 
 Observation = dict[str, Any]

@@ -14,9 +14,9 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from busybot.errors import BusybotError
-from busybot.files import write_atomically
-from busybot.training.model_folder import WEIGHTS_FILE, ModelCard, write_info
+from busybot.common.atomic_io import write_atomically
+from busybot.common.errors import BusybotError
+from busybot.training.model_cards import WEIGHTS_FILE, ModelCard, write_info
 
 NETWORK, OPTIMIZER = "network.", "optimizer."
 

@@ -7,7 +7,7 @@ from functools import cache
 
 import torch
 
-from busybot.workers import machine
+from busybot.common.process_pool import machine
 
 
 def device() -> torch.device:

@@ -24,7 +24,7 @@ import torch
 from pydantic import BaseModel, ConfigDict, Field
 from torch import Tensor, nn
 
-from busybot.files import write_atomically, write_json
+from busybot.common.atomic_io import write_atomically, write_json
 from busybot.training.checkpoint import Checkpoint, load_weights, restore_training, save_tensors, training_tensors
 from busybot.training.metrics_file import Metrics, read_metrics
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from busybot.files import write_atomically
+from busybot.common.atomic_io import write_atomically
 
 PROGRESS_SECONDS = 15.0
 

@@ -6,7 +6,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from busybot.files import write_atomically
+from busybot.common.atomic_io import write_atomically
 
 WIDTH_INCHES, ROW_INCHES = 11.0, 3.25
 MARKED = 60

@@ -8,8 +8,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from busybot import __version__
-from busybot.errors import BusybotError
-from busybot.files import read_json, scan, write_json
+from busybot.common.atomic_io import read_json, scan, write_json
+from busybot.common.errors import BusybotError
 
 TRAIN_FILE = "train.json"
 

@@ -6,7 +6,7 @@ Boards of one appearance group look alike, so a group is trained on or held out 
 import math
 from typing import Any
 
-from busybot.rng import generator
+from busybot.common.rng import generator
 
 
 def groups_apart(groups: set[Any], share: float, seed: int, purpose: str) -> set[Any]:

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from rerun.experimental import ViewerClient
 
-from busybot.errors import BusybotError
-from busybot.files import write_atomically
-from busybot.view.process import LOOPBACK, free_port, last_words, viewer_process
+from busybot.common.atomic_io import write_atomically
+from busybot.common.errors import BusybotError
+from busybot.view.viewer_process import LOOPBACK, free_port, last_words, viewer_process
 
 START_SECONDS = 60.0
 """Compiling the shaders of a software renderer on a busy machine takes that long at worst."""

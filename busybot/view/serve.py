@@ -11,9 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import quote
 
-from busybot.errors import BusybotError
-from busybot.view.process import LOOPBACK, free_port, last_words, viewer_process
+from busybot.common.errors import BusybotError
 from busybot.view.screenshot import FAULTS, go_to_step
+from busybot.view.viewer_process import LOOPBACK, free_port, last_words, viewer_process
 
 WEB_PORT = 9090
 START_SECONDS = 30.0

@@ -11,10 +11,10 @@ import pytest
 from benchmarks.studies.disturbances import DISTURBANCES, Recording, noisy, recording_of
 from benchmarks.studies.reason_robustness import f1
 from busybot.episodes.episode import Episode, Link
-from busybot.reason.encoders.choose import choose
-from busybot.reason.observed import acted_objects
-from busybot.reason.truth import NOTHING_HELD
-from busybot.view.robustness_figure import robustness_figure
+from busybot.reason.encoders.registry import choose
+from busybot.reason.evaluation.ground_truth import NOTHING_HELD
+from busybot.reason.inputs.observation import acted_objects
+from busybot.view.figures.robustness import robustness_figure
 from tests.episodes.synthetic import make_episode, make_real_episode
 
 

@@ -11,7 +11,7 @@ from benchmarks import runner
 from benchmarks.runner import as_typed, finish, parser, told_rows, typed
 from benchmarks.tables import table1, table2, table3
 from benchmarks.tables.table2 import DETAILS, SCORES, across
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import INTERACTION
 from busybot.evaluation.results import read_result
 

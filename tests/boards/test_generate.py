@@ -10,7 +10,7 @@ from busybot.boards.generate import Redraws, generate_boards
 from busybot.boards.layout import BOARD_HALF, EDGE, footprint
 from busybot.boards.relations import STEP_OF_STATE
 from busybot.boards.spec import BoardSpec, LinkRef, Relation
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 

@@ -19,7 +19,7 @@ from busybot.boards.task import (
     start_states,
     task_of,
 )
-from busybot.episodes.dataset import Dataset
+from busybot.datasets.dataset import Dataset
 from busybot.objects.library import Library
 from busybot.objects.model import TriggerLink
 from busybot.objects.resolve import find

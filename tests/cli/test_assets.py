@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from busybot.cli.main import app
-from busybot.episodes.dataset import Dataset
+from busybot.datasets.dataset import Dataset
 from tests.conftest import ROOT
 from tests.objects.raw_objects import DRAWER, LEAF, ROCKER, make_raw
 

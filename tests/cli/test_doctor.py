@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from busybot.cli import doctor
-from busybot.sim import probe
+from busybot.sim import vulkan_check as probe
 from tests.cli.commands import busybot
 
 # A package of this name that comes first on the path and fails like a missing shared library.

@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap.reader import read_episode
 from tests.cli.commands import busybot
 
 pytestmark = pytest.mark.usefixtures("in_process")

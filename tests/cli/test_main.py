@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from busybot.cli import main
 from busybot.cli.common import JsonOption, print_json
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 
 RUNNER = CliRunner()
 HEAVY = ("sapien", "torch", "rerun", "numpy", "pandas", "pyarrow", "cv2", "rich")
@@ -87,7 +87,7 @@ def test_a_module_that_is_absent_is_no_command(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_a_command_whose_own_import_fails_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "busybot.sim.probe", None)
+    monkeypatch.setitem(sys.modules, "busybot.sim.vulkan_check", None)
     monkeypatch.setattr(main.importlib, "import_module", lambda name: __import__("surely_absent"))
     with pytest.raises(ModuleNotFoundError, match="surely_absent"):
         main.load_command("doctor")

@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
-from busybot.episodes.mcap_writer import write_episode
+from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_real_episode
 
@@ -50,7 +50,7 @@ def test_being_asked_to_end_is_like_ctrl_c_while_it_runs(
         except KeyboardInterrupt:
             (tmp_path / "ended").touch()
 
-    monkeypatch.setattr("busybot.view.show.show", show)
+    monkeypatch.setattr("busybot.view.viewer.show", show)
     before = signal.getsignal(signal.SIGTERM)
     run(dataset, "--web")
     assert (tmp_path / "ended").exists() and signal.getsignal(signal.SIGTERM) is before

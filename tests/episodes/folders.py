@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo
 from busybot.episodes.codec import ImageFormat
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.dataset_info import AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo
-from busybot.episodes.mcap_writer import write_episode
+from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.synthetic import DELTA, KEYS, make_board, make_episode
 
 COLLECT = CollectInfo(

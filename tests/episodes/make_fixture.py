@@ -10,17 +10,17 @@ that are there.
 from pathlib import Path
 
 from busybot.boards.config import BoardConfig
-from busybot.episodes.create import create_dataset
+from busybot.common.atomic_io import write_json
+from busybot.datasets.create import create_dataset
+from busybot.datasets.dataset_stats import summarise
+from busybot.datasets.freeze import freeze
 from busybot.episodes.digests import episode_digests
-from busybot.episodes.freeze import freeze
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_writer import write_episode
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.schema import SCHEMA_VERSION
-from busybot.episodes.summary import summarise
-from busybot.files import write_json
 from busybot.objects.resolve import find
 from busybot.sim.collect import CollectConfig, collect
-from busybot.sim.render import RenderConfig
+from busybot.sim.scene.render import RenderConfig
 from tests.episodes.synthetic import make_real_episode
 
 FIXTURES = Path(__file__).with_name("fixtures")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from busybot.common.errors import BusybotError
 from busybot.episodes import codec
 from busybot.episodes.codec import DepthScale
-from busybot.errors import BusybotError
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import pytest
 
 from busybot.episodes.digests import Digests, combine, episode_digests
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_writer import write_episode
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.synthetic import make_episode, make_real_episode, make_task_episode
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import zstandard
 
-from busybot.episodes import mcap_topics as topics
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_writer import write_episode
-from busybot.episodes.protobuf import compressed_image_class, message_class
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
+from busybot.episodes.mcap import topics
+from busybot.episodes.mcap.messages import compressed_image_class, message_class
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.synthetic import make_episode, make_task_episode
 from tests.episodes.tamper import rewrite
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from busybot.episodes import mcap_topics as topics
+from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
-from busybot.episodes.images import LazyImages
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_records import read_records
-from busybot.episodes.mcap_writer import write_episode
-from busybot.errors import BusybotError
+from busybot.episodes.lazy_images import LazyImages
+from busybot.episodes.mcap import topics
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.records import read_records
+from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.synthetic import make_episode, make_real_episode, make_task_episode
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -127,7 +127,7 @@ def test_lazy_images_are_the_eager_ones_and_know_boxes_without_decoding(file: Pa
 
 def test_the_same_episode_gives_the_same_bytes_in_every_process(file: Path, tmp_path: Path) -> None:
     code = (
-        "import sys; from pathlib import Path; from busybot.episodes.mcap_writer import write_episode;"
+        "import sys; from pathlib import Path; from busybot.episodes.mcap.writer import write_episode;"
         "from tests.episodes.synthetic import make_episode;"
         "write_episode(Path(sys.argv[1]), make_episode(5)); write_episode(Path(sys.argv[1]), make_episode(0))"
     )

@@ -7,11 +7,11 @@ from typing import Any
 import pyarrow as pa
 import pytest
 
-from busybot.episodes.compare import compare_episodes
 from busybot.episodes.digests import episode_digests
 from busybot.episodes.episode import Step
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_writer import write_episode
+from busybot.episodes.episode_diff import compare_episodes
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS, TABLES, StepField, arrow_schema, public_columns
 from busybot.episodes.tables import episode_rows
 from tests.episodes.synthetic import make_episode

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from busybot.episodes.dataset import Dataset
+from busybot.common.atomic_io import read_json, scan
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.dataset_stats import summarise
+from busybot.datasets.verify import verify
 from busybot.episodes.digests import episode_digests
-from busybot.episodes.mcap_reader import read_episode
+from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.schema import SCHEMA_VERSION, TABLES
-from busybot.episodes.summary import summarise
 from busybot.episodes.tables import knows_truth
-from busybot.episodes.verify import verify
-from busybot.files import read_json, scan
 from tests.episodes.make_fixture import FIXTURES
 
 VERSIONS = sorted(folder.name for folder in FIXTURES.iterdir() if folder.is_dir())

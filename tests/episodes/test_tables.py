@@ -5,10 +5,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from busybot.episodes.mcap_writer import write_episode
+from busybot.common.errors import BusybotError
+from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.schema import TABLES, arrow_schema
 from busybot.episodes.tables import episode_rows, read_shard, split_by_episode, write_shard
-from busybot.errors import BusybotError
 from tests.episodes.synthetic import KEYS, make_episode, make_real_episode
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from busybot.errors import BusybotError
+from busybot.common.atomic_io import read_json
+from busybot.common.errors import BusybotError
 from busybot.evaluation.folder import BOARDS, RESULT, BoardWork, conclude, judge_boards
-from busybot.files import read_json
 
 BROKEN = 3
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.evaluation.results import HASHED, KEYS, KINDS, commit, read_result, stamp, write_result
 
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"

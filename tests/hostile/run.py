@@ -20,9 +20,9 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
 from busybot.evaluation.results import KINDS, stamp, write_result
-from busybot.rng import generator
 from tests.hostile.damage import damage
 from tests.hostile.targets import NOTICED, TARGETS, Target
 

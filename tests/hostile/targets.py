@@ -10,16 +10,16 @@ import cv2
 import numpy as np
 
 from busybot.boards.config import BoardConfig
-from busybot.config import build
-from busybot.episodes.dataset import Dataset
+from busybot.common.config import build
+from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.dvc_remote import read_pointer
+from busybot.datasets.verify import verify
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.share import read_pointer
-from busybot.episodes.verify import verify
+from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.load import load_model
-from busybot.objects.folder import load_object
+from busybot.objects.partnet.loader import load_object
 from busybot.objects.resolve import find
-from busybot.rng import generator
 from tests.episodes.folders import make_dataset
 
 Read = Callable[[Path], Any]
@@ -45,7 +45,7 @@ class Target:
 
 
 def _frozen(folder: Path) -> None:
-    from busybot.episodes.freeze import freeze
+    from busybot.datasets.freeze import freeze
 
     dataset = make_dataset(folder / "d", boards=2, finished=(0, 1))
     freeze(dataset.path, None)

@@ -12,17 +12,17 @@ from pathlib import Path
 import pytest
 
 from busybot.boards.config import BoardConfig
-from busybot.episodes.create import continue_or_create, create_dataset
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.freeze import freeze
-from busybot.episodes.repair import repair
-from busybot.episodes.verify import verify
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
+from busybot.datasets.create import continue_or_create, create_dataset
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.freeze import freeze
+from busybot.datasets.repair import repair
+from busybot.datasets.verify import verify
 from busybot.objects.resolve import find
-from busybot.reason.encoders.choose import choose
-from busybot.reason.features import features_of
+from busybot.reason.encoders.registry import choose
+from busybot.reason.inputs.feature_store import features_of
 from busybot.sim.collect import CollectConfig, collect
-from busybot.sim.render import RenderConfig
+from busybot.sim.scene.render import RenderConfig
 from tests.episodes.folders import make_dataset
 
 SMALL = CollectConfig(policy="scripted", steps=2, render=RenderConfig(width=160, height=120))

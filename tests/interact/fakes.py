@@ -5,14 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.common.rng import generator
+from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.episodes.geometry import Rays
-from busybot.interact.policy import LearnedPolicy, Mode
-from busybot.interact.policy_config import PolicyConfig
-from busybot.rng import generator
+from busybot.interact.policy.config import PolicyConfig
+from busybot.interact.policy.learned import LearnedPolicy, Mode
 from busybot.sim.interaction import InteractionConfig, permitted, pull
 from busybot.sim.policy import OracleObservation, Policy, privileged
-from busybot.sim.scene import BoardScene
+from busybot.sim.scene.board_scene import BoardScene
 
 
 @dataclass

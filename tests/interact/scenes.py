@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.episodes.geometry import Rays
 from tests.episodes.synthetic import make_camera
 
 WIDTH, HEIGHT = 160, 120

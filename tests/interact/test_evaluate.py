@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 
 from busybot.boards.config import BoardConfig
-from busybot.episodes.create import create_dataset
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.verify import verify
-from busybot.errors import BusybotError
+from busybot.common.atomic_io import read_json
+from busybot.common.errors import BusybotError
+from busybot.datasets.create import create_dataset
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.verify import verify
 from busybot.evaluation.folder import BOARDS, RESULT
-from busybot.files import read_json
 from busybot.interact.evaluate import EvaluateConfig, evaluate
-from busybot.interact.policy_config import PolicyConfig
+from busybot.interact.policy.config import PolicyConfig
 from busybot.objects.resolve import find
 from busybot.sim.interaction import InteractionConfig
 from tests.interact.fakes import TruthFactory

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from busybot.common.rng import generator
 from busybot.interact import metrics as m
-from busybot.rng import generator
 
 LINKS = (
     m.JudgedLink(object=0, key="Switch/a", link="link_0", pixels=40),

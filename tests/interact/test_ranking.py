@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from busybot.boards.directions import OPPOSITE
-from busybot.interact.ranking import area_under_curve, average_precision, direction_figures, precision_at_count
+from busybot.interact.metrics import area_under_curve, average_precision, direction_figures, precision_at_count
 
 SCORES, WORKS = np.array([0.9, 0.8, 0.7, 0.1]), np.array([True, False, True, False])
 

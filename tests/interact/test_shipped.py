@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 from busybot.interact.affordance.load import find_model, load_model
-from busybot.interact.chooser import DEFAULT_MODEL, policy_config
-from busybot.training.model_folder import file_hashes
+from busybot.interact.policy.policy_factory import DEFAULT_MODEL, policy_config
+from busybot.training.model_cards import file_hashes
 
 RESULT = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "interact-procedural.json"
 ROW = json.loads(RESULT.read_text())["rows"]["free-0"]

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_writer import write_episode
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.folders import make_dataset
 
 ROUND = "{boards: 1, steps: 1, position: 8, direction: 8}"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.objects.cache import places
 from busybot.objects.library import Library
 from busybot.objects.resolve import find

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.objects.geometry import link_vertices
 from busybot.objects.library import Library
-from busybot.objects.meshes import check_meshes
 from busybot.objects.model import ObjectModel, TriggerLink
-from busybot.objects.snapshot import read_snapshot
-from busybot.objects.urdf import parse_urdf
+from busybot.objects.partnet.folder_snapshot import read_snapshot
+from busybot.objects.partnet.kinematics import link_vertices
+from busybot.objects.partnet.meshes import check_meshes
+from busybot.objects.partnet.urdf import parse_urdf
 from busybot.sim.interaction import InteractionConfig, permitted, pull
-from busybot.sim.portraits import lone_board
-from busybot.sim.scene import Simulator
+from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.thumbnails import lone_board
 
 
 def highest_point(model: ObjectModel, link: TriggerLink, state: int) -> np.ndarray:

@@ -14,17 +14,18 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
 from busybot.objects import cache
 from busybot.objects.library import Library
 from busybot.objects.model import CATEGORIES
-from busybot.objects.procedural import build, slides
+from busybot.objects.procedural import build
 from busybot.objects.procedural.build import make_library, procedural_library
 from busybot.objects.procedural.design import MovingLink, facing
 from busybot.objects.procedural.families import FAMILIES
 from busybot.objects.procedural.solids import ball, box, lathe, rectangle, torus, tube
+from busybot.objects.procedural.switches import sliding as slides
 from busybot.objects.resolve import find
-from busybot.rng import generator
 
 TRIANGLES = 5_000
 

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 from busybot.cli.main import load_command
-from busybot.config import build
-from busybot.errors import BusybotError
-from busybot.files import write_json
-from busybot.interact.paper_config import PaperConfig
-from busybot.interact.train_config import TrainConfig
-from busybot.reason.event_config import EventConfig
-from busybot.reason.paper_config import PaperReasonConfig
+from busybot.common.atomic_io import write_json
+from busybot.common.config import build
+from busybot.common.errors import BusybotError
+from busybot.interact.training.config import TrainConfig
+from busybot.interact.training.paper_config import PaperConfig
+from busybot.reason.models.event.config import EventConfig
+from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.view.report.report import write_report
 from pipelines.profile import FOLDER, install, read_profile
 from pipelines.stage import begin, note_of, run

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from busybot.plan.learned.encoding import CHOICES, STOP, offer
-from busybot.plan.learned.explored import Explored, Graph
+from busybot.plan.learning.board_graph import Explored, Graph
+from busybot.plan.learning.encoding import CHOICES, STOP, offer
 from tests.plan.toy import DOWN, UP, Link, World, two_buttons_and_a_lever
 
 ACTIONS = [(0, UP), (1, DOWN), (2, UP), (0, DOWN), (2, DOWN)]

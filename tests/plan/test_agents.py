@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from busybot.plan.agent import Stop
 from busybot.plan.agents.paper import BusyBot, Predictive, Relation
 from busybot.plan.agents.search import Search
 from busybot.plan.agents.simple import NO_CANDIDATE, REACHED, Noop, Random
-from busybot.reason.lookup import Lookup
+from busybot.plan.interfaces import Stop
+from busybot.reason.models.lookup import Lookup
 from tests.plan.toy import DOWN, RIGHT, UP, Link, World, two_buttons_and_a_lever
 
 EVERYTHING = [(0, UP), (1, UP), (2, UP), (2, DOWN), (2, DOWN), (2, UP), (0, DOWN)]

@@ -10,31 +10,31 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
-from busybot.episodes.create import create_dataset
-from busybot.episodes.dataset import Dataset
+from busybot.common.atomic_io import read_json
+from busybot.common.errors import BusybotError
+from busybot.datasets.create import create_dataset
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.verify import verify
 from busybot.episodes.episode import Episode, Image, Observation, Step
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.verify import verify
-from busybot.errors import BusybotError
+from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.folder import BOARDS, RESULT
-from busybot.files import read_json
-from busybot.interact.chooser import load_once
+from busybot.interact.policy.policy_factory import load_once
 from busybot.objects.resolve import find
-from busybot.plan.agent import Act, Briefing, Contact, Situation, Stop
 from busybot.plan.agents.simple import Noop
-from busybot.plan.contacts import LearnedContacts
+from busybot.plan.contact_proposals import LearnedContacts
 from busybot.plan.evaluate import evaluate
-from busybot.plan.player import PlanConfig, Player, Prepared
-from busybot.reason.baselines import Persistence
-from busybot.reason.lookup import Lookup
-from busybot.reason.reasoner import Reasoner
+from busybot.plan.interfaces import Act, Briefing, Contact, Situation, Stop
+from busybot.plan.rollout import PlanConfig, Player, Prepared
+from busybot.reason.models.base import Reasoner
+from busybot.reason.models.lookup import Lookup
+from busybot.reason.models.persistence import Persistence
 from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import OracleObservation
 from busybot.sim.recorder import record_episode
-from busybot.sim.render import RenderConfig
-from busybot.sim.scene import BoardScene, Simulator
+from busybot.sim.scene.board_scene import BoardScene, Simulator
+from busybot.sim.scene.render import RenderConfig
 from tests.reach import reachable
 
 AGENTS = ["search", "noop", "oracle"]

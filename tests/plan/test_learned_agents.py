@@ -9,18 +9,18 @@ import pytest
 import torch
 from torch import Tensor
 
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
 from busybot.plan.agents.learned import Learned, learned
-from busybot.plan.learned.bc import BcLearner, demonstrate
-from busybot.plan.learned.config import BcConfig, PpoConfig
-from busybot.plan.learned.encoding import STOP
-from busybot.plan.learned.network import NetConfig, PolicyInfo, PolicyNetwork, as_tensors, load_policy, play, rows_of
-from busybot.plan.learned.ppo import PpoLearner
-from busybot.plan.learned.practice import Rollout
-from busybot.plan.learned.train import make_learner
-from busybot.plan.player import kind_of, name_of
-from busybot.reason.baselines import Persistence
-from busybot.rng import generator
+from busybot.plan.learning.bc import BcLearner, demonstrate
+from busybot.plan.learning.config import BcConfig, PpoConfig
+from busybot.plan.learning.encoding import STOP
+from busybot.plan.learning.network import NetConfig, PolicyInfo, PolicyNetwork, as_tensors, load_policy, play, rows_of
+from busybot.plan.learning.ppo import PpoLearner
+from busybot.plan.learning.practice import Rollout
+from busybot.plan.learning.train import make_learner
+from busybot.plan.rollout import kind_of, name_of
+from busybot.reason.models.persistence import Persistence
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import Learner, LoopConfig, fit
 from tests.plan.practice import ACTIONS, buttons, toys, two_buttons

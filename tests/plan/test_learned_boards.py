@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from busybot.errors import BusybotError
-from busybot.plan.goal_env import GoalEnv
-from busybot.plan.learned.encoding import CHOICES, CONTACTS, OBJECTS, SHAPES, STOP, Encoder, offer, shuffled
-from busybot.plan.learned.explored import load_explored, save_explored
-from busybot.plan.learned.practice import Rollout
-from busybot.rng import generator
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
+from busybot.plan.learning.board_graph import load_explored, save_explored
+from busybot.plan.learning.encoding import CHOICES, CONTACTS, OBJECTS, SHAPES, STOP, Encoder, offer, shuffled
+from busybot.plan.learning.goal_env import GoalEnv
+from busybot.plan.learning.practice import Rollout
 from tests.plan.practice import ACTIONS, explore_toy, toys
 from tests.plan.toy import DOWN, UP, Link, World, two_buttons_and_a_lever
 

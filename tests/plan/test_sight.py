@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.mcap_reader import read_episode
-from busybot.plan.sight import Sight
-from busybot.reason.encoders.choose import choose
-from busybot.reason.observed import observe
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.mcap.reader import read_episode
+from busybot.plan.agent_policy import Sight
+from busybot.reason.encoders.registry import choose
+from busybot.reason.inputs.observation import observe
 
 
 def test_pictures_one_by_one_give_the_features_of_the_episode(tiny: Path) -> None:

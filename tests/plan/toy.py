@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
-from busybot.interact.beliefs import pair_scores
-from busybot.plan.agent import Act, Agent, Attempt, Briefing, Contact, Situation, Stop
-from busybot.reason.sequence import CHANNELS, Sequence
+from busybot.interact.policy.direction_pairs import pair_scores
+from busybot.plan.interfaces import Act, Agent, Attempt, Briefing, Contact, Situation, Stop
+from busybot.reason.inputs.sequence import CHANNELS, Sequence
 
 UP = int(np.flatnonzero(DIRECTIONS[:, 2] > 0.99)[0])
 DOWN = int(OPPOSITE[UP])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.reason.sequence import CHANNELS, Sequence
+from busybot.reason.inputs.sequence import CHANNELS, Sequence
 
 LINK_SPACING = 0.14
 THROW = 0.05

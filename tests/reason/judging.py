@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from busybot.reason.reasoner import Reasoner
+from busybot.reason.models.base import Reasoner
 from tests.reason.boards import Board
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from busybot.reason.paper_networks import PaperNetwork, drawn
-from busybot.reason.paper_parts import GraphNet, Layers, Nothing, Recurrent, TimeConvolution
+from busybot.reason.models.paper.networks import PaperNetwork, drawn
+from busybot.reason.models.paper.parts import GraphNet, Layers, Nothing, Recurrent, TimeConvolution
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from busybot.reason.paper_config import PaperNetworkConfig
-from busybot.reason.sequence import CHANNELS, Sequence
+from busybot.reason.inputs.sequence import CHANNELS, Sequence
+from busybot.reason.models.paper.config import PaperNetworkConfig
 
 SMALL = PaperNetworkConfig(
     objects=6, embedding=7, edge_embedding=3, action=5, hidden=8, convolution=9, recurrent=6, dropout=0.0

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from busybot.episodes.episode import Image
-from busybot.reason.observed import NO_BOXES, Action, Observed
+from busybot.reason.inputs.observation import NO_BOXES, Action, Observed
 from tests.episodes.synthetic import make_camera
 
 BOARD_DEPTH = 4.0

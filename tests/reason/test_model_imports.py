@@ -9,18 +9,15 @@ from types import ModuleType
 import pytest
 
 import busybot
-from busybot.reason import (
-    board_dataset,
-    event,
-    event_fit,
-    event_loss,
-    features,
-    message_passing,
-    paper_learner,
-    paper_reasoner,
-    reasoner,
-    sequence,
-)
+from busybot.reason.inputs import board_dataset, sequence
+from busybot.reason.inputs import feature_store as features
+from busybot.reason.models import base as reasoner
+from busybot.reason.models import message_passing
+from busybot.reason.models.event import learner as event_fit
+from busybot.reason.models.event import loss as event_loss
+from busybot.reason.models.event import reasoner as event
+from busybot.reason.models.paper import learner as paper_learner
+from busybot.reason.models.paper import reasoner as paper_reasoner
 
 PACKAGE = Path(busybot.__file__).parent
 ALLOWED = {"torch", "torch_geometric", "numpy", "pydantic", "safetensors"}

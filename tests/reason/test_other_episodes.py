@@ -10,15 +10,15 @@ import pytest
 import torch
 
 from busybot.boards.spec import LinkRef
-from busybot.episodes.dataset import Dataset
+from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_writer import write_episode
-from busybot.reason.encoders.choose import choose
-from busybot.reason.evaluate import Judging, evaluate_dataset, judge_episode
-from busybot.reason.event_config import EventConfig
-from busybot.reason.event_net import EventNet
-from busybot.reason.features import features_of
-from busybot.reason.models import ModelInfo
+from busybot.episodes.mcap.writer import write_episode
+from busybot.reason.encoders.registry import choose
+from busybot.reason.evaluation.evaluate import Judging, evaluate_dataset, judge_episode
+from busybot.reason.inputs.feature_store import features_of
+from busybot.reason.models.event.config import EventConfig
+from busybot.reason.models.event.networks import EventNet
+from busybot.reason.models.model_folder import ModelInfo
 from busybot.training.checkpoint import save_model
 from tests.episodes.folders import COLLECT, make_dataset
 from tests.episodes.synthetic import make_episode, make_real_episode

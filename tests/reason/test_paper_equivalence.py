@@ -10,10 +10,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from busybot.reason.paper_boards import Boards, Frames, boards_of
-from busybot.reason.paper_config import PaperNetworkConfig
-from busybot.reason.paper_networks import PaperNetwork
-from busybot.reason.sequence import Sequence
+from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.models.paper.config import PaperNetworkConfig
+from busybot.reason.models.paper.data import Boards, Frames, boards_of
+from busybot.reason.models.paper.networks import PaperNetwork
 from tests.reason import paper_dense as dense
 from tests.reason.paper_scenes import SMALL, watched
 

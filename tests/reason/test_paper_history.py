@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from busybot.reason.paper_boards import boards_of
-from busybot.reason.paper_config import PaperReasonConfig
-from busybot.reason.paper_fit import iterate, make_network, make_optimizer
-from busybot.reason.paper_networks import PaperHistoryNetwork
-from busybot.reason.paper_reasoner import PaperHistoryReasoner
-from busybot.reason.reasoner import Reasoner
-from busybot.reason.sequence import Sequence
-from busybot.rng import generator
+from busybot.common.rng import generator
+from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.models.base import Reasoner
+from busybot.reason.models.paper.config import PaperReasonConfig
+from busybot.reason.models.paper.data import boards_of
+from busybot.reason.models.paper.learner import iterate, make_network, make_optimizer
+from busybot.reason.models.paper.networks import PaperHistoryNetwork
+from busybot.reason.models.paper.reasoner import PaperHistoryReasoner
 from tests.reason.paper_scenes import SMALL, watched
 
 IMAGES = 4

@@ -8,18 +8,18 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_writer import write_episode
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.objects.library import Library
-from busybot.reason.appearance import changes
-from busybot.reason.evaluate import judge_episode
-from busybot.reason.observed import acted_objects, observe
-from busybot.reason.summary import summarise
+from busybot.reason.evaluation.evaluate import judge_episode
+from busybot.reason.evaluation.summary import summarise
+from busybot.reason.inputs.change_detection import changes
+from busybot.reason.inputs.observation import acted_objects, observe
 from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.recorder import record_episode
-from busybot.sim.render import RenderConfig
-from busybot.sim.scene import Simulator
+from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.scene.render import RenderConfig
 
 BOARDS = 40
 

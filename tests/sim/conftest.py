@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from busybot.boards.config import BoardConfig
-from busybot.episodes.create import create_dataset
-from busybot.episodes.dataset import Dataset
+from busybot.datasets.create import create_dataset
+from busybot.datasets.dataset import Dataset
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.sim.collect import CollectConfig, collect
-from busybot.sim.render import RenderConfig
-from busybot.sim.scene import Simulator
+from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.scene.render import RenderConfig
 
 Once = Callable[[str, Callable[[Path], object]], Path]
 

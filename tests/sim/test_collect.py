@@ -15,16 +15,16 @@ import psutil
 import pytest
 
 from busybot.boards.config import BoardConfig
-from busybot.episodes.create import create_dataset
-from busybot.episodes.dataset import Dataset
+from busybot.common.errors import BusybotError
+from busybot.datasets.create import create_dataset
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.verify import verify
 from busybot.episodes.digests import Digests
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.verify import verify
-from busybot.errors import BusybotError
+from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.sim.collect import CollectConfig, collect
-from busybot.sim.render import RenderConfig
+from busybot.sim.scene.render import RenderConfig
 
 WorkHere = Callable[[], AbstractContextManager[None]]
 SMALL = CollectConfig(policy="scripted", steps=4, render=RenderConfig(width=160, height=120))

@@ -8,9 +8,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from busybot.boards.config import BoardConfig
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.sim.env import BusyBoardEnv
-from busybot.sim.render import RenderConfig
+from busybot.sim.scene.render import RenderConfig
 
 SMALL = RenderConfig(width=160, height=120)
 

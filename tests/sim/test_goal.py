@@ -8,14 +8,14 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec, Task
 from busybot.boards.task import goal_responders, responder_states, start_states
-from busybot.episodes.compare import compare_episodes, compare_images
+from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
-from busybot.errors import BusybotError
+from busybot.episodes.episode_diff import compare_episodes, compare_images
 from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.recorder import picture_goal, record_episode
 from busybot.sim.replay import act_again
-from busybot.sim.scene import BoardState, Simulator
+from busybot.sim.scene.board_scene import BoardState, Simulator
 
 
 def board(simulator: Simulator, seed: int = 3) -> BoardSpec:

@@ -6,12 +6,12 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.boards.directions import OPPOSITE
 from busybot.boards.generate import generate_boards
-from busybot.episodes.geometry import Rays
+from busybot.episodes.camera import Rays
 from busybot.sim.builtin_policies import RandomPolicy, ScriptedPolicy
 from busybot.sim.interaction import InteractionConfig, changed_pixels, interact, permitted
 from busybot.sim.policy import oracle_observation
 from busybot.sim.recorder import grasp_at
-from busybot.sim.scene import BoardScene, Simulator
+from busybot.sim.scene.board_scene import BoardScene, Simulator
 
 
 def scenes(simulator: Simulator, count: int, seed: int = 0) -> list[BoardScene]:

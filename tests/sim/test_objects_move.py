@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
-from busybot.episodes.geometry import Rays
+from busybot.episodes.camera import Rays
 from busybot.objects.model import ObjectModel, TriggerLink
 from busybot.sim.interaction import InteractionConfig, changed_pixels, permitted, pull
-from busybot.sim.portraits import lone_board
-from busybot.sim.scene import BoardScene, Simulator
+from busybot.sim.scene.board_scene import BoardScene, Simulator
+from busybot.sim.thumbnails import lone_board
 
 FREE, STRICT = InteractionConfig(), InteractionConfig(strict=True)
 POINTS = {"procedural": 3}

@@ -9,15 +9,15 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
+from busybot.common.errors import BusybotError
+from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode, Image, Observation
-from busybot.episodes.geometry import Rays
-from busybot.errors import BusybotError
 from busybot.objects.model import ObjectModel
 from busybot.sim.builtin_policies import RandomFactory, RandomPolicy, ScriptedFactory, ScriptedPolicy, builtin_factory
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import Action, AnyPolicyFactory, OracleObservation, Policy, StatelessPolicy
 from busybot.sim.recorder import record_episode
-from busybot.sim.scene import BoardScene, Simulator
+from busybot.sim.scene.board_scene import BoardScene, Simulator
 from tests.reach import reachable
 
 Peek = Callable[[Observation], object]

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.diff import diff
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_writer import write_episode
-from busybot.episodes.verify import verify
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.dataset_diff import diff
+from busybot.datasets.verify import verify
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.objects.resolve import find
 from busybot.sim.regenerate import regenerate
 from tests.episodes.folders import make_dataset

@@ -8,17 +8,17 @@ import pytest
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
-from busybot.episodes.compare import compare_episodes
-from busybot.episodes.dataset import Dataset
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.mcap_writer import write_episode
-from busybot.errors import BusybotError
+from busybot.episodes.episode_diff import compare_episodes
+from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.recorder import record_episode
 from busybot.sim.replay import Replay, act_again, render_config, shows_effects
-from busybot.sim.scene import Simulator
+from busybot.sim.scene.board_scene import Simulator
 from tests.episodes.synthetic import make_episode, make_real_episode
 
 

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from busybot.episodes.carried import library_of
-from busybot.episodes.create import boards_again
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.manifest import read_manifest
-from busybot.episodes.mcap_reader import read_episode
-from busybot.episodes.verify import verify
-from busybot.files import scan
+from busybot.common.atomic_io import scan
+from busybot.datasets.bundled_assets import library_of
+from busybot.datasets.create import boards_again
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.manifest import read_manifest
+from busybot.datasets.verify import verify
+from busybot.episodes.mcap.reader import read_episode
 from busybot.sim.regenerate import regenerate
 from busybot.sim.replay import Replay, simulator_of
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.sim.env import BusyBoardEnv
-from busybot.sim.render import RenderConfig
+from busybot.sim.scene.render import RenderConfig
 from busybot.sim.wrappers import ImageObservations, PixelActions
 
 NAME = "busybot.sim.registration:busybot/Board-v0"

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.studies import changed_pixels
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from tools import docs, prose, tables
 
 ROOT = Path(__file__).resolve().parents[2]

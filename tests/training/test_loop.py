@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import nn
 
-from busybot.rng import generator
+from busybot.common.rng import generator
 from busybot.training.checkpoint import Checkpoint, load_tensors, save_tensors, training_tensors
 from busybot.training.loop import Budget, Learner, Loop, LoopConfig, cosine_rate, descend, fit, linear_rate
 from busybot.training.metrics_file import read_metrics

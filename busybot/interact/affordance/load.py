@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from busybot.interact.model import Model, ModelInfo, weights_file
-from busybot.interact.networks import KINDS
-from busybot.interact.paper_model import PaperModel
+from busybot.interact.affordance.fast import Model, ModelInfo, weights_file
+from busybot.interact.affordance.fast_networks import KINDS
+from busybot.interact.affordance.paper import PaperModel
 from busybot.training.checkpoint import load_tensors, load_weights
-from busybot.training.model_folder import find_folder, read_info
+from busybot.training.model_cards import find_folder, read_info
 from busybot.training.weights import drawing_nothing
 
 VARIANTS: dict[str, type[Model]] = {"fast": Model, "paper": PaperModel}

@@ -8,16 +8,15 @@ all, and of two processes that build at once the second one's copy is dropped.
 import contextlib
 import hashlib
 from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 
-from busybot.errors import BusybotError
-from busybot.files import make_folder, remove, remove_abandoned, rename, unfinished, write_json
+from busybot.common.atomic_io import make_folder, remove, remove_abandoned, rename, unfinished, write_json
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
 from busybot.objects import cache
 from busybot.objects.library import SPLIT_FILE, Library
+from busybot.objects.procedural.export import write_object
 from busybot.objects.procedural.families import FAMILIES
-from busybot.objects.procedural.write import write_object
-from busybot.rng import generator
 
 DEFAULT_SEED = 0
 
@@ -87,7 +86,7 @@ def _build_into(place: Path) -> None:
 def _code_hash() -> str:
     """Names the library that this code makes from its seed."""
     digest = hashlib.sha256(str(DEFAULT_SEED).encode())
-    sources = [entry for entry in resources.files("busybot.objects.procedural").iterdir() if entry.name.endswith(".py")]
-    for entry in sorted(sources, key=lambda entry: entry.name):
-        digest.update(entry.read_bytes())
+    folder = Path(__file__).parent
+    for source in sorted(folder.rglob("*.py")):  # subfolders, too: a change anywhere makes the library anew
+        digest.update(source.relative_to(folder).as_posix().encode() + b"\0" + source.read_bytes())
     return digest.hexdigest()[:16]

@@ -5,7 +5,8 @@ In plan: x along the door's height (its top at +x), y across; the hinge at low y
 
 import numpy as np
 
-from busybot.objects.procedural import hardware, palette
+from busybot.objects.procedural import fixtures as hardware
+from busybot.objects.procedural import palette
 from busybot.objects.procedural.design import DOOR_SCALE, Design, Material, MovingLink, Part
 from busybot.objects.procedural.palette import pick
 from busybot.objects.procedural.solids import (

@@ -10,24 +10,20 @@ from typing import Literal
 
 import numpy as np
 
-from busybot.objects.procedural import (
-    doors,
-    flaps,
-    gates,
-    lamps,
-    levers,
-    lights,
-    novelties,
-    panels,
-    presses,
-    slides,
-    sticks,
-    switches,
-    tilts,
-    toys,
-    turns,
-)
+from busybot.objects.procedural import doors, lamps, toys
+from busybot.objects.procedural import lamps as lights
+from busybot.objects.procedural import more_doors as gates
 from busybot.objects.procedural.design import Design
+from busybot.objects.procedural.switches import basic as switches
+from busybot.objects.procedural.switches import hinged as flaps
+from busybot.objects.procedural.switches import levers
+from busybot.objects.procedural.switches import levers as sticks
+from busybot.objects.procedural.switches import novel as novelties
+from busybot.objects.procedural.switches import pressed as panels
+from busybot.objects.procedural.switches import pressed as presses
+from busybot.objects.procedural.switches import sliding as slides
+from busybot.objects.procedural.switches import turning as tilts
+from busybot.objects.procedural.switches import turning as turns
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ The choice with the highest score is taken.
 import torch
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.errors import BusybotError
-from busybot.plan.agent import Act, Briefing, Situation, Stop
+from busybot.common.errors import BusybotError
 from busybot.plan.agents.simple import NO_CANDIDATE
-from busybot.plan.learned.encoding import OBJECTS, STOP, Deed, Encoder, Observation, offer, stacked
-from busybot.plan.learned.network import Name, PolicyNetwork, State, load_policy, rows_of
-from busybot.reason.reasoner import Reasoner
+from busybot.plan.interfaces import Act, Briefing, Situation, Stop
+from busybot.plan.learning.encoding import OBJECTS, STOP, Deed, Encoder, Observation, offer, stacked
+from busybot.plan.learning.network import Name, PolicyNetwork, State, load_policy, rows_of
+from busybot.reason.models.base import Reasoner
 
 
 class Learned:

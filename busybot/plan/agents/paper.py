@@ -13,9 +13,9 @@ both anyway, and which comes first decides where a lever in the middle goes.
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.plan.agent import NOBODY, Act, Briefing, Contact, Situation, Stop
 from busybot.plan.agents.simple import NO_CANDIDATE, REACHED, promising
-from busybot.reason.reasoner import Reasoner
+from busybot.plan.interfaces import NOBODY, Act, Briefing, Contact, Situation, Stop
+from busybot.reason.models.base import Reasoner
 
 Choice = tuple[Contact, int]
 """A contact and a direction."""

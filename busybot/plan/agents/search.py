@@ -19,12 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from busybot.interact.beliefs import sigmoid
-from busybot.plan.agent import NOBODY, Act, Briefing, Contact, Situation, Stop
+from busybot.interact.policy.direction_pairs import sigmoid
+from busybot.plan.agents.effect_memory import Book, Experience
 from busybot.plan.agents.paper import predicted
 from busybot.plan.agents.simple import NO_CANDIDATE, REACHED
-from busybot.plan.experience import Book, Experience
-from busybot.reason.reasoner import Reasoner
+from busybot.plan.interfaces import NOBODY, Act, Briefing, Contact, Situation, Stop
+from busybot.reason.models.base import Reasoner
 
 
 class SearchConfig(BaseModel):

@@ -1,6 +1,6 @@
 """Agents that need no reasoning: what doing nothing and acting at random come to."""
 
-from busybot.plan.agent import Act, Briefing, Contact, Situation, Stop
+from busybot.plan.interfaces import Act, Briefing, Contact, Situation, Stop
 
 PROMISING = 0.5
 """Least expected success of a candidate that has not moved yet, as when data for reasoning are collected."""

@@ -19,8 +19,8 @@ compares them.
 import cv2
 import numpy as np
 
-from busybot.reason.looks import Look
-from busybot.reason.sequence import CHANNELS
+from busybot.reason.inputs.appearances import Look
+from busybot.reason.inputs.sequence import CHANNELS
 
 SIDE = 32
 BINS = 4

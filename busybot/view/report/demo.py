@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from busybot.episodes.dataset_info import DatasetInfo
+from busybot.datasets.info import DatasetInfo
 from busybot.episodes.episode import Episode
-from busybot.plan.notes import reason
-from busybot.reason.result import InferredGraph
+from busybot.plan.decision_log import reason
+from busybot.reason.models.base import InferredGraph
+from busybot.view.annotations import judged_edges, named, object_names
 from busybot.view.report.page import Block, Grid, Heading, Items, Picture, Text, markdown, number, plain_grid
-from busybot.view.scene import judged_edges, named, object_names
 
 TITLE = "A switch, a lamp, and what connects them"
 KINDS = {

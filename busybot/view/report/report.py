@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from busybot import __version__
-from busybot.episodes.dataset import INFO_FILE, Dataset
+from busybot.common.atomic_io import copy_file, make_folder, scan, write_atomically
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import INFO_FILE, Dataset
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap_reader import read_episode
-from busybot.errors import BusybotError
+from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.reference_tables import TABLES, Table
-from busybot.files import copy_file, make_folder, scan, write_atomically
-from busybot.plan.notes import is_rollout
-from busybot.view.curves import Course, courses_figure, table_figure
+from busybot.plan.decision_log import is_rollout
+from busybot.view.figures.curves import Course, courses_figure, table_figure
+from busybot.view.figures.planning import sequence_figure
 from busybot.view.report import sections
 from busybot.view.report.gates import Verdict, gate_blocks, summary_tiles, verdicts
 from busybot.view.report.page import Block, Fold, Heading, Items, Picture, Text, document, markdown
 from busybot.view.report.results import InteractResult, ReasonResult, Results, read_results
-from busybot.view.sequence_figure import sequence_figure
 
 TITLE = "BusyBot, measured"
 MARKDOWN, HTML, FIGURES = "report.md", "report.html", "figures"
@@ -250,11 +250,11 @@ def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Bloc
 
 
 def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
-    from busybot.interact.chooser import load_once, policy_config
-    from busybot.interact.trace import retrace
-    from busybot.reason.foresee import believed
-    from busybot.view.affordance_figure import affordance_figure
-    from busybot.view.figures import refinement_figure
+    from busybot.interact.policy.policy_factory import load_once, policy_config
+    from busybot.interact.policy.policy_trace import retrace
+    from busybot.reason.evaluation.explain import believed
+    from busybot.view.figures.affordance import affordance_figure
+    from busybot.view.figures.episode import refinement_figure
 
     episode = read_episode(shown.episode, "lazy")
     graph = believed(episode, shown.reasoner)

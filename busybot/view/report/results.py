@@ -10,10 +10,10 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from busybot.errors import BusybotError
+from busybot.common.atomic_io import read_json, scan, sha256_of
+from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, Table
 from busybot.evaluation.results import KINDS, read_result
-from busybot.files import read_json, scan, sha256_of
 
 PICTURES = (".png", ".jpg", ".jpeg")
 SHOWN = ("interact", "reason", "plan", "table1", "table2", "table3", "reason-robustness", "stages")

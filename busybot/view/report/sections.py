@@ -5,6 +5,7 @@ from typing import Any
 
 from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, TABLES, Role, Row, Table
 from busybot.evaluation.results import KINDS
+from busybot.view.figures.robustness import BASELINES, robustness_figure, strength_words, title_of
 from busybot.view.report.gates import judge
 from busybot.view.report.page import (
     Block,
@@ -34,7 +35,6 @@ from busybot.view.report.results import (
     score,
     score_of,
 )
-from busybot.view.robustness_figure import BASELINES, robustness_figure, strength_words, title_of
 
 SECTIONS: dict[str, tuple[Role, ...]] = {
     "ours": ("ours",),

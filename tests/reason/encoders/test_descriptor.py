@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from busybot.reason.encoders.descriptor import Descriptor, describe
-from busybot.reason.looks import Look
+from busybot.reason.inputs.appearances import Look
 
 OFF, ON, BLUE = (60, 60, 60), (250, 240, 30), (30, 40, 250)
 

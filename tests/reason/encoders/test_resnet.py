@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import torch
 
-from busybot.errors import BusybotError
-from busybot.reason.encoders import weights
+from busybot.common.errors import BusybotError
+from busybot.reason.encoders import resnet as weights
 from busybot.reason.encoders.resnet import FirstStage, drawn, pretrained
-from busybot.reason.looks import Look
+from busybot.reason.inputs.appearances import Look
 
 KEYS = {"conv1.weight", "bn1.running_var", "layer1.0.downsample.0.weight", "layer1.2.bn3.bias", "layer1.1.conv2.weight"}
 

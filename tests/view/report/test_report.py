@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from busybot.cli.main import app
-from busybot.errors import BusybotError
+from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, TABLES
 from busybot.view.report.gates import judge
 from busybot.view.report.report import Report, Shown, write_report

@@ -1,0 +1,212 @@
+"""`busybot eval`: measure a skill on a dataset."""
+
+import shlex
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from busybot.cli.common import (
+    CONTEXT,
+    JsonOption,
+    SeedOption,
+    WorkersOption,
+    check_file,
+    episode_progress,
+    print_json,
+    say,
+)
+
+app = typer.Typer(
+    add_completion=False, no_args_is_help=True, context_settings=CONTEXT, help="Measure a skill on a dataset."
+)
+
+
+@app.callback()
+def _root() -> None:
+    pass
+
+
+@app.command()
+def reason(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
+    model: Annotated[
+        str, typer.Option(help="Who infers relations: count, pc, lookup, persistence, or a trained model.")
+    ] = "event",
+    images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
+    decoders: Annotated[
+        Path | None, typer.Option(help="Judge predictions by decoders trained on this training dataset, too.")
+    ] = None,
+    assets: Annotated[str | None, typer.Option(help="Objects for --decoders, if they are not found by hash.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the result as JSON to this file.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw the scores against the number of images into this file, F.png.")
+    ] = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of the model.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as change.tolerance=5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Which trigger controls which responder, and what the next action does: compared with the truth.
+
+    Models see pictures, boxes and actions. Shares in JSON lie between 0 and 1, in the table they are percent. Pred-A is
+    null for count and pc: they predict no states.
+    """
+    from busybot.cli.eval.reason import print_tables
+    from busybot.common.config import build
+    from busybot.datasets.dataset import Dataset
+    from busybot.evaluation.results import write_result
+    from busybot.reason.evaluation.evaluate import Judging, evaluate_dataset
+    from busybot.reason.models.registry import config_class
+
+    check_file("--out", out, "reason.json")
+    check_file("--figure", figure, "reason.png")
+    parameters = build(config_class(model), config, set_ or [], {})
+    training = Dataset.open(decoders) if decoders else None
+    with episode_progress("inferring") as progress:
+        result = evaluate_dataset(
+            Dataset.open(dataset), Judging(model, images, parameters), training, assets, seed, workers, progress
+        )
+    options = {"model": model, "images": images, "seed": seed, "decoders": decoders}
+    result["command"] = _command("reason", dataset, set_, config, **options)
+    if out is not None:
+        write_result(out, result)
+        say(f"wrote {out}")
+    if figure is not None:
+        from busybot.view.figures.curves import images_figure
+
+        say(f"wrote {images_figure(figure, result)}")
+    if json:
+        print_json(result)
+    else:
+        print_tables(result)
+
+
+@app.command()
+def interact(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset; only its boards are used.")],
+    model: Annotated[
+        str | None,
+        typer.Option(help="Shipped model (by default procedural) or folder; or random, scripted (an oracle)."),
+    ] = None,
+    mode: Annotated[
+        str | None,
+        typer.Option(help="How a model chooses: evaluate, greedy, ucb or collect; evaluate, for paper models ucb."),
+    ] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones; by default all.")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse moves far off the annotated directions.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")] = None,
+    record: Annotated[Path | None, typer.Option(help="Record the episodes as a dataset in this folder.")] = None,
+    figures: Annotated[int, typer.Option(min=0, help="Draw so many of the recorded boards into OUT/figures.")] = 0,
+    assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of EvaluateConfig.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """How often actions succeed, and how many of the movable links they find: ten actions on each board.
+
+    Shares in JSON lie between 0 and 1, in the table they are percent.
+    """
+    from busybot.cli.eval.interact import check_figures, draw_figures, evaluate_model, print_table
+    from busybot.common.config import build
+    from busybot.datasets.dataset import Dataset
+    from busybot.evaluation.folder import RESULT
+    from busybot.evaluation.results import write_result
+    from busybot.interact.evaluate import EvaluateConfig
+
+    check_figures(figures, model, out, record)
+    parameters = build(EvaluateConfig, config, set_ or [], {"boards": boards, "interaction.strict": strict or None})
+    with episode_progress("acting") as progress:
+        target = Dataset.open(dataset)
+        result = evaluate_model(target, model, mode, parameters, assets, seed, workers, progress, out, record)
+    if figures and out is not None and record is not None:
+        draw_figures(out / "figures", record, model, parameters, figures)
+    given = {"model": model, "mode": mode, "seed": seed, "strict": strict, "boards": boards}
+    result["command"] = _command("interact", dataset, set_, config, **given)
+    if out is not None:
+        write_result(out / RESULT, result)
+    if json:
+        print_json(result)
+    else:
+        print_table(result)
+
+
+@app.command()
+def plan(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with tasks and histories.")],
+    agents: Annotated[
+        str,
+        typer.Option(
+            help="Comma between them: noop, random, relation, predictive, busybot, search, oracle; trained ones with "
+            "their folders: bc=DIR, ppo=DIR; told a part of the truth: search-true-relations, search-true-contacts, "
+            "search-true-both.",
+            show_default="all that need no folder and are told nothing, and oracle",
+        ),
+    ] = "search,busybot,predictive,relation,random,noop,oracle",
+    model: Annotated[str, typer.Option(help="Who infers and predicts: lookup, or a trained reasoner.")] = "event",
+    policy_model: Annotated[
+        str | None,
+        typer.Option(
+            help="Interaction model that proposes candidates: a shipped one (by default procedural) or a folder."
+        ),
+    ] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Only the first so many tasks; by default all.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="Record the rollouts in this folder: in it a dataset for every agent.")
+    ] = None,
+    assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of PlanConfig.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """How often agents make a board look as its goal picture: at most eight steps on each task.
+
+    Shares in JSON lie between 0 and 1, in the table they are percent. CPU ms are those of a decision, the interaction
+    model's part included, simulation and rendering left out.
+    """
+    from busybot.cli.eval.plan import evaluate_agents, print_tables
+    from busybot.common.config import build
+    from busybot.datasets.dataset import Dataset
+    from busybot.evaluation.folder import RESULT
+    from busybot.evaluation.results import write_result
+    from busybot.plan.rollout import PlanConfig
+
+    parameters = build(PlanConfig, config, set_ or [], {"boards": boards})
+    with episode_progress("planning") as progress:
+        result = evaluate_agents(
+            Dataset.open(dataset),
+            agents,
+            model,
+            policy_model,
+            parameters,
+            assets,
+            seed,
+            workers,
+            progress,
+            out,
+            record,
+        )
+    given = {"agents": agents, "model": model, "policy-model": policy_model, "seed": seed, "boards": boards}
+    result["command"] = _command("plan", dataset, set_, config, **given)
+    if out is not None:
+        write_result(out / RESULT, result)
+    if json:
+        print_json(result)
+    else:
+        print_tables(result)
+
+
+def _command(skill: str, dataset: Path, settings: list[str] | None, config: Path | None, **options: Any) -> str:
+    """The command that gives the same result; options that are None or False were not given."""
+    words = ["busybot", "eval", skill, str(dataset)]
+    for name, value in options.items():
+        if value is not None and value is not False:
+            words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    words += [word for setting in settings or [] for word in ("--set", setting)]
+    return shlex.join([*words, *(["--config", str(config)] if config else [])])

@@ -1,0 +1,135 @@
+"""Parameters of a stage from a YAML file, `--set a.b=c` and a command's own options, in this order of precedence."""
+
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from busybot.common.errors import BusybotError
+from busybot.common.safe_yaml import parse_yaml
+
+Config = TypeVar("Config", bound=BaseModel)
+MAX_BYTES = 1 << 20
+
+
+def build(
+    model: type[Config],
+    file: Path | None,
+    settings: list[str],
+    options: dict[str, Any],
+    usual: dict[str, Any] | None = None,
+) -> Config:
+    """Make a stage's parameters.
+
+    Args:
+        file: YAML with (some of) the model's fields; later sources override it.
+        settings: `name=value` or `outer.inner=value`, the value in YAML.
+        options: values of command line options; None means that the option was not given.
+        usual: fields, by dotted names, whose default differs here from the model's.
+
+    Raises:
+        BusybotError: naming the file or setting, the parameter and what is wrong with it.
+    """
+    values = _read(file) if file else {}
+    for name, value in (usual or {}).items():
+        _assign_default(values, name.split("."), value)
+    for setting in settings:
+        path, separator, text = setting.partition("=")
+        if not separator or not path:
+            raise BusybotError(
+                f"--set {setting}: not of the form name=value", "for example --set interaction.delta=1000"
+            )
+        _assign(values, path.split("."), parse_yaml(text, f"--set {setting}"), setting)
+    for name, value in options.items():
+        if value is not None:
+            _assign(values, name.split("."), value, name)
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        where = f"{file}: " if file else ""
+        what, mend = _explained(model, error.errors()[0], options)
+        raise BusybotError(f"{where}{what}", mend) from None
+
+
+def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings with dotted names, as `--set` takes them."""
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        found |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+    return found
+
+
+def _explained(model: type[BaseModel], first: Any, options: dict[str, Any]) -> tuple[str, str]:
+    """What is wrong with a parameter, by its option's name and value where an option gave it, and how to mend it."""
+    place = ".".join(str(part) for part in first["loc"])
+    message = first["msg"].removeprefix("Value error, ")
+    group, field = _field(model, [str(part) for part in first["loc"]])
+    if first["type"] == "extra_forbidden":
+        return f"parameter {place}: {message}", _known(group, str(first["loc"][-1]))
+    if field is None:
+        return f"parameter {place or model.__name__}: {message}", _known(model)
+    given = repr(first["input"]) if isinstance(first["input"], str | int | float) else ""
+    if options.get(place) is not None:
+        given = f"--{place.replace('_', '-').split('.')[-1]} {given}"
+    if first["type"] == "literal_error":
+        return f"parameter {place}: {given} is none of its values", f"choose {first['ctx']['expected']}"
+    what = f"parameter {place}: {message}{f' (given: {given})' if given else ''}"
+    if field.is_required():
+        return what, f"give another value of {place}"
+    default = field.get_default(call_default_factory=True)
+    if isinstance(default, BaseModel):
+        return what, _known(type(default))
+    shown = list(default) if isinstance(default, tuple) else default
+    return what, f"the default is {shown}"
+
+
+def _field(model: type[BaseModel], path: list[str]) -> tuple[type[BaseModel], Any]:
+    """The group of parameters that a place lies in, and the parameter; None if the group has none of that name."""
+    field = None
+    for name in path:
+        if name not in model.model_fields:
+            break  # a place within a value, as in a list, or no parameter at all
+        field = model.model_fields[name]
+        inner = field.annotation
+        if name is not path[-1] and isinstance(inner, type) and issubclass(inner, BaseModel):
+            model, field = inner, None
+    return model, field
+
+
+def _known(model: type[BaseModel], name: str = "") -> str:
+    near = get_close_matches(name, model.model_fields, 1)
+    meant = f"did you mean {near[0]}? " if near else ""
+    return f"{meant}the parameters are {', '.join(model.model_fields)}"
+
+
+def _read(file: Path) -> dict[str, Any]:
+    try:
+        if not file.is_file():
+            raise BusybotError(f"{file}: there is no such file", "name a YAML file")
+        if file.stat().st_size > MAX_BYTES:
+            raise BusybotError(f"{file}: larger than {MAX_BYTES} bytes")
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BusybotError(f"{file}: cannot be read: {error}") from None
+    values = parse_yaml(text, str(file))
+    if not isinstance(values, dict):
+        raise BusybotError(f"{file}: not a mapping of parameters", "write lines like `boards: 100`")
+    return values
+
+
+def _assign_default(values: dict[str, Any], path: list[str], value: Any) -> None:
+    for name in path[:-1]:
+        values = values.setdefault(name, {})
+        if not isinstance(values, dict):
+            return  # the file has a value where a group should be, which is refused with the others
+    values.setdefault(path[-1], value)
+
+
+def _assign(values: dict[str, Any], path: list[str], value: Any, where: str) -> None:
+    for name in path[:-1]:
+        inner = values.setdefault(name, {})
+        if not isinstance(inner, dict):
+            raise BusybotError(f"{where}: {name} is a value, not a group of parameters")
+        values = inner
+    values[path[-1]] = value

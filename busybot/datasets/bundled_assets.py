@@ -1,0 +1,140 @@
+"""The objects of a dataset: where they are found, and which of them a frozen dataset carries itself.
+
+A generator of objects changes with the project, so the hashes in `dataset.json` would lead nowhere in a year. A frozen
+dataset therefore carries its objects where their licence allows: all that its boards were drawn from, also those that
+were never drawn, because without them the boards could not be made again.
+"""
+
+import contextlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from busybot.boards.config import SPLITS
+from busybot.common.atomic_io import inside, write_atomically
+from busybot.common.errors import BusybotError
+from busybot.datasets.create import boards_again
+from busybot.datasets.dataset import INFO_FILE, Dataset
+from busybot.datasets.manifest import AssetEntry, is_frozen
+from busybot.objects.library import SPLIT_FILE, Library
+from busybot.objects.license import Licence, licences
+from busybot.objects.model import ObjectModel
+from busybot.objects.partnet.folder_snapshot import read_snapshot
+from busybot.objects.resolve import find, load_and_remember, mismatch
+
+OBJECTS_FOLDER = "objects"
+
+
+def library_of(dataset: Dataset, assets: str | None = None) -> Library:
+    """The library with the dataset's objects: the named one, else the carried one, else what `resolve.find` finds.
+
+    Raises:
+        BusybotError: it is not found, or one of the objects differs from the recorded hash.
+    """
+    place, recorded = dataset.path / OBJECTS_FOLDER, dataset.info.assets
+    # the split file is written last: without it, an interrupted freeze has left some of the objects behind
+    carried = place.is_symlink() or (place / SPLIT_FILE).exists() or (place.is_dir() and is_frozen(dataset.path))
+    if assets is not None or not carried:
+        if assets is None and recorded.source == "procedural" and recorded.sha256:
+            with contextlib.suppress(BusybotError):  # an earlier version made them: they may lie elsewhere
+                return find("procedural", recorded.sha256)
+        return find(assets, recorded.sha256)
+    library = load_and_remember(inside(dataset.path, OBJECTS_FOLDER))
+    problem = mismatch(library, recorded.sha256)
+    if problem:
+        raise BusybotError(problem, "fetch the dataset again, or name a library that holds its objects: --assets DIR")
+    return replace(library, name=recorded.name)
+
+
+def library_of_file(episode: Path, assets: str | None = None) -> Library:
+    """The objects of the dataset in which an episode's file lies; of a lone file the named or the procedural ones."""
+    folder = episode.absolute().parent.parent
+    if episode.absolute().parent.name == "episodes" and (folder / INFO_FILE).is_file():
+        return library_of(Dataset.open(folder), assets)
+    return find(assets)
+
+
+@dataclass(frozen=True)
+class Assets:
+    """What freezing does with the objects.
+
+    Attributes:
+        entries: for the manifest.
+        boards_again: whether the recorded configuration gives the dataset's boards again with this library.
+        files: carried files with their bytes, by path relative to the dataset.
+        left_out: licences that forbid carrying; empty if the objects are carried or nobody asked.
+    """
+
+    entries: dict[str, AssetEntry]
+    files: dict[str, bytes]
+    boards_again: bool = False
+    left_out: tuple[str, ...] = ()
+
+
+def plan_assets(dataset: Dataset, library: Library | None, carry: bool, stated: str | None) -> Assets:
+    """Decide which objects the frozen dataset carries: none if one may not be copied.
+
+    They are all from which the boards were drawn, if the library still gives these boards, else those on the boards.
+
+    Args:
+        library: None where the objects are not at hand; the manifest then knows their hashes alone.
+        stated: licence of objects that the owner made; see `licences`.
+    """
+    recorded = dataset.info.assets.sha256
+    if library is None:
+        name = Licence(stated or "unknown", False).name
+        return Assets({key: AssetEntry(sha256=sha, licence=name, carried=False) for key, sha in recorded.items()}, {})
+    problem = mismatch(library, recorded)
+    if problem:
+        raise BusybotError(problem, "name the library with which the dataset was made: --assets DIR")
+    again = _gives_boards(dataset, library)
+    pool = _pool(dataset, library, again)
+    known = licences(pool.values(), stated)
+    refused = sorted({licence.name for licence in known.values() if not licence.copies})
+    carried = carry and not refused
+    listed = pool if carried else {key: pool[key] for key in recorded}
+    entries = {
+        key: AssetEntry(sha256=model.sha256, licence=known[key].name, carried=carried) for key, model in listed.items()
+    }
+    return Assets(entries, _files(pool, library) if carried else {}, again, tuple(refused) if carry else ())
+
+
+def _gives_boards(dataset: Dataset, library: Library) -> bool:
+    recorded = dataset.boards()
+    try:
+        boards, origin = boards_again(dataset.info.generator, library, recorded)
+    except BusybotError:
+        return False
+    return origin == "configuration" and boards == recorded
+
+
+def _pool(dataset: Dataset, library: Library, whole: bool) -> dict[str, ObjectModel]:
+    """The objects that stand on the boards, and if the whole pool is asked for, all that could have."""
+    weights: Mapping[str, float] = library.splits.get(SPLITS.get(dataset.info.split, ""), {}) if whole else {}
+    return {key: library.get(key) for key in sorted(weights.keys() | dataset.info.assets.sha256)}
+
+
+def _files(pool: dict[str, ObjectModel], library: Library) -> dict[str, bytes]:
+    files: dict[str, bytes] = {}
+    for key, model in pool.items():
+        snapshot = read_snapshot(model.folder)
+        if snapshot.sha256 != model.sha256:
+            raise BusybotError(f"{model.folder}: changed while it was read", "try again when nothing writes to it")
+        files |= {f"{OBJECTS_FOLDER}/{key}/{name}": data for name, data in snapshot.files.items()}
+    lists: dict[str, dict[str, list[str]]] = {}
+    for split, name in (("train", "train"), ("novel", "test")):
+        for key, weight in library.splits[split].items():
+            category, instance = key.split("/")
+            if key in pool:
+                lists.setdefault(category, {"train": [], "test": []})[name] += [instance] * int(weight)
+    files[f"{OBJECTS_FOLDER}/{SPLIT_FILE}"] = (json.dumps({"Reason": lists}, indent=2, sort_keys=True) + "\n").encode()
+    return files
+
+
+def write_carried(dataset: Path, assets: Assets) -> None:
+    """Write the carried files that are not there yet."""
+    for name, data in assets.files.items():
+        place = inside(dataset, name)
+        if not place.is_file() or place.read_bytes() != data:
+            write_atomically(place, data, dataset)

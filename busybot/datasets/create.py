@@ -1,0 +1,108 @@
+"""From a configuration and a library to a dataset folder with boards and no episodes yet."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import GENERATOR_VERSION, Redraws, generate_boards
+from busybot.boards.spec import BoardSpec
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import INFO_FILE, Dataset
+from busybot.datasets.info import AssetsInfo, DatasetInfo, GeneratorInfo
+from busybot.datasets.manifest import refuse_frozen
+from busybot.objects.library import Library
+
+
+def create_dataset(
+    path: Path,
+    config: BoardConfig,
+    library: Library,
+    redraws: Redraws | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Dataset:
+    """Draw the boards and write the dataset; it records the objects that stand on them, with their hashes.
+
+    A dataset that was made from the same configuration and objects is left as it is, with its episodes.
+
+    Args:
+        progress: told after each board: drawn ones and all.
+
+    Raises:
+        BusybotError: the folder holds something else, or the configuration cannot be met (with the numbers).
+    """
+    if (path / INFO_FILE).is_file():
+        return _same(Dataset.open(path), config, library)
+    boards = []
+    for board in generate_boards(config, library, redraws):
+        boards.append(board)
+        if progress:
+            progress(len(boards), config.boards)
+    used = sorted({placed.key for board in boards for placed in board.objects})
+    info = DatasetInfo(
+        name=path.resolve().name,
+        split=config.split,
+        seed=config.seed,
+        boards=len(boards),
+        generator=GeneratorInfo(version=GENERATOR_VERSION, config=config.model_dump(mode="json")),
+        assets=AssetsInfo(
+            source="procedural" if library.name == "procedural" else "folder",
+            name=library.name,
+            sha256={key: library.get(key).sha256 for key in used},
+        ),
+    )
+    return Dataset.create(path, info, boards)
+
+
+def _same(dataset: Dataset, config: BoardConfig, library: Library) -> Dataset:
+    """The dataset, if it was made from this; its recorded objects must be the library's."""
+    info, wanted = dataset.info, config.model_dump(mode="json")
+    recorded = info.generator.config
+    differing = [
+        f"{name} differs (was {recorded.get(name)!r}, now {wanted.get(name)!r})"
+        for name in sorted(wanted.keys() | recorded.keys())
+        if wanted.get(name) != recorded.get(name)
+    ]
+    if info.generator.version != GENERATOR_VERSION:
+        differing.append(f"version of the generator differs (was {info.generator.version}, now {GENERATOR_VERSION})")
+    hashes = {key: model.sha256 for key, model in library.objects.items()}
+    if any(hashes.get(key) != sha256 for key, sha256 in info.assets.sha256.items()):
+        differing.append("other objects")
+    if differing:
+        what = f"{dataset.path}: another dataset is there: {'; '.join(differing)}"
+        raise BusybotError(what, "name another folder, or remove it")
+    return dataset
+
+
+def continue_or_create(path: Path, info: DatasetInfo, boards: Sequence[BoardSpec]) -> Dataset:
+    """Open the dataset that an earlier, interrupted call made, or make it.
+
+    Raises:
+        BusybotError: the folder holds something else, or a frozen dataset.
+    """
+    if not (path / INFO_FILE).exists():
+        return Dataset.create(path, info, boards)
+    dataset = Dataset.open(path)
+    if dataset.info != info or [board.digest() for board in dataset.boards()] != [b.digest() for b in boards]:
+        raise BusybotError(f"{path}: it is there and another dataset", "name another folder, or remove it")
+    refuse_frozen(path)
+    return dataset
+
+
+def boards_again(generator: GeneratorInfo, library: Library, recorded: list[BoardSpec]) -> tuple[list[BoardSpec], str]:
+    """Boards from the recorded configuration; the recorded ones where another version of the generator drew them."""
+    if generator.version != GENERATOR_VERSION:
+        return recorded, "dataset"
+    try:
+        config = BoardConfig.model_validate(generator.config)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        what = f"the recorded configuration of the generator: {place}: {first['msg']}"
+        raise BusybotError(what, "only datasets of `busybot generate` can be made again") from None
+    boards = list(generate_boards(config, library))
+    if len(boards) != len(recorded):
+        what = f"the recorded configuration gives {len(boards)} boards, the dataset has {len(recorded)}"
+        raise BusybotError(what, "only datasets of `busybot generate` can be made again")
+    return boards, "configuration"

@@ -1,0 +1,112 @@
+"""What differs between two datasets: what they say of themselves, then boards, actions, states and images."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from busybot.common.config import flat
+from busybot.common.process_pool import share
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.episode_diff import Difference, compare_episodes
+from busybot.episodes.mcap.reader import read_episode
+
+
+@dataclass(frozen=True)
+class DatasetDifference:
+    """How dataset B differs from dataset A.
+
+    Attributes:
+        settings: what `dataset.json` says, by dotted name: (in A, in B); None where it says nothing. Names are passed
+            over.
+        boards: indices of boards that differ or that only one of them has.
+        only_in_a, only_in_b: indices of episodes.
+        actions, states, joints, rewards, images: episodes in which they differ; `images` counts pictures, camera and
+            links.
+        versions: episodes recorded with other packages, another renderer or other settings; what differs, by name.
+        episodes: for each episode whose content differs, how.
+    """
+
+    settings: dict[str, tuple[Any, Any]]
+    boards: list[int]
+    only_in_a: list[int]
+    only_in_b: list[int]
+    actions: list[int] = field(default_factory=list)
+    states: list[int] = field(default_factory=list)
+    joints: list[int] = field(default_factory=list)
+    rewards: list[int] = field(default_factory=list)
+    images: list[int] = field(default_factory=list)
+    versions: dict[str, list[int]] = field(default_factory=dict)
+    episodes: dict[int, Difference] = field(default_factory=dict)
+
+    @property
+    def equal(self) -> bool:
+        """Whether nothing differs."""
+        return not any(vars(self).values())
+
+
+def diff(
+    first: Path, second: Path, workers: int = 1, progress: Callable[[int, int], None] | None = None
+) -> DatasetDifference:
+    """Compare two datasets by board index.
+
+    Episodes whose digests in the tables are equal are taken to be equal; `verify` tells whether the tables are right.
+
+    Args:
+        progress: of the episodes that must be read because their digests differ: done and all.
+
+    Raises:
+        BusybotError: one of the folders is no dataset, or one of its files is damaged.
+    """
+    datasets = (Dataset.open(first), Dataset.open(second))
+    rows = [{row["episode"]: row for row in dataset.episodes_table().to_pylist()} for dataset in datasets]
+    boards = [{board.index: board.digest() for board in dataset.boards()} for dataset in datasets]
+    both = sorted(rows[0].keys() & rows[1].keys())
+    found = DatasetDifference(
+        settings=_settings(*datasets),
+        boards=sorted(i for i in boards[0].keys() | boards[1].keys() if boards[0].get(i) != boards[1].get(i)),
+        only_in_a=sorted(rows[0].keys() - rows[1].keys()),
+        only_in_b=sorted(rows[1].keys() - rows[0].keys()),
+    )
+    for index in both:
+        for name in _versions(rows[0][index], rows[1][index]):
+            found.versions.setdefault(name, []).append(index)
+    unlike = [i for i in both if any(rows[0][i][key] != rows[1][i][key] for key in ("board_digest", "content_digest"))]
+    pairs = [(datasets[0].episode_path(i), datasets[1].episode_path(i)) for i in unlike]
+    for done, (index, difference) in enumerate(zip(unlike, share(_compare, pairs, workers), strict=True), start=1):
+        _sort_in(found, index, difference)
+        if progress:
+            progress(done, len(unlike))
+    return found
+
+
+def _settings(first: Dataset, second: Dataset) -> dict[str, tuple[Any, Any]]:
+    a, b = (flat(dataset.info.model_dump(mode="json", exclude={"name"})) for dataset in (first, second))
+    return {name: (a.get(name), b.get(name)) for name in sorted(a.keys() | b.keys()) if a.get(name) != b.get(name)}
+
+
+def _versions(first: dict[str, Any], second: dict[str, Any]) -> Iterator[str]:
+    if first["schema_version"] != second["schema_version"]:
+        yield "schema_version"
+    for column in ("versions", "renderer", "settings"):
+        a, b = (flat(json.loads(row[column]), f"{column}.") for row in (first, second))
+        yield from (name for name in sorted(a.keys() | b.keys()) if a.get(name) != b.get(name))
+
+
+def _compare(pair: tuple[Path, Path]) -> Difference:
+    return compare_episodes(*(read_episode(path, images="lazy") for path in pair))
+
+
+def _sort_in(found: DatasetDifference, index: int, difference: Difference) -> None:
+    found.episodes[index] = difference
+    same_length = difference.steps[0] == difference.steps[1]
+    for episodes, differs in (
+        (found.actions, difference.action is not None or not same_length),
+        (found.states, difference.state is not None or not same_length),
+        (found.joints, difference.joints > 0),
+        (found.rewards, difference.reward is not None),
+        (found.images, not (difference.image.equal and difference.scene and difference.positions) or not same_length),
+    ):
+        if differs:
+            episodes.append(index)

@@ -1,0 +1,75 @@
+"""A dataset in a few numbers, from its tables: no image is decoded unless tables are behind the episodes."""
+
+from pathlib import Path
+from typing import Any
+
+import pyarrow.compute as pc
+
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import collect_command
+from busybot.datasets.manifest import is_frozen
+
+
+def summarise(path: Path) -> dict[str, Any]:
+    """Counts, hashes and origin of the dataset; JSON values.
+
+    `episodes` counts finished ones, `bytes` their files, `success_share` is successes per proposed action (null where
+    no truth was recorded), `images_per_episode` counts stored images.
+    """
+    dataset = Dataset.open(path)
+    info, collect = dataset.info, dataset.info.collect
+    rows = dataset.episodes_table()
+    collect = collect if rows.num_rows else None  # settings of an attempt that recorded nothing say nothing
+    hashes = dataset.hashes(rows)
+    known = rows.filter(rows["truth"])
+    return {
+        "name": info.name,
+        "split": info.split,
+        "seed": info.seed,
+        "schema_version": info.schema_version,
+        "frozen": is_frozen(path),
+        "boards": info.boards,
+        "tasks": info.tasks,
+        "episodes": rows.num_rows,
+        "steps": _total(rows["steps"]),
+        "bytes": _total(rows["bytes"]),
+        "board_hash": hashes.board,
+        "trace_hash": hashes.trace,
+        "content_hash": hashes.content,
+        "policy": collect.policy if collect else None,
+        "oracle_episodes": _total(rows["oracle"]),
+        "steps_per_episode": collect.steps if collect else None,
+        "images": collect.images if collect else None,
+        "images_per_episode": round(_total(rows["images"]) / rows.num_rows, 2) if rows.num_rows else None,
+        "strict": collect.strict if collect else None,
+        "delta": collect.delta if collect else None,
+        "success_share": _total(known["successes"]) / _total(known["steps"]) if _total(known["steps"]) else None,
+        "assets": f"{info.assets.source}: {info.assets.name} ({len(info.assets.sha256)} objects)",
+        "generator": info.generator.version,
+    }
+
+
+def origin_of(dataset: Dataset) -> dict[str, Any]:
+    """What a training on the dataset depends on, wherever it lies; JSON values.
+
+    Raises:
+        BusybotError: nothing is recorded in it.
+    """
+    episodes = len(dataset.finished())
+    if not episodes:
+        raise BusybotError(f"{dataset.path}: no board has an episode", collect_command(dataset.path, dataset.info))
+    hashes = dataset.hashes()
+    return {
+        "name": dataset.info.name,
+        "split": dataset.info.split,
+        "seed": dataset.info.seed,
+        "assets": dataset.info.assets.name,
+        "episodes": episodes,
+        "board_hash": hashes.board,
+        "content_hash": hashes.content,
+    }
+
+
+def _total(column: Any) -> int:
+    return int(pc.sum(column).as_py() or 0)

@@ -1,0 +1,218 @@
+"""Frozen datasets to shared storage and back, through DVC: a folder, S3, SSH, whatever DVC has as a remote.
+
+`push` sends a dataset's files and writes a small pointer beside it, `NAME.dvc`, to be kept in version control; `pull`
+makes the dataset where its pointer is. DVC addresses files by MD5; what was pulled is compared with the SHA-256 of the
+manifest before it gets its name. Each works in a DVC repository of its own, so none is needed and none is touched.
+
+A pointer and what a remote answers may come from anybody: both may name nothing outside of the dataset's folder.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Literal
+from urllib.parse import urlsplit
+
+from pydantic import Field, ValidationError
+
+from busybot.common.atomic_io import copy_file, make_folder, remove, rename, scan, write_atomically
+from busybot.common.errors import BusybotError
+from busybot.common.safe_yaml import parse_yaml
+from busybot.datasets.info import Plain
+from busybot.datasets.manifest import is_frozen, read_manifest, unlike_manifest
+
+LARGEST_POINTER = 10_000
+LARGEST_LISTING = 1 << 30
+REMOTE = "shared"
+OWN_TOOL = Path(__file__).resolve().parents[2] / ".tools" / "dvc" / "bin" / "dvc"
+"""Where `make dvc` puts it."""
+
+
+class _Out(Plain):
+    """The only kind of output that a pointer of ours has."""
+
+    md5: Annotated[str, Field(pattern=r"^[0-9a-f]{32}\.dir$")]
+    size: Annotated[int, Field(ge=0)]
+    nfiles: Annotated[int, Field(ge=1, le=10_000_000)]
+    hash: Literal["md5"]
+    path: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class _Pointer(Plain):
+    outs: Annotated[tuple[_Out, ...], Field(min_length=1, max_length=1)]
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What was sent or fetched; `new` is False where everything was there already."""
+
+    dataset: Path
+    pointer: Path
+    files: int
+    bytes: int
+    new: bool = True
+
+
+def push(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
+    """Send a frozen dataset, and write its pointer.
+
+    Args:
+        remote: a folder, or an address that DVC understands, such as `s3://bucket/path`. Credentials come from the
+            environment, as the storage's own tools read them.
+        endpoint: of S3-compatible storage that is not Amazon's.
+
+    Raises:
+        BusybotError: the dataset is not frozen or was changed since, DVC is missing, or the storage refuses.
+    """
+    if not is_frozen(dataset):
+        raise BusybotError(f"{dataset}: only frozen datasets are shared", f"busybot dataset freeze {dataset}")
+    _must_be_whole(dataset)
+    pointer = pointer_of(dataset)
+    with tempfile.TemporaryDirectory(prefix="busybot-push-") as folder:
+        dvc = _Repository(Path(folder), remote, endpoint)
+        dvc.run("add", "--quiet", "--to-remote", "--remote", REMOTE, str(dataset.resolve()))
+        text = (Path(folder) / pointer.name).read_bytes()
+        out = read_pointer(Path(folder) / pointer.name, dataset.resolve().name)
+    write_atomically(pointer, text)
+    return Shared(dataset, pointer, out.nfiles, out.size)
+
+
+def pull(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
+    """Make the dataset that the pointer beside it means. What an interrupted pull fetched is kept for the next one.
+
+    Raises:
+        BusybotError: there is no pointer, it or the remote's listing leaves the folder, something else is in the way,
+            DVC is missing, the storage refuses, or what came is not what the manifest says.
+    """
+    pointer = pointer_of(dataset)
+    out = read_pointer(pointer, dataset.name)
+    if dataset.exists() or dataset.is_symlink():
+        if dataset.is_symlink() or not is_frozen(dataset):
+            raise BusybotError(f"{dataset}: something else is there", "move it away")
+        _must_be_whole(dataset)
+        return Shared(dataset, pointer, out.nfiles, out.size, new=False)
+    work = dataset.parent / f".{dataset.name}.pull"
+    make_folder(work, dataset.parent)
+    if others := scan(work).others:
+        raise BusybotError(f"{work / others[0]}: neither a file nor a folder but a link or device", f"remove {work}")
+    dvc = _Repository(work, remote, endpoint)
+    copy_file(pointer, work / pointer.name, dataset.parent)
+    dvc.run("fetch", "--quiet", pointer.name)
+    check_listing(work / ".dvc" / "cache" / "files" / "md5" / out.md5[:2] / out.md5[2:])
+    dvc.run("checkout", "--quiet", "--force", pointer.name)
+    fetched = work / dataset.name
+    if not is_frozen(fetched):
+        raise BusybotError(f"{pointer}: what it points to is no frozen dataset", "ask who shared it for another one")
+    _must_be_whole(fetched)
+    rename(fetched, dataset, dataset.parent)
+    remove(work, dataset.parent)
+    return Shared(dataset, pointer, out.nfiles, out.size)
+
+
+def pointer_of(dataset: Path) -> Path:
+    """The pointer's file, beside the dataset."""
+    resolved = dataset.parent.resolve() / dataset.name if dataset.name else dataset.resolve()
+    return dataset.parent / f"{resolved.name}.dvc"
+
+
+def read_pointer(pointer: Path, name: str) -> _Out:
+    """What a pointer says, if it is one of ours and means the folder `name` beside it.
+
+    Raises:
+        BusybotError: it is missing, damaged, or leads elsewhere.
+    """
+    if pointer.is_symlink() or not pointer.is_file():
+        raise BusybotError(
+            f"{pointer}: there is no such pointer", "`busybot dataset push` writes it where it is sent from"
+        )
+    mend = "get it anew from who shared the dataset"
+    if pointer.stat().st_size > LARGEST_POINTER:
+        raise BusybotError(f"{pointer}: too large for a pointer", mend)
+    try:
+        out = _Pointer.model_validate(parse_yaml(pointer.read_text(encoding="utf-8"), str(pointer))).outs[0]
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        raise BusybotError(f"{pointer}: {place or 'the file'}: {first['msg']}", mend) from None
+    except UnicodeDecodeError as error:
+        raise BusybotError(f"{pointer}: not UTF-8: {error.reason}", mend) from None
+    if out.path != name:
+        raise BusybotError(f"{pointer}: it points to {out.path!r} instead of {name!r} beside it", mend)
+    return out
+
+
+def check_listing(listing: Path) -> None:
+    """Refuse a remote's list of files that names one outside of the folder.
+
+    Raises:
+        BusybotError: it does, or it is damaged.
+    """
+    mend = "the storage holds something else: ask who shared the dataset"
+    if listing.stat().st_size > LARGEST_LISTING:
+        raise BusybotError(f"{listing}: too large for a list of files", mend)
+    try:
+        entries = json.loads(listing.read_bytes())
+        names = [str(entry["relpath"]) for entry in entries]
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise BusybotError(f"{listing}: not a list of files", mend) from None
+    for name in names:
+        parts = PurePosixPath(name).parts
+        if not parts or name.startswith("/") or ".." in parts or "\\" in name or "\0" in name:
+            raise BusybotError(f"{listing}: it names {name!r}, outside of the dataset", mend)
+
+
+def _must_be_whole(dataset: Path) -> None:
+    for name, fault, mend in unlike_manifest(dataset, read_manifest(dataset)):
+        raise BusybotError(f"{dataset / name}: {fault}", mend)
+
+
+class _Repository:
+    """A DVC repository of our own with one remote."""
+
+    def __init__(self, folder: Path, remote: str, endpoint: str | None):
+        self.folder, self.tool = folder, find_tool()
+        if not (folder / ".dvc" / "config").is_file():
+            self.run("init", "--no-scm", "--quiet", "--force")
+        self.run("config", "cache.type", "hardlink,copy")
+        self.run("remote", "add", "--quiet", "--force", "--default", REMOTE, address(remote))
+        if endpoint is not None:
+            self.run("remote", "modify", REMOTE, "endpointurl", endpoint)
+
+    def run(self, *arguments: str) -> None:
+        """Run DVC; its own words are the error's."""
+        environment = dict(os.environ, DVC_NO_ANALYTICS="1")
+        command = [self.tool, *arguments]
+        done = subprocess.run(
+            command, cwd=self.folder, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL
+        )
+        if done.returncode:
+            said = [line for line in done.stderr.splitlines() if line.strip()] or ["no word about why"]
+            raise BusybotError(
+                f"DVC cannot {arguments[0]}: {said[0].removeprefix('ERROR: ')}", "mend it and do the same again"
+            )
+
+
+def address(remote: str) -> str:
+    """What DVC gets to know: folders in full, other addresses as they are.
+
+    Raises:
+        BusybotError: the address holds a password, which everybody could read in the list of processes.
+    """
+    parts = urlsplit(remote)
+    if parts.password is not None:
+        raise BusybotError(
+            "the address of the remote holds a password", "give it in the environment, as AWS_SECRET_ACCESS_KEY"
+        )
+    return remote if parts.scheme else str(Path(remote).expanduser().resolve())
+
+
+def find_tool() -> str:
+    """DVC beside the project, or on the path."""
+    found = str(OWN_TOOL) if OWN_TOOL.exists() else shutil.which("dvc")
+    if found is None:
+        raise BusybotError("DVC is not installed", "`make dvc` in the project, or `pipx install dvc`")
+    return found

@@ -1,0 +1,173 @@
+"""What a frozen dataset says of itself: every file with its hash, and all that decided their content.
+
+A dataset is frozen from the moment its manifest is there under its final name: nothing is collected into it any more.
+"""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationError, field_validator
+
+from busybot.common.atomic_io import inside, read_json, scan, sha256_of
+from busybot.common.errors import BusybotError
+from busybot.common.process_pool import share
+from busybot.datasets.info import CollectInfo, GeneratorInfo, Plain, Seed, Sha256, Version
+
+MANIFEST_VERSION = "1.0"
+MANIFEST_FILE, CARD_FILE = "manifest.json", "README.md"
+MAX_MANIFEST_BYTES = 512 << 20
+"""A million files need about 150 MB."""
+
+_FILE_NAME = re.compile(r"^(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*$")
+MEND_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
+
+
+class FileEntry(Plain):
+    """One file: SHA-256 and size in bytes."""
+
+    sha256: Sha256
+    bytes: Annotated[int, Field(ge=0)]
+
+
+class AssetEntry(Plain):
+    """One object.
+
+    Attributes:
+        sha256: over the object's files.
+        licence: SPDX identifier, or in words.
+        carried: whether its files lie in the dataset's folder `objects`.
+    """
+
+    sha256: Sha256
+    licence: Annotated[str, Field(min_length=1, max_length=500)]
+    carried: bool
+
+
+class Hashes(Plain):
+    """Over all boards, traces and contents; see `digests`."""
+
+    board: Sha256
+    trace: Sha256
+    content: Sha256
+
+
+class Origin(Plain):
+    """What so many episodes have in common.
+
+    Attributes:
+        renderer: fingerprint of the renderer that made their pictures.
+        versions: of the packages that recorded them.
+    """
+
+    renderer: dict[str, Any]
+    versions: dict[str, Any]
+    episodes: Annotated[int, Field(ge=1)]
+
+
+class Manifest(Plain):
+    """A frozen dataset.
+
+    Attributes:
+        schema_version: of episodes and tables.
+        board_seed, policy_seed: from which boards and actions were drawn.
+        generator: what drew the boards: version and configuration.
+        collect: how the episodes were recorded: the whole configuration.
+        origins: renderers and packages, most episodes first.
+        partial: episodes that `repair` could save only in part.
+        boards_again: whether the configuration gave the same boards again when the dataset was frozen.
+        assets: by object key, those on the boards and those carried besides.
+        frozen_with: versions of the packages that froze the dataset.
+        files: by path relative to the dataset; all but the manifest itself.
+    """
+
+    manifest_version: Version = MANIFEST_VERSION
+    schema_version: Version
+    name: str
+    split: str
+    boards: int
+    steps: int
+    hashes: Hashes
+    board_seed: Seed
+    policy_seed: Seed
+    generator: GeneratorInfo
+    collect: CollectInfo
+    origins: list[Origin]
+    partial: list[int] = []
+    boards_again: bool
+    assets: dict[str, AssetEntry]
+    frozen_with: dict[str, str]
+    files: dict[str, FileEntry]
+
+    @field_validator("files")
+    @classmethod
+    def _inside(cls, files: dict[str, FileEntry]) -> dict[str, FileEntry]:
+        for name in files:
+            if not _FILE_NAME.match(name):
+                raise ValueError(f"{name[:80]!r} is not a plain relative path")
+        return files
+
+
+def is_frozen(path: Path) -> bool:
+    """Whether the folder has a manifest, readable or not."""
+    file = path / MANIFEST_FILE
+    return file.is_symlink() or file.exists()
+
+
+def refuse_frozen(path: Path) -> None:
+    """Refuse to write into a frozen dataset."""
+    if is_frozen(path):
+        mend = "work on a copy without manifest.json (`chmod -R u+w COPY` first), or collect into another dataset"
+        raise BusybotError(f"{path}: the dataset is frozen", mend)
+
+
+def read_manifest(path: Path) -> Manifest:
+    """The manifest of the dataset in folder `path`.
+
+    Raises:
+        BusybotError: it is absent, not readable, or of a newer version.
+    """
+    file = inside(path, MANIFEST_FILE)
+    values = read_json(file, max_bytes=MAX_MANIFEST_BYTES)
+    version = str(values.get("manifest_version")) if isinstance(values, dict) else ""
+    if version.split(".")[0] != MANIFEST_VERSION.split(".")[0]:
+        what = f"{file}: manifest version {version[:20] or 'missing'}; this installation reads {MANIFEST_VERSION}"
+        raise BusybotError(what, "use the busybot version that wrote it")
+    try:
+        return Manifest.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part)[:80] for part in first["loc"])
+        raise BusybotError(f"{file}: {place}: {first['msg'].removeprefix('Value error, ')}", MEND_FETCH) from None
+
+
+def file_entries(path: Path, names: list[str], workers: int = 1) -> dict[str, FileEntry]:
+    """Hash and size of files in the folder."""
+    entries = share(_entry, [path / name for name in names], workers)
+    return dict(zip(names, entries, strict=True))
+
+
+def _entry(file: Path) -> FileEntry:
+    return FileEntry(sha256=sha256_of(file), bytes=file.stat().st_size)
+
+
+def unlike_manifest(path: Path, manifest: Manifest, workers: int = 1) -> Iterator[tuple[str, str, str]]:
+    """Files that are missing, changed or not in the manifest: (path in the dataset, fault, mend).
+
+    Hidden files are passed over: version control and download tools put theirs beside the data.
+    """
+    found = scan(path).files
+    for name in sorted(manifest.files.keys() - found.keys()):
+        yield name, "missing; the manifest lists it", MEND_FETCH
+    shared = sorted(manifest.files.keys() & found.keys())
+    same_size = [name for name in shared if found[name] == manifest.files[name].bytes]
+    entries = file_entries(path, same_size, workers)
+    for name in shared:
+        if name not in entries:
+            yield name, f"{found[name]} bytes, the manifest says {manifest.files[name].bytes}", MEND_FETCH
+        elif entries[name] != manifest.files[name]:
+            yield name, "its content changed after freezing: another SHA-256 than the manifest's", MEND_FETCH
+    for name in sorted(found.keys() - manifest.files.keys() - {MANIFEST_FILE}):
+        if not any(part.startswith(".") for part in name.split("/")):
+            yield name, "not in the manifest", "move it out of the dataset"

@@ -1,0 +1,223 @@
+"""What can be saved of an MCAP file that was cut off or damaged.
+
+Whole chunks are taken if their checksum fits. Of the chunk in which a file was cut off, all that decompresses is taken:
+there no checksum vouches for it, so the caller compares with what else is known. A damaged chunk is not taken, because
+nobody can tell which part of it is right. Whole steps are kept, with the images that belong to them, byte for byte; a
+step counts as whole when its action, its truth, its joints and, if it changed something, its pictures are there.
+"""
+
+import io
+import json
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import zstandard
+from google.protobuf.message import DecodeError
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
+from mcap.writer import CompressionType, Writer
+
+from busybot.common.errors import BusybotError
+from busybot.episodes.mcap import topics
+from busybot.episodes.mcap.messages import message_class
+from busybot.episodes.mcap.records import MAGIC, MAX_CONTENT_BYTES, decompress
+from busybot.episodes.mcap.writer import CHUNK_BYTES
+
+SALVAGED = "salvaged"
+"""Among the settings of an episode that was saved in part: {"of": steps that were recorded}."""
+_RECORD_HEAD = 9
+_PIECE = 1 << 16
+
+
+@dataclass(frozen=True)
+class Salvaged:
+    """A file made of what could be saved.
+
+    Attributes:
+        data: of a whole MCAP file.
+        steps: how many it holds, `of` so many.
+    """
+
+    data: bytes
+    steps: int
+    of: int
+
+    @property
+    def whole(self) -> bool:
+        return self.steps == self.of
+
+
+@dataclass
+class _Remains:
+    """Readable records, in the order of the file."""
+
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: dict[str, Attachment] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    messages: list[Message] = field(default_factory=list)
+    damaged: bool = False
+
+
+def salvage(data: bytes) -> Salvaged:
+    """Save what can be saved of a file's bytes.
+
+    Raises:
+        BusybotError: nothing can be saved; says why.
+    """
+    try:
+        remains = _read(data)
+        return _rebuild(remains)
+    except (McapError, DecodeError, ValueError, struct.error, KeyError, TypeError, OverflowError, MemoryError) as error:
+        raise BusybotError(f"what is left of it cannot be read: {type(error).__name__}: {error}") from None
+
+
+def _records(data: bytes, start: int = 0) -> Iterator[tuple[int, bytes, bool]]:
+    """(opcode, body, whether it is all there) of each record."""
+    position = start
+    while position + _RECORD_HEAD <= len(data):
+        opcode, length = struct.unpack_from("<BQ", data, position)
+        body = data[position + _RECORD_HEAD : position + _RECORD_HEAD + length]
+        yield opcode, body, len(body) == length
+        position += _RECORD_HEAD + length
+
+
+def _stream(body: bytes) -> ReadDataStream:
+    return ReadDataStream(io.BytesIO(body))
+
+
+def _read(data: bytes) -> _Remains:
+    if data[: len(MAGIC)] != MAGIC:
+        raise BusybotError("it does not begin like an MCAP file")
+    found = _Remains()
+    budget = MAX_CONTENT_BYTES
+    for opcode, body, whole in _records(data, len(MAGIC)):
+        if opcode == Opcode.CHUNK:
+            content = _content(Chunk.read(_stream(body)), whole, budget)
+            budget -= len(content)
+            found.damaged = whole and not content
+            _read_messages(content, found)
+        elif whole and opcode == Opcode.ATTACHMENT:
+            if zlib.crc32(body[:-4]) == struct.unpack("<I", body[-4:])[0]:
+                attachment = Attachment.read(_stream(body))
+                found.attachments[attachment.name] = attachment
+        elif whole and opcode == Opcode.METADATA:
+            metadata = Metadata.read(_stream(body))
+            found.metadata[metadata.name] = metadata.metadata
+        if found.damaged or opcode == Opcode.DATA_END:
+            break
+    return found
+
+
+def _content(chunk: Chunk, whole: bool, budget: int) -> bytes:
+    """What a chunk holds, of a cut off one the beginning; nothing of a damaged one."""
+    if whole:
+        try:
+            return decompress(chunk, budget)
+        except (BusybotError, zstandard.ZstdError):
+            return b""
+    if chunk.compression != "zstd":
+        return chunk.data[:budget]
+    limit = min(chunk.uncompressed_size, budget)
+    content = bytearray()
+    reader = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(io.BytesIO(chunk.data))
+    try:
+        while len(content) < limit and (piece := reader.read(min(_PIECE, limit - len(content)))):
+            content += piece
+    except zstandard.ZstdError:
+        pass  # the beginning is what was asked for
+    return bytes(content)
+
+
+def _read_messages(content: bytes, found: _Remains) -> None:
+    for opcode, body, whole in _records(content):
+        if not whole:
+            return
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(_stream(body))
+            found.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(_stream(body))
+            found.channels[channel.id] = channel
+        elif opcode == Opcode.MESSAGE:
+            found.messages.append(Message.read(_stream(body), len(body)))
+
+
+def _rebuild(remains: _Remains) -> Salvaged:
+    names = {topics.BOARD_FILE, topics.RECORDING_FILE}
+    if topics.METADATA not in remains.metadata or not names <= remains.attachments.keys():
+        raise BusybotError("its beginning is lost, and with it the board or the camera")
+    groups = _groups(remains)
+    of = int(remains.metadata[topics.METADATA]["steps"])
+    steps = len(groups) - 1
+    if steps < 0 or steps == 0 < of:
+        raise BusybotError("a chunk is damaged and no whole step before it" if remains.damaged else "no step is whole")
+    messages = [message for group in groups for message in group]
+    images = sum(remains.channels[message.channel_id].topic == topics.BOXES for message in messages)
+    return Salvaged(_write(remains, messages, steps, of, images), steps, of)
+
+
+def _groups(remains: _Remains) -> list[list[Message]]:
+    """Messages of the start and of each whole step; the writer keeps the messages of a step together."""
+    groups: list[list[Message]] = [[]]
+    for message in remains.messages:
+        if remains.channels[message.channel_id].topic == topics.STEP:
+            groups.append([])
+        groups[-1].append(message)
+    first = _topics(remains, groups[0])
+    required = first & {topics.RGB, topics.DEPTH, topics.SEGMENTATION, topics.BOXES}
+    if not {topics.RGB, topics.BOXES, topics.LINKS, topics.OBJECTS} <= first:
+        return []
+    if remains.metadata[topics.METADATA].get("goals", "0") != "0" and topics.GOAL_BOXES not in first:
+        return []  # a goal's boxes come last: without them a part of it is lost
+    whole = groups[:1]
+    for group in groups[1:]:
+        step = message_class(topics.OWN[topics.STEP]).FromString(group[0].data)
+        wanted = {topics.STEP_TRUTH} | (required if step.image_after != step.image_before else set())
+        wanted |= {topics.LOG} | (first & {topics.JOINTS})
+        if not wanted <= _topics(remains, group):
+            break
+        whole.append(group)
+    return whole
+
+
+def _topics(remains: _Remains, group: list[Message]) -> set[str]:
+    return {remains.channels[message.channel_id].topic for message in group}
+
+
+def _write(remains: _Remains, messages: list[Message], steps: int, of: int, images: int) -> bytes:
+    buffer = io.BytesIO()
+    writer = Writer(buffer, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
+    writer.start()
+    facts = remains.metadata[topics.METADATA] | {"steps": str(steps), "images": str(images)}
+    writer.add_metadata(topics.METADATA, facts)
+    for name, attachment in remains.attachments.items():
+        data = attachment.data
+        if name == topics.RECORDING_FILE and steps < of:
+            data = _marked(data, of)
+        writer.add_attachment(attachment.create_time, attachment.log_time, name, attachment.media_type, data)
+    schemas = {
+        key: writer.register_schema(schema.name, schema.encoding, schema.data)
+        for key, schema in sorted(remains.schemas.items())
+    }
+    channels = {
+        key: writer.register_channel(channel.topic, channel.message_encoding, schemas[channel.schema_id])
+        for key, channel in sorted(remains.channels.items())
+    }
+    for message in messages:
+        channel = channels[message.channel_id]
+        writer.add_message(channel, message.log_time, message.data, message.publish_time, message.sequence)
+    writer.finish()
+    return buffer.getvalue()
+
+
+def _marked(recording: bytes, of: int) -> bytes:
+    values: dict[str, Any] = json.loads(recording)
+    settings = dict(values["settings"])
+    of = settings.get(SALVAGED, {}).get("of", of)  # it may have been saved before
+    return json.dumps({**values, "settings": {**settings, SALVAGED: {"of": of}}}, sort_keys=True).encode()

@@ -1,0 +1,205 @@
+"""A trained model: a folder with two files of weights and `model.json`, which says what they are.
+
+Here is the `fast` variant; `interact.paper_model` has the `paper` variant. `interact.affordance.load` loads both.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import torch
+from pydantic import AfterValidator, Field
+from torch import Tensor, nn
+from torch.nn import functional
+
+from busybot.episodes.camera import Rays
+from busybot.episodes.episode import Observation
+from busybot.interact.affordance.fast_networks import CROP, POSITION_STRIDE, Kind, make_network
+from busybot.interact.affordance.inputs import Inputs, Pinhole, colour_features, heights_of, picture_features
+from busybot.interact.policy.config import PairTable, Threshold, check_thresholds
+from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
+from busybot.training.checkpoint import save_tensors
+from busybot.training.device import device, multiplies_bfloat16
+from busybot.training.model_cards import ModelCard, write_info
+
+MARGIN = 32
+"""The position network is run on what lies within so many pixels of something elevated: a third is saved."""
+
+
+class ModelInfo(ModelCard):
+    """What `model.json` says.
+
+    Attributes:
+        variant: which networks.
+        inputs: what they see; the height is always known to the policy.
+        prior: share of elevated pixels that work, as training batches (half of each) do not show it.
+        after_failure: what to try where a direction failed, see `interact.redirection`.
+        thresholds: constants of the policy that go with this model.
+    """
+
+    variant: Literal["fast", "paper"] = "fast"
+    inputs: Inputs = "depth"
+    prior: Annotated[float, Field(gt=0, lt=1)] = 0.15
+    after_failure: PairTable | None = None
+    thresholds: Annotated[dict[str, Threshold], AfterValidator(check_thresholds)] = {}
+
+
+@dataclass(frozen=True)
+class CloserLook:
+    """What the direction network makes of a crop.
+
+    Attributes:
+        crop: float32 (C, 64, 64), what it saw.
+        position: logit that acting at its centre works.
+        directions: float32 (18,), probabilities.
+    """
+
+    crop: np.ndarray
+    position: np.float32
+    directions: np.ndarray
+
+
+@dataclass(frozen=True)
+class View:
+    """What the model makes of one picture.
+
+    Attributes:
+        height: float32 (H, W), board units above the board; the lowest value where nothing was hit.
+        affordance: float32 (H, W), logit that acting here works; `NOT_ELEVATED` off the elevated pixels.
+        features: float32 (C, H, W), what the networks see.
+        closer: the last closer looks, by pixel (u, v); an action changes little of a picture, so most of them hold for
+            the next one.
+    """
+
+    height: np.ndarray
+    affordance: np.ndarray
+    features: np.ndarray
+    closer: dict[tuple[int, int], CloserLook] = field(default_factory=dict)
+
+
+class Model:
+    """Where and how to act.
+
+    Args:
+        networks: `position` and `direction`; they are put into evaluation mode.
+
+    Attributes:
+        bfloat16: whether it multiplies in bfloat16, twice as fast on processors that can.
+    """
+
+    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module]):
+        self.info, self.on = info, device()
+        self.bfloat16 = multiplies_bfloat16()
+        self.networks = {kind: network.eval().to(self.on) for kind, network in networks.items()}
+        self._camera: tuple[Rays, Pinhole] | None = None
+
+    @staticmethod
+    def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
+        """An untrained network that these weights fit, if they are of this variant."""
+        return make_network(kind, inputs)
+
+    def save(self, folder: Path) -> None:
+        """Write the folder, `model.json` last."""
+        for kind, network in self.networks.items():
+            save_tensors(weights_file(folder, kind), network.state_dict())
+        write_info(folder, self.info, [weights_file(folder, kind) for kind in self.networks])
+
+    def look(self, seen: Observation, rays: Rays, earlier: View | None = None) -> View:
+        """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
+
+        Args:
+            earlier: of the same board, saves closer looks at what has not changed.
+        """
+        features = picture_features(seen.depth, self._pinhole(rays))
+        height = heights_of(features)
+        if self.info.inputs == "rgb":
+            features = colour_features(seen.rgb)
+        elevated = height > ELEVATED
+        affordance = torch.full_like(height, NOT_ELEVATED)
+        if elevated.any():
+            window = _window(elevated)
+            logits = self._run("position", _pad_to_stride(features[:, *window])[None])[0]
+            part = elevated[window]
+            affordance[window] = torch.where(part, logits[: part.shape[0], : part.shape[1]], NOT_ELEVATED)
+        closer = {} if earlier is None else earlier.closer
+        return View(height.numpy(), affordance.numpy(), features.numpy(), closer)
+
+    def directions(self, view: View, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A closer look at some pixels.
+
+        Args:
+            pixels: int (K, 2), u and v.
+
+        Returns:
+            the logit that acting there works, float32 (K,), and the probability that each direction works there if any
+            does, float32 (K, 18).
+        """
+        if not len(pixels):
+            return np.empty(0, np.float32), np.empty((0, 18), np.float32)
+        crops = crops_around(view.features, pixels)
+        places = [(int(u), int(v)) for u, v in pixels]
+        known = [view.closer.get(place) for place in places]
+        fresh = [i for i, one in enumerate(known) if one is None or not np.array_equal(one.crop, crops[i])]
+        if fresh:
+            logits, position = self._run("direction", torch.from_numpy(crops[fresh]))
+            for i, *answer in zip(fresh, position.numpy(), torch.sigmoid(logits).numpy(), strict=True):
+                known[i] = CloserLook(crops[i].copy(), *answer)
+        looks = [one for one in known if one is not None]
+        view.closer.clear()
+        view.closer.update(zip(places, looks, strict=True))
+        return np.array([one.position for one in looks]), np.stack([one.directions for one in looks])
+
+    def _run(self, kind: Kind, features: Tensor) -> Any:
+        """The outputs of a network in float32, on the CPU."""
+        seen_as = torch.bfloat16 if self.bfloat16 else torch.float32  # as autocast would, at half the copying
+        on_device = features.to(self.on, seen_as).contiguous(memory_format=torch.channels_last)
+        with torch.inference_mode(), torch.autocast(self.on.type, torch.bfloat16, enabled=self.bfloat16):
+            outputs = self.networks[kind](on_device)
+        return tuple(part.float().cpu() for part in outputs) if isinstance(outputs, tuple) else outputs.float().cpu()
+
+    def _pinhole(self, rays: Rays) -> Pinhole:
+        if self._camera is None or self._camera[0] is not rays:
+            self._camera = (rays, Pinhole(rays.camera))
+        return self._camera[1]
+
+
+def weights_file(folder: Path, kind: Kind) -> Path:
+    """Where a model's folder has the weights of a network."""
+    return folder / f"{kind}.safetensors"
+
+
+def crops_around(features: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Crops with pixel (u, v) at (CROP / 2, CROP / 2); outside the picture its border is repeated.
+
+    Shapes:
+        features: (C, H, W); pixels: int (K, 2).
+        returns: (K, C, CROP, CROP).
+    """
+    return np.stack([_crop(features, int(u) - CROP // 2, int(v) - CROP // 2) for u, v in pixels])
+
+
+def _crop(features: np.ndarray, left: int, top: int) -> np.ndarray:
+    height, width = features.shape[1:]
+    if 0 <= left <= width - CROP and 0 <= top <= height - CROP:
+        return features[:, top : top + CROP, left : left + CROP]
+    rows, columns = np.clip(top + np.arange(CROP), 0, height - 1), np.clip(left + np.arange(CROP), 0, width - 1)
+    return features[:, rows[:, None], columns]
+
+
+def _window(elevated: Tensor) -> tuple[slice, slice]:
+    """Rows and columns within `MARGIN` of something elevated, of sides that the position network needs if possible."""
+    sides = []
+    for size, along in zip(elevated.shape, (elevated.any(dim=1), elevated.any(dim=0)), strict=True):
+        occupied = along.nonzero()
+        first = max(0, int(occupied[0]) - MARGIN) // POSITION_STRIDE * POSITION_STRIDE
+        last = int(occupied[-1]) + 1 + MARGIN
+        sides.append(slice(first, min(size, -(-last // POSITION_STRIDE) * POSITION_STRIDE)))
+    return sides[0], sides[1]
+
+
+def _pad_to_stride(features: Tensor) -> Tensor:
+    """Repeat the last row and column until both sides are multiples of what the position network needs."""
+    height, width = features.shape[-2:]
+    missing = (0, -width % POSITION_STRIDE, 0, -height % POSITION_STRIDE)
+    return functional.pad(features[None], missing, mode="replicate")[0] if any(missing) else features

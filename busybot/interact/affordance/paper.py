@@ -1,0 +1,95 @@
+"""A trained model of the `paper` variant: the same folder and the same questions as `interact.model`."""
+
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from busybot.common.errors import BusybotError
+from busybot.episodes.camera import Rays
+from busybot.episodes.episode import Observation
+from busybot.interact.affordance.fast import Model, View
+from busybot.interact.affordance.fast_networks import Kind
+from busybot.interact.affordance.inputs import LOWEST, Inputs, colour_features
+from busybot.interact.affordance.paper_inputs import depth_and_normals, with_positions
+from busybot.interact.affordance.paper_networks import SIZE, PaperDirectionNet, make_paper_network
+from busybot.interact.policy.config import Threshold
+from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
+
+PAPER_POLICY: dict[str, Threshold] = {
+    "candidates": "kmeans",
+    "blur": 1,
+    "caution": 0,
+    "temperature": 1,
+    "component_penalty": 0,
+    "failure_penalty": 0,
+    "responder_penalty": 0,
+    "trigger_bonus": 0,
+    "collect": 0.5,
+    "untried_first": False,
+}
+"""What the learned policy's constants are with a paper model: clusters, affordance and directions as they are, and
+data for reasoning by a draw among all candidates (section 3.2, "Data collection")."""
+PAPER_PRIOR = 0.5
+"""The affordance is taken as it is: no correction for how rare working places are."""
+SAVED_SIZE = "size"
+CHUNK = 8
+"""Positions that the direction network looks at together."""
+
+
+class PaperModel(Model):
+    """Where and how to act, from whole pictures of the size that it was trained on.
+
+    The affordance is that of the paper, softmax of two channels, given as a logit; only elevated pixels can be chosen
+    (the board's surface cannot be held). The direction network has no opinion on positions: `directions` repeats the
+    position network's.
+    """
+
+    @staticmethod
+    def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
+        size = tensors.get(SAVED_SIZE)
+        rows, columns = SIZE if size is None or size.shape != (2,) else (int(side) for side in size)
+        return make_paper_network(kind, inputs, (rows, columns))
+
+    def look(self, seen: Observation, rays: Rays, earlier: View | None = None) -> View:
+        """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
+
+        An earlier look saves nothing here: both networks see whole pictures.
+
+        Raises:
+            BusybotError: the picture has another size than those of the training.
+        """
+        self._check_size(seen.depth.shape)
+        height = np.nan_to_num(rays.heights(seen.depth), nan=LOWEST).astype(np.float32)
+        if self.info.inputs == "rgb":
+            features = colour_features(seen.rgb)[None]
+        else:
+            features = depth_and_normals(torch.from_numpy(seen.depth)[None], self._pinhole(rays))
+        logits = self._run("position", features)[0]
+        affordance = torch.where(torch.from_numpy(height > ELEVATED), logits[1] - logits[0], NOT_ELEVATED)
+        return View(height, affordance.numpy(), features[0].numpy())
+
+    def directions(self, view: View, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `Model.directions`; the position's logits are those of the affordance."""
+        if not len(pixels):
+            return np.empty(0, np.float32), np.empty((0, 18), np.float32)
+        features = torch.from_numpy(view.features)[None]
+        scores = []
+        for chunk in torch.from_numpy(np.asarray(pixels)).split(CHUNK):
+            seen = with_positions(features.expand(len(chunk), -1, -1, -1), chunk)
+            scores.append(torch.sigmoid(self._run("direction", seen)))
+        return view.affordance[pixels[:, 1], pixels[:, 0]], torch.cat(scores).numpy()
+
+    def _run(self, kind: Kind, features: Tensor) -> Any:
+        with torch.inference_mode():
+            on_device = features.to(self.on).contiguous(memory_format=torch.channels_last)
+            return self.networks[kind](on_device).cpu()
+
+    def _check_size(self, shape: tuple[int, ...]) -> None:
+        network = self.networks["direction"]
+        assert isinstance(network, PaperDirectionNet)
+        rows, columns = (int(side) for side in network.size)
+        if shape != (rows, columns):
+            what = f"a picture of {shape[1]} x {shape[0]} pixels, the model was trained on {columns} x {rows}"
+            raise BusybotError(what, f"--set render.width={columns} --set render.height={rows}")

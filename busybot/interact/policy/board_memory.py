@@ -1,0 +1,212 @@
+"""What the agent remembers of one board: the links that it saw moving, what responded, and what failed where.
+
+The paper keeps a count of picks per window (UCB, section 3.1). Here what moved around a rewarded action becomes one
+link, so that neighbouring buttons stay apart, and a failure lowers the belief in what lies near it. An object that
+changed its looks while another one was acted on responds, so it is hardly a trigger: whoever learns causes tells a lamp
+from a lever by what switches it on. One of which a link moved is a trigger, and likely to have another.
+
+Only what the agent may read enters: the pictures before and after its own actions, the directions executed, the reward.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from busybot.episodes.episode import Observation
+from busybot.interact.policy.config import EFFECT, FAILURE_SIGMA, SAME_LINK, PolicyConfig
+from busybot.interact.policy.direction_pairs import ELEVATED, PAIR_OF, logit, sigmoid
+
+NEGLIGIBLE = 0.05
+"""Failures whose weight at a candidate is lower do not reach it."""
+ANOTHER_COLOUR = 16
+"""Levels of 256 by which a channel of a pixel differs that looks otherwise; compressed pictures differ by less."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """An action without reward.
+
+    Attributes:
+        pixel: (u, v).
+        pairs: the direction pairs that were tried, and the belief that each would have moved what is there.
+    """
+
+    pixel: tuple[int, int]
+    pairs: dict[int, float]
+
+
+class Memory:
+    """One board's memory.
+
+    Attributes:
+        links: int32 (H, W), number of the known link that was seen moving at the pixel, 0 for none.
+        pairs: link to the direction pair that moved it last.
+        failures: those that no later success has explained.
+        responders: components that looked otherwise after another one was acted on, and of which no link has moved.
+    """
+
+    def __init__(self, height: np.ndarray, config: PolicyConfig):
+        """Start on a new board.
+
+        Args:
+            height: float32 (H, W), board units above the board, at the first look. Connected pixels of objects are one
+                component.
+        """
+        self._config = config
+        _, self._components = cv2.connectedComponents((height > ELEVATED).astype(np.uint8))
+        self.links = np.zeros(height.shape, np.int32)
+        self.pairs: dict[int, int] = {}
+        self.failures: list[Failure] = []
+        self.responders: set[int] = set()
+
+    def succeeded(self, pixel: tuple[int, int], direction: int, before: Observation, after: Observation) -> int:
+        """Remember an action with reward; returns the number of the link that moved.
+
+        Args:
+            direction: the one that worked.
+            before, after: what was seen.
+        """
+        component = self._components[pixel[1], pixel[0]]
+        body = (self._components == component) & (component > 0)
+        moved = moved_region(before.depth, after.depth, pixel, body, self._config)
+        link = self._link(moved)
+        self.links[enlarged(moved) & (self.links == 0)] = link
+        self.links[moved] = link
+        self.pairs[link] = int(PAIR_OF[direction])
+        self.failures = [one for one in self.failures if not moved[one.pixel[1], one.pixel[0]]]
+        self.responders |= self._changed(before.rgb, after.rgb)
+        self.responders -= self._moved()
+        return link
+
+    def _changed(self, before: np.ndarray, after: np.ndarray) -> set[int]:
+        """Components that look otherwise in the second of two uint8 (H, W, 3) pictures."""
+        most = (ANOTHER_COLOUR,) * 3
+        differs = cv2.inRange(cv2.absdiff(before, after), (0, 0, 0), most) == 0
+        counts = np.bincount(self._components[differs & (self._components > 0)])
+        return set(np.flatnonzero(counts >= EFFECT).tolist())
+
+    def _link(self, moved: np.ndarray) -> int:
+        """The known link that overlaps the moved region (H, W) enough to be the same, else a new number."""
+        shared = np.bincount(self.links[moved], minlength=len(self.pairs) + 1)[1:]
+        if not shared.any():
+            return len(self.pairs) + 1
+        likely = int(shared.argmax()) + 1
+        smaller = min(np.count_nonzero(moved), np.count_nonzero(self.links == likely))
+        return likely if shared[likely - 1] > SAME_LINK * smaller else len(self.pairs) + 1
+
+    def failed(self, failure: Failure) -> None:
+        """Remember an action without reward."""
+        self.failures.append(failure)
+
+    def doubted(self, pixels: np.ndarray, logits: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What remains of the model's beliefs after what happened on this board.
+
+        Args:
+            pixels: int (K, 2), u and v.
+            logits: (K,), that something can be moved at the pixel.
+            pairs: (K, 9), that a direction pair moves it.
+
+        Returns:
+            probabilities (K,) and (K, 9).
+        """
+        columns, rows = pixels.T
+        links, nears = self.links[rows, columns], [self._near(failure, pixels) for failure in self.failures]
+        penalty, components = np.zeros(len(pixels)), self._components[rows, columns]
+        for failure, near in zip(self.failures, nears, strict=True):
+            same = components == self._components[failure.pixel[1], failure.pixel[0]]
+            penalty += (1 - near) * (self._config.component_penalty * same + self._config.failure_penalty)
+        responding = np.isin(components, list(self.responders))
+        penalty += self._config.responder_penalty * responding
+        penalty -= self._config.trigger_bonus * np.isin(components, list(self._triggers()))
+        beliefs, pairs = sigmoid(logits - np.where(links == 0, penalty, 0)), pairs.copy()
+        for failure, near in zip(self.failures, nears, strict=True):
+            for pair, pair_belief in failure.pairs.items():
+                beliefs = (1 - near) * beliefs + near * _posterior(beliefs, pair_belief)
+                pairs = self._without(pairs, pair, near)
+        for link, pair in self.pairs.items():
+            pairs[links == link, pair] = np.maximum(pairs[links == link, pair], self._config.known_pair)
+        return beliefs, pairs
+
+    def _moved(self) -> set[int]:
+        """Components of which a link has moved, and 0 where one reached beyond them."""
+        return set(np.unique(self._components[self.links > 0]).tolist())
+
+    def _triggers(self) -> set[int]:
+        """Components of which a link has moved and no action failed."""
+        return self._moved() - {0} - {int(self._components[one.pixel[1], one.pixel[0]]) for one in self.failures}
+
+    def tried(self, pixels: np.ndarray) -> np.ndarray:
+        """Which of the pixels (K, 2) lie where a pair has failed, bool (K,)."""
+        nears = [self._near(failure, pixels) for failure in self.failures]
+        return np.max([np.zeros(len(pixels)), *nears], axis=0) > 0.5
+
+    def tried_here(self, pixels: np.ndarray) -> np.ndarray:
+        """Which of the pixels (K, 2) are as near to a failure as no two candidates are to each other, bool (K,)."""
+        failed = np.array([failure.pixel for failure in self.failures]).reshape(-1, 1, 2)
+        return (np.abs(failed - pixels).max(axis=2) <= self._config.peak_radius).any(axis=0)
+
+    def _near(self, failure: Failure, pixels: np.ndarray) -> np.ndarray:
+        """How much a failure says about what is at the pixels (K, 2) itself, (K,) from 0 to 1."""
+        distance = ((pixels - np.array(failure.pixel)) ** 2).sum(axis=1)
+        near = np.exp(-distance / (2 * FAILURE_SIGMA**2))
+        return np.where(near < NEGLIGIBLE, 0, near)
+
+    def _without(self, pairs: np.ndarray, failed: int, near: np.ndarray) -> np.ndarray:
+        """Beliefs (K, 9) after a pair failed so near: in training, some pairs worked where that one had failed."""
+        table = self._config.after_failure
+        remaining = pairs.copy() if table is None else sigmoid(logit(pairs) + near[:, None] * np.array(table[failed]))
+        remaining[:, failed] = pairs[:, failed] * (1 - near)
+        return remaining
+
+
+def _posterior(belief: Any, pair_belief: Any) -> Any:
+    """Belief that something can be moved after a pair believed in so much did not move it (Bayes)."""
+    return belief * (1 - pair_belief) / (1 - belief * pair_belief + 1e-6)
+
+
+def moved_window(
+    before: np.ndarray, after: np.ndarray, pixel: tuple[int, int], reach: int, change: float
+) -> np.ndarray:
+    """Pixels near (u, v) whose depth changed, bool (H, W).
+
+    Args:
+        before, after: depth images, float32 (H, W), board units.
+        reach: how near in rows and columns, pixels.
+        change: smaller differences are none, board units.
+    """
+    moved = np.zeros(before.shape, bool)
+    rows, columns = (slice(max(middle - reach, 0), middle + reach + 1) for middle in reversed(pixel))
+    moved[rows, columns] = np.abs(after[rows, columns] - before[rows, columns]) > change
+    return moved
+
+
+def moved_region(
+    before: np.ndarray, after: np.ndarray, pixel: tuple[int, int], body: np.ndarray, config: PolicyConfig
+) -> np.ndarray:
+    """The link under the action: pixels near it whose depth changed, closed, connected to it or on the same body.
+
+    Args:
+        before, after: depth images, float32 (H, W), board units.
+        pixel: where the agent held, (u, v).
+        body: bool (H, W), the object that the pixel belongs to. A link that jumped leaves two places behind, where it
+            was and where it is: they need not be connected, but both are on its object.
+
+    Returns:
+        bool (H, W); holds the pixel in any case.
+    """
+    moved = moved_window(before, after, pixel, config.reach, config.change).astype(np.uint8)
+    disc = np.asarray(cv2.circle(np.zeros(moved.shape, np.uint8), pixel, config.disc, 1, -1), np.uint8)
+    _, labels = cv2.connectedComponents(cv2.morphologyEx(moved | disc, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
+    on_body = np.unique(labels[(moved > 0) & body])
+    mine = np.isin(labels, [labels[pixel[1], pixel[0]], *on_body[on_body > 0]])
+    # the disc reaches what moved beside it, but is a region of its own only where nothing moved
+    region = mine & ((disc == 0) | (moved > 0)) if (mine & (moved > 0)).any() else mine
+    region[pixel[1], pixel[0]] = True
+    return np.asarray(region)
+
+
+def enlarged(region: np.ndarray) -> np.ndarray:
+    """A region (H, W) and the pixels next to it."""
+    return cv2.dilate(region.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0

@@ -1,0 +1,178 @@
+"""The learned interaction policy on one board (paper section 3.1, and section 3.2 "Data collection").
+
+Modes:
+
+- `evaluate`: try new links while the best candidate's expected success exceeds a threshold, then repeat known ones.
+- `greedy`: always the highest affordance and its best direction (Table 1, row "w/o exploration").
+- `ucb`: the paper's Upper Confidence Bound, P + c sqrt(ln t / N) at every elevated pixel (`ucb_bonus`).
+- `collect`: a random one of the candidates, one per region, for data to reason from. The paper draws among all of them;
+  here those that were not tried yet come first (`PolicyConfig.untried_first`).
+"""
+
+from dataclasses import dataclass
+from typing import Generic, Literal, get_args
+
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS, OPPOSITE
+from busybot.common.errors import BusybotError
+from busybot.episodes.camera import Rays
+from busybot.episodes.episode import Observation
+from busybot.interact.policy.board_memory import Failure, Memory
+from busybot.interact.policy.candidates import ActionModel, Candidates, V, find_candidates, held, prior_shift, smoothed
+from busybot.interact.policy.config import PolicyConfig
+from busybot.interact.policy.direction_pairs import ELEVATED, PAIR_OF, PAIRS, pair_scores, sigmoid
+from busybot.interact.policy.paper import ucb_bonus
+from busybot.sim.policy import Action
+
+Mode = Literal["evaluate", "greedy", "ucb", "collect"]
+MODES: tuple[Mode, ...] = get_args(Mode)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """An action and why it was chosen.
+
+    Attributes:
+        why: `new` (a link that was not moved yet), `known`, `best` (greedy and UCB) or `guess` (no candidate at all).
+        belief: that something can be moved at the pixel.
+        pair_belief: that the direction or its opposite does it.
+    """
+
+    pixel: tuple[int, int]
+    direction: int
+    why: str
+    belief: float
+    pair_belief: float
+
+
+class LearnedPolicy(Generic[V]):
+    """Chooses actions on one board by a model's affordance and by what happened before.
+
+    It reads depth (and RGB, if the model sees colours), its own actions, their reward and which pixels they changed.
+
+    Attributes:
+        view, candidates, choice: of the last decision, for pictures. `candidates` is None in modes that have none.
+        memory: what was learnt about the board.
+    """
+
+    def __init__(
+        self, model: ActionModel[V], rays: Rays, config: PolicyConfig | None = None, mode: Mode = "evaluate"
+    ) -> None:
+        self.name = policy_name(mode)
+        self._model, self._rays, self._mode = model, rays, mode
+        self._config = config or PolicyConfig()
+        self._seen: Observation | None = None
+        self._picks: list[tuple[int, int]] = []
+        self.view: V | None = None
+        self.memory: Memory | None = None
+        self.candidates: Candidates | None = None
+        self.choice: Choice | None = None
+
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
+        view, memory = self._look(observation)
+        if self._mode == "evaluate":
+            choice = self._best(self._find(view, observation, memory), memory)
+        elif self._mode == "collect":
+            choice = self._random(self._find(view, observation, memory), memory, rng)
+        else:
+            choice = self._highest(view, with_bonus=self._mode == "ucb")
+        self.choice = choice = choice or _guess(view.height, rng)
+        self._picks.append(choice.pixel)
+        return Action(choice.pixel, (choice.direction,))
+
+    def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
+        before, memory, choice = self._seen, self.memory, self.choice
+        assert before is not None and memory is not None and choice is not None
+        if reward:
+            memory.succeeded(action.pixel, executed[-1], before, after)
+        else:
+            memory.failed(Failure(action.pixel, {int(PAIR_OF[choice.direction]): choice.pair_belief}))
+
+    def _look(self, observation: Observation) -> tuple[V, Memory]:
+        if self.view is None or observation is not self._seen:
+            self._seen, self.view = observation, self._model.look(observation, self._rays, self.view)
+        if self.memory is None:
+            self.memory = Memory(self.view.height, self._config)
+        return self.view, self.memory
+
+    def _find(self, view: V, seen: Observation, memory: Memory) -> Candidates:
+        self.candidates = find_candidates(self._model, seen, self._rays, memory, self._config, view)
+        return self.candidates
+
+    def _best(self, found: Candidates, memory: Memory) -> Choice | None:
+        """The most promising new link while that promises enough, else the safest known one, else any."""
+        new, known = found.take(found.regions < 0), found.take(found.regions > 0)
+        enough = np.where(memory.tried(new.pixels), self._config.insist, self._config.explore)
+        promising = new.take(new.scores >= enough) if len(known) else new
+        if len(promising):
+            return _chosen(promising, int(promising.scores.argmax()), "new")
+        return _chosen(known, int(known.scores.argmax()), "known") if len(known) else None
+
+    def _random(self, found: Candidates, memory: Memory, rng: np.random.Generator) -> Choice | None:
+        """Any new candidate of enough promise or known link; of its pair, the directions by their probabilities."""
+        if not len(found):
+            return None
+        known, config = found.regions > 0, self._config
+        good = known | (found.scores >= config.collect)
+        untried = good & ~known & ~memory.tried_here(found.pixels)
+        if config.untried_first and untried.any():
+            good = untried
+        if not good.any():
+            good = found.scores >= found.scores.max()
+        found = found.take(good)
+        if config.candidates == "peaks":  # of the paper's clusters each has one
+            found = found.best_of_regions()
+        index = int(rng.integers(len(found)))
+        choice = _chosen(found, index, "known" if found.regions[index] > 0 else "new")
+        two = [choice.direction, int(OPPOSITE[choice.direction])]
+        weights = found.directions[index, two] + 1e-6
+        direction = two[int(rng.random() * weights.sum() > weights[0])]
+        return Choice(choice.pixel, direction, choice.why, choice.belief, choice.pair_belief)
+
+    def _highest(self, view: V, with_bonus: bool) -> Choice | None:
+        """The pixel with the highest affordance, with the paper's bonus or without."""
+        scores = sigmoid(smoothed(view.affordance, self._config.blur) + prior_shift(self._config))
+        if with_bonus:
+            scores = scores + ucb_bonus(scores.shape, self._picks, self._config.ucb_c, self._config.ucb_window)
+        scores[~held(view.affordance)] = -1
+        row, column = np.unravel_index(int(scores.argmax()), scores.shape)
+        if scores[row, column] < 0:
+            return None
+        _, directions = self._model.directions(view, np.array([[column, row]]))
+        pairs = pair_scores(np.asarray(directions, float))[0]
+        direction = _better(np.asarray(directions)[0], int(pairs.argmax()))
+        return Choice((int(column), int(row)), direction, "best", float(scores[row, column]), float(pairs.max()))
+
+
+def mode_named(name: str) -> Mode:
+    """The mode of that name, or an error that lists them."""
+    for mode in MODES:
+        if mode == name:
+            return mode
+    raise BusybotError(f"the learned policy has no mode {name!r}", f"choose {', '.join(MODES)}")
+
+
+def policy_name(mode: Mode) -> str:
+    """Name of the policy in episodes."""
+    return "learned" if mode == "collect" else f"learned-{mode}"
+
+
+def _chosen(found: Candidates, index: int, why: str) -> Choice:
+    column, row = found.pixels[index]
+    direction, pair = int(found.best_directions[index]), int(found.best_pairs[index])
+    return Choice((int(column), int(row)), direction, why, float(found.beliefs[index]), float(found.pairs[index, pair]))
+
+
+def _better(directions: np.ndarray, pair: int) -> int:
+    """Of a pair the direction with the higher probability, of (18,)."""
+    first = int(PAIRS[pair])
+    return max((first, int(OPPOSITE[first])), key=lambda one: directions[one])
+
+
+def _guess(height: np.ndarray, rng: np.random.Generator) -> Choice:
+    """Any elevated pixel, any direction."""
+    elevated = np.flatnonzero(height > ELEVATED)
+    chosen = int(rng.choice(elevated)) if len(elevated) else int(rng.integers(height.size))
+    row, column = divmod(chosen, height.shape[1])
+    return Choice((column, row), int(rng.integers(len(DIRECTIONS))), "guess", 0.1, 0.1)

@@ -1,0 +1,164 @@
+"""Factories of learned policies: plain data that worker processes receive; models are loaded there at first use."""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+from pydantic import ValidationError
+
+from busybot.common.errors import BusybotError
+from busybot.episodes.camera import Rays
+from busybot.interact.affordance.fast import Model, ModelInfo
+from busybot.interact.affordance.load import find_model, load_model
+from busybot.interact.policy.config import PolicyConfig, without_fixed
+from busybot.interact.policy.exploration import ExploreConfig, GuidedExplorer, UnguidedExplorer
+from busybot.interact.policy.learned import LearnedPolicy, Mode, policy_name
+from busybot.interact.policy.paper import PaperPolicy, PaperRules
+from busybot.sim.policy import Policy
+from busybot.training.model_cards import INFO_FILE, file_hashes
+
+DEFAULT_MODEL = "procedural"
+"""The shipped model that commands use when none is named."""
+_OF_THE_BONUS = frozenset({"ucb_c", "ucb_window"})
+_NOT_READ: dict[Mode, frozenset[str]] = {
+    "evaluate": _OF_THE_BONUS | {"collect", "untried_first"},
+    "collect": _OF_THE_BONUS | {"explore", "insist"},
+    "greedy": frozenset(PolicyConfig.model_fields) - {"blur"},
+    "ucb": frozenset(PolicyConfig.model_fields) - {"blur", "prior"} - _OF_THE_BONUS,
+}
+"""Constants that change nothing in a mode."""
+
+
+@dataclass(frozen=True)
+class LearnedPolicyFactory:
+    """Makes the policy of a trained model.
+
+    Attributes:
+        model: name of a shipped model, or a folder.
+        mode: see `interact.policy`.
+        overrides: values of `PolicyConfig` that take precedence over those on the model's card.
+    """
+
+    model: str
+    mode: Mode = "evaluate"
+    overrides: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Depends on the mode alone: the same draws wherever the model lies."""
+        return policy_name(self.mode)
+
+    def make_policy(self, rays: Rays) -> Policy:
+        model, constants = load_once(self.model), self._constants()
+        if model.info.variant == "paper" and self.mode in ("ucb", "greedy"):
+            c = constants.ucb_c if self.mode == "ucb" else 0
+            return PaperPolicy(model, rays, PaperRules(ucb_c=c, ucb_window=constants.ucb_window), self.name)
+        return LearnedPolicy(model, rays, constants, self.mode)
+
+    def provenance(self) -> dict[str, Any]:
+        """Everything that decides the choices, JSON values; two models are the same if this is."""
+        return {"mode": self.mode, "policy": self._constants().provenance(), "model": fingerprint(self.model)}
+
+    def _constants(self) -> PolicyConfig:
+        """The policy's constants.
+
+        Raises:
+            BusybotError: an override names no constant, has no allowed value, or one that this mode does not read.
+        """
+        info = load_once(self.model).info
+        config = policy_config(info, self.overrides)
+        by_paper = info.variant == "paper" and self.mode in ("ucb", "greedy")
+        unread = _NOT_READ[self.mode] | ({"blur", "prior"} if by_paper else set())
+        for name in sorted(unread.intersection(self.overrides)):
+            what = f"learned.{name} changes nothing in mode {self.mode}" + (" of the paper's model" if by_paper else "")
+            raise BusybotError(what, "leave it out")
+        return config
+
+
+@dataclass(frozen=True)
+class ExplorePolicyFactory:
+    """Makes the policy that collects a training round.
+
+    Attributes:
+        model: the model of the round before; None in the first round.
+    """
+
+    model: str | None
+    config: ExploreConfig = ExploreConfig()
+
+    @property
+    def name(self) -> str:
+        return UnguidedExplorer.name if self.model is None else GuidedExplorer.name
+
+    def make_policy(self, rays: Rays) -> Policy:
+        if self.model is None:
+            return UnguidedExplorer(rays, self.config)
+        return GuidedExplorer(load_once(self.model), rays, self.config)
+
+    def provenance(self) -> dict[str, Any]:
+        """Everything that decides the choices, JSON values."""
+        model = None if self.model is None else fingerprint(self.model)
+        return {"explore": self.config.model_dump(mode="json"), "model": model}
+
+
+@dataclass(frozen=True)
+class PaperPolicyFactory:
+    """Makes the policy that collects an epoch of the `paper` variant's training.
+
+    Attributes:
+        model: the model of the epoch before; None if the rules leave everything to chance.
+    """
+
+    model: str | None
+    rules: PaperRules
+    name = "explore-paper"
+
+    def make_policy(self, rays: Rays) -> Policy:
+        model = None if self.model is None else load_once(self.model)
+        return PaperPolicy(model, rays, self.rules, self.name)
+
+    def provenance(self) -> dict[str, Any]:
+        """Everything that decides the choices, JSON values."""
+        model = None if self.model is None else fingerprint(self.model)
+        return {"explore": self.rules.model_dump(mode="json"), "model": model}
+
+
+def usual_mode(model: str) -> Mode:
+    """The mode in which a model is judged if none is asked for: the paper's variant with the paper's policy."""
+    return "ucb" if load_once(model).info.variant == "paper" else "evaluate"
+
+
+def policy_config(info: ModelInfo, overrides: dict[str, Any]) -> PolicyConfig:
+    """The defaults, then the model's card, then the overrides.
+
+    Raises:
+        BusybotError: there is no such parameter, or its value is not allowed.
+    """
+    try:
+        own = {"prior": info.prior, "after_failure": info.after_failure, **info.thresholds}
+        return PolicyConfig.model_validate(without_fixed({**own, **overrides}))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"]))
+        known = f"the learned policy's parameters are {', '.join(PolicyConfig.model_fields)}"
+        raise BusybotError(f"parameter {place} of the learned policy: {first['msg']}", known) from None
+    except ValueError as error:
+        raise BusybotError(f"parameter {error}", "leave it out") from None
+
+
+def fingerprint(name_or_path: str) -> dict[str, Any]:
+    """What a model is, without where it lies: hashes of its files, and its card."""
+    folder = find_model(name_or_path)
+    card = load_once(name_or_path).info.model_dump(mode="json", exclude={"files"})  # they are in `sha256`
+    return {"name": folder.name, "sha256": file_hashes(folder), "card": card}
+
+
+def load_once(name_or_path: str) -> Model:
+    """The model, read anew when its card on disk changed."""
+    folder = find_model(name_or_path)
+    return _load(str(folder), (folder / INFO_FILE).stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _load(folder: str, changed: int) -> Model:
+    return load_model(folder)

@@ -1,0 +1,174 @@
+"""Training batches: crops of recorded pictures, moved, scaled, turned and mirrored together with their labels.
+
+What makes a switch work does not depend on where on the board it stands, nor much on its size or on how it is turned
+about the camera's axis. So each crop is shown at a random offset, scale, aspect and height and in one of the eight
+orientations of a square, and heights, normals and directions change as the object itself would.
+
+In the picture +x is right and +y is up. `MIRROR_X` maps (x, y) to (-x, y), `MIRROR_Y` to (x, -y), and `TRANSPOSE`,
+which swaps rows and columns, to (-y, -x). Quarter turns are transpositions with one mirror.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.interact.affordance.inputs import Pinhole, colour_features, depth_features, unit
+from busybot.interact.training.config import FitConfig
+from busybot.interact.training.sample_cache import SIDE, Samples
+
+MIRROR_X = np.diag([-1.0, 1.0, 1.0])
+MIRROR_Y = np.diag([1.0, -1.0, 1.0])
+TRANSPOSE = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def remapped_directions(matrix: np.ndarray) -> np.ndarray:
+    """For each direction the index of the one that `matrix` (3, 3) takes to it: labels[remapped] are the new labels."""
+    images = DIRECTIONS @ matrix.T
+    return np.argmax(DIRECTIONS @ images.T, axis=1)
+
+
+@dataclass
+class Batch:
+    """B crops.
+
+    Attributes:
+        features: float32 (B, C, S, S).
+        rows, columns: int64 (B,), the pixel acted on, in the crop.
+        reward: float32 (B,).
+        labels, known: float32 (B, 18), which directions worked and for which that is known.
+    """
+
+    features: Tensor
+    rows: Tensor
+    columns: Tensor
+    reward: Tensor
+    labels: Tensor
+    known: Tensor
+
+
+def draw_batch(samples: Samples, chosen: np.ndarray, config: FitConfig, rng: np.random.Generator) -> Batch:
+    """Crops of the chosen samples, augmented."""
+    augmentation, depth = config.augmentation, samples.inputs == "depth"
+    rows, columns = _draw_sides(config, rng)
+    cut = max(rows, columns)
+    reach = min(config.jitter, min(rows, columns) // 2 - 1, (SIDE - 2 - cut) // 2)
+    batch = cut_batch(samples, chosen, cut, rng.integers(-reach, reach + 1, (len(chosen), 2)))
+    _narrow(batch, rows, columns)
+    heights = np.exp(rng.uniform(-1, 1, len(chosen)) * augmentation.log_height).astype(np.float32)
+    _resize(batch, config.side, torch.from_numpy(heights) if depth else None)
+    for matrix, share in ((MIRROR_X, 0.5), (MIRROR_Y, 0.5), (TRANSPOSE, augmentation.transposed)):
+        apply_symmetry(batch, matrix, torch.from_numpy(rng.random(len(chosen)) < share), depth)
+    if samples.inputs == "rgb" and augmentation.colour:
+        gain, offset = rng.normal(0, augmentation.colour, (2, len(chosen), 3, 1, 1)).astype(np.float32)
+        batch.features = batch.features * torch.from_numpy(1 + gain) + torch.from_numpy(offset / 2)
+    return batch
+
+
+def _draw_sides(config: FitConfig, rng: np.random.Generator) -> tuple[int, int]:
+    """How many rows and columns become the `side` pixels of this batch; even numbers."""
+    augmentation = config.augmentation
+    scaled = rng.random() < augmentation.scaled
+    scale, stretch = rng.uniform(-1, 1, 2) * (augmentation.log_scale, augmentation.log_stretch) * scaled
+    sides = [int(config.side * np.exp(scale + part)) // 2 * 2 for part in (stretch / 2, -stretch / 2)]
+    return min(sides[0], SIDE - 2), min(sides[1], SIDE - 2)
+
+
+def cut_batch(samples: Samples, chosen: np.ndarray, side: int, offsets: np.ndarray | None = None) -> Batch:
+    """Crops around the samples' pixels as they are.
+
+    Args:
+        offsets: int (B, 2), rows and columns by which the crops are moved.
+    """
+    moved = np.zeros((len(chosen), 2), int) if offsets is None else offsets
+    features = (_cut_depth if samples.inputs == "depth" else _cut_colours)(samples, chosen, side, moved)
+    labels, known = samples.direction_labels(chosen)
+    return Batch(
+        features=features,
+        rows=torch.from_numpy(side // 2 - moved[:, 0]),
+        columns=torch.from_numpy(side // 2 - moved[:, 1]),
+        reward=torch.from_numpy(samples.reward[chosen].astype(np.float32)),
+        labels=torch.from_numpy(labels.astype(np.float32)),
+        known=torch.from_numpy(known.astype(np.float32)),
+    )
+
+
+def _cut_depth(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> Tensor:
+    """Features from depth, (B, 4, side, side); each needs a margin of one pixel."""
+    around = np.arange(-1, side + 1) - side // 2
+    stored = np.empty((len(chosen), side + 2, side + 2), np.uint16)
+    for number, (index, (down, right)) in enumerate(zip(chosen, moved, strict=True)):
+        top, left = SIDE // 2 + around[0] + down, SIDE // 2 + around[0] + right
+        square = samples.squares[samples.dataset[index]][samples.row[index]]
+        stored[number] = square[top : top + side + 2, left : left + side + 2]
+    offset, step = samples.scale[chosen].T[:, :, None, None]
+    depth = torch.from_numpy(np.where(stored > 0, offset + stored * step, np.float32(0)))
+    rows = samples.pixels[chosen, 1, None] + moved[:, :1] + around
+    columns = samples.pixels[chosen, 0, None] + moved[:, 1:] + around
+    camera = samples.camera
+    rows, columns = rows.clip(0, camera.height - 1), columns.clip(0, camera.width - 1)
+    return depth_features(Pinhole(camera).points(depth, torch.from_numpy(rows), torch.from_numpy(columns)))
+
+
+def _cut_colours(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> Tensor:
+    """Features from colours, (B, 3, side, side)."""
+    crops = np.empty((len(chosen), side, side, 3), np.uint8)
+    for number, (index, (down, right)) in enumerate(zip(chosen, moved, strict=True)):
+        top, left = SIDE // 2 - side // 2 + down, SIDE // 2 - side // 2 + right
+        square = samples.squares[samples.dataset[index]][samples.row[index]]
+        crops[number] = square[top : top + side, left : left + side]
+    return colour_features(crops)
+
+
+def _narrow(batch: Batch, rows: int, columns: int) -> None:
+    """Keep so many rows and columns around the middle of square crops."""
+    top, left = ((batch.features.shape[-1] - kept) // 2 for kept in (rows, columns))
+    batch.features = batch.features[:, :, top : top + rows, left : left + columns]
+    batch.rows, batch.columns = batch.rows - top, batch.columns - left
+
+
+def _resize(batch: Batch, side: int, heights: Tensor | None) -> None:
+    """Show the crops `side` pixels wide and high, as if everything in them were larger, smaller, slimmer or flatter.
+
+    Args:
+        heights: of depth features, factors (B,) by which things become higher than the crop's own scale makes them.
+    """
+    along, across = (side / size for size in batch.features.shape[-2:])
+    features = batch.features
+    if along != 1 or across != 1:
+        features = functional.interpolate(features, size=(side, side), mode="bilinear", align_corners=False)
+    if heights is not None and (along != 1 or across != 1 or bool((heights != 1).any())):
+        upward = heights * float(np.sqrt(along * across))
+        # a surface that is stretched by s has a normal that is divided by s, along each axis
+        stretch = torch.stack([torch.full_like(upward, across), torch.full_like(upward, along), upward], dim=1)
+        normal = unit(features[:, 1:] / stretch[:, :, None, None])
+        features = torch.cat([features[:, :1] * upward[:, None, None, None], normal], dim=1)
+    batch.features = features
+    batch.rows = ((batch.rows + 0.5) * along).long().clamp(0, side - 1)
+    batch.columns = ((batch.columns + 0.5) * across).long().clamp(0, side - 1)
+
+
+def apply_symmetry(batch: Batch, matrix: np.ndarray, chosen: Tensor, depth: bool) -> None:
+    """Mirror or transpose the chosen crops (bool (B,)) with their labels; `matrix` is one of the three above."""
+    transposed = matrix is TRANSPOSE
+    axis = -1 if matrix is MIRROR_X else -2
+    part = batch.features[chosen]
+    part = part.transpose(-1, -2) if transposed else part.flip(axis)
+    if depth:
+        turn = torch.tensor(matrix, dtype=part.dtype)
+        part = torch.cat([part[:, :1], torch.einsum("ij,bjhw->bihw", turn, part[:, 1:])], dim=1)
+    batch.features[chosen] = part
+    last = batch.features.shape[-1] - 1
+    rows, columns = batch.rows, batch.columns
+    if transposed:
+        batch.rows, batch.columns = torch.where(chosen, columns, rows), torch.where(chosen, rows, columns)
+    elif axis == -1:
+        batch.columns = torch.where(chosen, last - columns, columns)
+    else:
+        batch.rows = torch.where(chosen, last - rows, rows)
+    order = torch.from_numpy(remapped_directions(matrix))
+    batch.labels[chosen] = batch.labels[chosen][:, order]
+    batch.known[chosen] = batch.known[chosen][:, order]

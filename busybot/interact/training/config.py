@@ -1,0 +1,198 @@
+"""Parameters of `busybot train interact`, with the values that were found to work.
+
+Constants of training the `fast` networks: plain data that worker processes get.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from busybot.interact.affordance.fast_networks import CROP
+from busybot.interact.affordance.inputs import Inputs
+from busybot.interact.policy.exploration import ExploreConfig
+from busybot.sim.interaction import InteractionConfig
+from busybot.sim.scene.render import RenderConfig
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class _Plain(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Augmentation(_Plain):
+    """How crops are varied.
+
+    Attributes:
+        scaled: share of batches that are scaled by exp(uniform(-log_scale, log_scale)) and stretched along one axis at
+            the other's cost by exp(uniform(-log_stretch, log_stretch)).
+        log_height: heights of each crop are multiplied by exp(uniform(-log_height, log_height)).
+        transposed: share of crops with rows and columns swapped; with the mirrors, of which each happens to half of the
+            crops, this gives all quarter turns.
+        colour: standard deviation of the gain per colour channel, and of twice its offset (RGB variant).
+    """
+
+    scaled: Share = 0.7
+    log_scale: Annotated[float, Field(ge=0, le=0.5)] = 0.25
+    log_stretch: Annotated[float, Field(ge=0, le=0.5)] = 0.3
+    log_height: Annotated[float, Field(ge=0, le=1)] = 0.3
+    transposed: Share = 0.35
+    colour: Annotated[float, Field(ge=0, le=1)] = 0.2
+
+
+class Replay(_Plain):
+    """Which samples are shown (`interact.replay`).
+
+    Attributes:
+        positives: share of a batch with reward.
+        initial: priority of a sample that was never shown, as a loss.
+        memory: share of the old priority that stays when a new loss is seen.
+        highest_loss: losses are clipped to this before they enter the priority.
+        lowest, highest: priorities are clipped to this range when samples are drawn.
+        later_rounds: weight of failures of later rounds beside those of the first one: the current policy's own
+            mistakes.
+    """
+
+    positives: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    initial: Positive = 0.4
+    memory: Share = 0.5
+    highest_loss: Positive = 3.0
+    lowest: Positive = 0.04
+    highest: Positive = 1.5
+    later_rounds: Positive = 5.0
+
+
+class FitConfig(_Plain):
+    """One network's training; the defaults are the position network's.
+
+    Attributes:
+        batch: samples per iteration.
+        side: of the crops, pixels.
+        jitter: crops are moved by up to so many pixels along each axis.
+        learning_rate: at its highest; it rises over `warm_up` iterations and falls as a cosine to zero, in each round.
+        weight_decay: of AdamW.
+        dropout: of the direction network's hidden layer.
+        direction_weight: of the directions' loss beside the position's (direction network).
+        bfloat16: multiply matrices in bfloat16 (autocast), twice as fast on processors that can; None: where they can.
+        report: a line of metrics every so many iterations.
+        checkpoint: a checkpoint every so many iterations.
+    """
+
+    batch: Annotated[int, Field(ge=2, le=4096)] = 32
+    side: Annotated[int, Field(ge=16, le=128, multiple_of=16)] = 96
+    jitter: Annotated[int, Field(ge=0, le=64)] = 24
+    learning_rate: Positive = 2e-3
+    warm_up: Annotated[int, Field(ge=1)] = 30
+    weight_decay: Annotated[float, Field(ge=0)] = 1e-3
+    dropout: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    direction_weight: Annotated[float, Field(ge=0)] = 2.0
+    bfloat16: bool | None = None
+    report: Annotated[int, Field(ge=1)] = 50
+    checkpoint: Annotated[int, Field(ge=1)] = 250
+    augmentation: Augmentation = Augmentation()
+    replay: Replay = Replay()
+
+
+class DirectionFitConfig(FitConfig):
+    """The direction network's training: the position stays in the middle of the crop."""
+
+    batch: Annotated[int, Field(ge=2, le=4096)] = 64
+    side: Annotated[int, Field(ge=16, le=128, multiple_of=16)] = 64
+    jitter: Annotated[int, Field(ge=0, le=64)] = 0
+    weight_decay: Annotated[float, Field(ge=0)] = 1e-2
+    dropout: Annotated[float, Field(ge=0, lt=1)] = 0.2
+
+
+Iterations = Annotated[int, Field(ge=0, le=10_000_000)]
+
+
+class _TrainConfigPlain(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class RecordConfig(_TrainConfigPlain):
+    """How the data of a training are recorded, whatever learns from them.
+
+    Attributes:
+        inputs: what the networks see: `depth`, or `rgb` for the row "RGB" of Table 1.
+        responders, interaction, render: of the simulator, as in `busybot collect`. Without responders a trigger's own
+            motion is all that earns a reward (row "w/o responder"); `interaction.reward=joints` is the oracle's.
+        group_size: boards that share one appearance. Reasoning wants 20 (paper section 3.2); here every board has its
+            own, because where and how to act depends on nothing else.
+        uniform: draw objects with equal probabilities instead of by their weights.
+        images: encoding of recorded colours.
+    """
+
+    inputs: Inputs = "depth"
+    responders: bool = True
+    interaction: InteractionConfig = InteractionConfig()
+    render: RenderConfig = RenderConfig()
+    group_size: Annotated[int, Field(ge=1, le=10_000)] = 1
+    uniform: bool = False
+    images: Literal["jpeg", "png"] = "jpeg"
+
+
+class Round(_TrainConfigPlain):
+    """Collect with the current policy, then train on all that is there.
+
+    Attributes:
+        boards: new ones, of the training split.
+        steps: proposed actions per board.
+        position, direction: iterations of the two networks.
+    """
+
+    boards: Annotated[int, Field(ge=1, le=1_000_000)]
+    steps: Annotated[int, Field(ge=1, le=1000)]
+    position: Iterations
+    direction: Iterations
+
+
+ROUNDS = (
+    Round(boards=240, steps=24, position=800, direction=1300),
+    Round(boards=200, steps=14, position=800, direction=1300),
+    Round(boards=200, steps=14, position=1400, direction=2400),
+)
+"""On two idle cores about half an hour, on a processor that multiplies bfloat16 half (docs/guides/interact.md)."""
+
+
+STRICT = {"direction.augmentation.transposed": 0.0}
+"""What has another default under `--strict`.
+
+Switches are never turned (paper, appendix "Board Generation"), so no crop needs to be. Where one of 18 directions
+counts, and not whatever moves the link, it tells a slider from a lever that the one lies and the other stands.
+"""
+
+
+class TrainConfig(RecordConfig):
+    """A whole training of the `fast` variant.
+
+    Attributes:
+        variant: which networks.
+        rounds: the first collects at random, each later one with the model of the one before.
+        window: steps that the replay buffer holds; older ones are forgotten.
+        validation: boards of the training split that are collected as in round 0 and never trained on; 0 for none.
+        validation_steps: proposed actions on each.
+        explore: who collects.
+        position, direction: how the networks are trained.
+    """
+
+    variant: Literal["fast"] = "fast"
+    rounds: Annotated[tuple[Round, ...], Field(min_length=1, max_length=1000)] = ROUNDS
+    window: Annotated[int, Field(ge=1)] = 1_000_000
+    validation: Annotated[int, Field(ge=0, le=100_000)] = 40
+    validation_steps: Annotated[int, Field(ge=1, le=1000)] = 24
+    explore: ExploreConfig = ExploreConfig()
+    position: FitConfig = FitConfig()
+    direction: DirectionFitConfig = DirectionFitConfig()
+
+    @model_validator(mode="after")
+    def _sides(self) -> "TrainConfig":
+        if self.direction.side != CROP:
+            raise ValueError(f"direction.side: the direction network takes crops of {CROP} pixels")
+        if self.direction.jitter:
+            raise ValueError("direction.jitter: the direction network looks at the middle of its crop; leave it at 0")
+        for name in ("dropout", "direction_weight"):
+            if getattr(self.position, name) != FitConfig.model_fields[name].default:
+                raise ValueError(f"position.{name}: only the direction network has it; set direction.{name}")
+        return self

@@ -1,0 +1,337 @@
+"""Training of the `paper` variant: collect an epoch's data, then train on the replay buffer (paper appendix A.1).
+
+The folder is that of the `fast` variant (`interact.train`), but for
+
+rounds/000, 001, ...          an ordinary dataset for each epoch
+current/                      the model with which the next epoch is collected; there is none per epoch
+metrics/epochs.jsonl          what each epoch collected
+
+The buffer is a window over the recorded steps. Pictures that have left it are no longer cached. Weights depend on the
+recorded steps, the seed and, in their last bits, on the device and the number of threads: on a CPU, training again from
+copied rounds and going on after a kill end in the same ones.
+
+Training one network of the `paper` variant on what is recorded, epoch by epoch.
+
+A sample is the paper's tuple of picture, position, direction and reward. Where it leaves room:
+
+- The position network learns the reward at the one pixel that was acted on: binary cross entropy of the affordance.
+  Where one direction was tried, not all, a good position with a wrong direction has no reward either.
+- The direction network learns that the direction that worked did so (reward 1), or that those that were executed in
+  vain, the proposed one and its opposite, did not (reward 0): the mean of their binary cross entropies.
+- Half of a batch has reward and half has none; within each half samples are drawn uniformly, with replacement.
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from busybot.common.atomic_io import remove, write_atomically
+from busybot.common.errors import BusybotError
+from busybot.common.process_pool import machine
+from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.mcap.reader import read_episode
+from busybot.interact.affordance.fast import ModelInfo
+from busybot.interact.affordance.fast_networks import KINDS, Kind
+from busybot.interact.affordance.inputs import Inputs
+from busybot.interact.affordance.paper import PAPER_POLICY, PAPER_PRIOR, PaperModel
+from busybot.interact.affordance.paper_inputs import recorded_pictures, with_positions
+from busybot.interact.affordance.paper_networks import Size, make_paper_network
+from busybot.interact.policy.paper import PaperRules
+from busybot.interact.policy.policy_factory import PaperPolicyFactory
+from busybot.interact.training.paper_config import LearnConfig, PaperConfig
+from busybot.interact.training.round_recorder import BEFORE, Recorder, checked, finished, given, loss_panel
+from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
+from busybot.training.checkpoint import Checkpoint
+from busybot.training.device import device, repeat_exactly
+from busybot.training.loop import Learner, Loop, descend
+from busybot.training.metrics_file import read_metrics
+from busybot.training.plots import Panel, draw
+from busybot.training.run_folder import begin_folder, learner_versions
+from busybot.training.weights import initialise
+
+
+@dataclass(frozen=True)
+class PaperJob:
+    """One network's training.
+
+    Attributes:
+        kind: which network.
+        inputs: what it sees.
+        size: rows and columns of the pictures.
+        config: how it is trained.
+        seed: of its first weights and of all batches.
+        every: iterations between checkpoints.
+        checkpoint, metrics: files that this training writes.
+    """
+
+    kind: Kind
+    inputs: Inputs
+    size: Size
+    config: LearnConfig
+    seed: int
+    every: int
+    checkpoint: Path
+    metrics: Path
+
+
+class PaperAffordanceLearner(Learner):
+    """A network of the `paper` variant, epoch by epoch; it begins with new weights, or those of the last checkpoint.
+
+    Attributes:
+        loop: its training.
+        epoch: the next one to train in, or the one that was begun.
+        done: iterations done in it.
+    """
+
+    def __init__(self, job: PaperJob):
+        self.job, self.name = job, job.kind
+        self.network = make_paper_network(job.kind, job.inputs, job.size)
+        draws = generator(job.seed, "train", 0, f"paper/initial weights/{job.kind}")
+        initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))), biases=True)
+        self.network.to(device())
+        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=job.config.learning_rate)
+        self.epoch = self.done = 0
+        self._samples: Samples | None = None
+        self.loop = Loop(self, job.checkpoint, job.metrics, report=1, every=job.every)
+
+    def behind(self, epoch: int) -> bool:
+        """Whether iterations of this epoch are left to do."""
+        return self.epoch < epoch or (self.epoch == epoch and self.done < self.job.config.iterations)
+
+    def train(self, samples: Samples, epoch: int) -> None:
+        """All iterations of an epoch that are not done yet."""
+        if self.epoch < epoch:
+            self.epoch, self.done = epoch, 0
+        if samples.reward.all() or not samples.reward.any():
+            return
+        self._samples = samples
+        start = self.loop.progress.iteration - self.done
+        self.loop.run(f"epoch {epoch}: {self.job.kind} network", start, start + self.job.config.iterations)
+
+    def iterate(self, iteration: int) -> tuple[float, float]:
+        """One step of the optimizer on the epoch's samples."""
+        assert self._samples is not None, "`train` gives them"
+        job = self.job
+        loss = self.learn(self._samples, generator(job.seed, "train", self.epoch, f"paper/{job.kind}/{self.done}"))
+        self.done += 1
+        return loss, job.config.learning_rate
+
+    def learn(self, samples: Samples, rng: np.random.Generator) -> float:
+        """Draw a batch and take one step of the optimizer; returns the loss."""
+        self.network.train()
+        chosen = draw_half(samples.reward, self.job.config.batch, rng)
+        loss = batch_loss(self.network, self.job.kind, samples, chosen)
+        descend(self.optimizer, loss)
+        return float(loss.detach())
+
+    def state(self) -> Checkpoint:
+        """The place in the epochs: those without successes have no iterations."""
+        return Checkpoint({}, {"epoch": self.epoch, "done": self.done})
+
+    def restore(self, saved: Checkpoint) -> None:
+        """Go on in that epoch."""
+        self.epoch, self.done = int(saved.values["epoch"]), int(saved.values["done"])
+
+
+def draw_half(reward: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Indices of a batch: `count` / 2 samples with reward, then as many without."""
+    return np.concatenate([rng.choice(np.flatnonzero(reward == wanted), count // 2) for wanted in (True, False)])
+
+
+def batch_loss(network: nn.Module, kind: Kind, samples: Samples, chosen: np.ndarray) -> Tensor:
+    """The loss of a batch, a scalar on the network's device."""
+    on = next(network.parameters()).device
+    features = recorded_pictures(samples, chosen, on)
+    pixels = torch.from_numpy(samples.pixels[chosen].astype(np.int64)).to(on)
+    reward = torch.from_numpy(samples.reward[chosen]).to(on)
+    if kind == "direction":
+        features = with_positions(features, pixels)
+    outputs = network(features.contiguous(memory_format=torch.channels_last))
+    if kind == "position":
+        at_pixel = outputs[torch.arange(len(chosen), device=on), :, pixels[:, 1], pixels[:, 0]]  # (B, 2)
+        return functional.cross_entropy(at_pixel, reward.long())
+    labels, known = (torch.from_numpy(values.astype(np.float32)).to(on) for values in paper_labels(samples, chosen))
+    losses = functional.binary_cross_entropy_with_logits(outputs, labels, reduction="none") * known
+    return (losses.sum(dim=1) / known.sum(dim=1)).mean()
+
+
+def paper_labels(samples: Samples, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which directions worked, and which ones are learnt from, both bool (B, 18)."""
+    worked, _ = samples.direction_labels(chosen)
+    return worked, np.where(samples.reward[chosen, None], worked, samples.executed[chosen])
+
+
+PLOT_EVERY = 10
+"""Epochs between pictures of the training's course."""
+
+
+class PaperTraining:
+    """One training in its folder.
+
+    Args:
+        recorder: of the epochs' data.
+        datasets: the epochs, if they lie elsewhere; else they are in the training's own folder.
+
+    Raises:
+        BusybotError: there are more or fewer datasets than epochs.
+    """
+
+    def __init__(self, out: Path, config: PaperConfig, recorder: Recorder, datasets: tuple[Path, ...] = ()):
+        if datasets and len(datasets) != config.epochs:
+            what = f"{len(datasets)} datasets for {config.epochs} epochs of training"
+            raise BusybotError(what, f"--set epochs={len(datasets)}")
+        self.out, self.config, self.recorder, self.given = out, config, recorder, datasets
+        self.datasets: list[Dataset] = []
+        self.caches: dict[int, Path] = {}
+        self.learners: dict[Kind, PaperAffordanceLearner] = {}
+
+    def run(self) -> PaperModel:
+        """All epochs that are not done yet; returns the final model.
+
+        Raises:
+            BusybotError: the folder holds another training, or recorded epochs are missing or unfinished.
+        """
+        checked(self.given, self.config, self.recorder.told)
+        begin_folder(self.out, self.config, self.recorder.seed, BEFORE, **given(self.given))
+        torch.set_num_threads(self.config.threads)
+        repeat_exactly()
+        for epoch in range(self.config.epochs):
+            self.datasets.append(self._recorded(epoch))
+            if not self.learners:
+                self.begin(_size(self.datasets[0]))
+            self._train(epoch)
+            if (epoch + 1) % PLOT_EVERY == 0 or epoch + 1 == self.config.epochs:
+                self._report()
+        model = self._model({"rounds": self._origin(), "versions": learner_versions(), "machine": machine()})
+        model.save(self.out / "model")
+        return model
+
+    def begin(self, size: Size) -> None:
+        """New networks for pictures of this size, or those of the last checkpoints."""
+        self.learners = {kind: PaperAffordanceLearner(self._job(kind, size)) for kind in KINDS}
+
+    def _recorded(self, epoch: int) -> Dataset:
+        """The data of an epoch; what is missing is collected with the networks of the epoch before."""
+        if self.given:
+            return finished(Dataset.open(self.given[epoch]), self.config)
+        path = self.out / "rounds" / f"{epoch:03d}"
+        config = self.config
+        return self.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", lambda: self.factory(epoch))
+
+    def factory(self, epoch: int) -> PaperPolicyFactory:
+        """Who collects an epoch's data, with the networks as they are now."""
+        rules = rules_for(self.config, epoch)
+        if not rules.needs_model():
+            return PaperPolicyFactory(None, rules)
+        current = self.out / "current"
+        self._model({"epochs": epoch}).save(current)
+        return PaperPolicyFactory(str(current), rules)
+
+    def _train(self, epoch: int) -> None:
+        """Train the networks whose turn it is on the buffer."""
+        kinds = [kind for kind in self.config.trained(epoch) if self.learners[kind].behind(epoch)]
+        if not kinds:
+            return
+        samples = self.buffer(epoch)
+        for kind in kinds:
+            self.learners[kind].train(samples, epoch)
+
+    def buffer(self, epoch: int) -> Samples:
+        """The last steps recorded until an epoch, with whole pictures; caches that hold none of them are removed."""
+        first, steps = epoch + 1, 0
+        while first and steps < self.config.buffer:
+            first -= 1
+            steps += _steps(self.datasets[first])
+        folder = self.out / "cache"
+        for number in range(first, epoch + 1):
+            if number not in self.caches:
+                self.caches[number] = cache_samples(self.datasets[number], folder, self.config.inputs, whole=True)
+        caches = [self.caches[number] for number in range(first, epoch + 1)]
+        for left in set(folder.iterdir()) - set(caches):
+            remove(left, self.out)
+        self.caches = {number: place for number, place in self.caches.items() if place in caches}
+        return open_samples(caches, self.config.inputs, self.config.buffer, whole=True)
+
+    def _job(self, kind: Kind, size: Size) -> PaperJob:
+        return PaperJob(
+            kind=kind,
+            inputs=self.config.inputs,
+            size=size,
+            config=self.config.learn(kind),
+            seed=self.recorder.seed,
+            every=self.config.checkpoint,
+            checkpoint=self.out / "checkpoints" / f"{kind}.safetensors",
+            metrics=self.out / "metrics" / f"{kind}.jsonl",
+        )
+
+    def _model(self, training: dict[str, Any]) -> PaperModel:
+        origin = {"seed": self.recorder.seed, "config": self.config.model_dump(mode="json"), **training}
+        info = ModelInfo(
+            variant="paper",
+            inputs=self.config.inputs,
+            prior=PAPER_PRIOR,
+            thresholds=PAPER_POLICY,
+            training=origin,
+        )
+        return PaperModel(info, {kind: learner.network for kind, learner in self.learners.items()})
+
+    def _origin(self) -> dict[str, Any]:
+        """What was learnt from: totals, and a hash over the contents of all epochs in their order."""
+        content = hashlib.sha256("".join(dataset.hashes().content for dataset in self.datasets).encode())
+        epochs = [_collected(dataset) for dataset in self.datasets]
+        totals = {name: sum(epoch[name] for epoch in epochs) for name in ("boards", "steps", "rewarded")}
+        return {"epochs": len(epochs), "content_sha256": content.hexdigest(), **totals}
+
+    def _report(self) -> None:
+        """Bring the metrics of the epochs and the picture up to date."""
+        lines = []
+        for epoch, dataset in enumerate(self.datasets):
+            epsilons = {f"epsilon_{kind}": self.config.epsilon(kind, epoch) for kind in KINDS}
+            lines.append({"epoch": epoch, **_collected(dataset), **epsilons})
+        text = "".join(json.dumps(line, sort_keys=True) + "\n" for line in lines)
+        write_atomically(self.out / "metrics" / "epochs.jsonl", text.encode(), self.out)
+        known = {kind: read_metrics(self.out / "metrics" / f"{kind}.jsonl") for kind in KINDS}
+        above = [loss_panel(kind, known[kind], "half-positive batches") for kind in KINDS]
+        draw(self.out / "training.png", [above, [_epochs_panel(kind, lines) for kind in KINDS]])
+
+
+def rules_for(config: PaperConfig, epoch: int) -> PaperRules:
+    """How an epoch's data are collected."""
+    return PaperRules(
+        epsilon_position=config.epsilon("position", epoch),
+        epsilon_direction=config.epsilon("direction", epoch),
+        all_directions=config.tries_all_directions(epoch),
+        ucb_c=config.ucb_c,
+        ucb_window=config.ucb_window,
+    )
+
+
+def _epochs_panel(kind: Kind, lines: list[dict[str, Any]]) -> Panel:
+    """What each epoch's actions earned."""
+    rewarded = [(line["epoch"], line["rewarded"] / max(line["steps"], 1)) for line in lines]
+    by_chance = [(line["epoch"], line[f"epsilon_{kind}"]) for line in lines]
+    curves = {"actions with reward": rewarded, f"random {kind}s": by_chance}
+    return Panel("share of an epoch's actions", curves, along="epoch", shares=True)
+
+
+def _size(dataset: Dataset) -> Size:
+    camera = read_episode(dataset.episode_path(min(dataset.finished())), "lazy").camera
+    return camera.height, camera.width
+
+
+def _steps(dataset: Dataset) -> int:
+    collect = dataset.info.collect
+    return dataset.info.boards * collect.steps if collect else 0
+
+
+def _collected(dataset: Dataset) -> dict[str, int]:
+    rewards = dataset.table("steps", ["reward"]).column("reward").to_pylist()
+    return {"boards": dataset.info.boards, "steps": len(rewards), "rewarded": int(sum(rewards))}

@@ -1,0 +1,226 @@
+"""From recorded steps to training samples, by whitelist (protocol "Who may read what").
+
+A sample is one proposed action: what the camera saw around its pixel before it, the directions that were executed, the
+reward. Nothing else of an episode is read here: not segmentation or boxes, what the gripper held, states, relations.
+
+The pictures of thousands of steps do not fit into memory and take too long to decode again and again. So each dataset
+has a cache: a square around each sample's pixel, uncompressed, in one file that is memory-mapped, and an index that is
+written last. The `paper` variant sees whole pictures: its caches hold each one once, however many actions left it as it
+was. Caches are derived from the episodes alone and can be deleted.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.common.atomic_io import make_folder, remove_leftovers, replacing
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.codec import decode_plain, decode_rgb
+from busybot.episodes.episode import Camera, Episode
+from busybot.episodes.lazy_images import LazyImages
+from busybot.episodes.mcap.reader import read_episode
+from busybot.interact.affordance.inputs import Inputs
+
+SIDE = 160
+"""Side of the cached squares, pixels. The sample's pixel is pixel (SIDE / 2, SIDE / 2)."""
+CACHE_VERSION = "1"
+INDEX, SQUARES = "index.npz", "squares.bin"
+COLUMNS = ("pixels", "executed", "worked", "scale")
+ONE_CAMERA = "record all episodes of a dataset with the same --set render.* parameters"
+ROW = "row"
+"""A further column of caches of whole pictures: which picture a sample saw."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """N recorded steps in the order of datasets, episodes, steps.
+
+    Attributes:
+        camera: of all of them.
+        inputs: what the squares show.
+        first: number of the first sample among all that were ever recorded; older ones have left the window.
+        squares: one array per dataset, memory-mapped: uint16 (n, SIDE, SIDE) depth as stored, or uint8
+            (n, SIDE, SIDE, 3) colours; or whole pictures (n, H, W[, 3]).
+        dataset, row: int (N,), where sample i lies: `squares[dataset[i]][row[i]]`.
+        scale: float32 (N, 2), offset and step of the stored depths, board units; stored 0 means nothing was hit.
+        pixels: int (N, 2), the (u, v) acted on.
+        executed: bool (N, 18), directions that were tried.
+        worked: int (N,), the direction that was rewarded, -1 for none.
+    """
+
+    camera: Camera
+    inputs: Inputs
+    first: int
+    squares: tuple[np.ndarray, ...]
+    dataset: np.ndarray
+    row: np.ndarray
+    scale: np.ndarray
+    pixels: np.ndarray
+    executed: np.ndarray
+    worked: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    @property
+    def reward(self) -> np.ndarray:
+        """The position label, bool (N,)."""
+        return self.worked >= 0
+
+    def direction_labels(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which directions worked and of which that is known, both bool (B, 18), for the chosen samples.
+
+        Every executed direction is known to work (the last one of a rewarded action) or not (all others), at
+        positions where something worked; elsewhere the position is at fault, not the direction.
+        """
+        known = self.executed[chosen] & self.reward[chosen, None]
+        return known & (np.arange(len(DIRECTIONS)) == self.worked[chosen, None]), known
+
+
+def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = False) -> Path:
+    """Make the cache of a dataset's finished episodes inside `folder`, if it is not there; returns its place.
+
+    Args:
+        whole: pictures instead of squares.
+    """
+    content = dataset.hashes().content
+    place = folder / f"{content[:16]}-{inputs}-{'whole-' if whole else ''}{CACHE_VERSION}"
+    if (place / INDEX).exists():
+        return place
+    make_folder(place, folder.parent)
+    remove_leftovers(place, folder.parent)
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in ((*COLUMNS, ROW) if whole else COLUMNS)}
+    camera: Camera | None = None
+    with replacing(place / SQUARES, folder.parent) as file:
+        for index in sorted(dataset.finished()):
+            episode = read_episode(dataset.episode_path(index), "lazy")
+            camera = _same_camera(camera, episode.camera, dataset.episode_path(index))
+            for name, values in _labels(episode).items():
+                columns[name].append(values)
+            if whole:
+                columns[ROW].append(_write_pictures(file, episode, inputs))
+            else:
+                _write_squares(file, episode, inputs)
+    if camera is None:
+        raise BusybotError(f"{dataset.path}: no episode has been recorded", "`busybot collect` records them")
+    size = np.array([camera.width, camera.height])
+    arrays: dict[str, Any] = {"size": size, "matrix": camera.matrix, "pose": camera.pose}
+    arrays |= {name: np.concatenate(parts) for name, parts in columns.items()}
+    with replacing(place / INDEX, folder.parent) as index_file:
+        np.savez(index_file, **arrays)
+    return place
+
+
+def _same_camera(known: Camera | None, camera: Camera, where: Path) -> Camera:
+    if known is None:
+        return camera
+    same = (known.width, known.height) == (camera.width, camera.height)
+    if not same or not np.array_equal(known.matrix, camera.matrix) or not np.array_equal(known.pose, camera.pose):
+        raise BusybotError(f"{where}: recorded with another camera than the episodes before it", ONE_CAMERA)
+    return camera
+
+
+def _write_squares(file: BinaryIO, episode: Episode, inputs: Inputs) -> None:
+    """Append a square for each step."""
+    half = SIDE // 2
+    for step, (_, picture) in zip(episode.steps, _seen(episode, inputs), strict=True):
+        u, v = step.pixel
+        rows = np.clip(np.arange(v - half, v + half), 0, picture.shape[0] - 1)
+        columns = np.clip(np.arange(u - half, u + half), 0, picture.shape[1] - 1)
+        file.write(np.ascontiguousarray(picture[rows[:, None], columns]).tobytes())
+
+
+def _write_pictures(file: BinaryIO, episode: Episode, inputs: Inputs) -> np.ndarray:
+    """Append every picture that was acted on; returns the picture of each step, counted from the file's first."""
+    rows: list[int] = []
+    last = -1
+    for number, picture in _seen(episode, inputs):
+        if number != last:
+            row, last = file.tell() // picture.nbytes, number
+            file.write(np.ascontiguousarray(picture).tobytes())
+        rows.append(row)
+    return np.array(rows, np.int32)
+
+
+def _seen(episode: Episode, inputs: Inputs) -> Iterator[tuple[int, np.ndarray]]:
+    """Number and content of the picture before each step; each is decoded once."""
+    images = episode.images
+    assert isinstance(images, LazyImages)
+    current = -1
+    picture: np.ndarray = np.empty((0, 0))
+    for number in episode.frame_of[: len(episode.steps)]:
+        if number != current:
+            current, picture = number, _decode(images, number, inputs)
+        yield number, picture
+
+
+def _labels(episode: Episode) -> dict[str, np.ndarray]:
+    """What was done in each step and what came of it."""
+    images, steps = episode.images, episode.steps
+    assert isinstance(images, LazyImages)
+    executed = np.zeros((len(steps), len(DIRECTIONS)), bool)
+    for row, step in enumerate(steps):
+        executed[row, list(step.executed)] = True
+    worked = [step.executed[-1] if step.reward and step.executed else -1 for step in steps]
+    scale = np.array([images.depth_scale.offset, images.depth_scale.scale], np.float32)
+    return {
+        "pixels": np.array([step.pixel for step in steps], np.int32).reshape(-1, 2),
+        "executed": executed,
+        "worked": np.array(worked, np.int8),
+        "scale": np.tile(scale, (len(steps), 1)),
+    }
+
+
+def _decode(images: LazyImages, number: int, inputs: Inputs) -> np.ndarray:
+    """Depth as stored, uint16 (H, W), or colours, uint8 (H, W, 3)."""
+    encoded = images.encoded[number]
+    if inputs == "rgb":
+        return decode_rgb(encoded.rgb, images.width, images.height)
+    if encoded.depth is None:
+        raise BusybotError(f"{images.where}: it has no depth images", "train with --set inputs=rgb")
+    return decode_plain(encoded.depth, images.width, images.height).astype(np.uint16)
+
+
+def open_samples(caches: Sequence[Path], inputs: Inputs, window: int, whole: bool = False) -> Samples:
+    """The last `window` samples of several caches, the oldest first.
+
+    Args:
+        whole: the caches hold whole pictures.
+
+    Raises:
+        BusybotError: the datasets were recorded with different cameras, or a cache is damaged.
+    """
+    camera: Camera | None = None
+    squares, parts, rows = [], [], []
+    for place in caches:
+        with np.load(place / INDEX, allow_pickle=False) as index:
+            width, height = (int(side) for side in index["size"])
+            camera = _same_camera(camera, Camera(width, height, index["matrix"], index["pose"]), place)
+            parts.append({name: index[name] for name in COLUMNS})
+            rows.append(index[ROW] if whole else np.arange(len(parts[-1]["worked"])))
+        count, sides = int(rows[-1].max(initial=-1)) + 1, (height, width) if whole else (SIDE, SIDE)
+        squares.append(_map_pixels(place / SQUARES, inputs, (count, *sides)))
+    assert camera is not None
+    sizes = [len(part["worked"]) for part in parts]
+    return Samples(
+        camera=camera,
+        inputs=inputs,
+        first=max(0, sum(sizes) - window),
+        squares=tuple(squares),
+        dataset=np.repeat(np.arange(len(sizes)), sizes)[-window:],
+        row=np.concatenate(rows)[-window:],
+        **{name: np.concatenate([part[name] for part in parts])[-window:] for name in COLUMNS},
+    )
+
+
+def _map_pixels(file: Path, inputs: Inputs, shape: tuple[int, int, int]) -> np.ndarray:
+    kind = np.uint16 if inputs == "depth" else np.uint8
+    try:
+        return np.memmap(file, kind, "r", shape=shape if inputs == "depth" else (*shape, 3))
+    except (OSError, ValueError) as error:
+        raise BusybotError(f"{file}: damaged: {error}", f"remove {file.parent}, it is made again") from None

@@ -1,0 +1,253 @@
+"""Rules that annotate a raw PartNet-Mobility object: what a reviewer would decide, from names, joints and meshes.
+
+A joint *moves* when it is not fixed, its link shows something and it has a range (a turning joint without limits has a
+quarter turn, `folder.UNLIMITED_RANGE`; a sliding one without limits does not count). Sizes are those at rest: joints at
+0, or at the limit nearest to 0. `benchmarks/studies/import_rules.py` compares the rules with the annotation of the
+58 objects.
+
+| decision | rule |
+|---|---|
+| category | PartNet's Switch, Lamp, Door, Toy stay. Others: a Switch if a moving link is a control, else a Door |
+| control | a link with a word of `CONTROLS` and none of `LEAVES` in its name; without any such word, a link whose
+  largest face is less than 0.6 of the object's. What rides on a moving link that is no control (a handle) is none |
+| role | a Switch is a trigger, the rest are responders |
+| upright pose | a Lamp or Toy stands on the board; a Switch or Door turns its front to the camera; an object of
+  another category its front, or its top if the links that it uses are nearer to that by 0.25 half heights |
+| scale | by the upright footprint: side of the square of equal area 0.29 (Switch), 0.42 (Lamp), 0.57 (Toy) board
+  units, longer side 0.71 (Door); at most 1.8 high |
+| movable links | of a Switch all that move, of another category its controls; the 4 largest if there are more |
+| kind | multi-direction if the only link travels along the board, by at least 0.15 of the footprint's diagonal,
+  and the object is a box: higher than its footprint is wide. Else two-state |
+| directions | a link that travels along the board: both ways along its travel; a knob (hinge along the line of
+  sight): plus and minus x and y; else pressing: plus and minus z, and the diagonals of z with the way in which the
+  link tilts (with x for a button) |
+| lamp | paints the link with a word of `LIGHTS` in its name or parts, else any: the deepest in the tree of joints,
+  the larger of two. Colours are drawn from six, by the id |
+| door | the link with the largest face goes from the end where the object is flatter to the other; a second leaf of
+  at least half its size makes it a multi-stage responder too |
+| toy | the last joint that moves: rest, lower limit, upper limit |
+| height | the lowest point at rest stands on the board |
+
+Refused: nothing moves (Switch, Door, Toy), nothing to paint (a Lamp with a single link), a joint of another type than
+`urdf.JOINT_TYPES`, and whatever `objects.folder` refuses.
+"""
+
+import re
+from dataclasses import dataclass
+from typing import NoReturn, cast
+
+import numpy as np
+
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
+from busybot.objects.importing.annotation_edits import Category, Choices, EffectChoice, Kind
+from busybot.objects.importing.joint_motion import Moving, face, moving_links, rest, shown, travel, ways
+from busybot.objects.importing.raw import RawObject
+from busybot.objects.model import CATEGORIES
+from busybot.objects.partnet.kinematics import bounds, flatter_first, rotation
+from busybot.objects.partnet.loader import limits
+
+RULES_VERSION = "1.0"
+"""Changes when the same raw object gets another annotation."""
+CONTROLS = frozenset({"button", "knob", "switch", "lever", "slider", "toggle", "key", "dial"})
+LEAVES = frozenset({"door", "drawer", "lid", "window", "cover", "screen", "flap", "hatch", "gate", "leaf"})
+LIGHTS = frozenset({"light", "bulb", "shade", "lampshade", "head"})
+CONTROL_FACE = 0.6
+MAX_LINKS = 4
+BOX_TRAVEL = 0.15
+SECOND_LEAF = 0.5
+SIDES: dict[str, float] = {"Switch": 0.29, "Lamp": 0.42, "Toy": 0.57, "Door": 0.71}
+MAX_HEIGHT = 1.8
+Quaternion = tuple[float, float, float, float]
+TOP_LEAD = 0.25
+STANDING: Quaternion = (0.0, 0.0, 0.0, 1.0)
+FACING: Quaternion = (0.0, 0.7071068, 0.0, 0.7071068)
+OFF = (0.0, 0.0, 0.0)
+PALETTE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0))
+
+
+@dataclass(frozen=True)
+class Decision:
+    """A complete annotation.
+
+    Attributes:
+        choices: every field that the object's role needs is set.
+        low, high: box at rest in the upright frame before scaling.
+        notes: why, for the reviewer.
+    """
+
+    choices: Choices
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    notes: tuple[str, ...]
+
+
+def decide(raw: RawObject, given: Choices | None = None) -> Decision:
+    """Annotate; what `given` holds is taken from there, the rest by the rules.
+
+    Raises:
+        BusybotError: the object cannot be used, with the reason.
+    """
+    return _Rules(raw, given or Choices()).decide()
+
+
+class _Rules:
+    """One object on its way to a decision."""
+
+    def __init__(self, raw: RawObject, given: Choices):
+        self.raw, self.given, self.notes = raw, given, [*raw.notes]
+        self.low, self.high = bounds(shown(raw))
+        self.moving = moving_links(raw)
+
+    def decide(self) -> Decision:
+        category = self.category()
+        used = self.used(category)
+        orientation = self.orientation(category, used)
+        turn = _turn(orientation)
+        low, high = bounds({link: points @ turn.T for link, points in shown(self.raw).items()})
+        scale = self.given.scale or _scale(category, high - low)
+        links, directions, effect = None, None, None
+        if category == "Switch":
+            motions = [(moving.high - moving.low) @ turn.T for moving in used]
+            links = self.given.links or _kinds(used, motions, high - low)
+            found = [way for moving, motion in zip(used, motions, strict=True) for way in ways(moving, motion)]
+            directions = self.given.directions or tuple(dict.fromkeys(found))
+        else:
+            effect = self.given.effect or self.effect(category, used, orientation, scale)
+        choices = Choices(
+            category=category,
+            scale=scale,
+            orientation=orientation,
+            links=links,
+            directions=directions,
+            effect=effect,
+        )
+        return Decision(choices, tuple(low.tolist()), tuple(high.tolist()), tuple(self.notes))
+
+    def category(self) -> Category:
+        told = self.given.category or self.raw.category
+        source = "the overrides" if self.given.category else self.raw.source
+        if told in CATEGORIES:
+            category = cast(Category, told)
+            self.notes.append(f"{told} ({source})")
+        else:
+            controls = [moving.link for moving in self.moving if self.is_control(moving)]
+            category = "Switch" if controls else "Door"
+            why = f"{', '.join(controls)} can be operated" if controls else "it has doors, drawers or lids alone"
+            self.notes.append(f"{told or 'unknown category'} ({source}) serves as {category}: {why}")
+        if category != "Lamp" and not self.moving:
+            joints = ", ".join(f"{joint.name} ({joint.type})" for joint in self.raw.urdf.joints) or "none"
+            self.refuse(f"no joint moves anything that shows (joints: {joints}), so it can be no {category}")
+        return category
+
+    def is_control(self, moving: Moving) -> bool:
+        carrier = next((other for other in self.moving if other.link == moving.joint.parent), None)
+        if carrier is not None and not self.is_control(carrier):
+            return False
+        words = _words(self.raw.names.get(moving.link, ""))
+        if words & (CONTROLS | LEAVES):
+            return bool(words & CONTROLS) and not words & LEAVES
+        return moving.face < CONTROL_FACE * face(self.high - self.low)
+
+    def used(self, category: Category) -> list[Moving]:
+        """The moving links that the role needs: a trigger's controls, a responder's leaves."""
+        used = self.moving
+        if category == "Switch" and self.given.links:
+            return [moving for moving in used if moving.link in self.given.links]
+        if category == "Switch" and self.raw.category != "Switch":
+            used = [moving for moving in used if self.is_control(moving)] or used
+        largest = sorted(used, key=lambda moving: -moving.face)
+        if category == "Switch" and len(used) > MAX_LINKS:
+            used = [moving for moving in used if moving in largest[:MAX_LINKS]]
+            self.notes.append(f"only the {MAX_LINKS} largest of its links are movable")
+        if category == "Door":
+            used = [moving for moving in largest[:2] if moving.face >= SECOND_LEAF * largest[0].face]
+        return used[-1:] if category == "Toy" else used
+
+    def orientation(self, category: Category, used: list[Moving]) -> Quaternion:
+        if self.given.orientation:
+            return self.given.orientation
+        if category in ("Lamp", "Toy"):
+            return STANDING
+        if self.raw.category in ("Switch", "Door"):
+            return FACING
+        middle, half = (self.low + self.high) / 2, np.maximum(self.high - self.low, 1e-6) / 2
+        centres = [(moving.low.min(axis=0) + moving.low.max(axis=0)) / 2 for moving in used]
+        offset = (np.mean(centres, axis=0) - middle) / half
+        facing = offset[2] + offset[0] <= TOP_LEAD
+        self.notes.append(f"its {'front' if facing else 'top'} faces the camera: what it uses is there")
+        return FACING if facing else STANDING
+
+    def effect(self, category: Category, used: list[Moving], orientation: Quaternion, scale: float) -> EffectChoice:
+        if category == "Lamp":
+            return self.lamp()
+        units = [scale if moving.slides else 1.0 for moving in used]
+        if category == "Toy":
+            joint, unit = used[-1].joint, units[-1]
+            lower, upper = limits(joint)
+            steps = ((rest(joint) * unit,), (lower * unit,), (upper * unit,))
+            return EffectChoice(type="joint", joints=(joint.name,), steps=steps)
+        return self.door(used, units, orientation)
+
+    def door(self, used: list[Moving], units: list[float], orientation: Quaternion) -> EffectChoice:
+        x, y, z, w = orientation
+        raw, joints = self.raw, [moving.joint for moving in used]
+        ends = [flatter_first(raw.urdf, raw.meshes, (w, x, y, z), joint, limits(joint)) for joint in joints]
+        if (used[0].high - used[0].low).mean(axis=0) @ _turn(orientation)[2] * (ends[0][1] - ends[0][0]) < 0:
+            self.notes.append("it opens away from the camera, into the board")
+        closed = tuple(shut * unit for (shut, _), unit in zip(ends, units, strict=True))
+        opened = tuple(wide * unit for (_, wide), unit in zip(ends, units, strict=True))
+        first, second = (opened[0], *closed[1:]), (closed[0], *opened[1:])
+        return EffectChoice(
+            type="joint",
+            joints=tuple(joint.name for joint in joints),
+            states=(closed, first),
+            steps=(closed, first, second) if len(used) > 1 else None,
+        )
+
+    def lamp(self) -> EffectChoice:
+        visible, depth = shown(self.raw), {self.raw.urdf.root: 0}
+        for joint in self.raw.urdf.joints:
+            depth[joint.child] = depth[joint.parent] + 1
+        candidates = [joint.child for joint in self.raw.urdf.joints if joint.child in visible]
+        named = [link for link in candidates if LIGHTS & _words(" ".join(self.describe(link)))]
+        if len(candidates) < 2 and not named:
+            self.refuse("nothing but a single link shows, so there is no lamp shade to paint")
+        link = max(named or candidates, key=lambda link: (depth[link], face(np.ptp(visible[link], axis=0))))
+        self.notes.append(f"{link} shines: {'by its name' if named else 'it ends the chain of joints'}")
+        draw = generator(0, "import", 0, f"Lamp/{self.raw.instance}").permutation(len(PALETTE))
+        single, first, second = (PALETTE[index] for index in draw[:3])
+        return EffectChoice(type="color", link=link, states=(OFF, single), steps=(OFF, first, second))
+
+    def describe(self, link: str) -> tuple[str, ...]:
+        return (self.raw.names.get(link, ""), *self.raw.parts.get(link, ()))
+
+    def refuse(self, what: str) -> NoReturn:
+        raise BusybotError(
+            f"{self.raw.folder}: {what}", "leave it out, or say in an override what it is (`assets import --review`)"
+        )
+
+
+def _kinds(used: list[Moving], motions: list[np.ndarray], size: np.ndarray) -> dict[str, Kind]:
+    box = len(used) == 1 and size[2] >= min(size[:2])
+    least = BOX_TRAVEL * float(np.linalg.norm(size[:2]))
+    return {
+        moving.link: "multi-direction" if box and travel(motion) >= least else "two-state"
+        for moving, motion in zip(used, motions, strict=True)
+    }
+
+
+def _turn(orientation: Quaternion) -> np.ndarray:
+    """Rotation matrix (3, 3) of a quaternion (x, y, z, w)."""
+    x, y, z, w = orientation
+    return rotation((w, x, y, z))
+
+
+def _words(name: str) -> frozenset[str]:
+    return frozenset(re.split(r"[^a-z]+", name.lower()))
+
+
+def _scale(category: str, size: np.ndarray) -> float:
+    side = float(max(size[:2])) if category == "Door" else float(np.sqrt(size[0] * size[1]))
+    scale = min(SIDES[category] / max(side, 1e-4), MAX_HEIGHT / max(float(size[2]), 1e-4), 100.0)
+    return float(f"{scale:.3g}")

@@ -1,0 +1,298 @@
+"""Raw PartNet-Mobility objects become a library: annotated by rules and overrides, copied, put in a split.
+
+An object's folder is built beside its place and renamed into it, and the split file names the object before its folder
+appears: at any moment the library can be read. The same import again changes nothing.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from busybot.common.atomic_io import (
+    inside,
+    make_folder,
+    read_json,
+    remove_abandoned,
+    rename,
+    unfinished,
+    write_json,
+    write_new,
+)
+from busybot.common.errors import BusybotError
+from busybot.objects.catalogue import Split, catalogue
+from busybot.objects.importing.annotation_edits import Choices, Overrides
+from busybot.objects.importing.auto_annotation import RULES_VERSION, Decision, decide
+from busybot.objects.importing.joint_motion import moving_links
+from busybot.objects.importing.raw import RawObject, read_raw
+from busybot.objects.library import MAX_OBJECTS, SPLIT_FILE, read_split_file
+from busybot.objects.model import CATEGORIES, ObjectModel
+from busybot.objects.partnet.annotation import FILE_NAME
+from busybot.objects.partnet.folder_snapshot import Snapshot, read_snapshot
+from busybot.objects.partnet.loader import parse_object
+from busybot.objects.partnet.urdf import FILE_NAME as URDF
+
+MAX_SPLIT_BYTES = 1 << 20
+_LIST_OF_SPLIT: dict[str, str] = {"train": "train", "novel": "test"}
+_NO_OVERRIDES = Overrides(None, {}, {})
+_WORK = "import"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one raw folder.
+
+    Attributes:
+        name: the folder's name.
+        key: the object's name in the library; None when it cannot be used or was left out.
+        choices: how it is annotated; None when it cannot be used.
+        notes: why the rules decided so.
+        split: where it was put; None when nothing was written.
+        done: `imported`, `unchanged`, `proposed`, `left out` or `refused`.
+        problem, mend: why it is refused.
+    """
+
+    name: str
+    done: str
+    key: str | None = None
+    choices: Choices | None = None
+    notes: tuple[str, ...] = ()
+    split: str | None = None
+    problem: str | None = None
+    mend: str | None = None
+
+
+def raw_folders(paths: Sequence[Path]) -> list[Path]:
+    """Raw objects' folders: each path is one, or holds some.
+
+    Raises:
+        BusybotError: a path is neither, or two folders have the same name.
+    """
+    found = [folder for path in paths for folder in _expand(path)]
+    names = [folder.name for folder in found]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise BusybotError(f"{twice}: two folders have this name, which is the object's id", "import one of them")
+    if len(found) > MAX_OBJECTS:
+        raise BusybotError(f"{len(found)} objects are more than the {MAX_OBJECTS} allowed", "import them in parts")
+    return found
+
+
+def _expand(path: Path) -> list[Path]:
+    folder = path.absolute()
+    if not folder.is_dir():
+        raise BusybotError(f"{path}: not a folder", "name a raw object's folder, or a folder of them")
+    if (folder / URDF).exists():
+        return [folder]
+    found = [entry for entry in sorted(folder.iterdir()) if not entry.is_symlink() and (entry / URDF).is_file()]
+    if not found:
+        raise BusybotError(
+            f"{path}: holds no {URDF}, nor do its folders", "name a raw object's folder, or a folder of them"
+        )
+    return found
+
+
+def import_objects(
+    folders: Sequence[Path],
+    out: Path | None,
+    overrides: Overrides | None = None,
+    split: Split | None = None,
+    replace: bool = False,
+) -> Iterator[Outcome]:
+    """Annotate raw folders one after the other and put them into a library.
+
+    Args:
+        out: the library's folder, made when absent. None only proposes.
+        overrides: what a reviewer decided.
+        split: where the objects go. None: the paper's objects to the paper's split, others to `train`.
+        replace: whether an object that the library has with other content is replaced.
+
+    Yields:
+        An outcome for each folder; what cannot be used is refused with its reason and does not stop the others.
+
+    Raises:
+        BusybotError: the library cannot be written, or its split file is damaged.
+    """
+    if out is not None:
+        _check_library(out)
+        remove_abandoned(out, _WORK, lambda left: _put_back(out, left / "former"))
+    for folder in folders:
+        try:
+            yield _import(folder, out, overrides or _NO_OVERRIDES, split, replace)
+        except BusybotError as error:
+            yield Outcome(folder.name, "refused", problem=error.what, mend=error.mend)
+
+
+def _check_library(out: Path) -> None:
+    for folder in (out, *(out / category for category in CATEGORIES)):
+        if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+            raise BusybotError(f"{folder}: is a link or a file", "name a library's folder, or one to make")
+    if (out / URDF).exists():
+        raise BusybotError(f"{out}: is an object's folder, not a library's", "name another folder")
+    _read_splits(out)
+
+
+def _import(folder: Path, out: Path | None, overrides: Overrides, split: Split | None, replace: bool) -> Outcome:
+    given = overrides.choices.get(folder.name, Choices())
+    if not given.use:
+        return Outcome(folder.name, "left out")
+    if (folder / FILE_NAME).exists():
+        raise BusybotError(f"{folder}: is annotated already", "copy it into the library, or remove its annotation")
+    raw = read_raw(folder)
+    if folder.name in overrides.choices:
+        overrides.check_names(folder.name, [moving.link for moving in moving_links(raw)], raw.urdf)
+    decision = decide(raw, given)
+    annotated, model = annotate(raw, decision, given)
+    if out is None:
+        return Outcome(folder.name, "proposed", model.key, decision.choices, decision.notes)
+    new, chosen = _place(annotated, out, model, replace, split)
+    done = "imported" if new else "unchanged"
+    return Outcome(folder.name, done, model.key, decision.choices, decision.notes, chosen)
+
+
+def annotate(raw: RawObject, decision: Decision, given: Choices | None = None) -> tuple[Snapshot, ObjectModel]:
+    """The annotated folder in memory, and the object that it is.
+
+    Raises:
+        BusybotError: the annotated object is not one that `load_object` would read.
+    """
+    value = annotation(raw, decision, given or Choices())
+    text = json.dumps(value, indent=1, sort_keys=True) + "\n"
+    files = raw.files() | {FILE_NAME: text.encode()}
+    snapshot = Snapshot(raw.folder, dict(sorted(files.items())))
+    return snapshot, parse_object(snapshot)
+
+
+def annotation(raw: RawObject, decision: Decision, given: Choices) -> dict[str, Any]:
+    """`object_meta_info.json`. Beyond the authors' fields, `Import` says what decided."""
+    choices = decision.choices
+    assert choices.category is not None and choices.scale is not None and choices.orientation is not None
+    joints = {joint.child: (number, joint) for number, joint in enumerate(raw.urdf.joints)}
+    links = {link: kind for link, kind in (choices.links or {}).items()}
+    return {
+        "Category": choices.category,
+        "InstanceId": raw.instance,
+        "Scale": choices.scale,
+        "Movable_link": {
+            link: {
+                "link_id": link,
+                "link_name": raw.names.get(link, ""),
+                "joint_type": "slider" if joints[link][1].type == "prismatic" else "hinge",
+            }
+            for link in links
+        },
+        "Orientation": list(choices.orientation),
+        "MinBBox": [round(value, 6) for value in decision.low],
+        "MaxBBox": [round(value, 6) for value in decision.high],
+        "Offset_z": round(-choices.scale * decision.low[2], 6),
+        "Direction": [list(direction) for direction in choices.directions] if choices.directions else None,
+        "Effect": _effect(raw, choices),
+        "Cause": [
+            {
+                "JointId": joints[link][0],
+                "IsSmallCause": int(kind == "two-state"),
+                "IsLargeCause": int(kind == "multi-direction"),
+            }
+            for link, kind in links.items()
+        ],
+        "Import": {
+            "category": raw.category,
+            "rules": RULES_VERSION,
+            "overrides": sorted(name for name in given.model_fields_set if name != "use"),
+        },
+    }
+
+
+def _effect(raw: RawObject, choices: Choices) -> list[dict[str, Any]]:
+    effect = choices.effect
+    if effect is None:
+        return []
+    numbers = {joint.name: number for number, joint in enumerate(raw.urdf.joints)}
+    painted = next((number for number, joint in enumerate(raw.urdf.joints) if joint.child == effect.link), None)
+    alpha = [1.0] if effect.type == "color" else []
+    return [
+        {
+            "Type": "link" if effect.type == "color" else "joint",
+            "JointId": [numbers[joint] for joint in effect.joints] or None,
+            "LinkId": painted,
+            "IsSingleEffect": int(effect.states is not None),
+            "IsMultiEffect": int(effect.steps is not None),
+            "States": [[*value, *alpha] for value in effect.states] if effect.states else None,
+            "Steps": [[*value, *alpha] for value in effect.steps] if effect.steps else None,
+        }
+    ]
+
+
+def _place(snapshot: Snapshot, out: Path, model: ObjectModel, replace: bool, split: Split | None) -> tuple[bool, str]:
+    """Write the object's folder under its final name, whole, and list it.
+
+    Returns:
+        Whether it was written (not when the library has the same already), and its split.
+    """
+    place = out / model.key
+    present = [folder for category in CATEGORIES if (folder := out / category / model.instance).is_dir()]
+    if present == [place] and _same(place, snapshot):
+        return False, _list(out, model, split)
+    if present and not replace:
+        there = present[0].relative_to(out)
+        raise BusybotError(f"{out}: has another {there} already", "import with --replace, or name another library")
+    make_folder(out)
+    with unfinished(out, _WORK) as temporary:
+        made = temporary / "made"
+        for name, data in snapshot.files.items():
+            write_new(made / name, data, out)
+        chosen = _list(out, model, split)
+        try:
+            for former in present:
+                rename(former, temporary / "former" / former.relative_to(out), out)
+            rename(made, place, out)
+        finally:
+            _put_back(out, temporary / "former")
+    return True, chosen
+
+
+def _put_back(out: Path, former: Path) -> None:
+    """An object that a killed import had moved away, but not replaced yet, returns to the library."""
+    for kept in former.glob("*/*"):
+        if not any((out / category / kept.name).exists() for category in CATEGORIES):
+            rename(inside(out, str(kept.relative_to(out))), out / kept.relative_to(former), out)
+
+
+def _same(place: Path, snapshot: Snapshot) -> bool:
+    try:
+        return read_snapshot(place).files == snapshot.files
+    except BusybotError:
+        return False
+
+
+def _list(out: Path, model: ObjectModel, split: Split | None) -> str:
+    """Name the object in the split file, and only there; what the file says of it stays, unless `split` is given."""
+    value, counts = _read_splits(out)
+    listed = counts.get(model.key)
+    if split is None and listed:
+        chosen = next(iter(listed))
+    else:
+        chosen = split or (catalogue()[model.key].split if model.key in catalogue() else "train")
+    lists = value["Reason"]
+    for category in CATEGORIES:
+        here = lists.setdefault(category, {})
+        for name, ids in (("train", here.setdefault("train", [])), ("test", here.setdefault("test", []))):
+            wanted = category == model.category and name == _LIST_OF_SPLIT[chosen]
+            if not wanted:
+                ids[:] = [instance for instance in ids if instance != model.instance]
+            elif model.instance not in ids:
+                weight = catalogue()[model.key].weight if model.key in catalogue() else 1
+                ids += [model.instance] * weight
+    write_json(out / SPLIT_FILE, value)
+    return chosen
+
+
+def _read_splits(out: Path) -> tuple[dict[str, Any], dict[str, Counter[str]]]:
+    """The split file's content, and how often it lists each object in each split."""
+    path = out / SPLIT_FILE
+    if not path.exists() and not path.is_symlink():
+        return {"Reason": {}}, {}
+    counts = read_split_file(path)
+    return read_json(path, MAX_SPLIT_BYTES), counts

@@ -1,0 +1,111 @@
+"""What is wrong with each object of a library: every object is read, however many are bad.
+
+Of a bad object everything is told that can be found separately: each field of the annotation, the first fault of the
+URDF, each mesh.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from busybot.common.errors import BusybotError
+from busybot.objects.importing.raw import is_raw, read_raw
+from busybot.objects.library import SPLIT_FILE, load_as, object_folders, read_split_file, read_splits
+from busybot.objects.model import CATEGORIES
+from busybot.objects.partnet.annotation import FILE_NAME, annotation_faults
+from busybot.objects.partnet.folder_snapshot import Snapshot, read_snapshot
+from busybot.objects.partnet.loader import load_object
+from busybot.objects.partnet.meshes import check_meshes
+from busybot.objects.partnet.urdf import parse_urdf
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A verdict on one object, or on the library's split file: `problem` is None when nothing is wrong.
+
+    A bad object has a finding for each of its problems.
+    """
+
+    name: str
+    problem: str | None = None
+    mend: str | None = None
+
+    @property
+    def ok(self) -> bool:
+        return self.problem is None
+
+
+def check_objects(path: Path) -> list[Finding]:
+    """Read a library, a single object's folder, or a folder of raw objects, object by object.
+
+    Raises:
+        BusybotError: `path` is none of these.
+    """
+    if (path / FILE_NAME).exists() or (path / "mobility.urdf").exists():
+        return _verdict(path.absolute().name, None, path)
+    raw = _raw_beside(path)
+    folders = object_folders(path) if not raw or any((path / category).is_dir() for category in CATEGORIES) else {}
+    findings = [finding for key, folder in folders.items() for finding in _verdict(key, key, folder)]
+    findings += [finding for folder in raw for finding in _verdict(folder.name, None, folder)]
+    try:
+        read_splits(path, {key: folder for key, folder in folders.items() if not is_raw(folder)})
+        listed = set(read_split_file(path / SPLIT_FILE)) if (path / SPLIT_FILE).exists() else set()
+    except BusybotError as error:
+        return [*findings, Finding(SPLIT_FILE, error.what, error.mend)]
+    findings += [
+        Finding(key, f"{path / SPLIT_FILE}: lists it, but there is no such folder", "add the folder or drop the id")
+        for key in sorted(listed - set(folders))
+    ]
+    return findings
+
+
+def _raw_beside(path: Path) -> list[Path]:
+    """Raw objects that lie directly in the folder, where a library has its categories."""
+    if not path.is_dir():
+        return []
+    return [entry for entry in sorted(path.iterdir()) if not entry.is_symlink() and entry.is_dir() and is_raw(entry)]
+
+
+def _verdict(name: str, key: str | None, folder: Path) -> list[Finding]:
+    try:
+        if is_raw(folder):
+            read_raw(folder)
+            return [Finding(name, f"{folder}: is raw: it has no {FILE_NAME}", _import_command(folder))]
+        if key is None:
+            load_object(folder)
+        else:
+            load_as(key, folder)
+    except BusybotError as error:
+        others = {fault.what: fault for fault in _faults(folder) if fault.what != error.what}
+        return [Finding(name, fault.what, fault.mend) for fault in (error, *others.values())]
+    return [Finding(name)]
+
+
+def _import_command(folder: Path) -> str:
+    return f"busybot assets import {folder} --out LIBRARY"
+
+
+def _faults(folder: Path) -> Iterator[BusybotError]:
+    """What can be found wrong with a folder's parts one by one."""
+    try:
+        snapshot = read_snapshot(folder.absolute())
+    except BusybotError:
+        return
+    if is_raw(folder):
+        yield BusybotError(f"{folder}: is raw: it has no {FILE_NAME}", f"when it is sound, {_import_command(folder)}")
+    else:
+        yield from annotation_faults(snapshot)
+    yield from _model_faults(snapshot)
+
+
+def _model_faults(snapshot: Snapshot) -> Iterator[BusybotError]:
+    try:
+        urdf = parse_urdf(snapshot)
+    except BusybotError as error:
+        yield error
+        return
+    for mesh in urdf.meshes:
+        try:
+            check_meshes(snapshot, (mesh,))
+        except BusybotError as error:
+            yield error

@@ -1,0 +1,141 @@
+"""An agent on a board: it sees pictures as features, its acts become actions of the simulator.
+
+Features of pictures as they come, one after the other: what `features_of` does for recorded episodes.
+
+Places of the objects come from the first frame of the recorded interactions, and so does what an object looks like
+where something hides it.
+"""
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from busybot.common.errors import BusybotError
+from busybot.episodes.episode import Observation
+from busybot.plan.contact_proposals import Contacts
+from busybot.plan.interfaces import Act, Agent, Attempt, Briefing, Contact, Situation, Stop
+from busybot.reason.encoders.registry import Chosen
+from busybot.reason.inputs.appearances import Watched
+from busybot.reason.inputs.object_masks import OwnConfig, OwnPixels
+from busybot.reason.inputs.observation import Frame, Observed
+from busybot.reason.inputs.sequence import CHANNELS
+from busybot.sim.policy import Action
+
+
+class Sight:
+    """Watches the responders of one board.
+
+    Args:
+        observed: the recorded interactions; its first frame is seen first.
+        chosen: an encoder that is no oracle.
+    """
+
+    def __init__(self, observed: Observed, chosen: Chosen):
+        self._pixels = OwnPixels(observed, OwnConfig(depth=chosen.pixels == "own"))
+        self._encoder = chosen.encoder
+        regions = self._pixels.regions
+        self._watched = {i: Watched(region) for i, region in regions.items() if observed.roles[i] == "responder"}
+        self._features = np.zeros((len(observed.roles), CHANNELS), np.float32)
+        self._known: dict[int, list[np.ndarray]] = {index: [] for index in self._watched}
+        self._see(observed.frame(0))
+
+    def see(self, frame: Frame) -> np.ndarray:
+        """Features float32 (N, 256) of the next picture; zeros for triggers and objects without a box."""
+        self._see(frame)
+        return self._features.copy()
+
+    def _see(self, frame: Frame) -> None:
+        for index, one in self._watched.items():
+            if one.unchanged(frame):
+                continue
+            number = one.update(*self._pixels.masks_of(index, frame))
+            known = self._known[index]
+            if number == len(known):
+                # as precise as what is stored of recorded episodes
+                known.append(self._encoder.encode([one.look])[0].astype(np.float16).astype(np.float32))
+            self._features[index] = known[number]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What an agent decided, and what it took.
+
+    Attributes:
+        answer: its answer.
+        repeats: contacts of the history that it could choose.
+        proposed: candidates of the interaction model, None if it was not asked.
+        cpu_ms: processor time from the picture to the answer, the model's part in it included.
+        model_ms: of that, the interaction model's.
+    """
+
+    answer: Act | Stop
+    repeats: tuple[Contact, ...]
+    proposed: tuple[Contact, ...] | None
+    cpu_ms: float
+    model_ms: float
+
+
+class AgentPolicy:
+    """Lets an agent act where `sim.recorder` wants a policy.
+
+    Args:
+        agent: not started yet.
+        sight: that has seen the history's first frame only.
+        name: in tables; by default the agent's.
+
+    Attributes:
+        decisions: one for each action, then perhaps the one to stop.
+        start_ms: processor time that the agent took to start.
+        features: (N, 256), of the last picture.
+    """
+
+    def __init__(self, agent: Agent, briefing: Briefing, contacts: Contacts, sight: Sight, name: str | None = None):
+        self.name = name or agent.name
+        self._agent, self._contacts, self._sight = agent, contacts, sight
+        began = time.process_time()
+        agent.start(briefing)
+        self.start_ms = _ms_since(began)
+        self.decisions: list[Decision] = []
+        self._attempts: list[Attempt] = []
+        self._seen: Observation | None = None
+        self.features = briefing.history.features[0]
+
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action | None:
+        began, asked = time.process_time(), self._contacts.proposing_s
+        self._look(observation)
+        situation = Situation(
+            features=self.features,
+            attempts=tuple(self._attempts),
+            repeats=self._contacts.repeats(observation),
+            propose=lambda: self._contacts.propose(observation),
+            rng=rng,
+        )
+        answer = self._agent.decide(situation)
+        proposed: tuple[Contact, ...] | None = situation.__dict__.get("candidates")
+        if isinstance(answer, Act) and answer.contact not in (*situation.repeats, *(proposed or ())):
+            what = f"agent {self.name} took hold of a contact that it was not offered"
+            raise BusybotError(what, "answer with one of `repeats` or `candidates` of the same situation")
+        model_ms = 1000 * (self._contacts.proposing_s - asked)
+        self.decisions.append(Decision(answer, situation.repeats, proposed, _ms_since(began), model_ms))
+        return None if isinstance(answer, Stop) else Action(answer.contact.pixel, (answer.direction,))
+
+    def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
+        answer, before, seen = self.decisions[-1].answer, self.features, self._seen
+        assert isinstance(answer, Act) and seen is not None
+        began = time.process_time()
+        self._contacts.observe(answer.contact, executed, bool(reward), seen, after)
+        self._look(after)
+        self._attempts.append(Attempt(answer.contact, answer.direction, executed, bool(reward), before, self.features))
+        # what is learned from an action belongs to the decision for it
+        last = self.decisions[-1]
+        self.decisions[-1] = replace(last, cpu_ms=last.cpu_ms + _ms_since(began))
+
+    def _look(self, observation: Observation) -> None:
+        if observation is not self._seen:
+            self._seen, self.features = observation, self._sight.see(Frame(observation.rgb, observation.depth))
+
+
+def _ms_since(began: float) -> float:
+    """Processor time of this process since then, milliseconds."""
+    return 1000 * (time.process_time() - began)

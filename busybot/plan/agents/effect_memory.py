@@ -1,0 +1,186 @@
+"""What actions on this board are known to have done: the history's and the rollout's, told from features alone.
+
+Every link of these boards drives one responder, so the place that was touched names the responder, and a responder's
+look names the state of its link. Looks of a responder are numbered; a look that differs by less than the threshold, or
+by much less than any two known looks do, is the same.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from busybot.boards.directions import OPPOSITE
+from busybot.plan.interfaces import NOBODY, Attempt, Briefing, Contact
+
+ALIKE = 0.4
+"""A look that no other is like is taken for the nearest one within this share of the least distance of two looks: a
+neighbour may hide a part of it."""
+SAME_PLACE = 2.5
+"""Pixels nearer than this are the same contact."""
+
+
+class Looks:
+    """The numbered looks of one responder."""
+
+    def __init__(self, threshold: float):
+        self._threshold = threshold
+        self.known: list[np.ndarray] = []
+
+    def number(self, look: np.ndarray) -> int:
+        """Of the look, float (256,); a new one gets the next number."""
+        apart = [float(np.linalg.norm(look - other)) for other in self.known]
+        if apart and min(apart) <= max(self._threshold, ALIKE * self._least()):
+            return int(np.argmin(apart))
+        self.known.append(look)
+        return len(self.known) - 1
+
+    def nearest(self, look: np.ndarray) -> int:
+        """Number of the known look that is nearest to a predicted one."""
+        return int(np.argmin([np.linalg.norm(look - other) for other in self.known]))
+
+    def _least(self) -> float:
+        """Least distance of two known looks, 0 if there are not two."""
+        looks = np.array(self.known)
+        apart = np.linalg.norm(looks[:, None] - looks[None], axis=-1)
+        return float(apart[np.triu_indices(len(looks), 1)].min()) if len(looks) > 1 else 0.0
+
+
+@dataclass(frozen=True)
+class Experience:
+    """An action that changed a responder.
+
+    Attributes:
+        pixel, position: where.
+        trigger: as far as boxes tell.
+        proposed, worked: directions.
+        responder: what changed.
+        before, after: numbers of its looks.
+        name: for people.
+    """
+
+    pixel: tuple[int, int]
+    position: np.ndarray
+    trigger: int
+    proposed: int
+    worked: int
+    responder: int
+    before: int
+    after: int
+    name: str
+
+
+@dataclass(frozen=True)
+class Failed:
+    """An action of the rollout that changed nothing, with all looks as they were."""
+
+    pixel: tuple[int, int]
+    directions: tuple[int, ...]
+    looks: dict[int, int]
+
+
+class Book:
+    """All experiences on one board."""
+
+    def __init__(self, briefing: Briefing, edges: np.ndarray):
+        """Read the history.
+
+        Args:
+            edges: bool (N, N), relations; changes of the history that contradict them are left out.
+        """
+        self._threshold = briefing.threshold
+        self.looks = {int(j): Looks(briefing.threshold) for j in np.flatnonzero(briefing.history.responders)}
+        self.lessons: list[Experience] = []
+        self.failures: list[Failed] = []
+        history = briefing.history
+        for features in history.features:
+            self.numbers(features)
+        self.goal = self.numbers(briefing.goal)
+        for step in np.flatnonzero(briefing.worked >= 0):
+            trigger = int(history.acted[step])
+            allowed = np.flatnonzero(edges[trigger]) if trigger >= 0 else np.zeros(0, int)
+            responder = self._changed(history.features[step], history.features[step + 1], allowed)
+            if responder == NOBODY:
+                continue
+            before, after = (self.looks[responder].number(history.features[step + k, responder]) for k in (0, 1))
+            worked, pixel = int(briefing.worked[step]), (int(briefing.pixels[step][0]), int(briefing.pixels[step][1]))
+            # the history's action counts with the direction that worked: what was proposed may have failed before it
+            lesson = Experience(
+                pixel, history.actions[step, :3], trigger, worked, worked, responder, before, after, f"step {step + 1}"
+            )
+            self.lessons.append(lesson)
+
+    def numbers(self, features: np.ndarray) -> dict[int, int]:
+        """Number of each responder's look in features (N, 256)."""
+        return {index: looks.number(features[index]) for index, looks in self.looks.items()}
+
+    def add(self, attempt: Attempt, name: str) -> None:
+        """Learn from an action of the rollout."""
+        contact = attempt.contact
+        responder = self._changed(attempt.before, attempt.after, np.array(list(self.looks), int))
+        if responder == NOBODY:
+            self.failures.append(Failed(contact.pixel, attempt.executed, self.numbers(attempt.before)))
+            return
+        before, after = (self.looks[responder].number(looks[responder]) for looks in (attempt.before, attempt.after))
+        worked = attempt.executed[-1]
+        lesson = Experience(
+            contact.pixel, contact.position, contact.trigger, attempt.direction, worked, responder, before, after, name
+        )
+        self.lessons.append(lesson)
+
+    def _changed(self, before: np.ndarray, after: np.ndarray, allowed: np.ndarray) -> int:
+        """What changed most, `NOBODY` if nothing did."""
+        if not len(allowed):
+            return NOBODY
+        sizes = np.linalg.norm(after[allowed] - before[allowed], axis=1)
+        return int(allowed[sizes.argmax()]) if sizes.max() > self._threshold else NOBODY
+
+    def nearest(self, contact: Contact) -> dict[int, float]:
+        """Distance from a contact to the nearest experience with each responder, board units."""
+        if not self.lessons:
+            return {}
+        places = np.array([lesson.position for lesson in self.lessons])
+        apart = np.linalg.norm(places - contact.position, axis=1)
+        near: dict[int, float] = {}
+        for lesson, distance in zip(self.lessons, apart, strict=True):
+            if lesson.pixel == contact.pixel and contact.step >= 0:
+                distance = 0.0  # the place may have moved in depth with its link
+            near[lesson.responder] = min(near.get(lesson.responder, np.inf), float(distance))
+        return near
+
+    def seen(self, contact: Contact, direction: int, responder: int, look: int) -> Experience | None:
+        """The latest experience that says what this very action does to the responder in this look."""
+        for lesson in reversed(self.lessons):
+            if lesson.responder != responder or lesson.before != look or not same_place(lesson.pixel, contact.pixel):
+                continue
+            if direction in (lesson.proposed, lesson.worked):
+                return lesson
+        return None
+
+    def turned(self, contact: Contact, direction: int, responder: int, look: int) -> int | None:
+        """Where a direction leads of which only the opposite was seen here, if the look is one between two others.
+
+        What one direction does from the middle, the opposite one does to the other side.
+        """
+        lesson = self.seen(contact, int(OPPOSITE[direction]), responder, look)
+        if lesson is None:
+            return None
+        moves = self.moves(responder)
+        sides = {b for a, b in moves if a == look} | {a for a, b in moves if b == look}
+        others = sides - {lesson.after, look}
+        return others.pop() if len(others) == 1 else None
+
+    def failed(self, contact: Contact, direction: int, responder: int, look: int) -> int:
+        """How often an action at about this place, with this direction among those tried, failed in this look."""
+        return sum(
+            same_place(one.pixel, contact.pixel) and direction in one.directions and one.looks.get(responder) == look
+            for one in self.failures
+        )
+
+    def moves(self, responder: int) -> set[tuple[int, int]]:
+        """Changes of look that were seen."""
+        return {(lesson.before, lesson.after) for lesson in self.lessons if lesson.responder == responder}
+
+
+def same_place(one: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether two pixels are the same contact."""
+    return float(np.hypot(one[0] - other[0], one[1] - other[1])) <= SAME_PLACE

@@ -1,0 +1,122 @@
+"""A task's board with all that can happen on it within a rollout, so that agents practise on it without a simulator.
+
+Between actions a board's state is that of its trigger links, and pictures, candidates and what they do depend on it
+alone: a board is a small graph. `explore` makes it; here it is data. Success and what leads where are the truth: they
+serve as reward and for the oracle that BC imitates, no agent sees them.
+"""
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from busybot.plan.interfaces import Briefing
+from busybot.plan.learning.encoding import STOP, Encoder, Observation, Offer
+from busybot.reason.inputs.sequence import Sequence
+from busybot.training.checkpoint import load_tensors, save_tensors
+
+
+@dataclass(frozen=True)
+class Graph:
+    """What can happen: S states of N objects, of which state 0 is the start.
+
+    Attributes:
+        looks: float16 (S, N, 256), features in each state.
+        success: float32 (S,), share of the affectable responders that are in their goal state.
+        facts, touched: of the choices, (S, 25, 8) and (S, 25), see `encoding.Offer`.
+        leads: int64 (S, 25), state after each choice: the same if nothing happens, -1 where there is no such choice.
+        worked: int64 (S, 25), direction that did it, -1 if nothing happens.
+    """
+
+    looks: np.ndarray
+    success: np.ndarray
+    facts: np.ndarray
+    touched: np.ndarray
+    leads: np.ndarray
+    worked: np.ndarray
+
+    def offered(self, state: int) -> Offer:
+        """Choices in a state."""
+        return Offer(self.facts[state], self.touched[state], int((self.leads[state] >= 0).sum()))
+
+    @cached_property
+    def right(self) -> np.ndarray:
+        """bool (S, 25), what an oracle may choose: the first steps of the shortest ways to the greatest success that
+        can be reached from a state; where that is reached, to stop."""
+        there = self.leads >= 0
+        there[:, STOP] = False
+        after = np.maximum(self.leads, 0)
+        best = self.success.copy()
+        for _ in best:
+            best = np.maximum(best, np.where(there, best[after], 0).max(axis=1))
+        never = len(best) + 1
+        far = np.where(self.success >= best, 0, never)
+        good = there & (best[after] >= best[:, None])
+        for _ in best:
+            far = np.minimum(far, 1 + np.where(good, far[after], never).min(axis=1))
+        right = np.asarray(good & (far[after] < far[:, None]))
+        right[:, STOP] = far == 0
+        return right
+
+
+@dataclass(frozen=True)
+class Explored:
+    """A task and its board.
+
+    Attributes:
+        briefing: what an agent is told.
+        graph: what can happen.
+        group: boards of one group look alike.
+        cpu_s: processor time that exploring took.
+    """
+
+    briefing: Briefing
+    graph: Graph
+    group: str = ""
+    cpu_s: float = 0.0
+
+    @cached_property
+    def encoder(self) -> Encoder:
+        """Of observations on this board."""
+        return Encoder(self.briefing)
+
+    @cached_property
+    def history(self) -> Observation:
+        """The recorded interactions."""
+        return self.encoder.history()
+
+
+def save_explored(path: Path, board: Explored) -> None:
+    """Write a board as safetensors."""
+    briefing = board.briefing
+    arrays = {f"history.{name}": value for name, value in vars(briefing.history).items()}
+    arrays |= {name: getattr(briefing, name) for name in ("pixels", "worked", "goal")}
+    arrays |= {f"graph.{field.name}": getattr(board.graph, field.name) for field in fields(Graph)}
+    values = {"group": board.group, "cpu_s": board.cpu_s, "threshold": briefing.threshold, "steps": briefing.steps}
+    save_tensors(path, {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in arrays.items()}, values)
+
+
+def load_explored(path: Path) -> Explored:
+    """Read what `save_explored` wrote.
+
+    Raises:
+        BusybotError: the file is absent or damaged.
+    """
+    saved = load_tensors(path)
+    arrays = {name: tensor.numpy() for name, tensor in saved.tensors.items()}
+    values = saved.values
+    briefing = Briefing(
+        history=Sequence(**_under("history.", arrays)),
+        pixels=arrays["pixels"],
+        worked=arrays["worked"],
+        goal=arrays["goal"],
+        threshold=values["threshold"],
+        steps=values["steps"],
+    )
+    return Explored(briefing, Graph(**_under("graph.", arrays)), values["group"], values["cpu_s"])
+
+
+def _under(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}

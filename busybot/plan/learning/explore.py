@@ -1,0 +1,157 @@
+"""Exploring the boards of tasks datasets: every state that up to eight actions lead to, and what each choice does.
+
+One departure from how agents are measured: candidates of a state are those that the interaction model proposes after
+the recorded history, whatever was tried since in the rollout.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from busybot.boards.task import MAX_STEPS, reached, responder_states
+from busybot.common.process_pool import run_tasks
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.mcap.reader import read_episode
+from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
+from busybot.objects.library import Library
+from busybot.plan.agent_policy import Sight
+from busybot.plan.contact_proposals import Contacts, LearnedContacts, worked_in
+from busybot.plan.learning.board_graph import Explored, Graph, load_explored, save_explored
+from busybot.plan.learning.encoding import CHOICES, STOP, offer
+from busybot.plan.rollout import Player, Prepared
+from busybot.reason.encoders.registry import choose
+from busybot.reason.inputs.feature_store import features_of
+from busybot.reason.inputs.observation import Frame
+from busybot.reason.models.persistence import Persistence
+from busybot.sim.interaction import InteractionConfig, interact
+from busybot.sim.recorder import grasp_at
+from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
+from busybot.sim.scene.render import RenderConfig
+from busybot.training.run_folder import begin_folder
+
+BOARD_SECONDS = 3600.0
+"""A board that takes longer is taken for one that hangs."""
+
+Told = Callable[[int, int], None]
+"""Told after each board: boards that are there, and all."""
+
+
+class ExploreConfig(BaseModel):
+    """How boards are explored.
+
+    Attributes:
+        learned: constants of the interaction policy that take precedence over those on the model's card.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    learned: dict[str, Any] = {}
+    interaction: InteractionConfig = InteractionConfig()
+    render: RenderConfig = RenderConfig()
+
+
+def explored_boards(
+    folder: Path,
+    datasets: Sequence[tuple[Dataset, Library]],
+    origin: list[dict[str, Any]],
+    model: str,
+    config: ExploreConfig,
+    workers: int,
+    told: Told,
+) -> list[Explored]:
+    """The boards of several datasets, explored as far as they are not yet.
+
+    Args:
+        folder: where they are kept, a file for each board.
+        origin: of the datasets, JSON values.
+        model: interaction model, whose candidates agents choose from.
+
+    Raises:
+        BusybotError: the folder holds other boards, there is no such model, or a worker is at fault.
+    """
+    begin_folder(folder, config, 0, data=origin, model=fingerprint(model))
+    wanted = {
+        (number, index): folder / f"{number:02d}-{index:06d}.safetensors"
+        for number, (dataset, _) in enumerate(datasets)
+        for index in sorted(dataset.finished())
+    }
+    done = sum(file.exists() for file in wanted.values())
+    for number, (dataset, library) in enumerate(datasets):
+        missing = [index for (other, index), file in wanted.items() if other == number and not file.exists()]
+        if missing:
+            features_of(dataset, Persistence.encoder, episodes=missing, workers=workers)
+        arguments = (dataset.path, library, model, config, folder, number)
+        for _ in run_tasks(missing, make_work, arguments, workers, task_seconds=BOARD_SECONDS):
+            done += 1
+            told(done, len(wanted))
+    return [load_explored(file) for file in wanted.values()]
+
+
+def make_work(
+    path: Path, library: Library, model: str, config: ExploreConfig, folder: Path, number: int
+) -> Callable[[int], None]:
+    """What a worker does with a board's index: explore it and write what was found."""
+    dataset, loaded, simulator = Dataset.open(path), load_once(model), Simulator(library, config.render)
+    policy = policy_config(loaded.info, config.learned)
+    player = Player(simulator, Persistence(), loaded, policy, config.interaction)
+    sees = choose(Persistence.encoder)
+
+    def work(index: int) -> None:
+        began = time.process_time()
+        history = read_episode(dataset.episode_path(index))
+        features = features_of(dataset, Persistence.encoder, episodes=[index], workers=1)[index]
+        task = player.prepare(history, features)
+        contacts = LearnedContacts(loaded, policy, task.rays, task.observed, worked_in(history), task.memory)
+        scene = simulator.board(history.board)
+        found = explore(task, scene, contacts, Sight(task.observed, sees), config.interaction)
+        group = f"{history.board.seed} {history.board.split} {history.board.appearance_group}"
+        board = Explored(task.briefing, found, group, time.process_time() - began)
+        save_explored(folder / f"{number:02d}-{index:06d}.safetensors", board)
+
+    return work
+
+
+def explore(task: Prepared, scene: BoardScene, contacts: Contacts, sight: Sight, config: InteractionConfig) -> Graph:
+    """What can happen on a board.
+
+    Args:
+        scene: as the task starts.
+        contacts: that know the history.
+        sight: that has seen the history's first frame only.
+    """
+    start, board = scene.trigger_states(), task.history.board
+    numbers, away, rows = {start: 0}, [0], []
+    for number, state in _growing(numbers):
+        scene.rest(BoardState(state))
+        image = scene.observe()
+        features = sight.see(Frame(image.rgb, image.depth))
+        last = away[number] >= MAX_STEPS
+        offered, choices = offer(() if last else contacts.propose(image.observation(scene.camera)))
+        leads, worked = np.full(CHOICES, -1), np.full(CHOICES, -1)
+        leads[STOP] = number
+        for row, (contact, direction) in enumerate(choices, start=1):
+            step, _ = interact(scene, grasp_at(scene, image, task.rays, contact.pixel), direction, config, None)
+            after = step.trigger_states_after
+            if after not in numbers:
+                numbers[after] = len(numbers)
+                away.append(away[number] + 1)
+            leads[row] = numbers[after]
+            if step.success:
+                worked[row] = step.executed[-1]
+                scene.rest(BoardState(state))
+        share = np.mean(list(reached(board, responder_states(board, state)).values()))
+        rows.append((features.astype(np.float16), np.float32(share), offered.facts, offered.touched, leads, worked))
+    scene.rest(BoardState(start))
+    return Graph(*(np.stack(column) for column in zip(*rows, strict=True)))
+
+
+def _growing(numbers: dict[tuple[int, ...], int]) -> Any:
+    """Numbers and states in the order of their numbers, those that are added meanwhile, too."""
+    number = 0
+    while number < len(numbers):
+        yield number, list(numbers)[number]
+        number += 1

@@ -1,0 +1,185 @@
+"""The policy of learned agents: an LSTM over the history and the rollout, and a score for every choice.
+
+    e_i = ReLU(W_e [W_l looks_i, W_l goal_i, objects_i])        per object
+    x_t = ReLU(W_x [e_1 .. e_10, action])
+    h_t = LSTM(x_t, h_{t-1})                                    the history, then the decisions
+    score_c = MLP([h_t, choices_c, touched_c, e_touched])       softmax over the choices that there are
+
+The paper tells no more than that an LSTM encodes the history. A score for each choice from what is known of it, instead
+of one output per index, is chosen here: candidates come in no fixed order.
+
+A trained policy is a folder with `weights.safetensors` and `model.json`, which says what they are (`PolicyInfo`).
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import torch
+from pydantic import BaseModel, ConfigDict, Field
+from torch import Tensor, nn
+from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence, pad_sequence
+
+from busybot.common.errors import BusybotError
+from busybot.plan.learning.board_graph import Explored
+from busybot.plan.learning.encoding import FACTS, OBJECTS, STOP, Observation, stacked
+from busybot.plan.learning.practice import Rollout
+from busybot.reason.inputs.sequence import CHANNELS
+from busybot.training.checkpoint import load_tensors, load_weights
+from busybot.training.model_cards import WEIGHTS_FILE, ModelCard, find_folder, read_info
+from busybot.training.weights import drawing_nothing
+
+IMPOSSIBLE = -1e9
+"""Score of what is no choice."""
+SHOWN = 64
+"""So many of the boards that are trained on are judged."""
+
+Tensors = dict[str, Tensor]
+"""Observations, `encoding.SHAPES` behind any leading axes."""
+State = tuple[Tensor, Tensor]
+"""Hidden and cell state of the LSTM, (1, B, hidden) each."""
+Width = Annotated[int, Field(ge=1, le=1024)]
+Name = Literal["bc", "ppo"]
+
+
+class NetConfig(BaseModel):
+    """Size of the networks.
+
+    Attributes:
+        looks: numbers that an object's 256 features are compressed to.
+        objects: width per object.
+        token: width of what the LSTM reads.
+        hidden: of the LSTM.
+        choices: of the hidden layer that scores choices.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    looks: Width = 16
+    objects: Width = 32
+    token: Width = 128
+    hidden: Width = 128
+    choices: Width = 64
+
+
+class PolicyNetwork(nn.Module):
+    """See the module."""
+
+    def __init__(self, config: NetConfig):
+        super().__init__()
+        self.config = config
+        self.looks = nn.Linear(CHANNELS, config.looks)
+        self.objects = nn.Sequential(nn.Linear(2 * config.looks + FACTS, config.objects), nn.ReLU())
+        self.token = nn.Sequential(nn.Linear(OBJECTS * config.objects + FACTS, config.token), nn.ReLU())
+        self.lstm = nn.LSTM(config.token, config.hidden)
+        known = config.hidden + FACTS + OBJECTS + config.objects
+        self.choices = nn.Sequential(nn.Linear(known, config.choices), nn.ReLU(), nn.Linear(config.choices, 1))
+        self.stop = nn.Sequential(nn.Linear(config.hidden, config.choices), nn.ReLU(), nn.Linear(config.choices, 1))
+
+    def _embed(self, seen: Tensors) -> Tensor:
+        """Objects, (..., 10, objects)."""
+        return self.objects(torch.cat([self.looks(seen["looks"]), self.looks(seen["goal"]), seen["objects"]], dim=-1))
+
+    def tokens(self, seen: Tensors) -> Tensor:
+        """What the LSTM reads, (..., token)."""
+        return self.token(torch.cat([self._embed(seen).flatten(-2), seen["action"]], dim=-1))
+
+    def read(self, seen: Tensors, lengths: Tensor, state: State | None = None) -> tuple[Tensor, State]:
+        """What the LSTM says of rows of observations.
+
+        Args:
+            seen: (L, B, ...), the rows padded at their ends.
+            lengths: int (B,), without padding.
+            state: before the first observation; None at the beginning of the history.
+
+        Returns:
+            hidden (L, B, hidden), and the state after each row's last observation.
+        """
+        packed = pack_padded_sequence(self.tokens(seen), lengths, enforce_sorted=False)
+        hidden, after = self.lstm(packed, state)
+        return pad_packed_sequence(hidden)[0], after
+
+    def scores(self, hidden: Tensor, seen: Tensors) -> Tensor:
+        """Of all choices, (..., 25); `IMPOSSIBLE` for those that there are not. Stop is always one.
+
+        Args:
+            hidden: (..., hidden), what the LSTM says.
+        """
+        choices, touched = seen["choices"], seen["touched"]
+        spread = hidden.unsqueeze(-2).expand(*choices.shape[:-1], -1)
+        known = torch.cat([spread, choices, touched, touched @ self._embed(seen)], dim=-1)  # (..., 25, known)
+        scores = self.choices(known).squeeze(-1).masked_fill(seen["allowed"] < 0.5, IMPOSSIBLE)
+        return torch.cat([self.stop(hidden), scores[..., STOP + 1 :]], dim=-1)
+
+
+def as_tensors(observation: Observation) -> Tensors:
+    """Arrays as tensors."""
+    return {name: torch.from_numpy(np.asarray(value, np.float32)) for name, value in observation.items()}
+
+
+def rows_of(observations: Sequence[Observation]) -> tuple[Tensors, Tensor]:
+    """Rows of observations, each with a first axis of its own length, as (L, B, ...), and their lengths."""
+    rows = [as_tensors(row) for row in observations]
+    lengths = torch.tensor([len(row["allowed"]) for row in rows])
+    return {name: pad_sequence([row[name] for row in rows]) for name in rows[0]}, lengths
+
+
+@torch.no_grad()
+def play(network: PolicyNetwork, boards: Sequence[Explored]) -> np.ndarray:
+    """Success (B,) at the end on every board, if the choice with the highest score is always taken."""
+    rollouts = [Rollout(board) for board in boards]
+    _, state = network.read(*rows_of([rollout.history() for rollout in rollouts]))
+    once = torch.ones(len(rollouts), dtype=torch.int64)
+    while not all(rollout.over for rollout in rollouts):
+        seen = as_tensors(stacked([rollout.observation() for rollout in rollouts]))
+        hidden, state = network.read({name: value.unsqueeze(0) for name, value in seen.items()}, once, state)
+        for rollout, choice in zip(rollouts, network.scores(hidden[0], seen).argmax(dim=1), strict=True):
+            if not rollout.over:
+                rollout.act(int(choice))
+    return np.array([rollout.success for rollout in rollouts])
+
+
+def success_of(network: PolicyNetwork, boards: Sequence[Explored], held_out: Sequence[Explored]) -> dict[str, float]:
+    """Mean success at the end of a task, on boards that are trained on and on those that are held out."""
+    network.eval()
+    found = {"success_seen": float(play(network, boards[:SHOWN]).mean())}
+    return found | ({"success": float(play(network, held_out).mean())} if held_out else {})
+
+
+class PolicyInfo(ModelCard):
+    """What `model.json` says.
+
+    Attributes:
+        agent: how it was trained.
+        encoder: which features it reads.
+        net: size of the network.
+    """
+
+    agent: Name
+    encoder: str
+    net: NetConfig = NetConfig()
+
+
+def read_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, PolicyNetwork]:
+    """A shipped policy by its name, or any by its folder (a training's folder stands for its final model).
+
+    Args:
+        agent: that it must be of.
+
+    Raises:
+        BusybotError: there is no such policy, or its files are damaged or do not belong together.
+    """
+    folder = find_folder(name_or_path, agent)
+    info = read_info(folder, PolicyInfo)
+    if info.agent != agent:
+        raise BusybotError(f"{folder}: a policy of agent {info.agent}, not {agent}", f"name it as {info.agent}")
+    with drawing_nothing():
+        network = PolicyNetwork(info.net)
+    load_weights(network, load_tensors(folder / WEIGHTS_FILE).tensors, folder / WEIGHTS_FILE)
+    return info, network.eval()
+
+
+load_policy = lru_cache(maxsize=4)(read_policy)
+"""The same, read once in a process."""

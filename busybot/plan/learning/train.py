@@ -1,0 +1,165 @@
+"""`busybot train bc` and `busybot train ppo`: the paper's learned agents, trained on training boards only.
+
+A training is a folder:
+
+train.json                  what was asked for; the same command continues, another one is refused
+boards/                     the boards that were explored, unless another folder was named
+model/                      the trained policy, with provenance and figures
+metrics.csv, metrics.json   losses, and success on boards of appearance groups that were held out
+training.png                the same as a picture
+budget.json                 time and interactions that were used; differs from run to run
+checkpoints/, metrics/      to go on from where a killed training stopped
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from busybot.common.atomic_io import read_json, write_json
+from busybot.common.errors import BusybotError
+from busybot.datasets.bundled_assets import library_of
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.dataset_stats import origin_of
+from busybot.interact.policy.policy_factory import fingerprint
+from busybot.plan.learning.bc import BcLearner
+from busybot.plan.learning.board_graph import Explored
+from busybot.plan.learning.config import BcConfig, PpoConfig
+from busybot.plan.learning.explore import explored_boards
+from busybot.plan.learning.network import PolicyInfo
+from busybot.plan.learning.ppo import PpoLearner, check_installed
+from busybot.reason.models.persistence import Persistence
+from busybot.training.checkpoint import save_model
+from busybot.training.loop import fit
+from busybot.training.metrics_file import read_metrics
+from busybot.training.model_cards import INFO_FILE, read_info
+from busybot.training.plots import Panel, draw, judgements, losses
+from busybot.training.run_folder import begin_folder, learner_versions
+from busybot.training.splits import groups_apart
+
+BUDGET = "budget.json"
+
+Config = BcConfig | PpoConfig
+CONFIGS: dict[str, type[BcConfig] | type[PpoConfig]] = {"bc": BcConfig, "ppo": PpoConfig}
+"""Parameters by agent."""
+Told = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
+"""Opens a progress display of this name."""
+
+
+def train_policy(
+    out: Path,
+    config: Config,
+    data: tuple[Path, ...],
+    model: str,
+    assets: str | None,
+    seed: int,
+    workers: int,
+    told: Told,
+    explored: Path | None = None,
+) -> tuple[PolicyInfo, dict[str, Any]]:
+    """Train, or continue a training that was interrupted.
+
+    Args:
+        data: datasets with tasks and recorded histories, of the training split.
+        model: interaction model, whose candidates the agent chooses from.
+        assets: objects, if they are not found by their hashes.
+        explored: folder of explored boards that several trainings share.
+
+    Returns:
+        what the policy's `model.json` says, and what `budget.json` does.
+
+    Raises:
+        BusybotError: the folder holds another training, a dataset cannot be trained on, or sb3-contrib is missing.
+    """
+    if config.agent == "ppo":
+        check_installed()
+    datasets = [_of_training(Dataset.open(path)) for path in data]
+    origin = [origin_of(dataset) for dataset in datasets]
+    begin_folder(out, config, seed, data=origin, model=fingerprint(model))
+    if (out / "model" / INFO_FILE).exists():
+        return read_info(out / "model", PolicyInfo), read_json(out / BUDGET)
+    libraries = [library_of(dataset, assets) for dataset in datasets]
+    pairs = list(zip(datasets, libraries, strict=True))
+    with told("exploring boards") as progress:
+        found = explored_boards(explored or out / "boards", pairs, origin, model, config.explore, workers, progress)
+    boards, held_out = _apart(found, config.loop.held_out, seed)
+    learner = make_learner(config, boards, held_out, seed)
+    figures = fit(learner, out, config.loop)
+    _plot(out, config.agent)
+    budget = _budget(found, learner, figures)
+    write_json(out / BUDGET, budget)
+    training = {
+        "seed": seed,
+        "config": config.model_dump(mode="json"),
+        "data": origin,
+        "model": fingerprint(model),
+        "boards": len(boards),
+        "boards_held_out": len(held_out),
+        **figures,
+        "versions": learner_versions(),
+    }
+    info = PolicyInfo(agent=config.agent, encoder=Persistence.encoder, net=config.net, training=training)
+    save_model(out / "model", info, _played(learner))
+    return info, budget
+
+
+def make_learner(
+    config: Config, boards: Sequence[Explored], held_out: Sequence[Explored], seed: int
+) -> BcLearner | PpoLearner:
+    """The learner of the agent whose parameters these are."""
+    if isinstance(config, BcConfig):
+        return BcLearner(config, boards, held_out, seed)
+    return PpoLearner(config, boards, held_out, seed)
+
+
+def _played(learner: BcLearner | PpoLearner) -> dict[str, Tensor]:
+    """Weights of what plays."""
+    return (learner.policy if isinstance(learner, PpoLearner) else learner.network).state_dict()
+
+
+def _of_training(dataset: Dataset) -> Dataset:
+    """The dataset, if agents may be trained on it."""
+    if dataset.info.split != "train":
+        what = f"{dataset.path}: boards of split {dataset.info.split}, agents are trained on training boards only"
+        raise BusybotError(what, "busybot generate OUT --split train --tasks one-to-one")
+    if any(board.task is None for board in dataset.boards()):
+        mend = "busybot generate OUT --split train --tasks one-to-one"
+        raise BusybotError(f"{dataset.path}: its boards have no tasks", mend)
+    return dataset
+
+
+def _apart(found: Sequence[Explored], share: float, seed: int) -> tuple[list[Explored], list[Explored]]:
+    """Boards to train on, and those to judge by, of other appearance groups."""
+    held = groups_apart({board.group for board in found}, share, seed, "plan/held out")
+    return [one for one in found if one.group not in held], [one for one in found if one.group in held]
+
+
+def _budget(found: Sequence[Explored], learner: BcLearner | PpoLearner, figures: dict[str, Any]) -> dict[str, Any]:
+    """What the training took, of how much it might."""
+    config, done = learner.config, figures["iterations"]
+    played = done * (config.batch if isinstance(config, BcConfig) else config.envs * config.steps)
+    return {
+        "minutes": round(learner.budget.seconds / 60, 2),
+        "minutes_allowed": config.minutes,
+        "iterations": done,
+        "iterations_allowed": config.iterations,
+        "rollouts" if isinstance(config, BcConfig) else "steps": played,
+        "boards_explored": len(found),
+        "states_explored": sum(len(board.graph.success) for board in found),
+        "exploring_cpu_minutes": round(sum(board.cpu_s for board in found) / 60, 2),
+    }
+
+
+def _plot(out: Path, agent: str) -> None:
+    """Draw `training.png`: the loss, and success on tasks."""
+    lines = read_metrics(out / "metrics" / f"{agent}.jsonl")
+    # what is to be least for ppo is no loss of the same kind
+    held_out = judgements(lines, {"loss": "held out"}) if agent == "bc" else {}
+    success = judgements(lines, {"success_seen": "trained on", "success": "held out"})
+    panels = [
+        Panel(f"loss of {agent}", {"trained on": losses(lines), **held_out}),
+        Panel("responders in their goal state at the end, share", success, shares=True),
+    ]
+    draw(out / "training.png", [panels])

@@ -1,0 +1,247 @@
+"""Agents on the task of a recorded board: who they are by name, and letting one of them play."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from busybot.boards.task import MAX_STEPS, task_of
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
+from busybot.episodes.camera import Rays
+from busybot.episodes.episode import Episode
+from busybot.interact.policy.board_memory import Memory
+from busybot.interact.policy.candidates import ActionModel
+from busybot.interact.policy.config import PolicyConfig
+from busybot.plan.agent_policy import AgentPolicy, Sight
+from busybot.plan.agents.learned import learned
+from busybot.plan.agents.oracle import Oracle, TrueContacts, TrueRelations
+from busybot.plan.agents.paper import BusyBot, Predictive, Relation
+from busybot.plan.agents.search import Search
+from busybot.plan.agents.simple import Noop, Random
+from busybot.plan.contact_proposals import Contacts, LearnedContacts, memory_of, worked_in
+from busybot.plan.decision_log import notes
+from busybot.plan.interfaces import Agent, Briefing
+from busybot.plan.learning.network import Name, load_policy
+from busybot.plan.metrics import JudgedRollout
+from busybot.plan.outcomes import judge
+from busybot.plan.task_context import brief
+from busybot.reason.encoders.registry import choose
+from busybot.reason.inputs.observation import Observed, observe
+from busybot.reason.models.base import Reasoner
+from busybot.sim.interaction import InteractionConfig
+from busybot.sim.recorder import record_episode
+from busybot.sim.scene.board_scene import BoardScene, Simulator
+from busybot.sim.scene.render import RenderConfig
+
+
+class PlanConfig(BaseModel):
+    """How agents are measured.
+
+    Attributes:
+        boards: only so many tasks, the first ones; None for all.
+        learned: constants of the interaction policy that take precedence over those on the model's card.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    boards: int | None = None
+    learned: dict[str, Any] = {}
+    interaction: InteractionConfig = InteractionConfig()
+    render: RenderConfig = RenderConfig()
+
+
+MakeAgent = Callable[[Reasoner], Agent]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """An agent by name.
+
+    Attributes:
+        make: None for the oracle, which is made of the truth.
+        relations, contacts: whether it is told the true ones.
+    """
+
+    make: MakeAgent | None
+    relations: bool = False
+    contacts: bool = False
+
+    @property
+    def oracle(self) -> bool:
+        """Whether it knows what only the simulator knows."""
+        return self.relations or self.contacts
+
+
+AGENTS: dict[str, Kind] = {
+    "noop": Kind(lambda reasoner: Noop()),
+    "random": Kind(lambda reasoner: Random()),
+    "relation": Kind(Relation),
+    "predictive": Kind(Predictive),
+    "busybot": Kind(BusyBot),
+    "search": Kind(Search),
+    "search-true-relations": Kind(Search, relations=True),
+    "search-true-contacts": Kind(Search, contacts=True),
+    "search-true-both": Kind(Search, relations=True, contacts=True),
+    "oracle": Kind(None, contacts=True),
+}
+"""The rows of Table 3 and those that attribute failures; trained agents are named with their models (`kind_of`)."""
+TRAINED: tuple[Name, ...] = ("bc", "ppo")
+
+
+def name_of(agent: str) -> str:
+    """An agent's name in tables: `bc` of `bc=runs/bc`."""
+    return agent.partition("=")[0]
+
+
+def kind_of(agent: str) -> Kind:
+    """The agent of that name; of those in `TRAINED`, with its model: `bc=runs/bc`.
+
+    Raises:
+        BusybotError: there is none, or there is no such model.
+    """
+    name, given, model = agent.partition("=")
+    for trained in TRAINED:
+        if name == trained:
+            if not model:
+                what = f"agent {name} plays a trained policy, none was named"
+                raise BusybotError(what, f"--agents {name}=DIR; `busybot train {name} --out DIR` makes one")
+            load_policy(model, trained)
+            return Kind(partial(learned, trained, model))
+    if name not in AGENTS or given:
+        known = ", ".join([*AGENTS, *(f"{trained}=DIR" for trained in TRAINED)])
+        raise BusybotError(f"there is no agent {agent!r}", f"choose from {known}")
+    return AGENTS[name]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A recorded history with a goal, read once for all agents.
+
+    Attributes:
+        edges: bool (N, N), relations that the reasoner claims.
+    """
+
+    history: Episode
+    observed: Observed
+    briefing: Briefing
+    memory: Memory
+    rays: Rays
+    edges: np.ndarray
+
+
+@dataclass(frozen=True)
+class Played:
+    """A rollout and what it came to."""
+
+    episode: Episode
+    judged: JudgedRollout
+
+
+class Player:
+    """Lets agents play in one simulator, with one pair of models.
+
+    Args:
+        reasoner: relations and predictions.
+        model: action candidates.
+        policy: constants of the candidates.
+        seed: of the agents' draws.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        reasoner: Reasoner,
+        model: ActionModel[Any],
+        policy: PolicyConfig | None = None,
+        interaction: InteractionConfig | None = None,
+        seed: int = 0,
+    ):
+        self._simulator, self._reasoner, self._model = simulator, reasoner, model
+        self._config, self._interaction = policy or PolicyConfig(), interaction or InteractionConfig()
+        self._seed = seed
+
+    def prepare(self, history: Episode, features: np.ndarray | None = None) -> Prepared:
+        """Read a history.
+
+        Args:
+            features: of the history, (T + 1, N, 256), if they are known already.
+
+        Raises:
+            BusybotError: it has no goal or no depth.
+        """
+        briefing = brief(history, MAX_STEPS, self._reasoner.encoder, features)
+        rays = Rays(history.camera)
+        memory = memory_of(history, self._model, rays, self._config)
+        edges = self._reasoner.graph(briefing.history).claimed(briefing.history.steps)
+        return Prepared(history, observe(history), briefing, memory, rays, edges)
+
+    def play(self, task: Prepared, agent: str | MakeAgent, name: str | None = None) -> Played:
+        """Let an agent play.
+
+        Args:
+            agent: as `kind_of` takes it, or what makes one of a reasoner.
+            name: in the result; by default that of the agent.
+        """
+        kind = kind_of(agent) if isinstance(agent, str) else Kind(agent)
+        seat = _Seat(self, task, kind, name or (name_of(agent) if isinstance(agent, str) else None))
+        factory = _OracleSeat(seat) if kind.oracle else seat
+        board = task.history.board
+        episode = record_episode(self._simulator, board, factory, MAX_STEPS, self._interaction, self._seed)
+        policy = seat.policy
+        assert policy is not None
+        episode.settings |= notes(policy.decisions)
+        return Played(episode, judge(episode, policy, task.briefing, task.edges))
+
+    def policy(self, task: Prepared, kind: Kind, name: str | None) -> AgentPolicy:
+        """An agent that has what a robot has, as a policy."""
+        assert kind.make is not None
+        return self._policy(task, kind.make(self._reasoner), self._contacts(task), name)
+
+    def oracle(self, task: Prepared, kind: Kind, name: str | None, scene: BoardScene) -> AgentPolicy:
+        """An agent that is told the truth about a scene, as a policy."""
+        rng = generator(self._seed, scene.spec.split, scene.spec.index, "plan/true contacts")
+        reasoner = TrueRelations(self._reasoner, scene.spec) if kind.relations else self._reasoner
+        true = TrueContacts(scene, task.rays, self._interaction, task.observed, rng)
+        agent = kind.make(reasoner) if kind.make else Oracle(scene, task_of(scene.spec).goal, true)
+        return self._policy(task, agent, true if kind.contacts else self._contacts(task), name)
+
+    def _contacts(self, task: Prepared) -> Contacts:
+        worked = worked_in(task.history)
+        return LearnedContacts(self._model, self._config, task.rays, task.observed, worked, task.memory)
+
+    def _policy(self, task: Prepared, agent: Agent, contacts: Contacts, name: str | None) -> AgentPolicy:
+        sight = Sight(task.observed, choose(self._reasoner.encoder))
+        return AgentPolicy(agent, task.briefing, contacts, sight, name)
+
+
+@dataclass
+class _Seat:
+    """What `record_episode` makes the policy of an agent with; `policy` is it afterwards."""
+
+    player: Player
+    task: Prepared
+    kind: Kind
+    agent_name: str | None
+    policy: AgentPolicy | None = None
+    name: str = "plan"  # the same draws whoever plays
+
+    def make_policy(self, rays: Rays) -> AgentPolicy:
+        self.policy = self.player.policy(self.task, self.kind, self.agent_name)
+        return self.policy
+
+
+@dataclass
+class _OracleSeat:
+    """The same of an oracle."""
+
+    seat: _Seat
+    name: str = _Seat.name
+
+    def make_oracle(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> AgentPolicy:
+        seat = self.seat
+        seat.policy = seat.player.oracle(seat.task, seat.kind, seat.agent_name, scene)
+        return seat.policy

@@ -1,0 +1,117 @@
+"""Encoders by name.
+
+A name is that of an encoder, alone or with the pixels that it is given: `embedded` takes an object's own pixels as
+depth tells them, `embedded-box` those of its box (from pictures without depth), `embedded-mask` those that the
+simulator's segmentation calls its own (an oracle).
+"""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from busybot.common.errors import BusybotError
+from busybot.episodes.episode import Episode
+from busybot.reason.inputs.appearances import Look, Masks, looks_of
+from busybot.reason.inputs.object_masks import OwnConfig, OwnPixels, TruePixels
+from busybot.reason.inputs.observation import Observed, observe
+from busybot.reason.inputs.sequence import CHANNELS
+
+ENCODERS = ("embedded", "resnet50", "random")
+PIXELS = {
+    "own": "an object's own pixels, told by depth",
+    "box": "the pixels of an object's first-frame box",
+    "mask": "an object's own pixels, told by the segmentation",
+}
+DEFAULT = "embedded"
+
+
+class Encoder(Protocol):
+    """Turns looks into numbers.
+
+    Attributes:
+        key: says which of all encoders of its name this is: versions, weights.
+    """
+
+    key: str
+
+    def encode(self, looks: list[Look]) -> np.ndarray:
+        """float32 (n, 256)."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """An encoder and the pixels that it is given.
+
+    Attributes:
+        name: as asked for.
+        key: the name with a digest of all that decides the numbers.
+        pixels: one of `PIXELS`.
+    """
+
+    name: str
+    key: str
+    pixels: str
+    encoder: Encoder
+
+    @property
+    def oracle(self) -> bool:
+        """Whether the features hold what only the simulator knows."""
+        return self.pixels == "mask"
+
+    def of(self, observed: Observed) -> np.ndarray:
+        """Features of every frame and object, float16 (T + 1, N, 256); zeros for triggers and without a box.
+
+        Raises:
+            BusybotError: the encoder is an oracle: it needs the episode (`of_episode`).
+        """
+        if self.oracle:
+            raise BusybotError(f"{self.name} needs the segmentation, which is not among what a reasoner may read")
+        return self._encode(observed, OwnPixels(observed, OwnConfig(depth=self.pixels == "own")))
+
+    def of_episode(self, episode: Episode) -> np.ndarray:
+        """The same from an episode, of which only an oracle reads what is privileged."""
+        return self._encode(observe(episode), TruePixels(episode)) if self.oracle else self.of(observe(episode))
+
+    def _encode(self, observed: Observed, pixels: Masks) -> np.ndarray:
+        looks = looks_of(observed, pixels)
+        # the last row is that of objects without looks
+        rows = np.concatenate([self.encoder.encode(looks.looks), np.zeros((1, CHANNELS), np.float32)])
+        return np.asarray(rows[looks.of], np.float16)
+
+
+@lru_cache(maxsize=4)
+def choose(name: str = DEFAULT, weights: Path | None = None) -> Chosen:
+    """The encoder of that name.
+
+    Args:
+        weights: of `resnet50`: a file with torchvision's layout; None for the official one.
+
+    Raises:
+        BusybotError: there is no such encoder, or its weights cannot be had.
+    """
+    base, _, pixels = name.partition("-")
+    pixels = pixels or "own"
+    if base not in ENCODERS or pixels not in PIXELS or name.endswith("-"):
+        what = f"choose one of {', '.join(ENCODERS)}, also with -box or -mask behind it"
+        raise BusybotError(f"there is no encoder {name!r}", what)
+    if weights is not None and base != "resnet50":
+        raise BusybotError(f"{weights}: {base} takes no weights", "they go with `--encoder resnet50`")
+    encoder = _make(base, weights)
+    facts = f"{base} {encoder.key} {pixels} {OwnConfig().model_dump_json()}"
+    return Chosen(name, f"{name}-{hashlib.sha256(facts.encode()).hexdigest()[:8]}", pixels, encoder)
+
+
+def _make(base: str, weights: Path | None) -> Encoder:
+    if base == "embedded":
+        from busybot.reason.encoders.descriptor import Descriptor
+
+        return Descriptor()
+    from busybot.reason.encoders.resnet import drawn, pretrained  # torch only where it is needed
+
+    make: Callable[[], Encoder] = drawn if base == "random" else lambda: pretrained(weights)
+    return make()

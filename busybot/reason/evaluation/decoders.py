@@ -1,0 +1,174 @@
+"""Decoders that read states from features of objects, trained on training boards only; for evaluators only.
+
+One linear classifier for each category: doors and toys by their state, lamps by their colour or off, because a lamp's
+state index means different colours on different lamps (protocol "Reasoning"). The paper's authors pooled the test
+splits into the training of theirs.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from busybot.boards.spec import BoardSpec
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.mcap.reader import read_episode
+from busybot.objects.library import Library
+from busybot.reason.evaluation.ground_truth import states_of
+from busybot.reason.evaluation.state_readout import judged_objects
+from busybot.reason.inputs.observation import observe
+
+BOARDS = 300
+"""Decoders are trained on so many boards, the first ones."""
+RIDGE = 1e-2
+"""Weight of the penalty on the classifier's coefficients, in units of the number of examples."""
+LEAST_SPREAD = 0.1
+"""Channels that vary less than this share of the average one are not blown up to its size."""
+NAMES = "U16"
+"""Type of arrays of names of what is shown."""
+UNKNOWN = ""
+"""Of objects whose appearance has no name: triggers, categories without examples."""
+
+
+@dataclass(frozen=True)
+class Examples:
+    """What objects of training boards look like.
+
+    Attributes:
+        features: float (M, C).
+        categories: str (M,), of the objects.
+        shown: str (M,), as `appearances` names it.
+    """
+
+    features: np.ndarray
+    categories: np.ndarray
+    shown: np.ndarray
+
+
+def appearances(board: BoardSpec, library: Library, states: np.ndarray) -> np.ndarray:
+    """Names of what responders show, str (F, N), from states int (F, N): "1", or for lamps "off" or "#ff00ff"."""
+    stages = {relation.responder: relation.stage for relation in board.relations}
+    names = np.full(states.shape, UNKNOWN, NAMES)
+    for index, placed in enumerate(board.objects):
+        effect = library.get(placed.key).effect
+        if effect is None:
+            continue
+        stage = stages.get(index, "multi" if effect.single is None else "single")
+        values = effect.multi if stage == "multi" else effect.single
+        for state in np.unique(states[:, index]):
+            name = str(state)
+            if effect.type == "color" and values is not None and state < len(values):
+                name = _color(values[state])
+            names[states[:, index] == state, index] = name
+    return names
+
+
+def _color(rgb: tuple[float, ...]) -> str:
+    red, green, blue = (round(255 * channel) for channel in rgb)
+    return f"#{red:02x}{green:02x}{blue:02x}" if red or green or blue else "off"
+
+
+def examples(board: BoardSpec, features: np.ndarray, shown: np.ndarray, judged: np.ndarray) -> Examples:
+    """One example for everything that each judged object shows on a board: its mean feature over those frames.
+
+    Args:
+        features: float (F, N, C).
+        shown: str (F, N) of `appearances`.
+        judged: bool (N,).
+    """
+    rows, categories, names = [], [], []
+    for index in np.flatnonzero(judged):
+        for name in np.unique(shown[:, index]):
+            rows.append(features[shown[:, index] == name, index].mean(axis=0))
+            categories.append(board.objects[index].category)
+            names.append(str(name))
+    return Examples(np.array(rows).reshape(-1, features.shape[-1]), np.array(categories, "U64"), np.array(names, NAMES))
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Standardised features times weights; the greatest score names the class.
+
+    Attributes:
+        mean, spread: float (C,).
+        weights: float (C + 1, K), the last row a constant.
+        classes: str (K,).
+    """
+
+    mean: np.ndarray
+    spread: np.ndarray
+    weights: np.ndarray
+    classes: np.ndarray
+
+    def read(self, features: np.ndarray) -> np.ndarray:
+        """Features (M, C) to classes, str (M,)."""
+        return self.classes[(_inputs(features, self.mean, self.spread) @ self.weights).argmax(axis=1)]
+
+
+def fit_linear(features: np.ndarray, shown: np.ndarray) -> Linear:
+    """Regularised least squares onto the classes, each class with the same total weight."""
+    mean, spread = features.mean(axis=0), features.std(axis=0)
+    spread = np.maximum(spread, max(LEAST_SPREAD * float(spread.mean()), 1e-9))
+    classes, number, size = np.unique(shown, return_inverse=True, return_counts=True)
+    inputs, weight = _inputs(features, mean, spread), (1 / size)[number][:, None] / len(classes)
+    targets = np.eye(len(classes))[number]
+    penalty = RIDGE * np.eye(inputs.shape[1])
+    penalty[-1, -1] = 0
+    return Linear(
+        mean, spread, np.linalg.solve(inputs.T @ (weight * inputs) + penalty, inputs.T @ (weight * targets)), classes
+    )
+
+
+def _inputs(features: np.ndarray, mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    scaled = (features.astype(float) - mean) / spread
+    return np.concatenate([scaled, np.ones((len(scaled), 1))], axis=1)
+
+
+def fit_decoders(parts: Iterable[Examples]) -> dict[str, Linear]:
+    """A decoder for each category of which there are examples, from many boards."""
+    boards = list(parts)
+    if not boards:
+        return {}
+    features, categories, shown = (
+        np.concatenate([getattr(one, name) for one in boards]) for name in ("features", "categories", "shown")
+    )
+    return {
+        str(category): fit_linear(features[categories == category], shown[categories == category])
+        for category in np.unique(categories)
+    }
+
+
+def train_decoders(dataset: Dataset, features: Mapping[int, np.ndarray], library: Library) -> dict[str, Linear]:
+    """Decoders from the first boards of a training dataset.
+
+    Args:
+        features: float (T + 1, N, C) by episode.
+        library: with the dataset's objects.
+    """
+    return fit_decoders(_examples(dataset, features, library))
+
+
+def _examples(dataset: Dataset, features: Mapping[int, np.ndarray], library: Library) -> Iterable[Examples]:
+    for index in sorted(features)[:BOARDS]:
+        episode = read_episode(dataset.episode_path(index), "lazy")
+        truth = states_of(episode)
+        if truth is not None:
+            shown = appearances(episode.board, library, truth.states)
+            yield examples(episode.board, features[index], shown, judged_objects(observe(episode)))
+
+
+class Decoded:
+    """A judge that reads each object by the decoder of its category."""
+
+    def __init__(self, decoders: dict[str, Linear], board: BoardSpec, shown: np.ndarray, judged: np.ndarray):
+        """`shown` is str (T + 1, N) of `appearances`, `judged` bool (N,)."""
+        self.truth, self.judged = shown, judged
+        self._of = {int(i): decoders.get(board.objects[i].category) for i in np.flatnonzero(judged)}
+
+    def read(self, features: np.ndarray) -> np.ndarray:
+        """Features float (F, N, C) to names, str (F, N); `UNKNOWN` where there is no decoder."""
+        found = np.full(features.shape[:2], UNKNOWN, NAMES)
+        for index, decoder in self._of.items():
+            if decoder is not None:
+                found[:, index] = decoder.read(features[:, index])
+        return found

@@ -1,0 +1,202 @@
+"""`busybot eval reason`: infer the graphs of a dataset's boards, predict what follows, compare both with the truth.
+
+The graph is inferred from the first 23 images, as in the paper; each later step is predicted from its true current
+features (protocol "Reasoning"). Models see what `observed` lets through; the truth is read here, after it.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from busybot.common.errors import BusybotError
+from busybot.common.process_pool import default_workers, share
+from busybot.datasets.bundled_assets import library_of
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import collect_command
+from busybot.episodes.episode import Episode
+from busybot.episodes.mcap.reader import read_episode
+from busybot.evaluation.results import stamp
+from busybot.objects.library import Library
+from busybot.reason.evaluation.decoders import Decoded, Linear, appearances, train_decoders
+from busybot.reason.evaluation.ground_truth import StateTruth, states_of, truth_of
+from busybot.reason.evaluation.prediction import DECODED, NEAREST, Watched, forecast
+from busybot.reason.evaluation.state_clusters import clusters_of, threshold_of
+from busybot.reason.evaluation.state_readout import Judge, Nearest, judged_objects
+from busybot.reason.evaluation.summary import Judged, summarise
+from busybot.reason.inputs.feature_store import features_of
+from busybot.reason.inputs.observation import Observed, observe
+from busybot.reason.inputs.sequence import Sequence, sequence_of
+from busybot.reason.models.registry import GRAPHS, REASONERS, config_class, infer, reasoner_of
+from busybot.training.model_cards import file_hashes, find_folder
+
+IMAGES = 23
+"""The paper infers the graph from so many images, one more than actions."""
+
+CURVE = (2, 5, 8, 11, 14, 17, 20, 23)
+"""Numbers of observed images after which predictions are judged, beside the number asked for."""
+
+BOARDS_PER_WORKER = 10
+"""A process more costs about as much time as so many boards."""
+
+Progress = Callable[[int, int], None]
+FeaturesOf = Mapping[int, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Judging:
+    """How boards are judged; plain data for worker processes.
+
+    Attributes:
+        model: of `infer`, by name or folder.
+        images: observed ones.
+        config: parameters of the model; None for its defaults.
+        decoders: by category, for the second judge; None to do without it.
+        library: the boards' objects, whose appearance decoders name; needed with decoders.
+    """
+
+    model: str = "count"
+    images: int = IMAGES
+    config: BaseModel | None = None
+    decoders: dict[str, Linear] | None = None
+    library: Library | None = None
+
+
+def judge_episode(episode: Episode, judging: Judging | None = None, features: np.ndarray | None = None) -> Judged:
+    """Infer the board's graph from the first images, predict what follows, and put the truth beside both.
+
+    Args:
+        features: float (T + 1, N, 256) of the model's encoder; what infers a graph alone needs none.
+    """
+    judging = judging or Judging()
+    observed = observe(episode)
+    seen = observed.first(judging.images)
+    sequence = None if features is None else sequence_of(observed, features)
+    if sequence is None:
+        graph = infer(seen, judging.model, judging.config)
+    else:
+        graph = reasoner_of(judging.model, judging.config).graph(sequence.first(judging.images))
+    truth, predicted = states_of(episode), None
+    if truth is not None and len(truth.links) >= judging.images:
+        watched = watch(episode, observed, sequence, truth, judging)
+        reasoner = None if sequence is None else reasoner_of(judging.model, judging.config)
+        predicted = forecast(watched, reasoner, judging.images, (*CURVE, judging.images))
+    steps = len(seen.actions)
+    return Judged(episode.board, graph, truth_of(episode), steps, episode.policy, episode.oracle, predicted)
+
+
+def watch(
+    episode: Episode, observed: Observed, sequence: Sequence | None, truth: StateTruth, judging: Judging
+) -> Watched:
+    """Truth and judges of a board."""
+    judged = judged_objects(observed)
+    judges: dict[str, Judge] = {}
+    if sequence is not None:
+        threshold = threshold_of(reasoner_of(judging.model, judging.config).encoder)
+        clusters = clusters_of(sequence.features, threshold)
+        judges[NEAREST] = Nearest(sequence.features, clusters, truth.states, judged)
+    if sequence is not None and judging.decoders is not None and judging.library is not None:
+        shown = appearances(episode.board, judging.library, truth.states)
+        judges[DECODED] = Decoded(judging.decoders, episode.board, shown, judged)
+    return Watched(truth, observed, judged, sequence, judges)
+
+
+def _judge_file(task: tuple[int, Path], judging: Judging, features: FeaturesOf | None) -> Judged:
+    index, path = task
+    return judge_episode(read_episode(path, "lazy"), judging, None if features is None else features[index])
+
+
+def evaluate_dataset(
+    dataset: Dataset,
+    judging: Judging | None = None,
+    training: Dataset | None = None,
+    assets: str | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Evaluate on every finished episode; JSON values, see `summary`, with the dataset's origin and hashes.
+
+    Args:
+        training: train decoders on this dataset, for the second judge of predictions.
+        assets: the objects of both datasets, if they are not found by their hashes; only decoders need them.
+        seed: of the bootstrap.
+        workers: processes; None for one per core, as far as there are boards enough to pay for starting them.
+
+    Raises:
+        BusybotError: no episode is finished, one is damaged, or there is no such model.
+    """
+    judging = judging or Judging()
+    indices = _check(dataset, judging)
+    features = _features(dataset, judging, workers)
+    if training is not None and features is not None:
+        trained = train_decoders(training, _features(training, judging, workers) or {}, library_of(training, assets))
+        judging = replace(judging, decoders=trained, library=library_of(dataset, assets))
+    judged: list[Judged] = []
+    processes = workers or min(default_workers(), 1 + len(indices) // BOARDS_PER_WORKER)
+    tasks = [(index, dataset.episode_path(index)) for index in indices]
+    for one in share(partial(_judge_file, judging=judging, features=features), tasks, processes):
+        judged.append(one)
+        if progress is not None:
+            progress(len(judged), len(indices))
+    sets = [one for one in (dataset, training) if one is not None]
+    return {
+        **stamp("reason", hashes={"models": _model_hashes(judging.model), "data": dict(map(_hashes, sets))}),
+        **summarise(judged, judging.images, seed),
+        "images_used": 1 + max(one.steps for one in judged),
+        "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
+        "encoder": None if features is None else reasoner_of(judging.model, judging.config).encoder,
+        "dataset": origin(dataset),
+        "decoders": None if training is None else origin(training),
+    }
+
+
+def _check(dataset: Dataset, judging: Judging) -> list[int]:
+    """Numbers of the finished episodes, after a look at what is asked for."""
+    if judging.images < 2:
+        raise BusybotError(f"{judging.images} images show no action", "take at least 2")
+    if judging.model not in GRAPHS:
+        reasoner_of(judging.model, judging.config)
+    indices = sorted(dataset.finished())
+    if not indices:
+        what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
+        raise BusybotError(what, collect_command(dataset.path, dataset.info))
+    return indices
+
+
+def _features(dataset: Dataset, judging: Judging, workers: int | None) -> FeaturesOf | None:
+    """What the model reads of a dataset; None for one that reads no features."""
+    if judging.model in GRAPHS:
+        return None
+    return features_of(dataset, reasoner_of(judging.model, judging.config).encoder, workers=workers)
+
+
+def _model_hashes(model: str) -> dict[str, dict[str, str]]:
+    """Of the files of a trained model."""
+    if model in GRAPHS or model in REASONERS:
+        return {}
+    folder = find_folder(model, "reason")
+    return {folder.name: file_hashes(folder)}
+
+
+def _hashes(dataset: Dataset) -> tuple[str, dict[str, Any]]:
+    told = origin(dataset)
+    return f"{told['name']} ({told['split']})", {key: told[key] for key in told if key.endswith("_hash")}
+
+
+def origin(dataset: Dataset) -> dict[str, Any]:
+    """Which episodes a result is about."""
+    hashes = dataset.hashes()
+    return {
+        "name": dataset.info.name,
+        "split": dataset.info.split,
+        "boards": dataset.info.boards,
+        "episodes": len(dataset.finished()),
+        "board_hash": hashes.board,
+        "trace_hash": hashes.trace,
+        "content_hash": hashes.content,
+    }

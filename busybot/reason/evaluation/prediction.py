@@ -1,0 +1,114 @@
+"""The predicted steps of one board, judged against the truth (protocol "Reasoning", Pred-A); for evaluators only.
+
+A graph is inferred from the first images. Each later step is predicted by itself, from its true current features.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from busybot.reason.evaluation.ground_truth import StateTruth
+from busybot.reason.evaluation.state_readout import Judge
+from busybot.reason.evaluation.upper_bound import determined
+from busybot.reason.inputs.observation import Observed, acted_objects
+from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.models.base import Reasoner
+
+NEAREST, DECODED = "nearest", "decoded"
+PERSISTENCE, BOUND, BOUND_KNOWING = "persistence", "bound", "bound_knowing"
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What was predicted, and whether it came true. S predicted steps of T, N objects.
+
+    Attributes:
+        changed: bool (S, N), whether the true state changed.
+        judged: bool (N,), responders whose prediction counts.
+        successful: bool (S,), whether the step's action changed a trigger's state.
+        kinds: S times the kind of the relation whose trigger was held.
+        right: bool (S, N) by name: the reasoner's predictions by the judges `NEAREST` and `DECODED`, and `PERSISTENCE`
+            (by `NEAREST`), `BOUND` and `BOUND_KNOWING`.
+        reads: bool (T + 1, N) by judge: whether it reads the true features rightly.
+        by_images: number of observed images to `right`, with `NEAREST` and `BOUND`.
+    """
+
+    changed: np.ndarray
+    judged: np.ndarray
+    successful: np.ndarray
+    kinds: tuple[str, ...]
+    right: dict[str, np.ndarray]
+    reads: dict[str, np.ndarray]
+    by_images: dict[int, dict[str, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A board as evaluators have it. T steps, N objects.
+
+    Attributes:
+        truth: what happened.
+        observed: what reasoners may read.
+        judged: bool (N,), responders that show in the first frame.
+        sequence: the same with features; None if there are none.
+        judges: by name; empty without features.
+    """
+
+    truth: StateTruth
+    observed: Observed
+    judged: np.ndarray
+    sequence: Sequence | None
+    judges: Mapping[str, Judge]
+
+
+def forecast(watched: Watched, reasoner: Reasoner | None, images: int, curve: Iterable[int] = ()) -> Forecast:
+    """Predict and judge every step after the first `images` images.
+
+    Args:
+        reasoner: None for one that predicts nothing; the bounds are there all the same.
+        curve: judge the same steps after so many observed images, too; more than `images` are left out.
+    """
+    truth, start = watched.truth, images - 1
+    right = {
+        BOUND: _bound(watched, start, start),
+        BOUND_KNOWING: _bound(watched, start, start, knowing=True),
+    }
+    by_images = {number: {BOUND: _bound(watched, number - 1, start)} for number in curve if number <= images}
+    reads: dict[str, np.ndarray] = {}
+    if watched.sequence is not None:
+        features = watched.sequence.features
+        right[PERSISTENCE] = _judge(watched.judges[NEAREST], features[start:-1], start)
+        reads = {name: np.asarray(judge.read(features) == judge.truth) for name, judge in watched.judges.items()}
+    if watched.sequence is not None and reasoner is not None:
+        predicted = _predict(reasoner, watched.sequence, images, start)
+        right |= {name: _judge(judge, predicted, start) for name, judge in watched.judges.items()}
+        for number, judged in by_images.items():
+            features = predicted if number == images else _predict(reasoner, watched.sequence, number, start)
+            judged[NEAREST] = _judge(watched.judges[NEAREST], features, start)
+    return Forecast(
+        changed=truth.states[start:-1] != truth.states[start + 1 :],
+        judged=watched.judged,
+        successful=truth.success[start:],
+        kinds=truth.kinds[start:],
+        right=right,
+        reads=reads,
+        by_images=by_images,
+    )
+
+
+def _bound(watched: Watched, observed: int, start: int, knowing: bool = False) -> np.ndarray:
+    """What the first `observed` steps determine of those from `start` on, bool (S, N)."""
+    contacts = np.array([action.position for action in watched.observed.actions], float).reshape(-1, 3)
+    return determined(watched.truth, contacts, acted_objects(watched.observed), observed, knowing)[start:]
+
+
+def _predict(reasoner: Reasoner, sequence: Sequence, images: int, start: int) -> np.ndarray:
+    """Features after the steps from `start` on, (S, N, C), knowing the first `images` images."""
+    return reasoner.predict(
+        sequence.first(images), sequence.features[start:-1], sequence.actions[start:], sequence.acted[start:]
+    )
+
+
+def _judge(judge: Judge, features: np.ndarray, start: int) -> np.ndarray:
+    return np.asarray(judge.read(features) == judge.truth[start + 1 :])

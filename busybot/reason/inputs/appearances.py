@@ -1,0 +1,104 @@
+"""What each object looks like in each frame: its own pixels within its first-frame box, every look once.
+
+A place of the box that an intruder hides keeps what it showed before, so that a neighbour's door that swings in front
+of a lamp does not change the lamp. Pictures that did not change are not looked at again, and neither are boxes in which
+nothing changed.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from busybot.reason.inputs.object_masks import Region
+from busybot.reason.inputs.observation import Frame, Observed
+
+
+@dataclass(frozen=True)
+class Look:
+    """One appearance of one object.
+
+    Attributes:
+        rgb: uint8 (h, w, 3), the object's box. Outside of `own` it shows whatever was there.
+        own: bool (h, w), pixels that show the object.
+    """
+
+    rgb: np.ndarray
+    own: np.ndarray
+
+
+class Masks(Protocol):
+    """Tells objects from what else their boxes show: `OwnPixels`, or an oracle (`TruePixels`)."""
+
+    @property
+    def regions(self) -> dict[int, Region]: ...
+
+    def masks(self, index: int, number: int) -> tuple[np.ndarray, np.ndarray]: ...
+
+
+@dataclass(frozen=True)
+class Looks:
+    """All looks of a board's responders.
+
+    Attributes:
+        looks: each different from all others of its object.
+        of: int (T + 1, N), index into `looks` for every frame and object; -1 for triggers and objects without a box.
+    """
+
+    looks: list[Look]
+    of: np.ndarray
+
+
+class Watched:
+    """One object over the frames: what its box last showed, with what hid it taken away.
+
+    Attributes:
+        look: the present one.
+    """
+
+    def __init__(self, region: Region):
+        self._place = (region.rows, region.columns)
+        self._seen: tuple[np.ndarray, np.ndarray | None] | None = None
+        self._rgb = np.zeros((*region.mine.shape, 3), np.uint8)
+        self._own = np.zeros(region.mine.shape, bool)
+        self.look = Look(self._rgb, self._own)
+        self._known: dict[tuple[bytes, bytes], int] = {}
+
+    def unchanged(self, frame: Frame) -> bool:
+        """Whether the box shows exactly what it showed last."""
+        before = self._seen
+        depth = None if frame.depth is None else frame.depth[self._place]
+        self._seen = (frame.rgb[self._place], depth)
+        if before is None or not np.array_equal(before[0], self._seen[0]):
+            return False
+        return before[1] is None or depth is None or np.array_equal(before[1], depth)
+
+    def update(self, own: np.ndarray, hidden: np.ndarray) -> int:
+        """Take in what was asked about last; returns the number of the look among this object's, from 0."""
+        assert self._seen is not None
+        self._rgb = np.where(hidden[..., None], self._rgb, self._seen[0])
+        self._own = np.where(hidden, self._own, own)
+        self.look = Look(self._rgb, self._own)
+        return self._known.setdefault((self._own.tobytes(), self._rgb[self._own].tobytes()), len(self._known))
+
+
+def looks_of(observed: Observed, pixels: Masks) -> Looks:
+    """The looks of all responders that have a box in the first frame."""
+    of = np.full((len(observed.image_of), len(observed.roles)), -1, int)
+    watched = {i: Watched(region) for i, region in pixels.regions.items() if observed.roles[i] == "responder"}
+    places: dict[int, list[int]] = {index: [] for index in watched}
+    looks: list[Look] = []
+    for number, picture in enumerate(observed.image_of):
+        of[number] = of[max(0, number - 1)]
+        if number and picture == observed.image_of[number - 1]:
+            continue
+        frame = observed.frame(number)
+        for index, one in watched.items():
+            if one.unchanged(frame):
+                continue
+            look = one.update(*pixels.masks(index, number))
+            if look == len(places[index]):
+                places[index].append(len(looks))
+                looks.append(one.look)
+            of[number, index] = places[index][look]
+    return Looks(looks, of)

@@ -1,0 +1,171 @@
+"""What a reasoner may know of an episode, and nothing else (protocol "Who may read what").
+
+The one way from an `Episode` to any model of relations: a whitelist. Segmentation, later boxes, what the gripper truly
+held, joints, states, rewards, relations, object names and categories are not hidden here, they are not here.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.episodes.episode import Camera, Episode, Image
+from busybot.episodes.lazy_images import EncodedImage, LazyImages
+
+NO_BOXES = np.empty((0, 4), np.int16)
+
+REACH = 0.5
+"""A pixel outside of all trigger boxes may lie so far from one, in units of the box's longer side: a lever that has
+moved sticks out of its first box."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture.
+
+    Attributes:
+        rgb: uint8 (H, W, 3), as decoded.
+        depth: float32 (H, W), board units, 0 where nothing was hit; None if not recorded.
+    """
+
+    rgb: np.ndarray
+    depth: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Action:
+    """One proposed action.
+
+    Attributes:
+        pixel: (u, v) chosen in the picture before.
+        position: board frame, board units.
+        direction: unit vector of the proposed direction, board frame.
+    """
+
+    pixel: tuple[int, int]
+    position: tuple[float, float, float]
+    direction: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A board watched for T steps.
+
+    Attributes:
+        camera: the static camera, for positions from depth.
+        roles: "trigger" or "responder" for each of N objects.
+        boxes: int16 (N, 4), u0, v0, u1, v1 (exclusive) in the first frame; -1 where not visible.
+        positions: float32 (N, 3), visible centre in the first frame, board frame; NaN if not visible.
+        actions: T of them; action k leads from frame k to frame k + 1.
+        images: stored pictures without segmentation and boxes, decoded when asked for.
+        image_of: index into `images` for frames 0..T. Frames with one index are the same picture.
+    """
+
+    camera: Camera
+    roles: tuple[str, ...]
+    boxes: np.ndarray
+    positions: np.ndarray
+    actions: tuple[Action, ...]
+    images: Sequence[Image]
+    image_of: tuple[int, ...]
+
+    @property
+    def triggers(self) -> np.ndarray:
+        """Indices of the triggers."""
+        return np.array([i for i, role in enumerate(self.roles) if role == "trigger"], int)
+
+    @property
+    def responders(self) -> np.ndarray:
+        """Indices of the responders."""
+        return np.array([i for i, role in enumerate(self.roles) if role == "responder"], int)
+
+    @property
+    def candidates(self) -> np.ndarray:
+        """bool (N, N), True where the row is a trigger and the column a responder."""
+        trigger = np.array([role == "trigger" for role in self.roles], bool)
+        responder = np.array([role == "responder" for role in self.roles], bool)
+        return trigger[:, None] & responder[None]
+
+    def frame(self, index: int) -> Frame:
+        """Frame `index`, 0 is the initial one."""
+        image = self.images[self.image_of[index]]
+        return Frame(image.rgb, image.depth)
+
+    def first(self, images: int) -> "Observed":
+        """The same board watched for at most `images` frames (so many minus one actions)."""
+        steps = max(0, images - 1)
+        return Observed(
+            self.camera,
+            self.roles,
+            self.boxes,
+            self.positions,
+            self.actions[:steps],
+            self.images,
+            self.image_of[: steps + 1],
+        )
+
+
+def observe(episode: Episode) -> Observed:
+    """Everything of the episode that a reasoner may read."""
+    if isinstance(episode.images, LazyImages):
+        images: Sequence[Image] = _without_truth(episode.images)
+        first_boxes = episode.images.encoded[episode.frame_of[0]].boxes
+    else:
+        images = [Image(image.rgb, image.depth, None, NO_BOXES) for image in episode.images]
+        first_boxes = episode.images[episode.frame_of[0]].boxes
+    return Observed(
+        camera=episode.camera,
+        roles=tuple(placed.role for placed in episode.board.objects),
+        boxes=np.array(first_boxes, np.int16),
+        positions=np.array(episode.positions, np.float32),
+        actions=tuple(Action(s.pixel, s.position, _vector(s.direction)) for s in episode.steps),
+        images=images,
+        image_of=tuple(episode.frame_of),
+    )
+
+
+def goal_of(episode: Episode) -> Frame | None:
+    """What an agent may see of the goal: its picture, without segmentation and boxes; None if there is no goal."""
+    goals = _without_truth(episode.goals) if isinstance(episode.goals, LazyImages) else episode.goals
+    return Frame(goals[0].rgb, goals[0].depth) if len(goals) else None
+
+
+def _without_truth(images: LazyImages) -> LazyImages:
+    """The same pictures; segmentation and boxes are left out and never decoded."""
+    encoded = [EncodedImage(image.rgb, image.depth, None, NO_BOXES) for image in images.encoded]
+    return LazyImages(images.where, images.width, images.height, 0, images.depth_scale, encoded)
+
+
+def _vector(direction: int) -> tuple[float, float, float]:
+    x, y, z = DIRECTIONS[direction]
+    return float(x), float(y), float(z)
+
+
+def acted_objects(observed: Observed) -> np.ndarray:
+    """The trigger that each action took hold of as far as boxes tell, int (T,), -1 for none.
+
+    It is the trigger whose first-frame box holds the action's pixel; of several the one with the smallest box, then the
+    one whose centre is nearest. A pixel outside of all trigger boxes goes to the nearest box within `REACH`.
+    """
+    return np.array([trigger_at(observed, action.pixel) for action in observed.actions], int)
+
+
+def trigger_at(observed: Observed, pixel: tuple[int, int]) -> int:
+    """The trigger at a pixel (u, v) by the rule of `acted_objects`, -1 for none."""
+    best: tuple[float, float, float] | None = None
+    found = -1
+    for index in observed.triggers:
+        u0, v0, u1, v1 = (int(side) for side in observed.boxes[index])
+        if u1 <= u0 or v1 <= v0:
+            continue
+        u, v = pixel
+        outside = math.hypot(max(u0 - u, 0, u - (u1 - 1)), max(v0 - v, 0, v - (v1 - 1)))
+        if outside > REACH * max(u1 - u0, v1 - v0):
+            continue
+        centre = math.hypot(u + 0.5 - (u0 + u1) / 2, v + 0.5 - (v0 + v1) / 2)
+        rank = (outside, float((u1 - u0) * (v1 - v0)), centre)
+        if best is None or rank < best:
+            best, found = rank, int(index)
+    return found

@@ -1,0 +1,144 @@
+"""Training the `event` model. Neither relations nor states are known to it: it learns from what happened next."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch_geometric.data import HeteroData
+from torch_geometric.utils import scatter
+
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
+from busybot.reason.inputs.board_dataset import BoardDataset, batches_of, in_turn
+from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.models.event.config import EventConfig
+from busybot.reason.models.event.data import Asked, Outcome, Seen, board_graph, padded, seen_of, split
+from busybot.reason.models.event.loss import loss_of
+from busybot.reason.models.event.networks import EventNet
+from busybot.reason.models.event.reasoner import choose
+from busybot.training.loop import Learner, cosine_rate, descend
+from busybot.training.weights import initialise
+
+JUDGED_AT_ONCE = 64
+BINS = 100
+
+
+class EventLearner(Learner):
+    """One thread: sums have one order whatever the machine.
+
+    Args:
+        boards: to train on.
+        held_out: to judge by.
+    """
+
+    name = "event"
+    network: EventNet
+
+    def __init__(self, config: EventConfig, boards: Iterable[Sequence], held_out: Iterable[Sequence], seed: int):
+        torch.set_num_threads(1)
+        self.config, self.seed, self.iterations = config, seed, config.iterations
+        self.boards = BoardDataset(padded(board_graph(board) for board in boards))
+        self.held_out = BoardDataset(padded(board_graph(board) for board in held_out))
+        if not any(int(board["step"].known.sum()) > 1 for board in self.boards):
+            raise BusybotError("no board on which two steps were recorded", "train on datasets with more steps")
+        self.network = EventNet(config.net, smallest_change(self.boards))
+        draws = generator(seed, "train", 0, "initial weights/event")
+        initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))))
+        self.network.effects.start_as_lookup()
+        self.optimizer = torch.optim.AdamW(
+            self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+        )
+
+    def iterate(self, iteration: int) -> tuple[float, float]:
+        """One step of the optimizer."""
+        config = self.config
+        rng = generator(self.seed, "train", iteration, "reason/event")
+        chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
+        everything = seen_of(next(batches_of(self.boards, [chosen])), self.network.scale)
+        everything = _noisy(everything, config.noise, rng)
+        seen, asked, outcome = split(everything, self._images(everything, rng) - 1, config.questions)
+        rate = cosine_rate(config.learning_rate, config.warm_up, iteration, self.iterations)
+        self.network.train()
+        loss = loss_of(self.network, seen, asked, outcome, config.loss).total
+        descend(self.optimizer, loss, rate, config.clip)
+        return float(loss.detach()), rate
+
+    def _images(self, seen: Seen, rng: np.random.Generator) -> int:
+        """How many images are seen; at least one step remains to be predicted.
+
+        Drawn numbers are spread evenly on a logarithmic scale: what to claim is hardest to tell when little was seen.
+        """
+        longest = seen.actions.shape[1]
+        usual, drawn = min(self.config.images, longest), int(2 * ((longest + 1) / 2) ** rng.random())
+        return usual if rng.random() < 0.5 else drawn
+
+    @torch.no_grad()
+    def judge(self) -> Mapping[str, float]:
+        """Loss, and shares of steps in which all responders look as predicted, also of steps that changed something."""
+        self.network.eval()
+        totals: dict[str, float] = dict.fromkeys(
+            ("surprise", "answers", "steps", "right", "changes", "right_changes"), 0
+        )
+        for seen, asked, outcome in self._questions():
+            answers = float(outcome.real[seen.board].sum())
+            surprise = loss_of(self.network, seen, asked, outcome, self.config.loss).surprise
+            right, changes = _right(self.network, seen, asked, outcome, self.config.loss.blur)
+            counts = (outcome.real, right & outcome.real, changes, right & changes)
+            totals["surprise"] += float(surprise) * answers
+            totals["answers"] += answers
+            for name, count in zip(("steps", "right", "changes", "right_changes"), counts, strict=True):
+                totals[name] += float(count.sum())
+        if not totals["steps"]:
+            return {}
+        figures = {"loss": totals["surprise"] / totals["answers"], "right": totals["right"] / totals["steps"]}
+        return figures | ({"right_changes": totals["right_changes"] / totals["changes"]} if totals["changes"] else {})
+
+    def _questions(self) -> Iterator[tuple[Seen, Asked, Outcome]]:
+        for batch in batches_of(self.held_out, in_turn(len(self.held_out), JUDGED_AT_ONCE)):
+            everything = seen_of(batch, self.network.scale)
+            steps = min(self.config.images, everything.actions.shape[1]) - 1
+            yield split(everything, steps, self.config.questions)
+
+
+def _noisy(seen: Seen, most: float, rng: np.random.Generator) -> Seen:
+    """Looks of different frames lie farther apart, as independent noise in all frames would have them."""
+    level = torch.from_numpy(rng.uniform(0, most, (len(seen.board), 1, 1)).astype(np.float32))
+    between = 1 - torch.eye(seen.distances.shape[1])
+    return replace(seen, distances=torch.sqrt(seen.distances**2 + level**2 * between))
+
+
+def _right(network: EventNet, seen: Seen, asked: Asked, outcome: Outcome, blur: float) -> tuple[Tensor, Tensor]:
+    """Whether all responders of a board look as predicted, and whether any changed, bool (B, Q)."""
+    choice = choose(network, seen, asked, blur)
+    copied = outcome.look.gather(2, choice.frame.clamp(min=0).unsqueeze(-1))[..., 0]
+    error = torch.where(choice.frame >= 0, copied, outcome.moved)
+    boards = len(seen.actions)
+    worst = scatter(error, seen.board, dim_size=boards, reduce="max")
+    moved = scatter(outcome.moved, seen.board, dim_size=boards, reduce="max")
+    return worst < 1, (moved > 1) & outcome.real
+
+
+def smallest_change(boards: Iterable[HeteroData]) -> float:
+    """The distance between looks that parts changes from noise: the threshold that splits the logarithms of all steps'
+    distances into the two groups of least variance (Otsu's method), without labels.
+
+    Raises:
+        BusybotError: nothing ever changes.
+    """
+    moved = [board["responder"].distances.diagonal(offset=1, dim1=1, dim2=2) for board in boards]
+    sizes = np.concatenate([np.asarray(each).ravel() for each in moved])
+    largest = float(sizes.max(initial=0))
+    if largest <= 0:
+        raise BusybotError("no responder ever changes its look", "train on boards on which something was moved")
+    logs = np.log(np.maximum(sizes, 1e-2 * largest))
+    counts, ends = np.histogram(logs, BINS)
+    middles = (ends[1:] + ends[:-1]) / 2
+    below = np.cumsum(counts)[:-1]
+    above = len(logs) - below
+    total = np.cumsum(counts * middles)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        between = np.nan_to_num(below * above * (total[:-1] / below - (total[-1] - total[:-1]) / above) ** 2)
+    best = np.flatnonzero(between >= between.max() * (1 - 1e-9))
+    return float(np.exp(ends[1:-1][best].mean()))

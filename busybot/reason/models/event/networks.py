@@ -1,0 +1,258 @@
+"""The networks of the `event` model: which trigger controls which responder, and what a contact does to it.
+
+Two stages (protocol "Why the paper falls short"): does responder j change with this contact, and if so, to what. The
+answer to the second is a look that j has had before, or something new: past changes are repeated or undone. All that
+the networks read stands in `event_facts`.
+
+Letters: B boards, R responders and E candidate pairs of all boards, L known steps, Q steps asked for.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+from torch_geometric.utils import scatter, softmax
+
+from busybot.reason.models.event.config import NetConfig
+from busybot.reason.models.event.data import Asked, Seen
+from busybot.reason.models.event.facts import (
+    CHANGE_FACTS,
+    CONTACT_FACTS,
+    COUNT_FACTS,
+    FAR,
+    LOOK_FACTS,
+    NEAR,
+    PAST_FACTS,
+    SMALL,
+    STEP_FACTS,
+    Contacts,
+    change_facts,
+    changed,
+    contacts_of,
+    count_facts,
+    look_facts,
+    past_facts,
+    reversed_facts,
+)
+from busybot.reason.models.message_passing import GraphModule
+
+NEVER = -1e4
+"""Logit of what is impossible."""
+UNSEEN = -0.85
+"""Logit that a responder changes when its trigger is acted on, though it never did: with probability 0.3 this is a link
+that was not touched before. If this were learnt, too, nothing would tell rare changes from improbable edges."""
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What steps do to responders whose trigger is acted on.
+
+    Attributes:
+        change: (R, Q), logit that the responder changes.
+        choice: (R, Q, 2K + 1), log probability of each past look to change to, the last: something never seen.
+        frames: int (R, 2K), which look that is, as an index into the L + 1 frames.
+    """
+
+    change: Tensor
+    choice: Tensor
+    frames: Tensor
+
+
+def mlp(*widths: int) -> nn.Sequential:
+    """Linear layers with ReLU between them."""
+    layers: list[nn.Module] = []
+    for inputs, outputs in zip(widths[:-1], widths[1:], strict=True):
+        layers += [nn.Linear(inputs, outputs), nn.ReLU()]
+    return nn.Sequential(*layers[:-1])
+
+
+class EdgeHead(GraphModule):
+    """Logits of the pairs, from how responder i changed in the steps on trigger j and in all others:
+
+        t_il = MLP(facts of i in step l)
+        z_ij = MLP(mean and max of t_il over l on j, mean and max of t_il over l not on j, numbers of steps)
+
+    Shapes:
+        input: see `Seen`; triggers are the edges' sources, responders their targets.
+        output: (E,).
+    """
+
+    def __init__(self, width: int):
+        super().__init__(aggr=None)
+        self.token = mlp(CHANGE_FACTS, width, width)
+        self.pair = mlp(4 * width + COUNT_FACTS, 2 * width, 1)
+
+    def forward(self, seen: Seen) -> Tensor:
+        """Logits (E,)."""
+        sizes, known = seen.sizes, seen.known[seen.board]
+        largest = scatter(sizes, seen.board, dim_size=len(seen.actions), reduce="max")[seen.board]  # (R, L)
+        return self.edge_updater(
+            seen.edge_index,
+            token=(None, self.token(change_facts(sizes, largest))),  # (R, L, width)
+            known=(None, known),
+            effective=(None, changed(largest) > 0.5),
+            touched=(seen.touched, None),
+        )
+
+    def edge_update(self, token_i: Tensor, known_i: Tensor, effective_i: Tensor, touched_j: Tensor) -> Tensor:
+        """Tokens (E, L, width) and masks (E, L) of every pair to logits (E,)."""
+        on, off = touched_j & known_i, known_i & ~touched_j
+        counts = count_facts(on, off, on & effective_i)
+        return self.pair(torch.cat([*_pooled(token_i, on), *_pooled(token_i, off), counts], -1))[:, 0]
+
+
+def _pooled(tokens: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean and maximum (E, width) of tokens (E, L, width) over the steps of the mask, zeros where there are none."""
+    shown = mask[..., None]
+    mean = (tokens * shown).sum(1) / shown.sum(1).clamp(min=1)
+    most = tokens.masked_fill(~shown, NEVER).amax(1) if tokens.shape[1] else mean
+    return mean, torch.where(mask.any(1, keepdim=True), most, 0.0)
+
+
+class EffectHead(GraphModule):
+    """What a step does to the responders that its trigger controls.
+
+    Whether responder r changes in step q is told by attention over the known steps l on the same trigger, near ones
+    first. These are edges: from (r, l) to (r, q). With several heads, h:
+
+        t_rql = MLP(facts of contact l for q, facts of what l did to r)
+        a_rqlh = softmax over l of (u_h . t_rql + s_h nearness_rql)
+        z_rq = w (2 v_rq - 1) + MLP(sum over l of a_rqlh [t_rql, did_rl] for all h, facts of q, fit of the best look)
+
+    where v is what the first head says of `did`. What it changes to is told by scores of its past looks (`_choice`).
+
+    Shapes:
+        input: see `Seen` and `Asked`.
+        output: see `Effects`.
+    """
+
+    def __init__(self, config: NetConfig):
+        super().__init__()
+        width, heads = config.width, config.heads
+        self.place = nn.Linear(CONTACT_FACTS, width)
+        self.past = nn.Linear(PAST_FACTS, width, bias=False)
+        self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU())
+        self.attend = nn.Linear(width, heads)
+        self.change = mlp(heads * (width + 1) + STEP_FACTS + 1, width, 1)
+        self.sharpness = nn.Parameter(torch.tensor([1.5] + [0.0] * (heads - 1)))
+        self.trust = nn.Parameter(torch.tensor(3.0))
+        self.candidate = mlp(CONTACT_FACTS + LOOK_FACTS, width, width, 1)
+        self.match = nn.Parameter(torch.tensor(6.0))
+        self.unknown = nn.Parameter(torch.tensor(-4.0))
+        self.start_as_lookup()
+
+    def start_as_lookup(self) -> None:
+        """Before training the nearest contact that changed something decides, and the change that begins where j is."""
+        for layers in (self.change, self.candidate):
+            for parameter in layers[-1].parameters():
+                nn.init.zeros_(parameter)
+
+    def forward(self, seen: Seen, asked: Asked) -> Effects:
+        """See `Effects`."""
+        contacts = contacts_of(seen, asked)
+        choice, frames, fit = self._choice(seen, asked, contacts)
+        return Effects(self._change(seen, asked, contacts, fit), choice, frames)
+
+    def _change(self, seen: Seen, asked: Asked, contacts: Contacts, fit: Tensor) -> Tensor:
+        """Logits that responders change, (R, Q)."""
+        board, sizes = seen.board, seen.sizes
+        rows, queries, steps = asked.current.shape[0], asked.current.shape[1], sizes.shape[1]
+        largest = scatter(sizes, board, dim_size=len(seen.actions), reduce="max")
+        change = torch.stack([changed(sizes), changed(largest)[board]], -1)  # (R, L, 2)
+        same = contacts.same[board]  # (R, Q, L)
+        row, query, step = same.nonzero(as_tuple=True)
+        place = (board[row] * queries + query) * steps + step  # in (B, Q, L)
+        pooled = self.propagate(
+            torch.stack([row * steps + step, row * queries + query]),
+            size=(rows * steps, rows * queries),
+            change=(change.flatten(0, 1), None),
+            place=self.place(contacts.facts).flatten(0, 2).index_select(0, place),
+            distance=contacts.distance.flatten().index_select(0, place),
+            present=asked.current.unfold(2, 2, 1)[row, query, step],
+        ).view(rows, queries, *self._pooled_shape)
+        inputs = torch.cat([pooled.flatten(2), contacts.step[board], fit.unsqueeze(-1)], -1)
+        learnt = self.trust * (2 * pooled[..., 0, -1] - 1) + self.change(inputs)[..., 0]
+        return torch.where((same & (change[:, None, :, 0] > 0.5)).any(-1), learnt, UNSEEN)
+
+    @property
+    def _pooled_shape(self) -> tuple[int, int]:
+        """Heads, and what each gathers."""
+        return self.attend.out_features, self.attend.in_features + 1
+
+    def message(
+        self, change_j: Tensor, place: Tensor, distance: Tensor, present: Tensor, index: Tensor, size_i: int
+    ) -> Tensor:
+        """What each known contact says to a step asked for, weighted by attention, (P, heads, width + 1)."""
+        did, worked = change_j.unbind(-1)
+        tokens = self.token(place + self.past(past_facts(change_j, present)))  # (P, width)
+        nearness = 4 * worked - distance.clamp(max=FAR) / NEAR[0]
+        logits = self.attend(tokens) + self.sharpness * nearness[:, None]  # (P, heads)
+        weights = softmax(logits, index, num_nodes=size_i)
+        return weights[..., None] * torch.cat([tokens, did[:, None]], -1)[:, None]
+
+    def _choice(self, seen: Seen, asked: Asked, contacts: Contacts) -> tuple[Tensor, Tensor, Tensor]:
+        """Log probabilities and frames as in `Effects`, and how well the best candidate begins where j is, (R, Q)."""
+        sizes = seen.sizes
+        most = max(1, int((changed(sizes) > 0.5).sum(1).max())) if sizes.numel() else 0
+        size, step = sizes.topk(min(most, sizes.shape[1]), dim=1)  # (R, K)
+        usable = (changed(size) > 0.5).repeat(1, 2)[:, None]  # (R, 1, 2K)
+        frames = torch.cat([step + 1, step], 1)  # repeated, undone
+        near = _frames(asked.current, torch.cat([step, step + 1], 1))  # (R, Q, 2K), where the change began
+        size = size.repeat(1, 2)[:, None].clamp(min=SMALL)
+        undo = (torch.arange(2 * step.shape[1], device=step.device) >= step.shape[1]).to(near)
+        looks = look_facts(near, _frames(asked.current, frames), size, undo)
+        share = near / size
+        scores = self.candidate(torch.cat([_places(seen, contacts, step), looks], -1))[..., 0] - self.match * share
+        scores = scores.masked_fill(~usable, NEVER)
+        unknown = self.unknown.expand(*scores.shape[:2], 1)
+        fit = torch.exp(-2 * share).masked_fill(~usable, 0).amax(-1) if frames.shape[1] else unknown[..., 0] * 0
+        return torch.log_softmax(torch.cat([scores, unknown], -1), -1), frames, fit
+
+
+def _places(seen: Seen, contacts: Contacts, step: Tensor) -> Tensor:
+    """Contact facts of repeating and of undoing what responders did in known steps (R, K): (R, Q, 2K, 8)."""
+    place = contacts.facts[seen.board]  # (R, Q, L, 8)
+    repeated = place.gather(2, step[:, None, :, None].expand(-1, place.shape[1], -1, CONTACT_FACTS))
+    return torch.cat([repeated, reversed_facts(repeated)], 2)
+
+
+def _frames(distances: Tensor, frames: Tensor) -> Tensor:
+    """Distances (R, Q, L + 1) to some frames (R, C): (R, Q, C)."""
+    return distances.gather(2, frames[:, None].expand(-1, distances.shape[1], -1))
+
+
+class EventNet(nn.Module):
+    """Both heads; `scale` is the smallest change in the encoder's units."""
+
+    scale: Tensor
+
+    def __init__(self, config: NetConfig, scale: float = 1.0):
+        super().__init__()
+        self.edges, self.effects = EdgeHead(config.width), EffectHead(config)
+        self.inference, self.exclusive = config.inference, config.exclusive and config.inference
+        self.register_buffer("scale", torch.tensor(float(scale)))
+
+    def log_edges(self, seen: Seen) -> tuple[Tensor, Tensor]:
+        """Log probability that each pair is an edge, (E,), and that a responder has no trigger, (R,).
+
+        At most one trigger per responder: a softmax over the triggers and "none". Otherwise each pair has a
+        probability of its own, and the second value is the log probability that none of them is an edge. Without
+        inference every pair is an edge.
+        """
+        row, rows = seen.edge_index[1], len(seen.board)
+        if not self.inference:
+            return torch.zeros(len(row)), torch.full((rows,), NEVER)
+        logits = self.edges(seen)
+        if not self.exclusive:
+            none = scatter(functional.logsigmoid(-logits), row, dim_size=rows, reduce="sum")
+            return functional.logsigmoid(logits), none
+        total = log_sum(logits, logits.new_zeros(rows), row)
+        return logits - total[row], -total
+
+
+def log_sum(values: Tensor, base: Tensor, row: Tensor) -> Tensor:
+    """log(exp(base) + sum of exp(values) by row), (R,), for values (E,) and base (R,)."""
+    top = scatter(values, row, dim_size=len(base), reduce="max").maximum(base).detach()
+    total = scatter(torch.exp(values - top[row]), row, dim_size=len(base), reduce="sum")
+    return top + torch.log(total + torch.exp(base - top))

@@ -1,0 +1,172 @@
+"""The `paper` model of relations: inference and dynamics networks (paper section 3.2, appendix A.1).
+
+Inference, from the first frames and the actions between them:
+
+1. the first graph network embeds nodes and edges in every frame (128-d);
+2. with the frame's states and the embedded actions these go through a convolution over time;
+3. the second graph network tells each edge's type: no relation, or a relation;
+4. conditioned on the types, the third one gives each edge a 32-d embedding of how it acts.
+
+Dynamics, from one frame, the action and the edges: a graph network embeds nodes and edges of related pairs, a recurrent
+network takes in the action, and a last graph network decodes the features after the action.
+
+What the paper leaves open, and what is chosen here (see also `paper_config`):
+
+- An edge is a pair of two nodes: none leads from a node to itself.
+- The second graph network propagates twice, the others once; only node outputs of the last one and edge outputs of the
+  second and third are used. V-CDN has it so.
+- "4 layers for edges" is one perceptron of four layers; V-CDN has two of two layers where there are two types.
+- Edges of the type "no relation" carry no messages in the dynamics network.
+- Training draws edge types with Gumbel-softmax noise; otherwise an edge's types are their probabilities.
+- What follows the last observed frame is not known to the inference network: zeros, as where nothing is acted on.
+- Networks begin with torch's default weights.
+
+Without inference (the paper's ablation) all that was seen goes into predicting the next state. What is chosen there:
+the spatial graph network embeds the observed frames and the one that the action changes, which comes last; the
+convolution over time, the recurrent network and the last graph network are those of the full model, without edge types.
+
+Every network computes its edge functions in one of two forms that give the same numbers (`paper_parts.EdgeFunction`).
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from busybot.reason.inputs.sequence import CHANNELS
+from busybot.reason.models.paper.config import PaperNetworkConfig
+from busybot.reason.models.paper.data import STATE, Boards, Frames
+from busybot.reason.models.paper.parts import KINDS, Actions, GraphNet, Recurrent, TimeConvolution, factor
+
+
+@dataclass(frozen=True)
+class Relations:
+    """The inferred graph.
+
+    Attributes:
+        logits: (P, 2), of "no relation" and "relation".
+        types: (P, 2), weights of the two types, which add up to 1.
+        embeddings: (P, 1, 32), how each edge acts.
+    """
+
+    logits: Tensor
+    types: Tensor
+    embeddings: Tensor
+
+    @property
+    def probabilities(self) -> Tensor:
+        """(P,), of a relation."""
+        return self.logits.softmax(-1)[:, 1]
+
+
+class PaperNetwork(nn.Module):
+    """Inference and dynamics networks; 18.4 M parameters as the paper has them:
+
+        E = f_inference(n_1, a_1, ..., n_F)        n_t+1 = f_dynamics(n_t, a_t, E)
+
+    Args:
+        factored: multiply nodes before they are joined to edges, not after: the same numbers in less time.
+
+    Shapes:
+        edge_index: (2, P).
+        frames: see `Frames`.
+        output: (M, F, 256), and `Relations`.
+    """
+
+    def __init__(self, config: PaperNetworkConfig, factored: bool = True):
+        super().__init__()
+        self.config = config
+        wide, edge, seen = config.embedding, config.edge_embedding, STATE + config.action
+        self.actions = Actions(config)
+        self.spatial = GraphNet(config, STATE, 0, wide, wide)
+        self.node_time = TimeConvolution(config, seen + wide, wide)
+        self.edge_time = TimeConvolution(config, 2 * seen + wide, wide)
+        self.edge_types = GraphNet(config, wide, wide, 0, KINDS, steps=2)
+        self.edge_embeddings = GraphNet(config, wide, wide, 0, edge, types=KINDS)
+        self.dynamic = GraphNet(config, STATE, edge, wide, wide)
+        self.node_recurrent = Recurrent(config, seen + wide, wide)
+        self.edge_recurrent = Recurrent(config, 2 * seen + wide + edge, wide)
+        self.decode = GraphNet(config, seen + wide, wide + edge, CHANNELS, 0)
+        factor(self, factored)
+
+    def forward(self, boards: Boards, images: int, noise: Tensor | None = None) -> tuple[Tensor, Relations]:
+        """Infer the graph from the first `images` frames and predict each of the following steps, (M, S, 256)."""
+        relations = self.infer(boards.edge_index, boards.observed(images), noise)
+        return self.predict(boards.edge_index, boards.predicted(images)[0], relations), relations
+
+    def foresee(self, edge_index: Tensor, observed: Frames, frames: Frames) -> Tensor:
+        """Features after each frame's action, (M, S, 256), with the graph of the observed frames."""
+        return self.predict(edge_index, frames, self.infer(edge_index, observed))
+
+    def infer(self, edge_index: Tensor, frames: Frames, noise: Tensor | None = None) -> Relations:
+        """Relations from observed frames.
+
+        Args:
+            noise: (P, 2), Gumbel noise with which the types are drawn; None for their probabilities.
+        """
+        nodes, edges = self.spatial(edge_index, frames.states, None)
+        return self.relate(edge_index, frames, nodes, edges, noise)
+
+    def relate(
+        self, edge_index: Tensor, frames: Frames, nodes: Tensor, edges: Tensor, noise: Tensor | None = None
+    ) -> Relations:
+        """Relations from spatial embeddings: nodes (M, F, 128) and edges (P, F, 128)."""
+        seen = torch.cat([frames.states, self.actions(frames)], -1)
+        node = self.node_time(torch.cat([nodes, seen], -1))
+        edge = self.edge_time.of_edges(edge_index, seen, edges)
+        logits = self.edge_types(edge_index, node, edge)[1][:, 0]
+        types = drawn(logits, noise, self.config.temperature)
+        return Relations(logits, types, self.edge_embeddings(edge_index, node, edge, types)[1])
+
+    def predict(self, edge_index: Tensor, frames: Frames, relations: Relations) -> Tensor:
+        """Features after each frame's action, (M, F, 256), every frame on its own."""
+        related = relations.types[:, 1:]  # (P, 1): edges without a relation carry no messages
+        acting = relations.embeddings.expand(-1, frames.states.shape[1], -1)
+        node, edge = self.dynamic(edge_index, frames.states, acting, related)
+        seen = torch.cat([frames.states, self.actions(frames)], -1)
+        node = self.node_recurrent(torch.cat([node, seen], -1))
+        edge = self.edge_recurrent.of_edges(edge_index, seen, torch.cat([edge, acting], -1))
+        after = self.decode(edge_index, torch.cat([node, seen], -1), torch.cat([edge, acting], -1), related)[0]
+        return after + frames.states[..., :CHANNELS] if self.config.residual else after
+
+
+class PaperHistoryNetwork(nn.Module):
+    """The ablation without inference: n_t+1 = f(n_1, a_1, ..., n_F, n_t, a_t). Arguments as of `PaperNetwork`."""
+
+    def __init__(self, config: PaperNetworkConfig, factored: bool = True):
+        super().__init__()
+        self.config = config
+        wide, seen = config.embedding, STATE + config.action
+        self.actions = Actions(config)
+        self.spatial = GraphNet(config, STATE, 0, wide, wide)
+        self.node_time = TimeConvolution(config, seen + wide, wide)
+        self.edge_time = TimeConvolution(config, 2 * seen + wide, wide)
+        self.node_recurrent = Recurrent(config, wide, wide)
+        self.edge_recurrent = Recurrent(config, wide, wide)
+        self.decode = GraphNet(config, wide, wide, CHANNELS, 0)
+        factor(self, factored)
+
+    def forward(self, boards: Boards, images: int, noise: Tensor | None = None) -> tuple[Tensor, None]:
+        """Predict each of the steps that follow the first `images` frames, (M, S, 256); there is no graph."""
+        return self.foresee(boards.edge_index, boards.observed(images), boards.predicted(images)[0]), None
+
+    def foresee(self, edge_index: Tensor, observed: Frames, frames: Frames) -> Tensor:
+        """Features after each frame's action, (M, S, 256), every frame on its own."""
+        count = observed.states.shape[1]
+        states = torch.cat([observed.states, frames.states], 1)
+        nodes, edges = self.spatial(edge_index, states, None)
+        acted = torch.cat([self.actions(observed), self.actions(frames)], 1)
+        after = []
+        for last in range(count, states.shape[1]):
+            known = [*range(count), last]
+            seen = torch.cat([states[:, known], acted[:, known]], -1)
+            node = self.node_time(torch.cat([nodes[:, known], seen], -1))
+            edge = self.edge_time.of_edges(edge_index, seen, edges[:, known])
+            after.append(self.decode(edge_index, self.node_recurrent(node), self.edge_recurrent(edge))[0])
+        predicted = torch.cat(after, 1)
+        return predicted + frames.states[..., :CHANNELS] if self.config.residual else predicted
+
+
+def drawn(logits: Tensor, noise: Tensor | None, temperature: float) -> Tensor:
+    """Weights of the types: drawn by Gumbel-softmax, or their probabilities."""
+    return logits.softmax(-1) if noise is None else ((logits + noise) / temperature).softmax(-1)

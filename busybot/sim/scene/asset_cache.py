@@ -1,0 +1,104 @@
+"""Objects as SAPIEN has loaded them, ready to be built again and again; the least recently used are forgotten.
+
+SAPIEN keeps every mesh file that it ever read. Here the cached builder of an object holds its loaded meshes instead, so
+that SAPIEN's own cache can be emptied and an object that leaves ours is freed (`benchmarks/speed/collection.py
+--memory`).
+"""
+
+import ctypes
+from collections import OrderedDict
+from typing import Any
+
+import numpy as np
+import sapien
+from sapien.wrapper.actor_builder import ActorBuilder
+from sapien.wrapper.articulation_builder import ArticulationBuilder
+from sapien.wrapper.urdf_loader import URDFLoader
+
+from busybot.common.errors import BusybotError
+from busybot.objects.model import ObjectModel
+
+KEPT = 64
+"""Objects that stay loaded, about 6 MB each: more than the paper's 58."""
+
+
+class _Unbound:
+    """Stands in for a scene while a URDF is parsed: builders are bound to a scene when a board is built."""
+
+    def create_articulation_builder(self) -> ArticulationBuilder:
+        return ArticulationBuilder()
+
+    def create_actor_builder(self) -> ActorBuilder:
+        return ActorBuilder()
+
+
+class Builders:
+    """Articulation builders by object and scale.
+
+    Args:
+        looks: whether anybody looks; otherwise meshes are left out.
+    """
+
+    def __init__(self, looks: bool):
+        self._looks = looks
+        self._builders: OrderedDict[tuple[str, float], ArticulationBuilder] = OrderedDict()
+
+    def get(self, model: ObjectModel, scale: float) -> ArticulationBuilder:
+        """The object's builder, loaded if it is not there.
+
+        Raises:
+            BusybotError: the object cannot be loaded.
+        """
+        key = (model.key, scale)
+        if key not in self._builders:
+            self._builders[key] = self._load(model, scale)
+        self._builders.move_to_end(key)
+        return self._builders[key]
+
+    def forget(self) -> None:
+        """Free all but the `KEPT` most recently used objects; those in a living scene are freed with it."""
+        if len(self._builders) <= KEPT:
+            return
+        while len(self._builders) > KEPT:
+            self._builders.popitem(last=False)
+        if self._looks:
+            sapien.render.clear_cache(models=True, images=True)
+            _return_memory()
+
+    def _load(self, model: ObjectModel, scale: float) -> ArticulationBuilder:
+        loader = URDFLoader()
+        loader.set_scene(_Unbound())
+        loader.fix_root_link = True
+        loader.scale = scale
+        try:
+            builder = loader.load_file_as_articulation_builder(str(model.urdf))
+            for link in builder.link_builders:
+                link.collision_records = []
+                _give_stops(link.joint_record, model, scale)
+                if not self._looks:
+                    link.visual_records = []
+                elif link.visual_records and not _is_painted(link.name, model):
+                    link.build_render_component = link.build_render_component().clone
+        except Exception as error:  # the loader raises whatever its parsers raise
+            raise BusybotError(f"{model.urdf}: SAPIEN cannot load it: {error}", "busybot assets check") from error
+        return builder
+
+
+def _is_painted(link: str, model: ObjectModel) -> bool:
+    """Whether a board paints the link: clones share their materials, so it is read from SAPIEN's cache each time."""
+    return model.effect is not None and model.effect.type == "color" and model.effect.link == link
+
+
+def _give_stops(record: Any, model: ObjectModel, scale: float) -> None:
+    """A trigger's joint without limits gets those of the model; SAPIEN cannot set them once the object is built."""
+    for link in model.trigger_links:
+        if record.name == link.joint and not np.isfinite(record.limits).all():
+            unit = scale if link.joint_type == "prismatic" else 1.0
+            record.joint_type, record.limits = link.joint_type, [[link.lower * unit, link.upper * unit]]
+
+
+def _return_memory() -> None:
+    """Give freed memory back to the system: the C library keeps what lies between the pieces that are still in use."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc alone has it
+    if trim is not None:
+        trim(0)

@@ -1,0 +1,139 @@
+"""The two kinds of things that change on a board: trigger joints with detents, and responders with effects.
+
+States (protocol "Boards"): a two-state link is in state 0 below half of its range, else 1; a multi-direction link is in
+state 0 below a quarter, 2 above three quarters, else 1. At rest a joint sits in the detent of its state: at an end, or
+in the middle.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import sapien
+
+from busybot.common.errors import BusybotError
+from busybot.objects.model import Effect, ObjectModel, TriggerLink
+
+JOINT_DAMPING = 0.02
+"""Keeps the suction drive from overshooting by more than 3 % of a joint's range."""
+GLOW, PAINT = 0.35, 0.7
+"""Shares of a lamp's colour that it emits, and that it reflects."""
+DARK = 0.06
+"""What an unlit lamp still reflects, so that one sees its shape."""
+
+
+@dataclass
+class TriggerJoint:
+    """A movable link of a trigger on the board.
+
+    Attributes:
+        object: index of the object on the board.
+        link: what the annotation says of it.
+        articulation, body: SAPIEN's articulation and the link's component.
+        axis: index among the articulation's degrees of freedom.
+        lower, upper: joint limits, radians or board units.
+        state: the discrete state in which it rests.
+    """
+
+    object: int
+    link: TriggerLink
+    articulation: Any
+    body: Any
+    axis: int
+    lower: float
+    upper: float
+    state: int
+
+    def rest(self, state: int) -> float:
+        """Joint position of the state's detent."""
+        return self.lower + (self.upper - self.lower) * state / (self.link.states - 1)
+
+    def position(self) -> float:
+        """The joint's present position, radians or board units."""
+        return float(self.articulation.qpos[self.axis])
+
+    def state_at(self, position: float) -> int:
+        """Discrete state in which a joint position lies."""
+        share = (position - self.lower) / (self.upper - self.lower)
+        if self.link.kind == "two-state":
+            return int(share >= 0.5)
+        return 0 if share < 0.25 else 2 if share > 0.75 else 1
+
+    def settle(self, state: int) -> None:
+        """Snap into the state's detent, at rest."""
+        self.state = state
+        position = self.articulation.qpos
+        position[self.axis] = self.rest(state)
+        self.articulation.set_qpos(position)
+        self.articulation.set_qvel(np.zeros_like(position))
+
+
+@dataclass
+class Responder:
+    """A lamp, door or toy on the board that shows one of its states.
+
+    Attributes:
+        object: index of the object on the board.
+        stage: which of the effect's value lists applies.
+        state: index of the value shown.
+    """
+
+    object: int
+    effect: Effect
+    stage: str
+    articulation: Any
+    axes: tuple[int, ...]
+    materials: tuple[Any, ...]
+    state: int = 0
+
+    def show(self, state: int) -> None:
+        """Show a state at once."""
+        values = self.effect.multi if self.stage == "multi" else self.effect.single
+        assert values is not None
+        self.state = state
+        if self.effect.type == "color":
+            for material in self.materials:
+                material.set_base_color([*(DARK + (PAINT - DARK) * channel for channel in values[state]), 1.0])
+                material.set_emission([*(GLOW * channel for channel in values[state]), 1.0])
+            return
+        position = self.articulation.qpos
+        for axis, value in zip(self.axes, values[state], strict=True):
+            position[axis] = value
+        self.articulation.set_qpos(position)
+        self.articulation.set_qvel(np.zeros_like(position))
+
+
+def make_triggers(index: int, model: ObjectModel, states: tuple[int, ...], articulation: Any) -> list[TriggerJoint]:
+    """The object's trigger joints, settled in their initial states."""
+    joints = []
+    names = [joint.name for joint in articulation.active_joints]
+    for link, state in zip(model.trigger_links, states, strict=True):
+        axis = names.index(link.joint)
+        lower, upper = (float(limit) for limit in articulation.qlimits[axis])
+        body = articulation.find_link_by_name(link.name)
+        joint = TriggerJoint(index, link, articulation, body, axis, lower, upper, state)
+        joint.settle(state)
+        joints.append(joint)
+    return joints
+
+
+def make_responder(index: int, model: ObjectModel, stage: str, articulation: Any, painted: bool) -> Responder:
+    """The responder in state 0. With `painted`, its coloured parts lose their texture, which would hide the paint."""
+    effect = model.effect
+    if effect is None or (effect.multi if stage == "multi" else effect.single) is None:
+        raise BusybotError(f"{model.key} cannot be a {stage}-stage responder", "generate the board again")
+    materials: list[Any] = []
+    if effect.type == "color" and painted:
+        body = articulation.find_link_by_name(effect.link)
+        render = body.entity.find_component_by_type(sapien.render.RenderBodyComponent)
+        materials = [part.material for shape in render.render_shapes for part in shape.parts]
+        for material in materials:
+            material.set_base_color_texture(None)
+    names = [joint.name for joint in articulation.active_joints]
+    axes = tuple(names.index(joint) for joint in effect.joints)
+    for axis in axes:
+        # effects may lie beyond the annotated limits (the track toys' do)
+        articulation.active_joints[axis].set_limits(np.array([[-10, 10]], np.float32))
+    responder = Responder(index, effect, stage, articulation, axes, tuple(materials))
+    responder.show(0)
+    return responder

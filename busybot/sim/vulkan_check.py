@@ -1,0 +1,173 @@
+"""Does SAPIEN render here? `python -m busybot.sim.vulkan_check` renders a tiny image and prints one JSON object.
+
+A bad Vulkan driver can crash the process, at exit too, or hang: so `run` asks in a process of its own with a time
+limit. Importing this module imports nothing but the standard library: the set-up runs it from outside of `.venv`.
+"""
+
+import ctypes
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+SIZE = 16
+STRUCTURE_PROPERTIES2 = 1000059001
+STRUCTURE_DRIVER = 1000196000
+STRUCTURE_INSTANCE = 1
+VULKAN_1_2 = (1 << 22) | (2 << 12)
+
+
+def run(python: str = sys.executable, time_limit_s: float = 60.0) -> dict[str, Any]:
+    """Probe in a new process of `python`.
+
+    Returns:
+        `renders` (bool), `device` and `driver` (names, or None when unknown), `error` (None when it renders).
+    """
+    answer: dict[str, Any] = {"renders": False, "device": None, "driver": None, "error": None}
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    try:
+        done = subprocess.run(
+            [python, "-m", "busybot.sim.vulkan_check"],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=time_limit_s,
+            env=os.environ | {"PYTHONPATH": path},
+        )
+    except subprocess.TimeoutExpired:
+        return answer | {"error": f"the probe did not end within {time_limit_s:g} s"}
+    except OSError as error:
+        return answer | {"error": f"the probe did not start: {error}"}
+    for line in reversed(done.stdout.splitlines()):
+        if line.startswith("{"):
+            return answer | json.loads(line)
+    words = [line for line in done.stderr.splitlines() if line.strip()]
+    return answer | {
+        "error": f"the probe ended with code {done.returncode}: {words[-1].strip() if words else 'no message'}"
+    }
+
+
+def probe() -> dict[str, Any]:
+    """Render a red box in this process; what `run` returns. Errors of SAPIEN come back as text."""
+    answer: dict[str, Any] = {"renders": False, "device": None, "driver": None, "error": None}
+    try:
+        import sapien
+    except ImportError as error:
+        return answer | {"error": f"sapien cannot be imported: {error}"}
+    try:
+        # Without a usable device this raises, or crashes the process.
+        renderer = sapien.render.RenderSystem()
+        answer["device"] = renderer.device.name
+        answer["driver"] = driver_of(renderer.device.name)
+        answer["renders"] = _red_box_is_seen(sapien, renderer)
+        answer["error"] = None if answer["renders"] else "the picture of a red box is not as it should be"
+    except Exception as error:  # whatever the driver or SAPIEN says belongs into the answer
+        answer["error"] = f"{type(error).__name__}: {error}"
+    return answer
+
+
+def _red_box_is_seen(sapien: Any, renderer: Any) -> bool:
+    scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), renderer])
+    sapien.render.set_camera_shader_dir("trivial")
+    builder = scene.create_actor_builder()
+    material = sapien.render.RenderMaterial(base_color=[1.0, 0.0, 0.0, 1.0])
+    builder.add_box_visual(half_size=[0.2, 0.2, 0.2], material=material)
+    builder.build_static().set_pose(sapien.Pose([1.0, 0.0, 0.0]))
+    camera = scene.add_camera("probe", SIZE, SIZE, 1.0, 0.1, 10.0)
+    scene.set_ambient_light([1.0, 1.0, 1.0])
+    scene.update_render()
+    camera.take_picture()
+    picture = camera.get_picture("Color")
+    middle, corner = picture[SIZE // 2, SIZE // 2], picture[0, 0]
+    return bool(middle[0] > 0.5 and middle[1] < 0.2 and corner[0] < 0.2)
+
+
+def driver_of(device: str) -> str | None:
+    """Name and version of the Vulkan driver of the device with this name, as the driver states them, or None."""
+    for library in (os.environ.get("SAPIEN_VULKAN_LIBRARY_PATH"), "libvulkan.so.1"):
+        try:
+            drivers = _drivers(ctypes.CDLL(library)) if library else {}
+        except (OSError, AttributeError):
+            continue
+        if device in drivers:
+            return drivers[device]
+    return None
+
+
+class _Driver(ctypes.Structure):
+    """VkPhysicalDeviceDriverProperties."""
+
+    _fields_ = [
+        ("type", ctypes.c_uint32),
+        ("next", ctypes.c_void_p),
+        ("id", ctypes.c_uint32),
+        ("name", ctypes.c_char * 256),
+        ("info", ctypes.c_char * 256),
+        ("conformance", ctypes.c_uint8 * 4),
+    ]
+
+
+class _Properties(ctypes.Structure):
+    """VkPhysicalDeviceProperties2; the limits after the name are only room for what the driver writes."""
+
+    _fields_ = [
+        ("type", ctypes.c_uint32),
+        ("next", ctypes.c_void_p),
+        ("numbers", ctypes.c_uint32 * 5),
+        ("name", ctypes.c_char * 256),
+        ("rest", ctypes.c_uint8 * 2048),
+    ]
+
+
+class _Application(ctypes.Structure):
+    """VkApplicationInfo, with only the version of Vulkan set."""
+
+    _fields_ = [
+        ("type", ctypes.c_uint32),
+        ("names", ctypes.c_uint64 * 4),
+        ("engine", ctypes.c_uint32),
+        ("version", ctypes.c_uint32),
+    ]
+
+
+class _Instance(ctypes.Structure):
+    """VkInstanceCreateInfo without layers and extensions."""
+
+    _fields_ = [
+        ("type", ctypes.c_uint32),
+        ("next", ctypes.c_void_p),
+        ("flags", ctypes.c_uint32),
+        ("application", ctypes.c_void_p),
+        ("layers", ctypes.c_uint64 * 2),
+        ("extensions", ctypes.c_uint64 * 2),
+    ]
+
+
+def _drivers(vulkan: ctypes.CDLL) -> dict[str, str]:
+    """Device name -> driver name and version, of all Vulkan devices."""
+    application = _Application(version=VULKAN_1_2)
+    create = _Instance(type=STRUCTURE_INSTANCE, application=ctypes.addressof(application))
+    instance, count = ctypes.c_void_p(), ctypes.c_uint32()
+    if vulkan.vkCreateInstance(ctypes.byref(create), None, ctypes.byref(instance)) != 0:
+        return {}
+    vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)
+    devices = (ctypes.c_void_p * count.value)()
+    vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), devices)
+    found = {}
+    for device in devices:
+        answer = _Driver(type=STRUCTURE_DRIVER)
+        properties = _Properties(type=STRUCTURE_PROPERTIES2, next=ctypes.addressof(answer))
+        vulkan.vkGetPhysicalDeviceProperties2(ctypes.c_void_p(device), ctypes.byref(properties))
+        found[properties.name.decode()] = f"{answer.name.decode()} {answer.info.decode()}".strip()
+    vulkan.vkDestroyInstance(instance, None)
+    return found
+
+
+if __name__ == "__main__":
+    print(json.dumps(probe()), flush=True)
+    # A failed render device can crash the interpreter at its end; the answer is out, so end at once.
+    os._exit(0)

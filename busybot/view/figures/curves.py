@@ -1,0 +1,160 @@
+"""Plots of results: a table's numbers beside the paper's and the gates, and scores that grow with experience."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from busybot.evaluation.reference_tables import Role, Row, Table
+from busybot.view.figures.episode import WIDTH
+from busybot.view.figures.parts import draw_title, page, plain_axes, save
+from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MISSED, MUTED, PAPER, RESPONDER, TRUTH, Rgb, unit
+from busybot.view.report.results import InteractResult, ReasonResult, RowFound, Score
+
+ROLE_COLORS: dict[Role, Rgb] = {
+    "ours": CORRECT,
+    "ablation": RESPONDER,
+    "competitor": RESPONDER,
+    "trivial": MISSED,
+    "bound": MISSED,
+}
+CURVES: dict[str, tuple[str, str, Rgb]] = {
+    "edge_p": ("Edge-P", "-", CORRECT),
+    "edge_r": ("Edge-R", "-", RESPONDER),
+    "edge_r_bound": ("Edge-R bound", ":", RESPONDER),
+    "pred_a": ("Pred-A", "-", ACTION),
+    "pred_a_bound": ("Pred-A bound", ":", ACTION),
+}
+"""Key of `by_images` to name, line and colour."""
+ROLE_WORDS = {CORRECT: "ours", RESPONDER: "changed or another method", MISSED: "trivial, or an oracle"}
+
+
+def table_figure(path: Path, table: Table, rows: Mapping[str, RowFound], root: Path | None = None) -> Path:
+    """Every number of a table as a dot with its interval, the paper's as a diamond, the gate as a line."""
+    lines = len(table.rows)
+    figure = page(WIDTH, 0.9 + len(table.splits) * (0.35 + 0.175 * lines))
+    grid = figure.subplots(len(table.splits), len(table.keys), squeeze=False, sharey=True, sharex=True)
+    for strip, (split, words) in enumerate(table.splits.items()):
+        for column, (key, head) in enumerate(table.keys.items()):
+            axes = grid[strip, column]
+            _prepare(axes, table)
+            draw_title(axes, head if strip == 0 else "")
+            if column == 0:
+                axes.set_ylabel(words, fontsize=8.5, fontweight="bold", color=unit(INK), labelpad=8)
+            for place, row in enumerate(table.rows):
+                score = rows[row.name].cells.get((split, key)) if row.name in rows else None
+                _draw_row(axes, place, table, row, (split, key), score)
+    handles = [_dot(color, words) for color, words in ROLE_WORDS.items()]
+    diamond: dict[str, Any] = {"marker": "D", "markersize": 5, "color": unit(PAPER), "markeredgecolor": unit(TRUTH)}
+    line: dict[str, Any] = {"marker": "|", "markersize": 10, "markeredgewidth": 1.6, "color": unit(ACTION)}
+    handles += [Line2D([], [], linestyle="", label="the paper", **diamond)]
+    handles += [Line2D([], [], linestyle="", label="gate", **line)]
+    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=8, labelcolor=unit(INK))
+    return save(figure, path, root)
+
+
+def _dot(color: Rgb, words: str) -> Line2D:
+    return Line2D([], [], linestyle="", marker="o", markersize=5, color=unit(color), label=words)
+
+
+def _prepare(axes: Any, table: Table) -> None:
+    plain_axes(axes)
+    axes.grid(axis="y", color=unit(FAINT), linewidth=0.5)
+    axes.set_xlim(-4, 104)
+    axes.set_ylim(len(table.rows) - 0.4, -0.6)
+    axes.set_xticks([0, 25, 50, 75, 100])
+    axes.set_yticks(range(len(table.rows)), [_plain(row.words) for row in table.rows])
+
+
+def _plain(words: str) -> str:
+    return words.replace("**", "").replace("`", "")
+
+
+def _draw_row(axes: Any, place: int, table: Table, row: Row, column: tuple[str, str], score: Score | None) -> None:
+    gate = None if row.gate is None else table.at(table.gates[row.gate], *column)
+    paper = None if row.paper is None else table.at(table.paper[row.paper], *column)
+    if gate is not None:
+        style: dict[str, Any] = {"marker": "|", "markersize": 10, "markeredgewidth": 1.6, "zorder": 3}
+        axes.plot([gate], [place], linestyle="", color=unit(ACTION), **style)
+    if paper is not None:
+        axes.plot([paper], [place], "D", markersize=4.6, color=unit(PAPER), markeredgecolor=unit(TRUTH), zorder=4)
+    if score is None:
+        return
+    color = unit(ROLE_COLORS[row.role])
+    if score.low is not None and score.high is not None:
+        axes.plot([score.low, score.high], [place, place], color=color, linewidth=1.6, zorder=5, solid_capstyle="butt")
+    axes.plot([score.value], [place], "o", markersize=4.6, color=color, zorder=6)
+
+
+@dataclass(frozen=True)
+class Course:
+    """One panel of `courses_figure`."""
+
+    title: str
+    where: str
+    result: InteractResult | ReasonResult
+
+
+def courses_figure(path: Path, courses: Sequence[Course], root: Path | None = None) -> Path:
+    """How scores grow: with actions, or with observed images; one panel for each result."""
+    columns = min(3, len(courses))
+    strips = -(-len(courses) // columns)
+    figure = page(WIDTH if columns > 1 else 0.6 * WIDTH, 0.5 + 2.1 * strips)
+    grid = figure.subplots(strips, columns, squeeze=False, sharey=True)
+    for place, axes in enumerate(grid.flat):
+        plain_axes(axes)
+        axes.set_visible(place < len(courses))
+        if place < len(courses):
+            _draw_course(axes, courses[place])
+    pairs = [zip(*axes.get_legend_handles_labels(), strict=True) for axes in grid.flat]
+    named = {label: handle for panel in pairs for handle, label in panel}
+    style: dict[str, Any] = {"frameon": False, "fontsize": 8, "labelcolor": unit(INK)}
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=len(named), **style)
+    return save(figure, path, root)
+
+
+def _draw_course(axes: Any, course: Course) -> None:
+    result = course.result
+    if isinstance(result, ReasonResult):
+        draw_curves(axes, result.by_images)
+        axes.set_xlabel("observed images", fontsize=8, color=unit(MUTED))
+    else:
+        for key, words, color in (
+            ("recall", "links found", RESPONDER),
+            ("precision", "of these actions right", CORRECT),
+        ):
+            points = [(n, step[key]) for n, step in enumerate(result.by_step, start=1) if step.get(key) is not None]
+            axes.plot(*zip(*points, strict=True), marker="o", markersize=3, color=unit(color), label=words)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.set_xlabel("actions on a board", fontsize=8, color=unit(MUTED))
+    axes.set_ylim(-0.02, 1.02)
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    draw_title(axes, course.title, course.where)
+
+
+def images_figure(path: Path, result: dict[str, Any]) -> Path:
+    """How the scores of `busybot eval reason` grow with the number of observed images."""
+    figure = page(WIDTH, 2.9)
+    axes = figure.subplots()
+    plain_axes(axes)
+    draw_curves(axes, result["by_images"])
+    axes.set_ylim(-0.02, 1.02)
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("observed images", fontsize=8, color=unit(MUTED))
+    origin = result["dataset"]
+    draw_title(axes, result["model"], f"{origin['name']} ({origin['split']}), {result['boards']} boards")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8, labelcolor=unit(INK))
+    return save(figure, path)
+
+
+def draw_curves(axes: Any, by_images: Sequence[Mapping[str, float | None]]) -> None:
+    """The curves of a result's `by_images`; what is undefined is left out."""
+    for key, (name, line, color) in CURVES.items():
+        points = [(one["images"], one[key]) for one in by_images if one[key] is not None]
+        if points:
+            marker = "o" if len(points) < len(by_images) else None
+            axes.plot(*zip(*points, strict=True), line, marker=marker, markersize=3, color=unit(color), label=name)

@@ -1,0 +1,138 @@
+"""How a reasoner's graph grows over a board, step by step, beside its scores on the board.
+
+The paper's figures of step-by-step refinement (section 4.2): the graph over the picture after a few numbers of steps.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from busybot.episodes.episode import Episode
+from busybot.reason.models.base import InferredGraph
+from busybot.view.annotations import anchors, check_inferred, drawing_scale
+from busybot.view.figures.episode import WIDTH
+from busybot.view.figures.parts import (
+    clear_bend,
+    draw_arc,
+    draw_image,
+    draw_names,
+    draw_title,
+    name_places,
+    page,
+    plain_axes,
+    save,
+)
+from busybot.view.palette import CORRECT, FAINT, INK, MUTED, PAPER, RESPONDER, TRUTH, WRONG, mix, unit
+
+MOMENTS = (1, 3, 6, 12, 22)
+"""Numbers of steps; the last one is what the paper infers the graph from."""
+COLUMNS = 3
+"""One more if two rows of so many do not suffice."""
+LEAST = 0.05
+"""Less probable relations are not drawn."""
+WIDEST, HEAD = 3.4, 9.0
+"""A certain relation's line, and an arrow's head, points."""
+CURVES = (0.13, 0.13, 0.85, 0.84)
+"""Left, bottom, width and height of the curves as shares of a board's picture."""
+DOUBT = 0.55
+"""How much of the paper's colour is in a relation that is thought of and not claimed."""
+
+
+def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: Sequence[int] = MOMENTS) -> Path:
+    """The board after each number of steps with all that is believed, and the curves of Edge-P and Edge-R.
+
+    Args:
+        steps: more than the episode has are left out; its last step is always drawn.
+    """
+    check_inferred(episode, inferred)
+    length = len(episode.steps)
+    moments = sorted({moment for moment in steps if moment < length} | {length})
+    columns = COLUMNS if len(moments) < 2 * COLUMNS else COLUMNS + 1
+    rows = -(-(len(moments) + 1) // columns)
+    side = WIDTH / columns
+    figure = page(WIDTH, rows * (side + 0.1) + 0.35)
+    grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    bends = _bends(episode, inferred, moments)
+    for axes, moment in zip(grid, moments, strict=False):
+        _draw_board(axes, episode, inferred, moment, bends)
+    for axes in grid[len(moments) :]:
+        axes.set_axis_off()
+    _draw_curves(grid[len(moments)].inset_axes(CURVES), episode, inferred, moments)
+    handles = [
+        Line2D([], [], color=unit(TRUTH), linewidth=1.4, linestyle="--", label="true, not found"),
+        Line2D([], [], color=unit(CORRECT), linewidth=WIDEST, label="true, claimed"),
+        Line2D([], [], color=unit(mix(CORRECT, FAINT, DOUBT)), linewidth=1.2, label="true, thought of"),
+        Line2D([], [], color=unit(WRONG), linewidth=WIDEST, label="wrong, claimed"),
+        Line2D(
+            [], [], color=unit(mix(INK, FAINT, DOUBT)), linewidth=1.2, label="wrong, thought of; width: probability"
+        ),
+    ]
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8, labelcolor=unit(INK)
+    )
+    return save(figure, path)
+
+
+def _truth(episode: Episode) -> np.ndarray:
+    return np.array(episode.board.relation_matrix(), bool).reshape(len(episode.board.objects), -1)
+
+
+def _bends(episode: Episode, inferred: InferredGraph, moments: list[int]) -> dict[tuple[int, int], float]:
+    """How each relation that is ever drawn bends, alike in all pictures."""
+    drawn = _truth(episode)
+    for moment in moments:
+        drawn = drawn | (inferred.after(moment) > LEAST)
+    places, names = anchors(episode) * drawing_scale(episode), name_places(episode)
+    bends = {}
+    for i, j in np.argwhere(drawn):
+        strangers = [place for number, place in enumerate(places) if number not in (i, j)]
+        bends[int(i), int(j)] = clear_bend(places[i], places[j], [*strangers, *names])
+    return bends
+
+
+def _draw_board(
+    axes: Any, episode: Episode, inferred: InferredGraph, moment: int, bends: dict[tuple[int, int], float]
+) -> None:
+    draw_image(axes, episode, 0, paleness=0.5)
+    draw_names(axes, episode, 5.5)
+    truth, probabilities = _truth(episode), inferred.after(moment)
+    claimed = probabilities > inferred.threshold
+    places = anchors(episode) * drawing_scale(episode)
+    for (i, j), bend in sorted(bends.items(), key=lambda one: float(probabilities[one[0]])):
+        likely = float(probabilities[i, j])
+        verdict = CORRECT if truth[i, j] else WRONG
+        if truth[i, j] and not claimed[i, j]:
+            draw_arc(axes, places[i], places[j], TRUTH, True, bend, 1.4, HEAD)
+        if likely > LEAST:
+            color = verdict if claimed[i, j] else mix(verdict if truth[i, j] else INK, FAINT, DOUBT)
+            draw_arc(axes, places[i], places[j], color, False, bend, max(WIDEST * likely, 0.5), HEAD)
+    right, wrong = int((claimed & truth).sum()), int((claimed & ~truth).sum())
+    told = f"{right} of {int(truth.sum())} found" + (f", {wrong} wrong" if wrong else "")
+    draw_title(axes, "after 1 step" if moment == 1 else f"after {moment} steps", told)
+
+
+def _draw_curves(axes: Any, episode: Episode, inferred: InferredGraph, moments: list[int]) -> None:
+    """Edge-P and Edge-R of this board after every number of steps; nothing claimed has no precision."""
+    plain_axes(axes)
+    truth, steps = _truth(episode), range(1, max(moments) + 1)
+    claims = [inferred.claimed(step) for step in steps]
+    hits = np.array([(claimed & truth).sum() for claimed in claims], float)
+    numbers = np.array([claimed.sum() for claimed in claims], float)
+    precision = np.divide(hits, numbers, out=np.full(len(hits), np.nan), where=numbers > 0)
+    axes.plot(steps, precision, color=unit(CORRECT), linewidth=2, marker="o", markersize=3, label="Edge-P")
+    if truth.any():
+        axes.plot(steps, hits / truth.sum(), color=unit(RESPONDER), linewidth=2, drawstyle="steps-post", label="Edge-R")
+    for moment in moments:
+        axes.axvline(moment, color=unit(MUTED), linewidth=0.7, linestyle=":", zorder=1)
+    axes.set_ylim(-0.03, 1.06)
+    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    axes.set_xlabel("steps", fontsize=8, color=unit(MUTED))
+    axes.legend(
+        loc="lower right", facecolor=unit(PAPER), framealpha=1, edgecolor="none", fontsize=8, labelcolor=unit(INK)
+    )
+    draw_title(axes, inferred.name, f"board {episode.board.index} of {episode.board.split}")

@@ -1,0 +1,152 @@
+"""Rerun, the board in 3-D: its face, the objects as reliefs, boxes, the action and relations as arcs above it."""
+
+import numpy as np
+import rerun as rr
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.episodes.camera import Rays
+from busybot.episodes.episode import Episode
+from busybot.view.annotations import Edge, centres, object_names
+from busybot.view.palette import ACTION, ROLES, TRUTH, VERDICTS, Rgb, mix, text_on_dark
+from busybot.view.rerun.heightmesh import board_face, object_pixels, object_relief
+
+SLAB = 0.08
+"""Thickness of the drawn board, board units."""
+ARC_POINTS = 24
+LABEL_LIFT = 0.24
+"""Of a name above its object, board units."""
+INFERRED_LIFT = 0.1
+"""Of inferred arcs above the true ones, board units."""
+HEAD = 0.18
+"""Length of an arc's arrow head, board units."""
+
+
+class BoardLogger:
+    """Logs what changed since the frame before, and nothing else.
+
+    Attributes:
+        tops: (N, 3) point above each object from which arcs start, board frame.
+    """
+
+    def __init__(self, recording: rr.RecordingStream, episode: Episode):
+        self.recording, self.episode = recording, episode
+        self.rays = Rays(episode.camera)
+        self.names = object_names(episode.board)
+        self.tops = centres(episode).copy()
+        self.tops[:, 2] = np.maximum(self.tops[:, 2], 0.1)
+        self._before: dict[int, bytes] = {}
+
+    def log_static(self) -> None:
+        """Axes, the board's slab and its textured face."""
+        self.recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        width, height = self.episode.board.size
+        half = [width / 2, height / 2, SLAB / 2]
+        image = self.episode.image(0)
+        objects = object_pixels(self.episode, image, self.rays)
+        face = board_face(image, objects, self.episode.camera, self.episode.board.size)
+        edge = tuple(int(x) for x in face.reshape(-1, 3).mean(0) * 0.6)
+        slab = rr.Boxes3D(centers=[[0, 0, -SLAB / 2 - 0.01]], half_sizes=[half], colors=[edge], fill_mode="solid")
+        self.recording.log("world/board/slab", slab, static=True)
+        corners = np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]]) * half[:2]
+        mesh = rr.Mesh3D(
+            vertex_positions=np.column_stack([corners, np.zeros(4)]),
+            triangle_indices=[[0, 2, 1], [0, 3, 2]],
+            vertex_texcoords=[[0, 0], [1, 0], [1, 1], [0, 1]],
+            albedo_texture=face,
+        )
+        self.recording.log("world/board/face", mesh, static=True)
+
+    def log_frame(self, frame: int) -> None:
+        """Reliefs and boxes of the objects that changed, and the action that led here."""
+        image = self.episode.image(frame)
+        fresh = frame == 0 or self.episode.frame_of[frame] != self.episode.frame_of[frame - 1]
+        if fresh and image.depth is not None:
+            owner = object_pixels(self.episode, image, self.rays)
+            for index in range(len(self.names)):
+                self._log_object(index, owner == index + 1, frame)
+        if frame > 0:
+            self._log_action(frame - 1)
+
+    def _log_object(self, index: int, own: np.ndarray, frame: int) -> None:
+        relief = object_relief(self.episode.image(frame), own, self.rays)
+        if relief is None:
+            return
+        seen = relief.colors.tobytes() + relief.vertices.tobytes()
+        if self._before.get(index) == seen:
+            return
+        self._before[index] = seen
+        name = self.names[index]
+        mesh = rr.Mesh3D(
+            vertex_positions=relief.vertices, triangle_indices=relief.triangles, vertex_colors=relief.colors
+        )
+        self.recording.log(["world", "objects", name], mesh)
+        low, high = relief.vertices.min(0), relief.vertices.max(0)
+        low[2] = 0
+        if frame == 0:
+            self.tops[index, 2] = high[2]
+        color = ROLES[self.episode.board.objects[index].role]
+        center, size = (low + high) / 2, high - low
+        box = rr.Boxes3D(
+            centers=[center], sizes=[size], colors=[color], radii=rr.Radius.ui_points(1.0), fill_mode="majorwireframe"
+        )
+        self.recording.log(["world", "boxes", name], box)
+        above = [center[0], center[1], high[2] + LABEL_LIFT]
+        label = rr.Points3D([above], labels=[name], colors=[text_on_dark(color)], radii=0.0, show_labels=True)
+        self.recording.log(["world", "names", name], label)
+
+    def _log_action(self, step: int) -> None:
+        done = self.episode.steps[step]
+        vector = 0.5 * DIRECTIONS[done.direction]
+        arrow = rr.Arrows3D(origins=[done.position], vectors=[vector], colors=[ACTION], radii=0.025)
+        self.recording.log("world/action", arrow)
+
+    def log_true_relations(self, edges: list[Edge]) -> None:
+        """The board's own relations, thin, for the whole episode."""
+        log_arcs(
+            self.recording,
+            ["world", "relations", "true"],
+            self._ends(edges),
+            [TRUTH] * len(edges),
+            0.012,
+            0.0,
+            static=True,
+        )
+
+    def log_inferred_relations(self, name: str, edges: list[Edge]) -> None:
+        """Claimed relations by verdict, paler the less probable."""
+        claimed = [edge for edge in edges if edge.verdict != "missed"]
+        colors = [mix(VERDICTS[e.verdict], (235, 235, 235), 0.7 * (1 - e.probability)) for e in claimed]
+        log_arcs(self.recording, ["world", "relations", name], self._ends(claimed), colors, 0.026, INFERRED_LIFT)
+
+    def _ends(self, edges: list[Edge]) -> list[tuple[np.ndarray, np.ndarray]]:
+        return [(self.tops[edge.cause], self.tops[edge.effect]) for edge in edges]
+
+
+def log_arcs(
+    recording: rr.RecordingStream,
+    path: list[str],
+    ends: list[tuple[np.ndarray, np.ndarray]],
+    colors: list[Rgb],
+    radius: float,
+    lift: float,
+    static: bool = False,
+) -> None:
+    """Arrows that rise from the board and come down again, one per pair of ends."""
+    curves = [arc(start, end, lift) for start, end in ends]
+    shafts = rr.LineStrips3D([c[:-1] for c in curves], colors=colors, radii=radius)
+    recording.log([*path, "arcs"], shafts, static=static)
+    tips = np.array([c[-1] - c[-2] for c in curves]).reshape(-1, 3)
+    lengths = np.maximum(np.linalg.norm(tips, axis=1, keepdims=True), 1e-9)
+    vectors = tips / lengths * HEAD
+    origins = np.array([c[-1] for c in curves]).reshape(-1, 3) - vectors
+    heads = rr.Arrows3D(origins=origins, vectors=vectors, colors=colors, radii=radius * 1.2)
+    recording.log([*path, "heads"], heads, static=static)
+
+
+def arc(start: np.ndarray, end: np.ndarray, lift: float = 0.0) -> np.ndarray:
+    """A parabola from start to end, (ARC_POINTS + 1, 3), higher by `lift` and the farther they are apart."""
+    share = np.linspace(0, 1, ARC_POINTS + 1)[:, None]
+    height = 0.35 + lift + 0.25 * float(np.linalg.norm(end - start))
+    points = start + share * (end - start)
+    points[:, 2] += (4 * height * share * (1 - share))[:, 0]
+    return points

@@ -1,0 +1,119 @@
+"""`busybot train reason`, as a user runs it."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Literal
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from busybot.cli.main import app
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.episode import Episode
+from busybot.episodes.mcap.reader import read_episode
+from busybot.reason.inputs.feature_store import features_of
+from busybot.reason.inputs.recorded_boards import held_apart
+from busybot.reason.models.model_folder import load_reasoner
+from tests.cli.killing import kill_once_it_learns
+from tests.episodes.folders import make_dataset
+from tests.reason.inputs.test_observation import garbled
+
+SMALL = ("iterations=8", "batch=2", "images=4", "net.width=8", "loop.judge=2", "loop.report=2", "loop.patience=0")
+SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(app, words)
+
+
+def arguments(out: Path, *data: Path) -> list[str]:
+    named = [word for path in data for word in ("--data", str(path))]
+    return ["train", "reason", "--out", str(out), *named, *SETTINGS, "--workers", "1"]
+
+
+def weights(out: Path) -> str:
+    return hashlib.sha256((out / "model" / "weights.safetensors").read_bytes()).hexdigest()
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    return make_dataset(tmp_path / "toys").path
+
+
+def test_a_training_leaves_a_model_metrics_and_a_picture(tmp_path: Path, data: Path) -> None:
+    out = tmp_path / "run"
+    result = run(*arguments(out, data), "--json")
+    assert result.exit_code == 0, result.stderr
+    told = json.loads(result.stdout)["training"]
+    assert (told["iterations"], told["boards"], told["boards_held_out"], told["oracle"]) == (8, 3, 0, False)
+    assert told["data"][0]["content_hash"] == Dataset.open(data).hashes().content
+    assert load_reasoner(out).encoder == "embedded"
+    assert (out / "training.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads((out / "metrics.json").read_text())["iterations"] == 8
+    before = weights(out)
+    assert run(*arguments(out, data)).exit_code == 0 and weights(out) == before  # nothing is left to do
+    refused = run(*arguments(out, data), "--seed", "1")
+    assert refused.exit_code == 1 and "seed 0, now 1" in refused.stderr
+
+
+def test_the_truth_makes_no_difference_to_the_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Features and sequences of recordings with everything wrong that must not be read."""
+    straight, wrong = (make_dataset(tmp_path / name).path for name in ("straight", "wrong"))
+    assert run(*arguments(tmp_path / "one", straight)).exit_code == 0
+    read: list[Path] = []
+
+    def read_garbled(path: Path, decoding: Literal["lazy"]) -> Episode:
+        read.append(path)
+        return garbled(read_episode(path))
+
+    monkeypatch.setattr("busybot.reason.inputs.feature_store.read_episode", read_garbled)
+    assert run(*arguments(tmp_path / "other", wrong)).exit_code == 0
+    assert len(read) == 6, "once for the features, once for the actions"
+    assert weights(tmp_path / "one") == weights(tmp_path / "other")
+
+
+def test_groups_that_look_alike_are_held_out_as_a_whole(tmp_path: Path) -> None:
+    datasets = [make_dataset(tmp_path / name, boards=4, finished=range(4)) for name in ("one", "same")]
+    known = [features_of(dataset, workers=1) for dataset in datasets]
+    train, held = held_apart(datasets, known, 0.5, 0)
+    boards = datasets[0].boards()
+
+    def groups(places: tuple[tuple[int, int], ...]) -> set[int]:
+        return {boards[episode].appearance_group for _, episode in places}
+
+    assert len(train) + len(held) == 8
+    assert not groups(train.places) & groups(held.places)
+    assert len(held_apart(datasets, known, 0.0, 0)[1]) == 0
+    fewer, same = held_apart(datasets, known, 0.5, 0, most=2)
+    assert fewer.places == train.places[:2] and same.places == held.places
+    assert next(iter(train)).steps == len(read_episode(datasets[0].episode_path(train.places[0][1])).steps)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--model", "clever"], "there is no model 'clever' of relations to train"),
+        (["--set", "net.depth=3"], "net.depth"),
+        (["--encoder", "clever"], "clever"),
+    ],
+)
+def test_what_cannot_be_is_told(tmp_path: Path, data: Path, words: list[str], message: str) -> None:
+    result = run(*arguments(tmp_path / "run", data), *words)
+    assert result.exit_code == 1 and message in result.stderr
+
+
+def test_a_dataset_without_episodes_is_refused(tmp_path: Path) -> None:
+    empty = make_dataset(tmp_path / "empty", finished=()).path
+    result = run(*arguments(tmp_path / "run", empty))
+    assert result.exit_code == 1 and "busybot collect" in result.stderr
+
+
+@pytest.mark.long
+def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, data: Path) -> None:
+    straight, killed = tmp_path / "straight", tmp_path / "killed"
+    assert run(*arguments(straight, data), "--set", "iterations=60").exit_code == 0
+    kill_once_it_learns([*arguments(killed, data), "--set", "iterations=60"], killed / "metrics" / "event.jsonl")
+    assert not (killed / "model").exists()
+    assert run(*arguments(killed, data), "--set", "iterations=60").exit_code == 0
+    assert weights(killed) == weights(straight)

@@ -1,0 +1,85 @@
+"""Parameters from file, --set and options, and what is said when they are wrong."""
+
+from pathlib import Path
+
+import pytest
+
+from busybot.boards.config import BoardConfig
+from busybot.common.config import build
+from busybot.common.errors import BusybotError
+from busybot.interact.training.config import TrainConfig
+
+
+def test_later_sources_win(tmp_path: Path) -> None:
+    file = tmp_path / "boards.yaml"
+    file.write_text("boards: 5\nlamps: [3, 4]\nseed: 1\n")
+    config = build(BoardConfig, file, ["seed=2", "lamps=[2, 3]"], {"seed": 3, "boards": None})
+    assert (config.boards, config.lamps, config.seed) == (5, (2, 3), 3)
+
+
+def test_another_default_yields_to_file_and_setting_within_its_group(tmp_path: Path) -> None:
+    usual = {"direction.augmentation.transposed": 0.0}
+    file = tmp_path / "train.yaml"
+    file.write_text("direction: {batch: 8, augmentation: {log_height: 0.1}}\n")
+    kept = build(TrainConfig, file, [], {}, usual).direction
+    assert (kept.batch, kept.augmentation.log_height, kept.augmentation.transposed) == (8, 0.1, 0.0)
+    file.write_text("direction: {augmentation: {transposed: 0.2}}\n")
+    assert build(TrainConfig, file, [], {}, usual).direction.augmentation.transposed == 0.2
+    setting = ["direction.augmentation.transposed=0.3"]
+    assert build(TrainConfig, file, setting, {}, usual).direction.augmentation.transposed == 0.3
+    file.write_text("direction: 3\n")
+    with pytest.raises(BusybotError, match="parameter direction"):
+        build(TrainConfig, file, [], {}, usual)
+
+
+@pytest.mark.parametrize(
+    ("text", "settings", "message"),
+    [
+        ("boards: [1", [], "not valid YAML"),
+        ("- 1", [], "not a mapping"),
+        ("bords: 5", [], "parameter bords"),
+        ("boards: 0", [], "parameter boards"),
+        ("boards: 5", ["lamps"], "name=value"),
+        ("boards: 5", ["boards.x=1"], "boards is a value"),
+        ("boards: !!python/object/apply:os.system ['true']", [], "not valid YAML"),
+    ],
+)
+def test_faults_are_named(tmp_path: Path, text: str, settings: list[str], message: str) -> None:
+    file = tmp_path / "boards.yaml"
+    file.write_text(text)
+    with pytest.raises(BusybotError, match=message):
+        build(BoardConfig, file, settings, {})
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match=r"nowhere\.yaml"):
+        build(BoardConfig, tmp_path / "nowhere.yaml", [], {})
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 20_000, "a: " + "{b: " * 5_000, "- " * 5_000 + "x", "x: &a [1]\ny: *a\n", "1" * 9_000]
+)
+def test_yaml_that_would_take_long_is_refused_at_once(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "config.yaml"
+    file.write_text(text)
+    with pytest.raises(BusybotError, match="config.yaml"):
+        build(BoardConfig, file, [], {})
+    with pytest.raises(BusybotError):
+        build(BoardConfig, None, [f"boards={text}"], {})
+
+
+@pytest.mark.parametrize(
+    ("settings", "options", "what", "mend"),
+    [
+        ([], {"split": "novel"}, "--split 'novel' is none of its values", "'novel-config'"),
+        (["lamps=many"], {}, "parameter lamps: Input should be a valid tuple (given: 'many')", "the default is [3, 5]"),
+        (["lamp=3"], {}, "parameter lamp: Extra inputs are not permitted", "did you mean lamps?"),
+    ],
+)
+def test_a_refused_value_names_its_option_and_what_may_stand_there(
+    settings: list[str], options: dict[str, str], what: str, mend: str
+) -> None:
+    with pytest.raises(BusybotError) as caught:
+        build(BoardConfig, None, settings, options)
+    assert what in caught.value.what
+    assert mend in (caught.value.mend or "")

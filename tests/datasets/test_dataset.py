@@ -1,0 +1,273 @@
+"""A dataset's folder: made once, continued safely, never left through a link."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from busybot.common.errors import BusybotError
+from busybot.datasets import dataset as module
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.verify import verify
+from busybot.episodes.mcap.writer import write_episode
+from busybot.episodes.tables import episode_rows, write_shard
+from tests.episodes.folders import COLLECT, make_dataset
+from tests.episodes.synthetic import make_board, make_episode
+
+
+def edit_info(path: Path, **values: object) -> None:
+    file = path / "dataset.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), **values}))
+
+
+def test_what_is_created_is_what_is_opened(tmp_path: Path) -> None:
+    made = make_dataset(tmp_path / "d")
+    found = Dataset.open(tmp_path / "d")
+    assert found.info == made.info and found.info.collect == COLLECT
+    assert found.boards() == [make_board(i) for i in range(4)]
+    assert found.board(2) == make_board(2)
+    assert found.finished() == {0, 1, 3}
+    names = {str(p.relative_to(tmp_path / "d")) for p in (tmp_path / "d").rglob("*") if p.is_file()}
+    assert names == {
+        "dataset.json",
+        "boards/boards-00000.jsonl",
+        *(f"episodes/00000{i}.mcap" for i in (0, 1, 3)),
+        *(f"tables/{name}/part-00000.parquet" for name in ("episodes", "steps", "objects")),
+    }
+
+
+def test_boards_are_spread_over_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "BOARDS_PER_SHARD", 3)
+    dataset = make_dataset(tmp_path / "d", boards=7, finished=())
+    assert sorted(p.name for p in (tmp_path / "d/boards").iterdir()) == [f"boards-0000{i}.jsonl" for i in range(3)]
+    assert [board.index for board in dataset.boards()] == list(range(7))
+    assert dataset.board(6).index == 6
+
+
+def test_a_folder_with_something_in_it_is_not_overwritten(tmp_path: Path) -> None:
+    info = make_dataset(tmp_path / "d").info
+    for path in (tmp_path / "d", tmp_path / "d/dataset.json"):
+        with pytest.raises(BusybotError, match="not an empty folder") as error:
+            Dataset.create(path, info, [])
+        assert error.value.mend
+    (tmp_path / "empty").mkdir()
+    Dataset.create(tmp_path / "empty", info.model_copy(update={"boards": 0}))
+    with pytest.raises(BusybotError, match="1 boards where 4 were announced"):
+        Dataset.create(tmp_path / "e", info, [make_board(0)])
+    with pytest.raises(BusybotError, match="board 1 stands at place 0"):
+        Dataset.create(tmp_path / "f", info, [make_board(1)])
+
+
+def test_what_is_no_dataset_is_refused_with_the_reason(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match="no such folder"):
+        Dataset.open(tmp_path / "absent")
+    with pytest.raises(BusybotError, match="not a dataset"):
+        Dataset.open(tmp_path)
+    path = make_dataset(tmp_path / "d", finished=()).path
+    for values, what in (
+        ({"schema_version": "9.0"}, "schema version 9.0; this installation reads 1.1"),
+        ({"boards": -1}, "boards: Input should be greater"),
+        ({"surprise": 1}, "surprise: Extra inputs"),
+    ):
+        edit_info(path, **values)
+        with pytest.raises(BusybotError, match=what):
+            Dataset.open(path)
+        shutil.rmtree(path)
+        make_dataset(path, finished=())
+    (path / "dataset.json").write_text("{")
+    with pytest.raises(BusybotError, match="not valid JSON"):
+        Dataset.open(path)
+
+
+def test_damaged_boards_are_named_with_their_line(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d", finished=())
+    file = tmp_path / "d/boards/boards-00000.jsonl"
+    lines = file.read_text().splitlines()
+    file.write_text("\n".join([lines[0], lines[1].replace("train", ""), *lines[2:]]))
+    with pytest.raises(BusybotError, match="boards-00000.jsonl: line 2"):
+        dataset.boards()
+    file.write_text("\n".join(lines[:2]))
+    with pytest.raises(BusybotError, match="2 boards, expected 4"):
+        dataset.board(0)
+
+
+def test_boards_and_episodes_that_do_not_exist_are_refused(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d", finished=())
+    for call in (dataset.board, dataset.episode_path):
+        for index in (-1, 4):
+            with pytest.raises(BusybotError, match=str(index)):
+                call(index)
+
+
+def test_collecting_continues_only_with_the_recorded_settings(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d")
+    Dataset.open(dataset.path).begin_collecting(COLLECT)
+    other = COLLECT.model_copy(update={"delta": 7, "strict": True})
+    with pytest.raises(BusybotError, match="delta 20, now 7; strict False, now True"):
+        Dataset.open(dataset.path).begin_collecting(other)
+
+
+def test_what_a_killed_writer_left_is_ignored_and_removed(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d")
+    gone = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, check=True)
+    left = tmp_path / f"d/episodes/.000002.mcap.{int(gone.stdout)}.tmp"
+    alive = tmp_path / f"d/episodes/.000002.mcap.{os.getpid()}.tmp"
+    for file in (left, alive):
+        file.write_bytes(b"half")
+    assert dataset.finished() == {0, 1, 3}
+    assert dataset.remove_leftovers() == 1
+    assert not left.exists() and alive.exists()
+
+
+def test_only_episodes_of_the_dataset_count(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d")
+    for name in ("000099.mcap", "1.mcap", "000002.mcap.bak", "notes.txt"):
+        (tmp_path / "d/episodes" / name).write_bytes(b"")
+    (tmp_path / "d/episodes/000002.mcap").symlink_to(tmp_path / "d/episodes/000000.mcap")
+    assert dataset.finished() == {0, 1, 3}
+
+
+def test_nothing_is_read_through_a_link_that_leaves(tmp_path: Path) -> None:
+    outside = make_dataset(tmp_path / "outside")
+    dataset = make_dataset(tmp_path / "d")
+    (tmp_path / "d/episodes/000002.mcap").symlink_to(outside.episode_path(0))
+    with pytest.raises(BusybotError, match="leaves the folder"):
+        dataset.episode_path(2)
+    for name in ("episodes", "boards", "tables"):
+        shutil.rmtree(tmp_path / "d" / name)
+        (tmp_path / "d" / name).symlink_to(tmp_path / "outside" / name)
+    for call in (dataset.finished, dataset.boards, dataset.write_tables, lambda: dataset.table("steps")):
+        with pytest.raises(BusybotError, match="leaves the folder"):
+            call()
+
+
+def test_one_collector_at_a_time(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d", finished=())
+    refused = pytest.raises(BusybotError, match="another process")
+    with dataset.locked(), refused, Dataset.open(dataset.path).locked():
+        pass
+    with dataset.locked():
+        pass
+
+
+def test_tables_follow_the_episodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset = make_dataset(tmp_path / "d")
+    read: list[int] = []
+
+    def derive(files):
+        read.extend(index for _, index in files)
+        return module.derive_here(files)
+
+    dataset.write_tables(derive=derive)
+    assert not read, "up to date"
+    write_episode(dataset.episode_path(2), make_episode(2))
+    dataset.write_tables(derive=derive)
+    assert read == [2], "only what is missing"
+    assert dataset.table("episodes")["episode"].to_pylist() == [0, 1, 2, 3]
+    write_episode(dataset.episode_path(1), make_episode(1, steps=3))
+    dataset.write_tables(derive=derive)
+    assert read == [2, 1], "what has changed since"
+    write_episode(dataset.episode_path(1), make_episode(1))
+    dataset.write_tables({1: episode_rows(dataset.episode_path(1), 1)}, derive)
+    assert read == [2, 1], "what is given is taken"
+    assert dataset.table("steps").num_rows == 24
+    dataset.episode_path(3).unlink()
+    dataset.write_tables(derive=derive)
+    assert dataset.table("episodes")["episode"].to_pylist() == [0, 1, 2]
+
+
+def test_tables_can_always_be_made_again(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d")
+    expected = {name: dataset.table(name) for name in ("episodes", "steps", "objects")}
+    shutil.rmtree(tmp_path / "d/tables")
+    dataset.write_tables()
+    assert all(dataset.table(name).equals(table) for name, table in expected.items())
+    (tmp_path / "d/tables/steps/part-00000.parquet").write_bytes(b"broken")
+    dataset.write_tables()
+    assert dataset.table("steps").equals(expected["steps"])
+
+
+def test_hashes_depend_on_values_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = make_dataset(tmp_path / "one", boards=5, finished=range(5)).hashes()
+    monkeypatch.setattr(module, "EPISODES_PER_SHARD", 2)
+    monkeypatch.setattr(module, "BOARDS_PER_SHARD", 2)
+    other = make_dataset(tmp_path / "elsewhere/two", boards=5, finished=(4, 2, 0, 1, 3))
+    assert sorted(p.name for p in (other.path / "tables/steps").iterdir()) == [
+        f"part-0000{i}.parquet" for i in range(3)
+    ]
+    assert other.hashes() == one
+    shutil.rmtree(other.path / "tables")
+    assert other.hashes() == one, "without tables they are derived from the episodes"
+    png = make_dataset(tmp_path / "png", boards=5, finished=range(5), images="png").hashes()
+    assert (png.board, png.trace) == (one.board, one.trace) and png.content != one.content
+    fewer = make_dataset(tmp_path / "fewer", boards=5, finished=range(4)).hashes()
+    assert fewer.board == one.board and fewer.trace != one.trace and fewer.content != one.content
+
+
+def test_rows_that_the_tables_lack_are_derived_once_for_all_who_ask(tmp_path: Path) -> None:
+    """A collection that was killed lacks up to a shard of them."""
+    dataset = make_dataset(tmp_path / "d")
+    known = dataset.episodes_table()
+    shutil.rmtree(dataset.path / "tables")
+    asked: list[int] = []
+
+    def derive(files: list[tuple[Path, int]]) -> list[dict]:
+        asked.extend(index for _, index in files)
+        return list(module.derive_here(files))
+
+    assert dataset.episodes_table(derive).equals(known) and dataset.episodes_table(derive).equals(known)
+    assert asked == [0, 1, 3]
+    write_episode(dataset.episode_path(1), make_episode(7))
+    changed = dataset.episodes_table(derive)
+    assert (
+        asked == [0, 1, 3, 1]
+        and not changed.equals(known)
+        and changed.equals(Dataset.open(dataset.path).episodes_table())
+    )
+
+
+def test_whole_shards_without_episodes_disappear(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "EPISODES_PER_SHARD", 2)
+    dataset = make_dataset(tmp_path / "d")
+    dataset.episode_path(3).unlink()
+    dataset.write_tables()
+    assert [p.name for p in (tmp_path / "d/tables/steps").iterdir()] == ["part-00000.parquet"]
+
+
+@pytest.mark.parametrize("table", ["episodes", "steps", "objects"])
+def test_tables_torn_by_a_stop_are_mended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, table: str) -> None:
+    """A writer is stopped before it writes one of the three tables; the next one leaves all of them whole."""
+    dataset = make_dataset(tmp_path / "d")
+    write_episode(dataset.episode_path(2), make_episode(2))
+
+    def stopped(path: Path, name: str, rows: list[object], root: Path) -> None:
+        if name == table:
+            raise KeyboardInterrupt
+        write_shard(path, name, rows, root)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(module, "write_shard", stopped)
+        dataset.write_tables()
+    dataset.write_tables()
+    for name in ("episodes", "steps", "objects"):
+        assert set(dataset.table(name)["episode"].to_pylist()) == {0, 1, 2, 3}
+    assert verify(dataset.path).ok
+
+
+def test_settings_of_a_failed_start_do_not_bind(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d", finished=())
+    dataset.begin_collecting(COLLECT.model_copy(update={"steps": 9}))
+    assert Dataset.open(dataset.path).info.collect.steps == 9  # type: ignore[union-attr]
+
+
+def test_settings_that_another_process_recorded_meanwhile_are_seen(tmp_path: Path) -> None:
+    early = make_dataset(tmp_path / "d", finished=())
+    late = Dataset.open(early.path)
+    late.begin_collecting(COLLECT.model_copy(update={"policy": "scripted"}))
+    write_episode(late.episode_path(0), make_episode(0))
+    with pytest.raises(BusybotError, match="policy 'scripted', now 'random'"):
+        early.begin_collecting(COLLECT)

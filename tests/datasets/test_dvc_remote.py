@@ -1,0 +1,126 @@
+"""Frozen datasets through a shared folder: what is pulled is what was pushed, and nothing leaves the folder."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.dvc_remote import address, check_listing, find_tool, pull, push, read_pointer
+from busybot.datasets.freeze import freeze
+from tests.episodes.folders import make_dataset
+
+POINTER = "outs:\n- md5: {md5}.dir\n  size: 10\n  nfiles: 2\n  hash: md5\n  path: {path}\n"
+MD5 = "4ffb46ba37bd2ce52470086b4756420b"
+
+
+@pytest.fixture
+def frozen(tmp_path: Path) -> Path:
+    dataset = make_dataset(tmp_path / "here" / "toys", boards=2, finished=(0, 1))
+    freeze(dataset.path, None)
+    return dataset.path
+
+
+@pytest.fixture
+def dvc() -> None:
+    try:
+        find_tool()
+    except BusybotError:
+        pytest.skip("DVC is not installed: `make dvc` does it")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("dvc")
+def test_a_pulled_dataset_is_the_pushed_one(frozen: Path, tmp_path: Path) -> None:
+    sent = push(frozen, str(tmp_path / "remote"))
+    assert sent.pointer == frozen.with_name("toys.dvc") and sent.files == len(contents(frozen))
+    there = tmp_path / "there" / "toys"
+    there.parent.mkdir()
+    shutil.copy(sent.pointer, there.parent)
+    got = pull(there, str(tmp_path / "remote"))
+    assert got.new and contents(there) == contents(frozen)
+    assert Dataset.open(there).hashes() == Dataset.open(frozen).hashes()
+    assert {entry.name for entry in there.parent.iterdir()} == {"toys", "toys.dvc"}
+    assert not pull(there, str(tmp_path / "remote")).new, "nothing is fetched twice"
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("dvc")
+def test_what_was_changed_on_the_way_gets_no_name(frozen: Path, tmp_path: Path) -> None:
+    """Whoever controls the storage can forge MD5 addresses, but not what the manifest says."""
+    sent = push(frozen, str(tmp_path / "remote"))
+    there = tmp_path / "there" / "toys"
+    there.parent.mkdir()
+    shutil.copy(sent.pointer, there.parent)
+    listing = next((tmp_path / "remote").rglob("*.dir"))
+    first = json.loads(listing.read_text())[0]
+    stored = tmp_path / "remote" / "files" / "md5" / first["md5"][:2] / first["md5"][2:]
+    stored.chmod(0o644)
+    stored.write_bytes(stored.read_bytes() + b"more")
+    with pytest.raises(BusybotError):
+        pull(there, str(tmp_path / "remote"))
+    assert not there.exists()
+
+
+def test_only_frozen_datasets_are_shared(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "toys", boards=1, finished=(0,))
+    with pytest.raises(BusybotError, match="frozen") as error:
+        push(dataset.path, str(tmp_path / "remote"))
+    assert "busybot dataset freeze" in str(error.value.mend)
+
+
+def test_a_changed_dataset_is_not_sent(frozen: Path, tmp_path: Path) -> None:
+    file = frozen / "dataset.json"
+    file.chmod(0o644)
+    file.write_text(file.read_text() + " ")
+    with pytest.raises(BusybotError, match="dataset.json"):
+        push(frozen, str(tmp_path / "remote"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        POINTER.format(md5=MD5, path="../elsewhere"),
+        POINTER.format(md5=MD5, path="/etc"),
+        POINTER.format(md5=MD5, path="other"),
+        POINTER.format(md5="../../x", path="toys"),
+        POINTER.format(md5=MD5, path="toys") + "cmd: touch /tmp/x\n",
+        POINTER.format(md5=MD5, path="toys") + "deps:\n- path: https://example.org/x\n",
+        POINTER.format(md5=MD5, path="toys") + "  remote: other\n",
+        POINTER.format(md5=MD5, path="toys").replace("outs:\n", "outs:\n- path: x\n"),
+        "[" * 5000,
+        "outs: &a [*a]",
+        "x" * 20_000,
+        "",
+    ],
+)
+def test_pointers_that_lead_elsewhere_are_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "toys.dvc").write_text(text)
+    with pytest.raises(BusybotError, match="toys.dvc"):
+        read_pointer(tmp_path / "toys.dvc", "toys")
+
+
+def test_a_pointer_that_is_a_link_is_refused(tmp_path: Path) -> None:
+    os.symlink("/etc/passwd", tmp_path / "toys.dvc")
+    with pytest.raises(BusybotError, match="toys.dvc"):
+        pull(tmp_path / "toys", str(tmp_path))
+
+
+@pytest.mark.parametrize("name", ["../x", "/etc/passwd", "a/../../x", "..\\x", "a\0b", ""])
+def test_listings_that_leave_the_folder_are_refused(name: str, tmp_path: Path) -> None:
+    (tmp_path / "list.dir").write_text(json.dumps([{"md5": MD5, "relpath": "fine"}, {"md5": MD5, "relpath": name}]))
+    with pytest.raises(BusybotError, match="outside"):
+        check_listing(tmp_path / "list.dir")
+
+
+def test_passwords_are_not_taken_from_the_command_line() -> None:
+    with pytest.raises(BusybotError, match="password"):
+        address("ssh://me:secret@host/path")
+    assert address("s3://bucket/path") == "s3://bucket/path"

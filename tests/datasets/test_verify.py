@@ -1,0 +1,120 @@
+"""`verify` names what is wrong and how to mend it, and is silent otherwise."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.verify import Report, verify
+from busybot.episodes.mcap.writer import write_episode
+from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_episode
+
+
+@pytest.fixture
+def dataset(tmp_path: Path) -> Dataset:
+    return make_dataset(tmp_path / "d")
+
+
+def faults(report: Report) -> list[tuple[str, str]]:
+    assert all(problem.mend for problem in report.problems)
+    return [(Path(problem.file).name, problem.what) for problem in report.problems]
+
+
+def test_a_sound_dataset_has_no_problems(dataset: Dataset) -> None:
+    seen: list[tuple[int, int]] = []
+    report = verify(dataset.path, progress=lambda done, total: seen.append((done, total)))
+    assert report.ok and report.episodes == 3 and report.problems == ()
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_several_workers_find_the_same(dataset: Dataset) -> None:
+    data = bytearray(dataset.episode_path(1).read_bytes())
+    data[len(data) // 2] ^= 1
+    dataset.episode_path(1).write_bytes(data)
+    assert verify(dataset.path, workers=2) == verify(dataset.path)
+
+
+def test_a_dataset_without_episodes_is_sound(tmp_path: Path) -> None:
+    assert verify(make_dataset(tmp_path / "d", finished=()).path).ok
+
+
+def test_damaged_episodes_are_named(dataset: Dataset) -> None:
+    data = dataset.episode_path(1).read_bytes()
+    dataset.episode_path(1).write_bytes(data[:-100])
+    ((name, what),) = faults(verify(dataset.path))
+    assert name == "000001.mcap" and "MCAP" in what and name not in what, "the file is named once"
+
+
+def test_an_episode_of_another_board_or_collection_is_found(dataset: Dataset) -> None:
+    shutil.copy(dataset.episode_path(3), dataset.episode_path(0))
+    write_episode(dataset.episode_path(1), make_episode(1, steps=8), images="png")
+    found = faults(verify(dataset.path))
+    assert ("000000.mcap", "its board is not board 0 of the dataset") in found
+    assert ("000001.mcap", "image_format is 'png', the dataset says 'jpeg'") in found
+    assert ("000001.mcap", "it has 8 steps, the dataset says 6") in found
+
+
+def edit_table(dataset: Dataset, name: str, column: str, value: object) -> None:
+    path = dataset.table_path(name, 0)
+    table = pq.read_table(path)
+    values = [value, *table[column].to_pylist()[1:]]
+    place = table.column_names.index(column)
+    pq.write_table(
+        table.set_column(place, table.schema.field(column), pa.array(values, table.schema.field(column).type)), path
+    )
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "value"),
+    [("steps", "reward", 5), ("objects", "box_u0", None), ("episodes", "trace_digest", "0" * 64)],
+)
+def test_tables_that_differ_from_the_episodes_are_found(
+    dataset: Dataset, table: str, column: str, value: object
+) -> None:
+    edit_table(dataset, table, column, value)
+    assert faults(verify(dataset.path)) == [("part-00000.parquet", f"episode 0 differs from its file in {column}")]
+
+
+def test_missing_and_superfluous_rows_are_found(dataset: Dataset) -> None:
+    write_episode(dataset.episode_path(2), make_episode(2))
+    dataset.episode_path(0).unlink()
+    found = faults(verify(dataset.path))
+    for fault in ("holds episode 0, which is not there", "lacks episode 2"):
+        assert found.count(("part-00000.parquet", fault)) == 3
+
+
+def test_missing_and_unreadable_tables_are_found(dataset: Dataset) -> None:
+    dataset.table_path("steps", 0).unlink()
+    dataset.table_path("objects", 0).write_bytes(b"x")
+    missing, unreadable = sorted(faults(verify(dataset.path)), key=lambda fault: "missing" not in fault[1])
+    assert missing[1] == "missing; 3 episodes belong to it"
+    assert "not a readable Parquet file" in unreadable[1]
+
+
+def test_strangers_and_links_are_found(dataset: Dataset, tmp_path: Path) -> None:
+    (dataset.path / "episodes/000099.mcap").write_bytes(b"")
+    (dataset.path / "notes.txt").write_text("mine")
+    assert [name for name, _ in faults(verify(dataset.path))] == ["notes.txt", "000099.mcap"]
+    shutil.move(dataset.path / "episodes", tmp_path / "elsewhere")
+    (dataset.path / "episodes").symlink_to(tmp_path / "elsewhere")
+    assert ("episodes", "a link where a file or folder is expected") in faults(verify(dataset.path))
+
+
+def test_boards_that_are_not_the_datasets_are_found(dataset: Dataset) -> None:
+    info = json.loads((dataset.path / "dataset.json").read_text())
+    (dataset.path / "dataset.json").write_text(json.dumps({**info, "seed": 9}))
+    what = "board 0 has seed 0 and split 'train', the dataset 9 and 'train'"
+    assert ("boards", what) in faults(verify(dataset.path))
+    (dataset.path / "boards/boards-00000.jsonl").write_text("[]\n" * 4)
+    assert "line 1" in faults(verify(dataset.path))[0][1]
+
+
+def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match="not a dataset"):
+        verify(tmp_path)

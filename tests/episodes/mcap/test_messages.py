@@ -1,0 +1,97 @@
+"""The recording's own messages: one definition, stable numbers, the wire format of protobuf."""
+
+import io
+import re
+import struct
+from importlib.resources import files
+
+import pytest
+from google.protobuf import descriptor, descriptor_pb2
+from mcap.reader import make_reader
+
+from busybot.episodes.mcap.messages import MESSAGES, PACKAGE, message_class, message_schema
+from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
+from tests.episodes.make_fixture import FIXTURES
+from tests.episodes.test_schema import version_of
+from tests.episodes.test_schema_versions import VERSIONS
+
+NUMBERS = {
+    "Step": "index image_before image_after pixel_u pixel_v position direction executed distance changed_pixels reward",
+    "StepTruth": "index acted_object acted_link success vetoed trigger_states_before trigger_states_after"
+    " responder_states_before responder_states_after joint_positions_before joint_positions_after",
+    "Object": "role position box",
+    "Objects": "objects",
+    "Boxes": "image frame corners",
+    "Link": "object name trigger",
+    "Links": "links",
+    "Trigger": "object link",
+    "Relation": "kind triggers responder stage states parameters",
+    "Relations": "relations",
+}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_fields_keep_their_numbers(name: str) -> None:
+    """Old files are read by number: a field may be added at the end, never moved."""
+    fields = {field.number: field.name for field in message_class(name).DESCRIPTOR.fields}
+    assert fields == dict(enumerate(NUMBERS[name].split(), start=1))
+
+
+def test_messages_have_the_wire_format() -> None:
+    step = message_class("Step")(index=3, pixel_u=-1, position=[1.0, 2.0], executed=[0, 17], distance=0.5)
+    expected = b"\x08\x03" + b"\x20\x01" + b"\x32\x08" + struct.pack("<ff", 1, 2) + b"\x42\x02\x00\x11"
+    assert step.SerializeToString() == expected + b"\x49" + struct.pack("<d", 0.5)
+    truth = message_class("StepTruth")(acted_link="ab", success=True, trigger_states_before=[-1])
+    assert truth.SerializeToString() == b"\x1a\x02ab" + b"\x20\x01" + b"\x32\x01\x01"
+
+
+def test_a_schema_holds_the_message_and_its_parts_and_no_more() -> None:
+    schema = descriptor_pb2.FileDescriptorSet.FromString(message_schema("Relations"))
+    assert [message.name for message in schema.file[0].message_type] == ["Trigger", "Relation", "Relations"]
+    assert len(message_schema("Step")) < 500
+
+
+def test_the_public_definition_says_the_same() -> None:
+    """`busybot.proto`, read here line by line, declares the messages that recordings describe in themselves."""
+    text = files("busybot.episodes.mcap").joinpath("busybot.proto").read_text(encoding="utf-8")
+    assert f"package {PACKAGE};" in text and 'syntax = "proto3";' in text
+    declared = re.findall(r"^message (\w+) \{\n(.*?)^\}$", text, re.MULTILINE | re.DOTALL)
+    assert [name for name, _ in declared] == list(MESSAGES) == list(NUMBERS)
+    for name, body in declared:
+        lines = re.findall(r"^  (repeated )?(\w+) (\w+) = (\d+);$", body, re.MULTILINE)
+        assert len(lines) == len(body.splitlines())
+        described = [
+            ("repeated " if field.is_repeated else "", kind_of(field), field.name, str(field.number))
+            for field in message_class(name).DESCRIPTOR.fields
+        ]
+        assert lines == described
+
+
+def kind_of(field: descriptor.FieldDescriptor) -> str:
+    """The word for a field's type in a definition."""
+    if field.message_type is not None:
+        return str(field.message_type.name)
+    return str(descriptor_pb2.FieldDescriptorProto.Type.Name(field.type)).removeprefix("TYPE_").lower()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_released_recordings_describe_their_messages_alike(version: str) -> None:
+    """Schemas are the same bytes in all files of a version; older ones lack what came since, and nothing else."""
+    found: dict[str, bytes] = {}
+    for path in (FIXTURES / version / "real.mcap", FIXTURES / version / "dataset" / "episodes" / "000000.mcap"):
+        summary = make_reader(io.BytesIO(path.read_bytes())).get_summary()
+        assert summary is not None
+        found |= {one.name.rpartition(".")[2]: one.data for one in summary.schemas.values() if PACKAGE in one.name}
+    assert found.keys() >= {"Step", "StepTruth", "Objects", "Boxes", "Links", "Relations"}
+    for name, data in found.items():
+        if version == SCHEMA_VERSION:
+            assert data == message_schema(name), name
+    then = {name: descriptor_pb2.FileDescriptorSet.FromString(found[name]) for name in ("Step", "StepTruth")}
+    recorded = {(name, field.name) for name in then for field in then[name].file[0].message_type[0].field}
+    expected = {
+        ("StepTruth" if field.privileged else "Step", name)
+        for field in STEP_FIELDS
+        if field.wire and version_of(field.since) <= version_of(version)
+        for name in field.wire_names
+    }
+    assert recorded == expected | {("StepTruth", "index")}

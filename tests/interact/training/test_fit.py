@@ -1,0 +1,105 @@
+"""Training one network: it learns, and a training that was interrupted ends as if it had not been."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from busybot.interact.affordance.fast_networks import KINDS, Kind
+from busybot.interact.training.config import DirectionFitConfig, FitConfig
+from busybot.interact.training.fast import FastAffordanceLearner, FitJob, fit
+from busybot.interact.training.sample_cache import cache_samples
+from busybot.training.metrics_file import read_metrics
+from tests.episodes.folders import make_dataset
+from tests.interact.trainings import permute_privileged
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("rounds")
+    return cache_samples(make_dataset(folder / "toys"), folder, "depth")
+
+
+def job_for(kind: Kind, cache: Path, folder: Path, until: int = 8) -> FitJob:
+    config = FitConfig() if kind == "position" else DirectionFitConfig()
+    small = {"batch": 4, "report": 2, "checkpoint": 3} | ({"side": 32} if kind == "position" else {})
+    return FitJob(
+        name=kind,
+        kind=kind,
+        inputs="depth",
+        config=config.model_copy(update=small),
+        seed=0,
+        caches=(cache,),
+        validation=cache,
+        window=1000,
+        start=0,
+        until=until,
+        checkpoint=folder / f"{kind}.safetensors",
+        metrics=folder / f"{kind}.jsonl",
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_interrupted_and_resumed_ends_in_the_same_weights(
+    kind: Kind, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    straight = job_for(kind, cache, tmp_path / "straight")
+    figures = fit(straight)
+    broken = job_for(kind, cache, tmp_path / "broken")
+    learn, calls = FastAffordanceLearner.learn, []
+
+    def dies(*arguments):
+        calls.append(1)
+        if len(calls) == 6:
+            raise KeyboardInterrupt
+        return learn(*arguments)
+
+    monkeypatch.setattr(FastAffordanceLearner, "learn", dies)
+    with pytest.raises(KeyboardInterrupt):
+        fit(broken)
+    assert broken.checkpoint.read_bytes() != straight.checkpoint.read_bytes()
+    assert fit(broken) == figures
+    assert broken.checkpoint.read_bytes() == straight.checkpoint.read_bytes()
+    assert [line["iteration"] for line in read_metrics(broken.metrics)] == [2, 4, 6, 8, 8]
+
+
+def test_rounds_continue_from_one_another(cache: Path, tmp_path: Path) -> None:
+    first = job_for("position", cache, tmp_path, until=4)
+    fit(first)
+    second = replace(first, caches=(cache, cache), start=4, until=8)
+    fit(second)
+    lines = read_metrics(first.metrics)
+    assert [line["iteration"] for line in lines] == [2, 4, 4, 6, 8, 8]
+    assert "position_ap" in lines[2]["validation"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "toys")
+    jobs = [job_for(kind, cache_samples(dataset, tmp_path / "cache", "depth"), tmp_path / "one", until=3)]
+    permute_privileged(dataset)
+    jobs += [job_for(kind, cache_samples(dataset, tmp_path / "cache", "depth"), tmp_path / "two", until=3)]
+    assert jobs[0].caches != jobs[1].caches
+    for job in jobs:
+        fit(job)
+    assert jobs[0].checkpoint.read_bytes() == jobs[1].checkpoint.read_bytes()
+
+
+def test_it_learns_where_synthetic_boards_react(cache: Path, tmp_path: Path) -> None:
+    figures = fit(job_for("position", cache, tmp_path, until=60))
+    assert figures["position_auc"] is not None and figures["position_auc"] > 0.75
+
+
+def test_colours_alone_can_be_learned_from(tmp_path: Path) -> None:
+    cache = cache_samples(make_dataset(tmp_path / "toys"), tmp_path, "rgb")
+    for kind in KINDS:
+        auc = fit(replace(job_for(kind, cache, tmp_path, until=60), inputs="rgb"))["position_auc"]
+        assert auc is not None and auc > 0.7, kind
+
+
+def test_a_round_without_iterations_leaves_the_weights_alone(cache: Path, tmp_path: Path) -> None:
+    job = job_for("direction", cache, tmp_path, until=0)
+    fit(job)
+    before = job.checkpoint.read_bytes()
+    fit(job)
+    assert job.checkpoint.read_bytes() == before

@@ -1,0 +1,150 @@
+"""Training one network of the paper variant: batches, labels, optimizer, and going on after a kill."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from busybot.boards.directions import OPPOSITE
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
+from busybot.episodes.mcap.reader import read_episode
+from busybot.interact.affordance.fast_networks import KINDS, Kind
+from busybot.interact.affordance.inputs import Inputs
+from busybot.interact.training.paper import PaperAffordanceLearner, PaperJob, draw_half, paper_labels
+from busybot.interact.training.paper_config import PaperConfig
+from busybot.interact.training.sample_cache import SQUARES, Samples, cache_samples, open_samples
+from busybot.training.metrics_file import read_metrics
+from tests.episodes.folders import make_dataset
+from tests.interact.trainings import permute_privileged
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory: pytest.TempPathFactory) -> Samples:
+    folder = tmp_path_factory.mktemp("rounds")
+    return open_samples(
+        [cache_samples(make_dataset(folder / "toys"), folder, "depth", whole=True)], "depth", 1000, True
+    )
+
+
+def job_for(kind: Kind, folder: Path, inputs: Inputs = "depth") -> PaperJob:
+    config = PaperConfig().learn(kind).model_copy(update={"batch": 2, "iterations": 3})
+    return PaperJob(
+        kind=kind,
+        inputs=inputs,
+        size=(120, 160),
+        config=config,
+        seed=0,
+        every=2,
+        checkpoint=folder / f"{kind}.safetensors",
+        metrics=folder / f"{kind}.jsonl",
+    )
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> None:
+    torch.set_num_threads(1)
+
+
+def test_half_of_a_batch_has_reward() -> None:
+    reward = np.arange(100) % 10 == 0
+    chosen = draw_half(reward, 32, generator(0, "", 0, "test"))
+    assert len(chosen) == 32 and reward[chosen].sum() == 16
+    many = np.concatenate([draw_half(reward, 32, generator(seed, "", 0, "test")) for seed in range(100)])
+    assert np.bincount(many, minlength=100)[::10].min() > 100  # all alike: 160 of 1,600 each
+
+
+def test_a_sample_teaches_what_worked_or_what_was_tried_in_vain(samples: Samples) -> None:
+    labels, known = paper_labels(samples, np.arange(len(samples)))
+    for row in range(len(samples)):
+        if samples.reward[row]:
+            assert list(np.flatnonzero(labels[row])) == list(np.flatnonzero(known[row])) == [samples.worked[row]]
+        else:
+            first, second = np.flatnonzero(known[row])
+            assert not labels[row].any() and OPPOSITE[first] == second
+
+
+def test_whole_pictures_are_cached_once(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "toys", boards=2, finished=range(2))
+    samples = open_samples([cache_samples(dataset, tmp_path, "depth", whole=True)], "depth", 1000, whole=True)
+    episodes = [read_episode(dataset.episode_path(index)) for index in range(2)]
+    seen = [(index, number) for index, episode in enumerate(episodes) for number in episode.frame_of[:-1]]
+    assert len(samples.squares[0]) == len(set(seen)) < len(samples)
+    for row, (index, number) in enumerate(seen):
+        stored = samples.squares[0][samples.row[row]].astype(np.float32)
+        depth = np.where(stored > 0, samples.scale[row, 0] + stored * samples.scale[row, 1], 0)
+        assert np.allclose(depth, episodes[index].images[number].depth, atol=1e-4)
+
+
+def test_a_damaged_cache_of_pictures_is_refused(tmp_path: Path) -> None:
+    place = cache_samples(make_dataset(tmp_path / "toys"), tmp_path, "depth", whole=True)
+    (place / SQUARES).write_bytes(b"short")
+    with pytest.raises(BusybotError, match="damaged"):
+        open_samples([place], "depth", 10, whole=True)
+
+
+def test_adam_with_the_papers_learning_rates(tmp_path: Path) -> None:
+    for kind, rate in zip(KINDS, (5e-4, 1e-4), strict=True):
+        optimizer = PaperAffordanceLearner(job_for(kind, tmp_path)).optimizer
+        assert type(optimizer) is torch.optim.Adam
+        assert [(group["lr"], group["weight_decay"]) for group in optimizer.param_groups] == [(rate, 0)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_interrupted_and_resumed_ends_in_the_same_weights(
+    kind: Kind, samples: Samples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    straight, broken = job_for(kind, tmp_path / "straight"), job_for(kind, tmp_path / "broken")
+    learner = PaperAffordanceLearner(straight)
+    for epoch in (4, 5):
+        learner.train(samples, epoch)
+    learn, calls = PaperAffordanceLearner.learn, []
+
+    def dies(self: PaperAffordanceLearner, samples: Samples, rng: np.random.Generator) -> float:
+        calls.append(1)
+        if len(calls) == 6:
+            raise KeyboardInterrupt
+        return learn(self, samples, rng)
+
+    monkeypatch.setattr(PaperAffordanceLearner, "learn", dies)
+    interrupted = PaperAffordanceLearner(broken)
+    interrupted.train(samples, 4)
+    with pytest.raises(KeyboardInterrupt):
+        interrupted.train(samples, 5)
+    resumed = PaperAffordanceLearner(broken)
+    assert not resumed.behind(4) and resumed.behind(5) and resumed.done == 2
+    resumed.train(samples, 5)
+    assert broken.checkpoint.read_bytes() == straight.checkpoint.read_bytes()
+    assert read_metrics(broken.metrics) == read_metrics(straight.metrics)
+    assert [line["iteration"] for line in read_metrics(broken.metrics)] == [1, 2, 3, 4, 5, 6]
+
+
+def test_without_successes_an_epoch_is_left_out(samples: Samples, tmp_path: Path) -> None:
+    learner = PaperAffordanceLearner(job_for("position", tmp_path))
+    learner.train(replace(samples, worked=np.full(len(samples), -1)), 0)
+    assert learner.loop.progress.iteration == 0 and not learner.job.checkpoint.exists()
+    assert not learner.job.metrics.exists()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "toys")
+    weights = []
+    for name in ("one", "two"):
+        cache = cache_samples(dataset, tmp_path / "cache", "depth", whole=True)
+        job = job_for(kind, tmp_path / name)
+        PaperAffordanceLearner(job).train(open_samples([cache], "depth", 1000, whole=True), 0)
+        weights.append((cache, job.checkpoint.read_bytes()))
+        permute_privileged(dataset)
+    assert weights[0][0] != weights[1][0] and weights[0][1] == weights[1][1]
+
+
+def test_colours_alone_can_be_learned_from(tmp_path: Path) -> None:
+    cache = cache_samples(make_dataset(tmp_path / "toys"), tmp_path, "rgb", whole=True)
+    colours = open_samples([cache], "rgb", 1000, whole=True)
+    job = job_for("direction", tmp_path, "rgb")
+    learner = PaperAffordanceLearner(replace(job, config=job.config.model_copy(update={"learning_rate": 1e-3})))
+    losses = [learner.learn(colours, generator(0, "", 0, "test")) for _ in range(20)]  # one batch again and again
+    assert losses[-1] < 0.5 * losses[0]

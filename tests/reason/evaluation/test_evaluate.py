@@ -1,0 +1,176 @@
+"""Evaluation of a dataset: what is compared with what, and what stands beside it."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from busybot.boards.spec import LinkRef, Relation
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.episode import Episode
+from busybot.reason.evaluation.evaluate import Judging, evaluate_dataset, judge_episode
+from busybot.reason.evaluation.ground_truth import truth_of
+from busybot.reason.evaluation.summary import Judged, summarise
+from busybot.reason.models.base import InferredGraph
+from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_episode, make_real_episode
+
+# on the synthetic board switch 0 drives lamp 1 and switch 3 door 2; the toy 4 is driven by nothing
+CANDIDATES = {(0, 1), (0, 2), (0, 4), (3, 1), (3, 2), (3, 4)}
+
+
+def judged(episode: Episode, *edges: tuple[int, int]) -> Judged:
+    """A board for which someone claims these edges."""
+    probabilities = np.zeros((len(episode.steps), 5, 5))
+    for edge in edges:
+        probabilities[(slice(None), *edge)] = 1.0
+    graph = InferredGraph("claimed", probabilities)
+    return Judged(episode.board, graph, truth_of(episode), len(episode.steps), episode.policy, episode.oracle)
+
+
+def test_truth_is_in_object_pairs() -> None:
+    truth = truth_of(make_episode())
+    assert {(int(i), int(j)) for i, j in np.argwhere(truth.candidates)} == CANDIDATES
+    assert truth.kinds == {(0, 1): ("one-to-one",), (3, 2): ("one-to-one",)}
+    assert truth.edges.sum() == 2
+
+
+def test_an_effect_is_shown_after_the_first_action_that_changed_the_responder() -> None:
+    episode = make_episode(steps=12)
+    shown = truth_of(episode).shown
+    assert shown is not None
+    for trigger, responder in ((0, 1), (3, 2)):
+        first = next(k for k, step in enumerate(episode.steps) if step.acted_object == trigger)
+        assert shown[trigger, responder] == first + 1
+    assert (shown > 0).sum() == 2
+
+
+def test_an_effect_on_an_object_outside_of_the_picture_is_not_shown() -> None:
+    episode = make_episode(steps=12)
+    episode.images[0].boxes[1] = -1
+    shown = truth_of(episode).shown
+    assert shown is not None and shown[0, 1] == 0 and shown[3, 2] > 0
+
+
+def test_a_recording_without_states_has_no_bound() -> None:
+    assert truth_of(make_real_episode()).shown is None
+    result = summarise([judge_episode(make_real_episode())], 23, 0)
+    assert result["edge_r_bound"] is None and result["edge_p"] is None and result["edge_r"] == 0
+
+
+def test_only_the_first_images_are_used() -> None:
+    episode = make_episode(steps=12)
+    assert judge_episode(episode, Judging(images=5)).steps == 4
+    longer = make_episode(steps=4)
+    np.testing.assert_allclose(
+        judge_episode(episode, Judging(images=5)).graph.probabilities, judge_episode(longer).graph.probabilities
+    )
+
+
+def test_summary_of_claims_known_by_hand() -> None:
+    """Board one: one of two right and one wrong. Board two: nothing claimed."""
+    first, second = make_episode(0, steps=22), make_episode(1, steps=22)
+    result = summarise([judged(first, (0, 1), (0, 2)), judged(second)], 23, 0)
+    assert result["counts"] == {"hits": 1, "claimed": 2, "true": 4, "correct": 8, "pairs": 12}
+    assert (result["edge_p"], result["edge_r"]) == (0.5, 0.25)
+    assert result["edge_acc"] == pytest.approx(8 / 12)
+    assert result["macro"] == {"precision": 0.5, "recall": 0.25, "accuracy": pytest.approx(8 / 12)}
+    assert result["brier"] == pytest.approx(4 / 12)
+    assert (result["boards"], result["steps"], result["edge_r_bound"]) == (2, 44, 1.0)
+    assert result["pred_a"] is result["pred_a_responder"] is result["pred_a_bound"] is None
+
+
+def test_trivial_graphs_stand_beside_the_result() -> None:
+    result = summarise([judge_episode(make_episode(k, steps=22)) for k in range(8)], 23, 0)
+    empty, ones, guess = (result["baselines"][name] for name in ("empty graph", "all-ones graph", "random trigger"))
+    assert (empty["edge_p"], empty["edge_r"], empty["edge_acc"]) == (None, 0.0, pytest.approx(4 / 6))
+    assert (ones["edge_p"], ones["edge_r"], ones["edge_acc"]) == (pytest.approx(2 / 6), 1.0, pytest.approx(2 / 6))
+    assert guess["edge_p"] == pytest.approx(guess["edge_r"] * 2 / 3), "three claims for two relations"
+    assert result["edge_p"] == result["edge_r"] == 1.0
+
+
+def test_scores_by_kind_blame_the_kinds_of_the_wrong_trigger() -> None:
+    episode = make_episode(steps=22)
+    door = Relation(
+        kind="one-to-many-objects",
+        triggers=(LinkRef(object=3, link="link_0"),),
+        responder=2,
+        stage="single",
+        states=(0, 1),
+    )
+    board = episode.board.model_copy(update={"relations": (episode.board.relations[0], door)})
+    result = summarise([judged(replace(episode, board=board), (0, 1), (0, 4), (3, 2))], 23, 0)
+    assert result["by_kind"] == {
+        "one-to-one": {"edge_p": 0.5, "edge_r": 1.0, "relations": 1},
+        "one-to-many-objects": {"edge_p": 1.0, "edge_r": 1.0, "relations": 1},
+    }
+
+
+def test_the_curve_grows_with_the_images_up_to_its_bound() -> None:
+    result = summarise([judge_episode(make_episode(k, steps=22)) for k in range(4)], 23, 0)
+    curve = result["by_images"]
+    assert [point["images"] for point in curve] == list(range(2, 24))
+    assert all(point["edge_r"] <= point["edge_r_bound"] for point in curve)
+    assert curve[0]["edge_r"] < curve[-1]["edge_r"] == result["edge_r"]
+
+
+def test_two_runs_and_two_workers_give_the_same_result(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "toys")
+    seen: list[tuple[int, int]] = []
+
+    def run(workers: int, seed: int = 0) -> dict[str, Any]:
+        return evaluate_dataset(dataset, seed=seed, workers=workers, progress=lambda done, of: seen.append((done, of)))
+
+    result = run(1)
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+    assert result == run(2)
+    assert result["dataset"]["board_hash"] == dataset.hashes().board
+    assert (result["dataset"]["boards"], result["boards"]) == (4, 3)
+
+
+def test_a_dataset_without_episodes_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match="none of its 4 boards has an episode\n.*busybot collect"):
+        evaluate_dataset(make_dataset(tmp_path / "toys", finished=()))
+
+
+def test_one_image_shows_no_action(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match="at least 2"):
+        evaluate_dataset(make_dataset(tmp_path / "toys"), Judging(images=1))
+
+
+def test_who_expects_no_change_is_right_where_an_action_misses(tmp_path: Path) -> None:
+    """The last of three predicted actions on each board takes hold of nothing, the others change something."""
+    result = evaluate_dataset(make_dataset(tmp_path / "toys"), Judging("persistence", images=4), workers=1)
+    assert (result["predicted_boards"], result["predicted_steps"]) == (3, 9)
+    assert result["pred_a"] == result["persistence"]["pred_a"] == result["failing"] == pytest.approx(1 / 3)
+    assert (result["pred_a_successful"], result["pred_a_changed"], result["pred_a_unchanged"]) == (0.0, 0.0, 1.0)
+    assert result["decoder_accuracy"]["nearest"]["all"] == 1.0
+    assert (result["edge_p"], result["edge_r"], result["encoder"]) == (None, 0.0, "embedded")
+    assert [point["images"] for point in result["by_images"] if point["pred_a"] is not None] == [2, 4]
+
+
+def test_looking_up_predicts_what_was_seen(tmp_path: Path) -> None:
+    """It knows no more than the bound, and more than who expects no change."""
+    dataset = make_dataset(tmp_path / "toys")
+    result = evaluate_dataset(dataset, Judging("lookup", images=4), workers=1)
+    assert result["bounds"]["knowing"]["pred_a_successful"] >= result["pred_a_successful"] > 0.5
+    assert result == evaluate_dataset(dataset, Judging("lookup", images=4), workers=2)
+
+
+def test_boards_without_further_steps_or_known_states_have_no_pred_a(tmp_path: Path) -> None:
+    result = evaluate_dataset(make_dataset(tmp_path / "toys"), Judging("persistence", images=7), workers=1)
+    assert result["predicted_boards"] == 0 and result["pred_a"] is None and result["pred_a_bound"] is None
+    assert judge_episode(make_real_episode(), Judging(images=2)).forecast is None
+
+
+@pytest.mark.long
+def test_decoders_come_from_the_training_boards(tiny: Path, tmp_path: Path) -> None:
+    boards = Dataset.open(shutil.copytree(tiny, tmp_path / "boards"))
+    result = evaluate_dataset(boards, Judging("persistence", images=12), boards, workers=1)
+    assert result["decoder_accuracy"]["decoded"]["all"] > 0.95
+    assert result["decoded"]["pred_a_unchanged"] > 0.9
+    assert result["decoders"]["content_hash"] == boards.hashes().content

@@ -1,0 +1,69 @@
+"""Loaded objects are forgotten when others were used since: the memory comes back, and nobody sees a difference."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import psutil
+import pytest
+
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
+from busybot.objects.resolve import find
+from busybot.sim.scene import asset_cache as builders
+from busybot.sim.scene.asset_cache import Builders
+from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.scene.render import RenderConfig
+
+SMALL = RenderConfig(width=160, height=120)
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_least_recently_used_objects_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(builders, "KEPT", 2)
+    models = list(find("procedural").objects.values())[:3]
+    kept = Builders(looks=False)
+    first, second, third = (kept.get(model, 1.0) for model in models)
+    assert kept.get(models[0], 1.0) is first
+    kept.forget()
+    assert kept.get(models[0], 1.0) is first and kept.get(models[2], 1.0) is third
+    assert kept.get(models[1], 1.0) is not second
+
+
+@pytest.mark.long
+def test_memory_is_bounded() -> None:
+    """In a process of its own: what other tests left behind moves the memory of this one."""
+    code = "from tests.sim.scene.test_asset_cache import growth; print(growth())"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) < 60, "each object takes about 6 MB, and each board brings some that are new"
+
+
+def growth() -> float:
+    """MB that 18 boards more take, if 10 objects are kept."""
+    library, resident = find("procedural"), []
+    simulator = Simulator(library, SMALL)
+    builders.KEPT = 10
+    for board in generate_boards(BoardConfig(boards=24, group_size=1), library):
+        simulator.board(board).observe()
+        resident.append(psutil.Process().memory_info().rss / 1e6)
+    return resident[-1] - resident[5]
+
+
+def test_pictures_are_the_same_whatever_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    library = find("procedural")
+    boards = list(generate_boards(BoardConfig(boards=12, group_size=1), library))
+    assert len({item.key for board in boards for item in board.objects}) > 20
+    forgetful, thorough = Simulator(library, SMALL), Simulator(library, SMALL)
+    for board in boards:
+        monkeypatch.setattr(builders, "KEPT", 10)
+        forgetful.board(board).observe()
+    for board in (boards[0], *boards[:4], boards[0]):
+        images = []
+        for simulator, kept in ((forgetful, 10), (thorough, 1000)):
+            monkeypatch.setattr(builders, "KEPT", kept)
+            scene = simulator.board(board)
+            for number, joint in enumerate(scene.triggers):
+                scene.set_trigger(number, joint.link.states - 1)
+            images.append(scene.observe())
+        assert (images[0].rgb == images[1].rgb).all() and (images[0].segmentation == images[1].segmentation).all()

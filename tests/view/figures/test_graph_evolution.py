@@ -1,0 +1,59 @@
+"""The graph over the board, step by step."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from busybot.reason.models.base import InferredGraph
+from busybot.view.figures.graph_evolution import belief_figure
+from busybot.view.palette import CORRECT, RESPONDER, TRUTH, WRONG
+from tests.episodes.synthetic import make_episode, make_real_episode
+from tests.view.figures.test_episode import GUESS, has
+
+LEGEND = 70
+"""Pixels at the lower edge, in which every colour is."""
+
+
+def drawn(path: Path) -> np.ndarray:
+    picture = cv2.imread(str(path))
+    assert picture is not None
+    return np.asarray(picture[:-LEGEND])
+
+
+def test_equal_episodes_give_equal_bytes(tmp_path: Path) -> None:
+    first, second = (belief_figure(tmp_path / f"{name}.png", make_episode(), GUESS) for name in "ab")
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_true_found_and_wrong_relations_have_their_colours(tmp_path: Path) -> None:
+    """Before step 3 nothing is claimed, after it a true relation, and in the end a wrong one, too."""
+    early, middle, late = (drawn(belief_figure(tmp_path / f"{k}.png", make_episode(), GUESS, (k,))) for k in (1, 3, 6))
+    boards = [picture[:, : picture.shape[1] // 3] for picture in (early, middle, late)]
+    assert [has(board, TRUTH) for board in boards] == [True, True, True]
+    assert [has(board, CORRECT) for board in boards] == [False, True, True]
+    assert [has(board, WRONG) for board in boards] == [False, False, True]
+    curves = late[:, late.shape[1] // 3 : 2 * late.shape[1] // 3]
+    assert has(curves, CORRECT) and has(curves, RESPONDER)
+
+
+def test_steps_that_the_episode_does_not_have_are_left_out(tmp_path: Path) -> None:
+    few, many = (
+        belief_figure(tmp_path / f"{n}.png", make_episode(), GUESS, s) for n, s in (("a", (1, 3)), ("b", (1, 3, 22)))
+    )
+    assert few.read_bytes() == many.read_bytes()
+
+
+@pytest.mark.parametrize("episode", [make_real_episode(), make_episode(steps=0)], ids=["real board", "no steps"])
+def test_recordings_that_know_little_are_drawn_too(episode: object, tmp_path: Path) -> None:
+    nothing = InferredGraph("nothing", np.zeros((1, 5, 5)))
+    assert drawn(belief_figure(tmp_path / "f.png", episode, nothing)).size  # type: ignore[arg-type]
+
+
+def test_the_last_step_is_always_drawn(tmp_path: Path) -> None:
+    episode = make_episode()
+    default, explicit = (
+        belief_figure(tmp_path / f"{n}.png", episode, GUESS, s) for n, s in (("a", (1, 22)), ("b", (1, 6)))
+    )
+    assert len(episode.steps) == 6 and default.read_bytes() == explicit.read_bytes()

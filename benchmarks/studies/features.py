@@ -31,8 +31,8 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
 from busybot.reason.evaluation.decoders import Decoded, Linear, appearances, examples, fit_decoders
 from busybot.reason.evaluation.ground_truth import states_of
-from busybot.reason.evaluation.state_clusters import THRESHOLDS, clusters_of, fit_threshold
 from busybot.reason.inputs.feature_store import Features, features_of
+from busybot.reason.inputs.state_clusters import THRESHOLDS, clusters_of, fit_threshold
 
 ENCODERS = "embedded,embedded-box,embedded-mask,random"
 

@@ -8,9 +8,9 @@ from busybot.plan.agent_policy import Sight
 from busybot.plan.contact_proposals import worked_in
 from busybot.plan.interfaces import Briefing
 from busybot.reason.encoders.registry import choose
-from busybot.reason.evaluation.state_clusters import threshold_of
 from busybot.reason.inputs.observation import goal_of, observe
 from busybot.reason.inputs.sequence import sequence_of
+from busybot.reason.inputs.state_clusters import threshold_of
 
 
 def brief(history: Episode, steps: int, encoder: str = "embedded", features: np.ndarray | None = None) -> Briefing:

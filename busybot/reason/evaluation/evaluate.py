@@ -25,12 +25,12 @@ from busybot.objects.library import Library
 from busybot.reason.evaluation.decoders import Decoded, Linear, appearances, train_decoders
 from busybot.reason.evaluation.ground_truth import StateTruth, states_of, truth_of
 from busybot.reason.evaluation.prediction import DECODED, NEAREST, Watched, forecast
-from busybot.reason.evaluation.state_clusters import clusters_of, threshold_of
 from busybot.reason.evaluation.state_readout import Judge, Nearest, judged_objects
 from busybot.reason.evaluation.summary import Judged, summarise
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.observation import Observed, observe
 from busybot.reason.inputs.sequence import Sequence, sequence_of
+from busybot.reason.inputs.state_clusters import clusters_of, threshold_of
 from busybot.reason.models.registry import GRAPHS, REASONERS, config_class, infer, reasoner_of
 from busybot.training.model_cards import file_hashes, find_folder
 

@@ -12,10 +12,10 @@ import numpy as np
 from busybot.episodes.episode import Episode
 from busybot.reason.encoders.registry import choose
 from busybot.reason.evaluation.ground_truth import states_of
-from busybot.reason.evaluation.state_clusters import clusters_of, threshold_of
 from busybot.reason.evaluation.state_readout import Nearest, judged_objects
 from busybot.reason.inputs.observation import observe
 from busybot.reason.inputs.sequence import sequence_of
+from busybot.reason.inputs.state_clusters import clusters_of, threshold_of
 from busybot.reason.models.base import InferredGraph, Reasoner
 from busybot.reason.models.registry import GRAPHS, infer, reasoner_of
 

@@ -11,8 +11,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from busybot.reason.evaluation.state_clusters import THRESHOLDS, threshold_of
 from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.state_clusters import THRESHOLDS, threshold_of
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.counting import CountConfig, count_changes
 

@@ -20,13 +20,13 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory, load_once, policy_config
-from busybot.interact.policy.policy_trace import Thought, retrace
+from busybot.interact.policy.policy_trace import PolicyTrace, retrace
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.plan.evaluate import evaluate
+from busybot.plan.evaluate import evaluate_agents
 from busybot.plan.rollout import PlanConfig
-from busybot.reason.evaluation.evaluate import Judging, evaluate_dataset
-from busybot.reason.evaluation.explain import believed
+from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
+from busybot.reason.evaluation.explain import inferred_over_time
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.sim.collect import CollectConfig, collect
@@ -34,7 +34,7 @@ from busybot.view.figures import episode as figures
 from busybot.view.figures.affordance import affordance_figure
 from busybot.view.figures.planning import sequence_figure
 from busybot.view.report.demo import Story, demo_report
-from busybot.view.rerun.recording import Layers, save_rrd
+from busybot.view.rerun.recording import RecordingLayers, save_rrd
 from busybot.view.screenshot import save_screenshot
 
 BOARDS = 4
@@ -90,18 +90,18 @@ def run_demo(
     config = BoardConfig(boards=BOARDS, group_size=1, seed=seed, relations="one-to-many")
     dataset = _collect(out / "boards", config, library, workers, say, model)
     say("inferring which switch controls what, from pictures and actions alone")
-    result = evaluate_dataset(dataset, Judging(DEFAULT_REASONER), seed=seed, workers=1)
+    result = evaluate_dataset(dataset, ReasonEvaluation(DEFAULT_REASONER), seed=seed, workers=1)
     write_json(out / "relations.json", result)
     episodes = [read_episode(dataset.episode_path(index), "lazy") for index in range(BOARDS)]
     chosen = most_telling([episode.board for episode in episodes])
-    inferred = believed(episodes[chosen], DEFAULT_REASONER, STEPS + 1)
+    inferred = inferred_over_time(episodes[chosen], DEFAULT_REASONER, STEPS + 1)
     rollout, planned = _reach_goal(out, library, seed, say, model)
     say("drawing figures")
     thoughts = list(retrace(episodes[chosen], load_once(model), policy))
     pictures = _figures(out / "figures", episodes, chosen, inferred, thoughts)
     pictures["sequence"] = sequence_figure(out / "figures" / "sequence.png", rollout)
     recording = out / f"board-{chosen}.rrd"
-    save_rrd(recording, episodes[chosen], [inferred], layers=Layers(thoughts))
+    save_rrd(recording, episodes[chosen], [inferred], layers=RecordingLayers(thoughts))
     say("taking pictures of the viewer")
     for step in (EARLY_STEP, STEPS):
         picture = out / "figures" / f"viewer-step-{step:02d}.png"
@@ -127,7 +127,7 @@ def _reach_goal(out: Path, library: Library, seed: int, say: Say, model: str) ->
     dataset = _collect(out / "task", _task(library, seed), library, 1, say, model)
     say("reaching the goal with what was learned")
     record = out / "rollouts"
-    result = evaluate(dataset, library, [AGENT], DEFAULT_REASONER, model, PlanConfig(), seed, record=record)
+    result = evaluate_agents(dataset, library, [AGENT], DEFAULT_REASONER, model, PlanConfig(), seed, record=record)
     rollout = read_episode(Dataset.open(record / AGENT).episode_path(0), "lazy")
     return rollout, result["agents"][AGENT]
 
@@ -148,7 +148,7 @@ def most_telling(boards: list[BoardSpec]) -> int:
 
 
 def _figures(
-    folder: Path, episodes: list[Episode], chosen: int, inferred: InferredGraph, thoughts: list[Thought]
+    folder: Path, episodes: list[Episode], chosen: int, inferred: InferredGraph, thoughts: list[PolicyTrace]
 ) -> dict[str, Path]:
     make_folder(folder, folder.parent)
     episode = episodes[chosen]

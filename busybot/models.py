@@ -44,7 +44,7 @@ class Card(BaseModel):
 
 
 @dataclass(frozen=True)
-class About:
+class ModelCard:
     """What a model's folder tells.
 
     Attributes:
@@ -79,7 +79,7 @@ class About:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ModelVerdict:
     """What `verify` found.
 
     Attributes:
@@ -124,7 +124,7 @@ def find(name_or_path: str) -> Path:
     return find_folder(name_or_path, *SHIPPED)
 
 
-def about(folder: Path) -> About:
+def model_card(folder: Path) -> ModelCard:
     """Read what a model's folder says about it.
 
     Raises:
@@ -134,7 +134,7 @@ def about(folder: Path) -> About:
     training, shipped = card.training, _is_shipped(folder)
     told = {key: value for key, value in training.items() if key not in NOT_FIGURES}
     licence = training.get("licence")
-    return About(
+    return ModelCard(
         name=_name(folder),
         skill=skill,
         kind=kind,
@@ -152,7 +152,7 @@ def about(folder: Path) -> About:
     )
 
 
-def verify(folder: Path) -> Verdict:
+def verify(folder: Path) -> ModelVerdict:
     """Compare a model's files with what `model.json` records, and load its weights into the networks.
 
     Raises:
@@ -170,7 +170,7 @@ def verify(folder: Path) -> Verdict:
         loads = False
         if not any(problem.startswith(error.what.split(": ")[0]) for problem in problems):
             problems.append(error.what)
-    return Verdict(_name(folder), skill, kind, bool(card.files), loads, problems)
+    return ModelVerdict(_name(folder), skill, kind, bool(card.files), loads, problems)
 
 
 def _is_shipped(folder: Path) -> bool:

@@ -13,16 +13,16 @@ from typer.testing import CliRunner, Result
 from busybot.cli.main import app
 from busybot.common.errors import BusybotError
 from busybot.interact.affordance.load import load_model
-from busybot.models import about, find, models_below, shipped_models, verify
+from busybot.models import find, model_card, models_below, shipped_models, verify
 from busybot.plan.learning.network import PolicyInfo, PolicyNetwork, read_policy
-from busybot.reason.models.event.config import EventConfig, NetConfig
+from busybot.reason.models.event.config import EventConfig, EventNetConfig
 from busybot.reason.models.event.networks import EventNet
-from busybot.reason.models.model_folder import ModelInfo, load_reasoner
+from busybot.reason.models.model_folder import ReasonerInfo, load_reasoner
 from busybot.training.checkpoint import save_model
 from busybot.training.device import threads
 from tests.reason.boards import make_boards
 
-CONFIG = EventConfig(net=NetConfig(width=8, heads=2))
+CONFIG = EventConfig(net=EventNetConfig(width=8, heads=2))
 TRAINING = {"seed": 3, "data": [{"name": "d", "assets": "procedural", "seed": 1, "episodes": 4, "content_hash": "ab"}]}
 
 
@@ -32,7 +32,7 @@ def run(*words: str) -> Result:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    info = ModelInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"), training=TRAINING)
+    info = ReasonerInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"), training=TRAINING)
     save_model(tmp_path / "out" / "model", info, EventNet(CONFIG.net, 2.5).state_dict())
     return tmp_path / "out" / "model"
 
@@ -68,7 +68,7 @@ def test_policies_that_plan_are_models_like_others(tmp_path: Path) -> None:
     folder = tmp_path / "bc" / "model"
     info = PolicyInfo(agent="bc", encoder="embedded", training={"seed": 5})
     save_model(folder, info, PolicyNetwork(info.net).state_dict())
-    told = about(find(str(folder.parent)))
+    told = model_card(find(str(folder.parent)))
     assert (told.skill, told.kind, told.seed, list(told.hashes)) == ("plan", "bc", 5, ["weights.safetensors"])
     assert verify(folder).ok
     with (folder / "weights.safetensors").open("r+b") as file:
@@ -94,7 +94,7 @@ def test_every_shipped_model_has_a_card_a_licence_and_its_data() -> None:
 
 
 def test_what_is_told_of_a_model_of_ones_own(folder: Path) -> None:
-    told = about(find(str(folder.parent)))
+    told = model_card(find(str(folder.parent)))
     assert (told.skill, told.kind, told.seed, told.licence, told.shipped) == ("reason", "event", 3, None, False)
     assert told.parameters == sum(value.numel() for value in EventNet(CONFIG.net).state_dict().values())
     assert told.bytes == sum(path.stat().st_size for path in folder.iterdir())
@@ -112,7 +112,7 @@ def test_saving_records_hashes_for_both_skills(folder: Path, tmp_path: Path) -> 
 
 def test_other_weights_of_the_same_network_are_found_out(folder: Path) -> None:
     other = folder.parent / "other"
-    info = ModelInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"))
+    info = ReasonerInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"))
     save_model(other, info, EventNet(CONFIG.net, 3.5).state_dict())
     shutil.copy(other / "weights.safetensors", folder / "weights.safetensors")
     done = run("models", "verify", str(folder))
@@ -144,8 +144,8 @@ def test_files_that_are_not_those_that_were_saved(folder: Path, damage: str) -> 
 
 
 def test_weights_of_another_network_are_refused(folder: Path) -> None:
-    info = ModelInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"))
-    save_model(folder, info, EventNet(NetConfig(width=16, heads=2)).state_dict())
+    info = ReasonerInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"))
+    save_model(folder, info, EventNet(EventNetConfig(width=16, heads=2)).state_dict())
     assert "not the weights of this network" in verify(folder).problems[0]
 
 
@@ -159,7 +159,7 @@ def test_a_card_cannot_lead_out_of_its_folder(folder: Path) -> None:
 def test_what_is_no_model_is_told_by_name(tmp_path: Path) -> None:
     (tmp_path / "model.json").write_text('{"surprise": 1}')
     with pytest.raises(BusybotError, match="not a model's card"):
-        about(tmp_path)
+        model_card(tmp_path)
     (tmp_path / "empty").mkdir()
     assert run("models", "list", str(tmp_path / "empty")).exit_code == 1
     done = run("models", "info", "nonesuch", "--json")

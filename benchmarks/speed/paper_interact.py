@@ -30,7 +30,7 @@ from busybot.common.rng import generator
 from busybot.interact.affordance.fast_networks import KINDS, Kind
 from busybot.interact.training.paper import PaperTraining
 from busybot.interact.training.paper_config import PaperConfig
-from busybot.interact.training.round_recorder import Recorder, Told
+from busybot.interact.training.round_recorder import Recorder, RoundProgress
 from busybot.interact.training.sample_cache import Samples
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
@@ -107,7 +107,7 @@ def benchmark(library: Library, iterations: int, threads: int) -> dict[str, Any]
     """All figures."""
     torch.set_num_threads(threads)
     config = PaperConfig(threads=threads)
-    told = Told(lambda text: None, lambda label: nullcontext(lambda done, total: None))
+    told = RoundProgress(lambda text: None, lambda label: nullcontext(lambda done, total: None))
     with tempfile.TemporaryDirectory() as folder:
         training = PaperTraining(Path(folder), config, Recorder(library, config, 0, threads, told))
         training.begin((config.render.height, config.render.width))

@@ -26,7 +26,7 @@ import torch
 from benchmarks.runner import finish, parser, timed
 from busybot.common.rng import generator
 from busybot.evaluation.results import package_versions
-from busybot.reason.inputs.sequence import CHANNELS, Sequence
+from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import boards_of
 from busybot.reason.models.paper.learner import iterate, make_network, make_optimizer
@@ -44,7 +44,7 @@ FORMS: dict[str, dict[str, Any]] = {
 """Forms of the networks: what differs from the paper's parameters."""
 
 
-def made_up(rng: np.random.Generator) -> Sequence:
+def made_up(rng: np.random.Generator) -> BoardSequence:
     """A board with as many triggers and responders as the paper's have, and random numbers."""
     triggers, responders = int(rng.integers(2, 4)), int(rng.integers(6, 8))
     is_trigger = np.arange(triggers + responders) < triggers
@@ -52,10 +52,10 @@ def made_up(rng: np.random.Generator) -> Sequence:
     positions = rng.random((len(is_trigger), 3), np.float32)
     actions = rng.random((STEPS, 6), np.float32)
     acted = rng.integers(triggers, size=STEPS)
-    return Sequence(features.astype(np.float32), positions, actions, acted, is_trigger, ~is_trigger)
+    return BoardSequence(features.astype(np.float32), positions, actions, acted, is_trigger, ~is_trigger)
 
 
-def measure(form: str, sequences: list[Sequence], iterations: int) -> dict[str, Any]:
+def measure(form: str, sequences: list[BoardSequence], iterations: int) -> dict[str, Any]:
     """Seconds per iteration of 64 boards."""
     config = PaperReasonConfig.model_validate(FORMS[form])
     network = make_network(config, 0).to(device())

@@ -1,7 +1,7 @@
 """What can go wrong with a recorded episode, done to it on purpose (`reason_robustness.py`), and how strongly.
 
-Every disturbance takes a recording, a strength and a generator. It changes what a reasoner is given (`Observed`) and
-leaves the truth alone. Only additional failing actions have steps of their own in the truth: what would have been
+Every disturbance takes a recording, a strength and a generator. It changes what a reasoner is given (`ObservedEpisode`)
+and leaves the truth alone. Only additional failing actions have steps of their own in the truth: what would have been
 recorded if they had happened, because an action that fails restores the board exactly.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode, Image
 from busybot.reason.evaluation.ground_truth import NOTHING_HELD, StateTruth, states_of
-from busybot.reason.inputs.observation import NO_BOXES, Action, Observed, observe
+from busybot.reason.inputs.observation import NO_BOXES, ObservedAction, ObservedEpisode, observe_episode
 
 HAND: tuple[int, int, int] = (205, 160, 130)
 HAND_WIDTH = 70
@@ -26,27 +26,27 @@ HAND_NEAR = 0.8
 
 
 @dataclass(frozen=True)
-class Recording:
+class DisturbedBoard:
     """An episode as reasoners and as evaluators have it."""
 
     episode: Episode
-    observed: Observed
+    observed: ObservedEpisode
     truth: StateTruth
 
 
-Disturb = Callable[[Recording, float, np.random.Generator], Recording]
+Disturb = Callable[[DisturbedBoard, float, np.random.Generator], DisturbedBoard]
 
 
-def recording_of(episode: Episode) -> Recording:
+def recording_of(episode: Episode) -> DisturbedBoard:
     """With all pictures decoded once.
 
     Raises:
         ValueError: the recording does not know states.
     """
-    observed, truth = observe(episode), states_of(episode)
+    observed, truth = observe_episode(episode), states_of(episode)
     if truth is None:
         raise ValueError(f"episode {episode.board.index} does not know states: nothing to judge by")
-    return Recording(episode, replace(observed, images=list(observed.images)), truth)
+    return DisturbedBoard(episode, replace(observed, images=list(observed.images)), truth)
 
 
 def noisy(features: np.ndarray, strength: float, rng: np.random.Generator) -> np.ndarray:
@@ -56,7 +56,7 @@ def noisy(features: np.ndarray, strength: float, rng: np.random.Generator) -> np
     return np.asarray(np.where(features.any(axis=-1, keepdims=True), features + noise, 0), np.float32)
 
 
-def camera_noise(recording: Recording, strength: float, rng: np.random.Generator) -> Recording:
+def camera_noise(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
     frames = [recording.observed.frame(number) for number in range(len(recording.observed.image_of))]
     field = rng.normal(0, strength, frames[0].rgb.shape).round().astype(np.int16)
     images = []
@@ -67,7 +67,7 @@ def camera_noise(recording: Recording, strength: float, rng: np.random.Generator
     return _with_frames(recording, images)
 
 
-def patch(recording: Recording, strength: float, rng: np.random.Generator) -> Recording:
+def patch(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
     observed = recording.observed
     seen = [int(index) for index in observed.responders if observed.boxes[index][2] > observed.boxes[index][0]]
 
@@ -80,7 +80,7 @@ def patch(recording: Recording, strength: float, rng: np.random.Generator) -> Re
     return _covered(recording, strength if seen else 0, rng, cover)
 
 
-def hand(recording: Recording, strength: float, rng: np.random.Generator) -> Recording:
+def hand(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
     observed = recording.observed
     seen = np.flatnonzero(observed.boxes[:, 2] > observed.boxes[:, 0])
 
@@ -101,11 +101,11 @@ def hand(recording: Recording, strength: float, rng: np.random.Generator) -> Rec
 
 
 def _covered(
-    recording: Recording,
+    recording: DisturbedBoard,
     share: float,
     rng: np.random.Generator,
     cover: Callable[[np.ndarray, np.ndarray | None], None],
-) -> Recording:
+) -> DisturbedBoard:
     """A share of all frames, drawn one by one, gets a picture of its own in which something is covered."""
     images, image_of = list(recording.observed.images), list(recording.observed.image_of)
     for number in range(1, len(image_of)):
@@ -118,7 +118,7 @@ def _covered(
     return replace(recording, observed=replace(recording.observed, images=images, image_of=tuple(image_of)))
 
 
-def missing_frames(recording: Recording, strength: float, rng: np.random.Generator) -> Recording:
+def missing_frames(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
     image_of = list(recording.observed.image_of)
     for number in range(1, len(image_of)):
         if rng.random() < strength:
@@ -126,14 +126,14 @@ def missing_frames(recording: Recording, strength: float, rng: np.random.Generat
     return replace(recording, observed=replace(recording.observed, image_of=tuple(image_of)))
 
 
-def slips(recording: Recording, strength: float, rng: np.random.Generator) -> Recording:
+def slips(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
     return _with_failures(recording, strength, rng, lambda step: (recording.observed.actions[step], True))
 
 
-def misses(recording: Recording, strength: float, rng: np.random.Generator) -> Recording:
+def misses(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
     episode, rays = recording.episode, Rays(recording.observed.camera)
 
-    def beside(step: int) -> tuple[Action, bool] | None:
+    def beside(step: int) -> tuple[ObservedAction, bool] | None:
         done = episode.steps[step]
         fixed = [i + 1 for i, link in enumerate(episode.links) if link.object == done.acted_object and not link.trigger]
         image = episode.image(step)
@@ -144,24 +144,24 @@ def misses(recording: Recording, strength: float, rng: np.random.Generator) -> R
             return None
         row, column = (int(value) for value in places[rng.integers(len(places))])
         x, y, z = (float(value) for value in rays.point(image.depth, (column, row)))
-        return Action((column, row), (x, y, z), recording.observed.actions[step].direction), False
+        return ObservedAction((column, row), (x, y, z), recording.observed.actions[step].direction), False
 
     return _with_failures(recording, strength, rng, beside)
 
 
 def _with_failures(
-    recording: Recording,
+    recording: DisturbedBoard,
     share: float,
     rng: np.random.Generator,
-    failing: Callable[[int], tuple[Action, bool] | None],
-) -> Recording:
+    failing: Callable[[int], tuple[ObservedAction, bool] | None],
+) -> DisturbedBoard:
     """Additional actions that change nothing, so that they are a share of all; the episode keeps its length.
 
     Args:
         failing: by the step before which it happens: the action, and whether it holds the same link; None for none.
     """
     observed, truth, length = recording.observed, recording.truth, len(recording.observed.actions)
-    told: list[tuple[Action, int, bool, str]] = []  # action, link, success, kind
+    told: list[tuple[ObservedAction, int, bool, str]] = []  # action, link, success, kind
     frames, step = [0], 0
     while len(told) < length:
         extra = failing(step) if rng.random() < share else None
@@ -181,7 +181,7 @@ def _with_failures(
     )
 
 
-def wrong_boxes(recording: Recording, strength: float, rng: np.random.Generator) -> Recording:
+def wrong_boxes(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
     observed = recording.observed
     boxes, height, width = observed.boxes.astype(int), observed.camera.height, observed.camera.width
     for index in np.flatnonzero(boxes[:, 2] > boxes[:, 0]):
@@ -191,7 +191,7 @@ def wrong_boxes(recording: Recording, strength: float, rng: np.random.Generator)
     return _with_boxes(recording, boxes)
 
 
-def swapped_boxes(recording: Recording, strength: float, rng: np.random.Generator) -> Recording:
+def swapped_boxes(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
     observed = recording.observed
     boxes = observed.boxes.copy()
     if len(observed.responders) > 1 and rng.random() < strength:
@@ -200,7 +200,7 @@ def swapped_boxes(recording: Recording, strength: float, rng: np.random.Generato
     return _with_boxes(recording, boxes)
 
 
-def compressed(recording: Recording, strength: float, rng: np.random.Generator) -> Recording:
+def compressed(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
     images = []
     for image in recording.observed.images:
         quality = [cv2.IMWRITE_JPEG_QUALITY, round(RECORDED - strength)]
@@ -210,16 +210,16 @@ def compressed(recording: Recording, strength: float, rng: np.random.Generator) 
     return replace(recording, observed=replace(recording.observed, images=images))
 
 
-def _with_frames(recording: Recording, images: list[Image]) -> Recording:
+def _with_frames(recording: DisturbedBoard, images: list[Image]) -> DisturbedBoard:
     return replace(recording, observed=replace(recording.observed, images=images, image_of=tuple(range(len(images)))))
 
 
-def _with_boxes(recording: Recording, boxes: np.ndarray) -> Recording:
+def _with_boxes(recording: DisturbedBoard, boxes: np.ndarray) -> DisturbedBoard:
     return replace(recording, observed=replace(recording.observed, boxes=boxes.astype(np.int16)))
 
 
 @dataclass(frozen=True)
-class Disturbance:
+class DisturbanceStudy:
     """One thing that goes wrong.
 
     Attributes:
@@ -239,14 +239,14 @@ class Disturbance:
 
 SHARES = (0.1, 0.2, 0.3)
 DISTURBANCES = {
-    "features": Disturbance(
+    "features": DisturbanceStudy(
         "noise on features",
         "Gaussian noise on the features of every responder in every frame, of this length",
         "smallest changes",
         (0.2, 0.4, 0.8),
         None,
     ),
-    "camera": Disturbance(
+    "camera": DisturbanceStudy(
         "noise of the camera",
         "Gaussian noise of this standard deviation on every channel of every picture, another one in every frame; "
         "depth stays as it is",
@@ -254,14 +254,14 @@ DISTURBANCES = {
         (2, 5, 10),
         camera_noise,
     ),
-    "patch": Disturbance(
+    "patch": DisturbanceStudy(
         "a responder hidden",
         "in this share of the frames a random responder's box is grey and has no depth",
         "of frames",
         SHARES,
         patch,
     ),
-    "hand": Disturbance(
+    "hand": DisturbanceStudy(
         "a hand in the picture",
         "in this share of the frames an arm, 70 pixels wide, reaches from a random place of the picture's border to a "
         "random object, above everything else",
@@ -269,14 +269,14 @@ DISTURBANCES = {
         SHARES,
         hand,
     ),
-    "slips": Disturbance(
+    "slips": DisturbanceStudy(
         "failing: the gripper slips",
         "before a step its own action is made without effect, so that this share of all actions fails in addition",
         "of actions",
         SHARES,
         slips,
     ),
-    "misses": Disturbance(
+    "misses": DisturbanceStudy(
         "failing: beside the link",
         "before a step its action is made at a random place of the same trigger that does not move, without effect, so "
         "that this share of all actions fails in addition",
@@ -284,28 +284,28 @@ DISTURBANCES = {
         SHARES,
         misses,
     ),
-    "missing": Disturbance(
+    "missing": DisturbanceStudy(
         "missing frames",
         "this share of the pictures is lost, the one before is seen once more: the next change shows both effects",
         "of frames",
         SHARES,
         missing_frames,
     ),
-    "boxes": Disturbance(
+    "boxes": DisturbanceStudy(
         "inaccurate boxes",
         "every side of every first-frame box is displaced by Gaussian noise of this standard deviation",
         "pixels",
         (5, 10, 20),
         wrong_boxes,
     ),
-    "swapped": Disturbance(
+    "swapped": DisturbanceStudy(
         "two boxes exchanged",
         "on this share of the boards two random responders have each other's box",
         "of boards",
         (0.5, 1.0),
         swapped_boxes,
     ),
-    "jpeg": Disturbance(
+    "jpeg": DisturbanceStudy(
         "JPEG",
         "every picture, recorded as JPEG of quality 90, is encoded again with less quality",
         "quality lost",

@@ -29,7 +29,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
-from busybot.reason.evaluation.decoders import Decoded, Linear, appearances, examples, fit_decoders
+from busybot.reason.evaluation.decoders import DecodedState, Linear, appearances, examples, fit_decoders
 from busybot.reason.evaluation.ground_truth import states_of
 from busybot.reason.inputs.feature_store import Features, features_of
 from busybot.reason.inputs.state_clusters import THRESHOLDS, clusters_of, fit_threshold
@@ -95,7 +95,7 @@ def decoded(decoders: dict[str, Linear], parts: list[Board]) -> dict[str, Any]:
     right: dict[str, list[bool]] = {}
     whole: list[bool] = []
     for board in parts:
-        judge = Decoded(decoders, board.episode.board, board.shown, board.judged)
+        judge = DecodedState(decoders, board.episode.board, board.shown, board.judged)
         correct = judge.read(board.features) == board.shown
         whole += correct[:, board.judged].all(axis=1).tolist()
         for index in np.flatnonzero(board.judged):

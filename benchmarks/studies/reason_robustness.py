@@ -23,25 +23,25 @@ from typing import Any
 import numpy as np
 
 from benchmarks.runner import finish, parser, told_rows
-from benchmarks.studies.disturbances import DISTURBANCES, Recording, noisy, recording_of
+from benchmarks.studies.disturbances import DISTURBANCES, DisturbedBoard, noisy, recording_of
 from busybot.common.atomic_io import sha256_of
 from busybot.common.process_pool import share
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
-from busybot.reason.encoders.registry import choose
+from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.evaluation.evaluate import IMAGES, origin
 from busybot.reason.evaluation.ground_truth import truth_of
-from busybot.reason.evaluation.prediction import BOUND, NEAREST, Forecast, Watched, forecast
-from busybot.reason.evaluation.state_readout import Nearest, judged_objects
-from busybot.reason.evaluation.summary import Judged, summarise
+from busybot.reason.evaluation.prediction import BOUND, NEAREST, EvaluatedBoard, JudgedPrediction, judge_prediction
+from busybot.reason.evaluation.state_readout import NearestState, judged_objects
+from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.inputs.change_detection import ChangeConfig, changes
 from busybot.reason.inputs.observation import acted_objects
 from busybot.reason.inputs.sequence import sequence_of
 from busybot.reason.models.base import InferredGraph, Reasoner
 from busybot.reason.models.counting import CountConfig, count_changes
 from busybot.reason.models.lookup import Lookup, LookupConfig
-from busybot.reason.models.model_folder import ModelInfo
+from busybot.reason.models.model_folder import ReasonerInfo
 from busybot.reason.models.registry import reasoner_of
 from busybot.training.model_cards import WEIGHTS_FILE, find_folder, read_info
 
@@ -87,7 +87,7 @@ class Told:
             rightly from the disturbed picture.
     """
 
-    judged: dict[str, list[Judged]] = field(default_factory=dict)
+    judged: dict[str, list[JudgedGraph]] = field(default_factory=dict)
     known: list[np.ndarray] = field(default_factory=list)
 
     def add(self, other: "Told") -> None:
@@ -112,7 +112,7 @@ def told_row(told: Told, seed: int) -> dict[str, Any]:
     return row
 
 
-def _scores(judged: list[Judged], seed: int) -> dict[str, Any]:
+def _scores(judged: list[JudgedGraph], seed: int) -> dict[str, Any]:
     result = summarise(judged, IMAGES, seed)
     kept = {key: result[key] for key in (*SCORES, "predicted_steps")}
     return {**kept, "edge_f1": f1(kept), "intervals": {"pred_a": result["intervals"]["pred_a"]}}
@@ -131,7 +131,7 @@ def _worth(scores: dict[str, Any]) -> float:
 def rows_of(index: int, path: Path, asked: Asked) -> list[tuple[Row, Told]]:
     """All rows of one board."""
     recording = recording_of(read_episode(path, "lazy"))
-    encoder, unit = choose(ENCODER), _unit(asked)
+    encoder, unit = make_extractor(ENCODER), _unit(asked)
     looks = np.asarray(encoder.of(recording.observed), np.float32)
     told = []
     for name, strength in _wanted(asked.only):
@@ -172,7 +172,9 @@ def _unit(asked: Asked) -> float:
     return float(reasoner.network.scale)
 
 
-def _judge(recording: Recording, features: np.ndarray, looks: np.ndarray, undisturbed: Recording, asked: Asked) -> Told:
+def _judge(
+    recording: DisturbedBoard, features: np.ndarray, looks: np.ndarray, undisturbed: DisturbedBoard, asked: Asked
+) -> Told:
     """What all that predict say of a recording.
 
     Args:
@@ -181,12 +183,12 @@ def _judge(recording: Recording, features: np.ndarray, looks: np.ndarray, undist
     observed = recording.observed
     sequence, judged = sequence_of(observed, features), judged_objects(observed)
     states = undisturbed.truth.states
-    judge = Nearest(looks, states, states, judged)
+    judge = NearestState(looks, states, states, judged)
     judge.truth = recording.truth.states
-    watched = Watched(recording.truth, observed, judged, sequence, {NEAREST: judge})
+    watched = EvaluatedBoard(recording.truth, observed, judged, sequence, {NEAREST: judge})
     told, seen = Told(), sequence.first(IMAGES)
     for name, reasoner in _reasoners(asked):
-        predicted = forecast(watched, reasoner, IMAGES)
+        predicted = judge_prediction(watched, reasoner, IMAGES)
         told.judged[name] = [_judged(recording, reasoner.graph(seen), predicted)]
         if not told.known:
             told.known = [_known(predicted)]
@@ -202,7 +204,7 @@ def _reasoners(asked: Asked) -> Iterator[tuple[str, Reasoner]]:
             yield _setting("lookup", changed, THRESHOLDS, words), Lookup(ENCODER, config)
 
 
-def _counted(recording: Recording) -> Iterator[tuple[str, InferredGraph]]:
+def _counted(recording: DisturbedBoard) -> Iterator[tuple[str, InferredGraph]]:
     """Counting, which reads no features."""
     seen = recording.observed.first(IMAGES)
     acted = acted_objects(seen)
@@ -219,14 +221,14 @@ def _setting(name: str, value: float, values: tuple[float, ...], words: str) -> 
     return ", ".join([name, *told, *([words] if words else [])])
 
 
-def _judged(recording: Recording, graph: InferredGraph, predicted: Forecast | None) -> Judged:
+def _judged(recording: DisturbedBoard, graph: InferredGraph, predicted: JudgedPrediction | None) -> JudgedGraph:
     """Only what is believed in the end is kept."""
     episode, steps = recording.episode, IMAGES - 1
     final = replace(graph, probabilities=graph.after(steps)[None])
-    return Judged(episode.board, final, truth_of(episode), steps, episode.policy, episode.oracle, predicted)
+    return JudgedGraph(episode.board, final, truth_of(episode), steps, episode.policy, episode.oracle, predicted)
 
 
-def _known(predicted: Forecast) -> np.ndarray:
+def _known(predicted: JudgedPrediction) -> np.ndarray:
     steps = len(predicted.successful)
     legible = predicted.reads[NEAREST][-1 - steps : -1]
     return np.asarray((legible & predicted.right[BOUND])[:, predicted.judged].all(axis=1))
@@ -292,7 +294,7 @@ def _work(task: tuple[int, Path], asked: Asked) -> list[tuple[Row, Told]]:
 def _origin(folder: str) -> dict[str, Any]:
     """What a model is and was trained on, without where it lies."""
     found = find_folder(folder, "reason")
-    return {"weights": sha256_of(found / WEIGHTS_FILE), **read_info(found, ModelInfo).training}
+    return {"weights": sha256_of(found / WEIGHTS_FILE), **read_info(found, ReasonerInfo).training}
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ STEPS = 30
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordedSplit:
     """Boards of one split.
 
     Attributes:
@@ -31,17 +31,17 @@ class Recording:
 
 
 JUDGED = {
-    "novel-object": Recording("novel-object", 300, 604),
-    "novel-config": Recording("novel-config", 300, 603),
-    "validation": Recording("train", 150, 602),
+    "novel-object": RecordedSplit("novel-object", 300, 604),
+    "novel-config": RecordedSplit("novel-config", 300, 603),
+    "validation": RecordedSplit("train", 150, 602),
 }
-LEARNED = {**JUDGED, "train": Recording("train", 1000, 601)}
+LEARNED = {**JUDGED, "train": RecordedSplit("train", 1000, 601)}
 RANDOM = {name: replace(recording, boards=min(150, recording.boards)) for name, recording in JUDGED.items()}
 RANDOM["train"] = replace(LEARNED["train"], boards=300)
 """The first of the same boards: without exploration there is little to find, and fewer boards tell it."""
 
 
-def record(folder: Path, recording: Recording, most: int, assets: str, *policy: str) -> None:
+def record(folder: Path, recording: RecordedSplit, most: int, assets: str, *policy: str) -> None:
     """Generate the boards and act on them; what is there is left alone."""
     seed, count = ("--seed", str(recording.seed)), str(min(most, recording.boards))
     boards = ("--split", recording.split, "--boards", count, "--group-size", "1")

@@ -36,7 +36,7 @@ KEYS = (
 
 
 @dataclass(frozen=True)
-class Row:
+class Table1Row:
     """One policy.
 
     Attributes:
@@ -52,31 +52,31 @@ class Row:
     model: str | None = None
 
 
-def _delta(pixels: int) -> Row:
+def _delta(pixels: int) -> Table1Row:
     options = ("--set", "responders=false", "--set", f"interaction.delta={pixels}")
-    return Row(options, judge=options)
+    return Table1Row(options, judge=options)
 
 
 JOINTS = ("--set", "interaction.reward=joints")
 
 
 ROWS = {
-    "free-0": Row(seed=0),
-    "free-1": Row(seed=1),
-    "free-2": Row(seed=2),
-    "strict-0": Row(("--strict",), 0, ("--strict",)),
-    "strict-1": Row(("--strict",), 1, ("--strict",)),
-    "strict-2": Row(("--strict",), 2, ("--strict",)),
-    "oracle": Row(JOINTS, judge=JOINTS),
-    "rgb": Row(("--set", "inputs=rgb")),
-    "greedy": Row(None, judge=("--mode", "greedy"), model="free-1"),
-    "ucb": Row(None, judge=("--mode", "ucb"), model="free-1"),
-    "random": Row(None, model="random"),
-    "free-0-delta-1000": Row(None, judge=("--set", "interaction.delta=1000"), model="free-0"),
+    "free-0": Table1Row(seed=0),
+    "free-1": Table1Row(seed=1),
+    "free-2": Table1Row(seed=2),
+    "strict-0": Table1Row(("--strict",), 0, ("--strict",)),
+    "strict-1": Table1Row(("--strict",), 1, ("--strict",)),
+    "strict-2": Table1Row(("--strict",), 2, ("--strict",)),
+    "oracle": Table1Row(JOINTS, judge=JOINTS),
+    "rgb": Table1Row(("--set", "inputs=rgb")),
+    "greedy": Table1Row(None, judge=("--mode", "greedy"), model="free-1"),
+    "ucb": Table1Row(None, judge=("--mode", "ucb"), model="free-1"),
+    "random": Table1Row(None, model="random"),
+    "free-0-delta-1000": Table1Row(None, judge=("--set", "interaction.delta=1000"), model="free-0"),
     "without-responders-100": _delta(100),
     "without-responders-500": _delta(500),
     "without-responders-1000": _delta(1000),
-    "paper": Row(("--model", "paper")),
+    "paper": Table1Row(("--model", "paper")),
 }
 ON_REQUEST = ("paper",)
 """Rows that only `--rows` runs: days on a CPU."""
@@ -91,7 +91,7 @@ def boards(folder: Path, split: str, arguments: argparse.Namespace) -> tuple[str
     return ("generate", str(folder), *options, "--assets", arguments.assets)
 
 
-def training(row: Row, out: Path, arguments: argparse.Namespace) -> tuple[str, ...]:
+def training(row: Table1Row, out: Path, arguments: argparse.Namespace) -> tuple[str, ...]:
     """The command that trains a row."""
     command = ("train", "interact", "--out", str(out), "--assets", arguments.assets, "--seed", str(row.seed))
     config = ("--config", str(arguments.config)) if arguments.config else ()

@@ -61,7 +61,7 @@ DETAILS = (
 
 
 @dataclass(frozen=True)
-class Row:
+class Table2Row:
     """One reasoner.
 
     Attributes:
@@ -85,19 +85,19 @@ SHORT = ("epochs=50", "network.pairs=candidates", "bfloat16=true", "loop.held_ou
 BOARDS = (20, 100, 300)
 """Smaller trainings of `event`, for the curve over their number of boards."""
 ROWS = {
-    "event": Row(train=EVENT, seeds=3),
-    "event-without-inference": Row(train=(*EVENT, "--set", "net.inference=false")),
-    "event-without-exploration": Row(train=EVENT, data="random"),
-    **{f"event-{count}": Row(train=(*EVENT, "--set", f"loop.boards={count}")) for count in BOARDS},
-    "lookup": Row("lookup"),
-    "count": Row("count"),
-    "persistence": Row("persistence"),
-    "pc": Row("pc"),
-    "pc-pairs": Row("pc", judge=("--set", "condition=0")),
-    "paper": Row(train=PAPER),
-    "paper-50-epochs": Row(train=(*PAPER, *(word for parameter in SHORT for word in ("--set", parameter)))),
-    "paper-without-inference": Row(train=(*PAPER, "--set", "inference=false")),
-    "paper-without-exploration": Row(train=PAPER, data="random"),
+    "event": Table2Row(train=EVENT, seeds=3),
+    "event-without-inference": Table2Row(train=(*EVENT, "--set", "net.inference=false")),
+    "event-without-exploration": Table2Row(train=EVENT, data="random"),
+    **{f"event-{count}": Table2Row(train=(*EVENT, "--set", f"loop.boards={count}")) for count in BOARDS},
+    "lookup": Table2Row("lookup"),
+    "count": Table2Row("count"),
+    "persistence": Table2Row("persistence"),
+    "pc": Table2Row("pc"),
+    "pc-pairs": Table2Row("pc", judge=("--set", "condition=0")),
+    "paper": Table2Row(train=PAPER),
+    "paper-50-epochs": Table2Row(train=(*PAPER, *(word for parameter in SHORT for word in ("--set", parameter)))),
+    "paper-without-inference": Table2Row(train=(*PAPER, "--set", "inference=false")),
+    "paper-without-exploration": Table2Row(train=PAPER, data="random"),
 }
 """By name. `pc` conditions on other variables, `pc-pairs` tests each pair by itself."""
 WHOLE_SCHEDULE = ("paper", "paper-without-inference", "paper-without-exploration")
@@ -131,7 +131,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _judging(row: Row, model: str, data: Path, split: str, arguments: argparse.Namespace) -> tuple[str, ...]:
+def _judging(row: Table2Row, model: str, data: Path, split: str, arguments: argparse.Namespace) -> tuple[str, ...]:
     decoders = ("--decoders", str(data / "train")) if row.model not in ("count", "pc") else ()
     assets = ("--assets", str(arguments.assets)) if arguments.assets else ()
     return ("eval", "reason", str(data / split), "--model", model, *row.judge, *decoders, *assets)

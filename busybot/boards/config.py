@@ -2,7 +2,9 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from busybot.common.frozen_model import FrozenModel
 
 Count = Annotated[int, Field(ge=0, le=32)]
 Range = tuple[Count, Count]
@@ -17,7 +19,7 @@ TASK_DEFAULTS = {"boards": 50, "group_size": 1}
 """Protocol "Planning": 50 tasks of a kind per split."""
 
 
-class BoardConfig(BaseModel):
+class BoardConfig(FrozenModel):
     """One dataset's boards.
 
     Attributes:
@@ -33,8 +35,6 @@ class BoardConfig(BaseModel):
         uniform: draw every instance with the same probability instead of by the library's weights.
         margin: free space around an object's footprint, object units (scaled with the object).
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     split: Literal["train", "novel-config", "novel-object"] = "train"
     boards: Annotated[int, Field(ge=1, le=10_000_000)] = 100

@@ -8,7 +8,9 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from busybot.common.frozen_model import FrozenModel
 
 SCHEMA_VERSION = "1.0"
 
@@ -17,13 +19,7 @@ Unit = Annotated[float, Field(ge=0, le=1)]
 Index = Annotated[int, Field(ge=0, le=255)]
 
 
-class Plain(BaseModel):
-    """Frozen, strict about unknown keys."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class PlacedObject(Plain):
+class PlacedObject(FrozenModel):
     """An object on the board.
 
     Attributes:
@@ -50,14 +46,14 @@ class PlacedObject(Plain):
         return self.key.split("/")[1]
 
 
-class LinkRef(Plain):
+class LinkRef(FrozenModel):
     """A link of an object on the board: `object` indexes `BoardSpec.objects`."""
 
     object: Index
     link: Annotated[str, Field(min_length=1, max_length=64)]
 
 
-class Relation(Plain):
+class Relation(FrozenModel):
     """Triggers that together decide the state of one responder.
 
     The set of kinds is open: a reader keeps kinds that it does not know, a simulator refuses them by name. The paper's
@@ -80,7 +76,7 @@ class Relation(Plain):
     parameters: dict[str, Any] = {}
 
 
-class Task(Plain):
+class Task(FrozenModel):
     """What is to be reached on a board from its initial states (paper section 4.3): its responders are to look as they
     do while every trigger link rests in its goal state. `boards.task` says what follows from it.
 
@@ -95,7 +91,7 @@ class Task(Plain):
     goal: Annotated[tuple[Annotated[int, Field(ge=0, le=15)], ...], Field(max_length=1024)]
 
 
-class BoardSpec(Plain):
+class BoardSpec(FrozenModel):
     """A board: surface, objects, initial states and relations.
 
     Attributes:

@@ -9,7 +9,7 @@ from busybot.cli.common import JsonOption, SeedOption, check_file, print_json, s
 
 if TYPE_CHECKING:
     from busybot.objects.importing.annotation_edits import Overrides
-    from busybot.objects.importing.importer import Outcome
+    from busybot.objects.importing.importer import ImportOutcome
     from busybot.objects.library import Library
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="List, make and check objects.")
@@ -172,14 +172,14 @@ def _refuse_existing(review: Path) -> None:
         raise BusybotError(f"{review}: exists, perhaps with somebody's changes", "name another file for the proposal")
 
 
-def _write_review(review: Path, outcomes: "list[Outcome]") -> None:
+def _write_review(review: Path, outcomes: "list[ImportOutcome]") -> None:
     from busybot.objects.importing.annotation_edits import write_review
 
     proposals = {outcome.name: (outcome.choices, outcome.notes) for outcome in outcomes if outcome.choices}
     write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
 
 
-def _reason(outcome: "Outcome") -> str:
+def _reason(outcome: "ImportOutcome") -> str:
     if outcome.problem:
         return f": {outcome.problem}{f' (mend: {outcome.mend})' if outcome.mend else ''}"
     return "".join(f"\n  {note}" for note in outcome.notes)

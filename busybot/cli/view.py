@@ -36,12 +36,12 @@ def view(
 ) -> None:
     """Look at an episode: camera, scene graph, board with relations, signals. Without options a window opens."""
     from busybot.datasets.bundled_assets import library_of_file
-    from busybot.view.viewer import Wanted, episode_file, show
+    from busybot.view.viewer import ViewRequest, episode_file, show
 
     if step is not None and not screenshot and (save or web or figure):
         raise typer.BadParameter("it needs --screenshot or the viewer's window", param_hint="--step")
     objects = library_of_file(episode_file(source, episode), assets) if replay else None
-    wanted = Wanted(save, screenshot, figure, step, web, model, objects, reasoner)
+    wanted = ViewRequest(save, screenshot, figure, step, web, model, objects, reasoner)
     before = signal.signal(signal.SIGTERM, _interrupt)
     try:
         show(source, episode, wanted, print_json if json else _tell)

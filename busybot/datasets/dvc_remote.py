@@ -21,8 +21,8 @@ from pydantic import Field, ValidationError
 
 from busybot.common.atomic_io import copy_file, make_folder, remove, rename, scan, write_atomically
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel
 from busybot.common.safe_yaml import parse_yaml
-from busybot.datasets.info import Plain
 from busybot.datasets.manifest import is_frozen, read_manifest, unlike_manifest
 
 LARGEST_POINTER = 10_000
@@ -32,7 +32,7 @@ OWN_TOOL = Path(__file__).resolve().parents[2] / ".tools" / "dvc" / "bin" / "dvc
 """Where `make dvc` puts it."""
 
 
-class _Out(Plain):
+class _Out(FrozenModel):
     """The only kind of output that a pointer of ours has."""
 
     md5: Annotated[str, Field(pattern=r"^[0-9a-f]{32}\.dir$")]
@@ -42,7 +42,7 @@ class _Out(Plain):
     path: Annotated[str, Field(min_length=1, max_length=200)]
 
 
-class _Pointer(Plain):
+class _Pointer(FrozenModel):
     outs: Annotated[tuple[_Out, ...], Field(min_length=1, max_length=1)]
 
 

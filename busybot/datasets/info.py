@@ -5,8 +5,9 @@ import shlex
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.schema import SCHEMA_VERSION
 
 Version = Annotated[str, Field(pattern=r"^\d+\.\d+$")]
@@ -14,13 +15,7 @@ Seed = Annotated[int, Field(ge=0, lt=2**63)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
-class Plain(BaseModel):
-    """Values that a file of a dataset holds: fixed, and no others than those named."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class GeneratorInfo(Plain):
+class GeneratorInfo(FrozenModel):
     """What drew the boards.
 
     Attributes:
@@ -32,7 +27,7 @@ class GeneratorInfo(Plain):
     config: dict[str, Any] = {}
 
 
-class AssetsInfo(Plain):
+class AssetsInfo(FrozenModel):
     """Which objects stand on the boards.
 
     Attributes:
@@ -48,7 +43,7 @@ class AssetsInfo(Plain):
     sha256: dict[str, Sha256] = {}
 
 
-class CollectInfo(Plain):
+class CollectInfo(FrozenModel):
     """How the episodes were recorded; all that decides their content, so that collecting can continue.
 
     Attributes:
@@ -67,7 +62,7 @@ class CollectInfo(Plain):
     settings: dict[str, Any] = {}
 
 
-class DatasetInfo(Plain):
+class DatasetInfo(FrozenModel):
     """The dataset.
 
     Attributes:

@@ -12,8 +12,9 @@ from pydantic import Field, ValidationError, field_validator
 
 from busybot.common.atomic_io import inside, read_json, scan, sha256_of
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel
 from busybot.common.process_pool import share
-from busybot.datasets.info import CollectInfo, GeneratorInfo, Plain, Seed, Sha256, Version
+from busybot.datasets.info import CollectInfo, GeneratorInfo, Seed, Sha256, Version
 
 MANIFEST_VERSION = "1.0"
 MANIFEST_FILE, CARD_FILE = "manifest.json", "README.md"
@@ -24,14 +25,14 @@ _FILE_NAME = re.compile(r"^(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x
 MEND_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
 
 
-class FileEntry(Plain):
+class FileEntry(FrozenModel):
     """One file: SHA-256 and size in bytes."""
 
     sha256: Sha256
     bytes: Annotated[int, Field(ge=0)]
 
 
-class AssetEntry(Plain):
+class AssetEntry(FrozenModel):
     """One object.
 
     Attributes:
@@ -45,7 +46,7 @@ class AssetEntry(Plain):
     carried: bool
 
 
-class Hashes(Plain):
+class Hashes(FrozenModel):
     """Over all boards, traces and contents; see `digests`."""
 
     board: Sha256
@@ -53,7 +54,7 @@ class Hashes(Plain):
     content: Sha256
 
 
-class Origin(Plain):
+class Origin(FrozenModel):
     """What so many episodes have in common.
 
     Attributes:
@@ -66,7 +67,7 @@ class Origin(Plain):
     episodes: Annotated[int, Field(ge=1)]
 
 
-class Manifest(Plain):
+class Manifest(FrozenModel):
     """A frozen dataset.
 
     Attributes:

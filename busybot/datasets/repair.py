@@ -31,7 +31,7 @@ Fate = Literal["sound", "whole", "partial", "dropped"]
 
 
 @dataclass(frozen=True)
-class Verdict:
+class RepairVerdict:
     """What becomes of one episode.
 
     Attributes:
@@ -59,13 +59,13 @@ class Repaired:
 
     dataset: Path
     sound: int
-    damaged: tuple[Verdict, ...]
+    damaged: tuple[RepairVerdict, ...]
     leftovers: int
     originals: Path
 
 
 @dataclass(frozen=True)
-class _Task:
+class _RepairTask:
     file: Path
     index: int
     board_digest: str
@@ -120,12 +120,12 @@ def _repair(
     boards = source.boards()
     indices = sorted(source.finished())
     rows: dict[int, Rows] = {}
-    verdicts: list[Verdict] = []
+    verdicts: list[RepairVerdict] = []
     for start in range(0, len(indices), EPISODES_PER_SHARD):
         part = indices[start : start + EPISODES_PER_SHARD]
         stored = _stored(source, part)
         tasks = [
-            _Task(source.episode_path(i), i, boards[i].digest(), source.info.collect, stored.get(i), keep_partial)
+            _RepairTask(source.episode_path(i), i, boards[i].digest(), source.info.collect, stored.get(i), keep_partial)
             for i in part
         ]
         for verdict, found, data in share(_examine, tasks, workers):
@@ -156,10 +156,10 @@ def _stored(dataset: Dataset, indices: Iterable[int]) -> dict[int, Rows]:
     return dict(found)
 
 
-def _examine(task: _Task) -> tuple[Verdict, Rows | None, bytes | None]:
+def _examine(task: _RepairTask) -> tuple[RepairVerdict, Rows | None, bytes | None]:
     """Verdict on a file, its rows for the tables, and the bytes that replace it; runs in a worker."""
     data = None
-    verdict = Verdict(task.index, "sound")
+    verdict = RepairVerdict(task.index, "sound")
     rows: Rows
     try:
         rows = episode_rows(task.file, task.index)
@@ -168,23 +168,23 @@ def _examine(task: _Task) -> tuple[Verdict, Rows | None, bytes | None]:
         try:
             verdict, rows, data = _save(task, fault)
         except BusybotError as other:
-            return Verdict(task.index, "dropped", f"{fault}; {without_name(other, task.file)}"), None, None
+            return RepairVerdict(task.index, "dropped", f"{fault}; {without_name(other, task.file)}"), None, None
     faults = faults_of(rows, task.index, task.board_digest, task.collect)
     settings = json.loads(rows["episodes"]["settings"][0].as_py())
     if not task.keep_partial and is_partial(settings):
         faults.append("it could be saved in part only")
     if faults:
-        return Verdict(task.index, "dropped", "; ".join(faults)), None, None
+        return RepairVerdict(task.index, "dropped", "; ".join(faults)), None, None
     return verdict, rows, data
 
 
-def _save(task: _Task, fault: str) -> tuple[Verdict, Rows, bytes]:
+def _save(task: _RepairTask, fault: str) -> tuple[RepairVerdict, Rows, bytes]:
     if task.file.stat().st_size > MAX_FILE_BYTES:
         raise BusybotError(f"more than {MAX_FILE_BYTES} bytes")
     saved = salvage(task.file.read_bytes())
     rows = episode_rows(task.file, task.index, saved.data)
     _check_stored(task.stored or {}, rows, saved.whole)
-    verdict = Verdict(task.index, "whole" if saved.whole else "partial", fault, saved.steps, saved.of)
+    verdict = RepairVerdict(task.index, "whole" if saved.whole else "partial", fault, saved.steps, saved.of)
     return verdict, rows, saved.data
 
 
@@ -200,7 +200,7 @@ def _check_stored(stored: Rows, rows: Rows, whole: bool) -> None:
             raise BusybotError("the steps that are left differ from those in the tables")
 
 
-def _put(source: Dataset, target: Dataset, verdict: Verdict, data: bytes | None) -> None:
+def _put(source: Dataset, target: Dataset, verdict: RepairVerdict, data: bytes | None) -> None:
     """Carry out a verdict. In place, the original is kept first; killed in between, the next run does the same."""
     file, place = source.episode_path(verdict.episode), target.episode_path(verdict.episode)
     if source is not target:

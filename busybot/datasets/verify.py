@@ -35,7 +35,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Report:
+class VerifyReport:
     """What `verify` found.
 
     Attributes:
@@ -58,7 +58,7 @@ class Report:
 
 
 @dataclass(frozen=True)
-class _Task:
+class _VerifyTask:
     path: Path
     index: int
     board_digest: str | None
@@ -76,7 +76,7 @@ def verify(
     workers: int = 1,
     progress: Progress | None = None,
     assets: str | None = None,
-) -> Report:
+) -> VerifyReport:
     """Look for everything that can be wrong with the dataset.
 
     Every episode is read whole: all checksums, all images decoded, rows and digests derived again and compared with
@@ -92,7 +92,7 @@ def verify(
     dataset = Dataset.open(path)
     problems = [*_strangers(dataset)]
     if any(problem.what == LINK for problem in problems):
-        return Report(0, tuple(problems), boards=dataset.info.boards)  # nothing is read through a link
+        return VerifyReport(0, tuple(problems), boards=dataset.info.boards)  # nothing is read through a link
     digests, board_problems = _boards(dataset)
     problems += board_problems
     finished = sorted(dataset.finished())
@@ -103,7 +103,7 @@ def verify(
     if is_frozen(path):
         problems += _manifest(dataset, workers, sound=not problems)
     objects, object_problems = _objects(dataset, assets)
-    return Report(len(finished), (*problems, *object_problems), is_frozen(path), objects, dataset.info.boards)
+    return VerifyReport(len(finished), (*problems, *object_problems), is_frozen(path), objects, dataset.info.boards)
 
 
 def _manifest(dataset: Dataset, workers: int, sound: bool) -> Iterator[Problem]:
@@ -176,7 +176,7 @@ def _episodes(
     done = 0
     for shard in sorted({index // EPISODES_PER_SHARD for index in finished} | _table_shards(dataset)):
         indices = [i for i in finished if i // EPISODES_PER_SHARD == shard]
-        tasks = [_Task(dataset.episode_path(i), i, digests.get(i), dataset.info.collect) for i in indices]
+        tasks = [_VerifyTask(dataset.episode_path(i), i, digests.get(i), dataset.info.collect) for i in indices]
         rows: dict[int, Rows] = {}
         for task, checked in zip(tasks, share(_check_episode, tasks, workers), strict=True):
             yield from checked.problems
@@ -188,7 +188,7 @@ def _episodes(
         yield from _tables(dataset, shard, rows, set(indices))
 
 
-def _check_episode(task: _Task) -> _Checked:
+def _check_episode(task: _VerifyTask) -> _Checked:
     """Read one file; runs in a worker."""
     try:
         rows = episode_rows(task.path, task.index)

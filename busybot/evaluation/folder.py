@@ -53,7 +53,7 @@ class BoardWork(Generic[J]):
 
 
 @dataclass(frozen=True)
-class Recording:
+class EvaluationRecording:
     """A new dataset for the episodes of an evaluation, or one to go on with.
 
     Attributes:
@@ -74,7 +74,7 @@ def judge_boards(
     settings: dict[str, Any],
     progress: Progress | None = None,
     out: Path | None = None,
-    recordings: Sequence[Recording] = (),
+    recordings: Sequence[EvaluationRecording] = (),
 ) -> list[J]:
     """Judge all of these boards that are not judged yet; returns them in this order.
 
@@ -164,7 +164,7 @@ def append(out: Path, line: str) -> None:
 
 
 @contextmanager
-def _recorded(recording: Recording) -> Iterator[Dataset]:
+def _recorded(recording: EvaluationRecording) -> Iterator[Dataset]:
     """A dataset with the same boards, locked; its tables are written at the end.
 
     Raises:

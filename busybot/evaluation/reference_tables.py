@@ -13,7 +13,7 @@ Role = Literal["ours", "ablation", "trivial", "competitor", "bound"]
 
 
 @dataclass(frozen=True)
-class Row:
+class ReferenceRow:
     """A row of a table.
 
     Attributes:
@@ -49,7 +49,7 @@ class Table:
     skill: str
     splits: dict[str, str]
     keys: dict[str, str]
-    rows: tuple[Row, ...]
+    rows: tuple[ReferenceRow, ...]
     paper: dict[str, Percents]
     gates: dict[str, Percents]
     aims: dict[str, Percents]
@@ -72,22 +72,24 @@ INTERACTION = Table(
     splits=NOVEL,
     keys={"precision": "precision", "recall": "recall", "precision_exploring": "new links"},
     rows=(
-        Row("free-0", "**ours**, free, seed 0", "ours", "BusyBot", "free"),
-        Row("free-1", "**ours**, free, seed 1", "ours", "BusyBot", "free"),
-        Row("free-2", "**ours**, free, seed 2", "ours", "BusyBot", "free"),
-        Row("strict-0", "**ours**, strict, seed 0", "ours", "BusyBot", "strict"),
-        Row("strict-1", "**ours**, strict, seed 1", "ours", "BusyBot", "strict"),
-        Row("strict-2", "**ours**, strict, seed 2", "ours", "BusyBot", "strict"),
-        Row("free-0-delta-1000", "free seed 0, judged at the paper's threshold of 1000", "ablation", "BusyBot"),
-        Row("oracle", "oracle: reward from joint states", "bound", "oracle"),
-        Row("rgb", "RGB instead of depth", "ablation", "RGB"),
-        Row("without-responders-100", "without responders, threshold 100", "ablation", "without responders"),
-        Row("without-responders-500", "without responders, threshold 500", "ablation", "without responders"),
-        Row("without-responders-1000", "without responders, threshold 1000", "ablation", "without responders"),
-        Row("greedy", "without exploration: always the highest affordance", "ablation", "without exploration"),
-        Row("ucb", "the paper's UCB bonus on our networks", "ablation", "BusyBot"),
-        Row("paper", "the paper's networks, on its schedule", "competitor", "BusyBot"),
-        Row("random", "random elevated pixels and directions", "trivial"),
+        ReferenceRow("free-0", "**ours**, free, seed 0", "ours", "BusyBot", "free"),
+        ReferenceRow("free-1", "**ours**, free, seed 1", "ours", "BusyBot", "free"),
+        ReferenceRow("free-2", "**ours**, free, seed 2", "ours", "BusyBot", "free"),
+        ReferenceRow("strict-0", "**ours**, strict, seed 0", "ours", "BusyBot", "strict"),
+        ReferenceRow("strict-1", "**ours**, strict, seed 1", "ours", "BusyBot", "strict"),
+        ReferenceRow("strict-2", "**ours**, strict, seed 2", "ours", "BusyBot", "strict"),
+        ReferenceRow(
+            "free-0-delta-1000", "free seed 0, judged at the paper's threshold of 1000", "ablation", "BusyBot"
+        ),
+        ReferenceRow("oracle", "oracle: reward from joint states", "bound", "oracle"),
+        ReferenceRow("rgb", "RGB instead of depth", "ablation", "RGB"),
+        ReferenceRow("without-responders-100", "without responders, threshold 100", "ablation", "without responders"),
+        ReferenceRow("without-responders-500", "without responders, threshold 500", "ablation", "without responders"),
+        ReferenceRow("without-responders-1000", "without responders, threshold 1000", "ablation", "without responders"),
+        ReferenceRow("greedy", "without exploration: always the highest affordance", "ablation", "without exploration"),
+        ReferenceRow("ucb", "the paper's UCB bonus on our networks", "ablation", "BusyBot"),
+        ReferenceRow("paper", "the paper's networks, on its schedule", "competitor", "BusyBot"),
+        ReferenceRow("random", "random elevated pixels and directions", "trivial"),
     ),
     paper={
         "oracle": (91.8, 82.4, None, 79.5, 90.2, None),
@@ -108,21 +110,21 @@ REASONING = Table(
     splits={"validation": "training objects", **NOVEL},
     keys={"edge_p": "P", "edge_r": "R", "pred_a": "Pred-A", "pred_a_successful": "successful"},
     rows=(
-        Row("event", "**`event`**", "ours", "BusyBot", "event"),
-        Row("event-300", "`event`, 300 boards", "ablation"),
-        Row("event-100", "`event`, 100 boards", "ablation"),
-        Row("event-20", "`event`, 20 boards", "ablation"),
-        Row("event-without-inference", "`event` without inference", "ablation", "without inference"),
-        Row("event-without-exploration", "`event`, random actions", "ablation", "without exploration"),
-        Row("lookup", "lookup of the nearest past contact", "ours", "BusyBot"),
-        Row("count", "counting", "trivial"),
-        Row("persistence", "nothing ever changes", "trivial"),
-        Row("pc", "PC (causal-learn)", "competitor"),
-        Row("pc-pairs", "PC, pairs only", "competitor"),
-        Row("paper", "`paper`", "competitor", "BusyBot"),
-        Row("paper-50-epochs", "`paper`, 50 of its 200 epochs", "competitor"),
-        Row("paper-without-inference", "`paper` without inference", "competitor", "without inference"),
-        Row("paper-without-exploration", "`paper`, random actions", "competitor", "without exploration"),
+        ReferenceRow("event", "**`event`**", "ours", "BusyBot", "event"),
+        ReferenceRow("event-300", "`event`, 300 boards", "ablation"),
+        ReferenceRow("event-100", "`event`, 100 boards", "ablation"),
+        ReferenceRow("event-20", "`event`, 20 boards", "ablation"),
+        ReferenceRow("event-without-inference", "`event` without inference", "ablation", "without inference"),
+        ReferenceRow("event-without-exploration", "`event`, random actions", "ablation", "without exploration"),
+        ReferenceRow("lookup", "lookup of the nearest past contact", "ours", "BusyBot"),
+        ReferenceRow("count", "counting", "trivial"),
+        ReferenceRow("persistence", "nothing ever changes", "trivial"),
+        ReferenceRow("pc", "PC (causal-learn)", "competitor"),
+        ReferenceRow("pc-pairs", "PC, pairs only", "competitor"),
+        ReferenceRow("paper", "`paper`", "competitor", "BusyBot"),
+        ReferenceRow("paper-50-epochs", "`paper`, 50 of its 200 epochs", "competitor"),
+        ReferenceRow("paper-without-inference", "`paper` without inference", "competitor", "without inference"),
+        ReferenceRow("paper-without-exploration", "`paper`, random actions", "competitor", "without exploration"),
     ),
     paper={
         "without inference": (None, None, 79.2, None, None, None, 36.2, None, None, None, 7.0, None),
@@ -141,15 +143,15 @@ PLANNING = Table(
     splits={"train": "training objects", **NOVEL},
     keys={"one-to-one": "1-1", "one-to-many": "1-many"},
     rows=(
-        Row("search", "**search over learned effects**", "ours", "BusyBot", "search"),
-        Row("busybot", "BusyBot: relations and prediction", "ablation", "BusyBot"),
-        Row("relation", "relations alone, open loop", "ablation", "Relation"),
-        Row("predictive", "prediction alone", "ablation", "Predictive"),
-        Row("bc", "behaviour cloning", "competitor", "BC"),
-        Row("ppo", "PPO", "competitor", "PPO"),
-        Row("random", "random actions", "trivial"),
-        Row("noop", "doing nothing", "trivial"),
-        Row("oracle", "oracle", "bound"),
+        ReferenceRow("search", "**search over learned effects**", "ours", "BusyBot", "search"),
+        ReferenceRow("busybot", "BusyBot: relations and prediction", "ablation", "BusyBot"),
+        ReferenceRow("relation", "relations alone, open loop", "ablation", "Relation"),
+        ReferenceRow("predictive", "prediction alone", "ablation", "Predictive"),
+        ReferenceRow("bc", "behaviour cloning", "competitor", "BC"),
+        ReferenceRow("ppo", "PPO", "competitor", "PPO"),
+        ReferenceRow("random", "random actions", "trivial"),
+        ReferenceRow("noop", "doing nothing", "trivial"),
+        ReferenceRow("oracle", "oracle", "bound"),
     ),
     paper={
         "PPO": (91.2, 88.5, 62.3, 54.3, 59.9, 55.7),

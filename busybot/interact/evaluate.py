@@ -8,17 +8,18 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
 from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.bootstrap import LEVEL
-from busybot.evaluation.folder import BoardWork, Progress, Recording, conclude, judge_boards, versions
+from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards, versions
 from busybot.evaluation.results import stamp
 from busybot.interact import metrics as m
-from busybot.interact.outcomes import judge
+from busybot.interact.outcomes import judge_episode
 from busybot.objects.library import Library
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import AnyPolicyFactory
@@ -27,7 +28,7 @@ from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
 
 
-class EvaluateConfig(BaseModel):
+class InteractEvaluation(FrozenModel):
     """How a policy is measured.
 
     Attributes:
@@ -37,8 +38,6 @@ class EvaluateConfig(BaseModel):
         learned: constants of the learned policy that take precedence over those on the model's card.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     actions: Annotated[int, Field(ge=1, le=100_000)] = 10
     boards: Annotated[int, Field(ge=1)] | None = None
     responders: bool = True
@@ -47,11 +46,11 @@ class EvaluateConfig(BaseModel):
     render: RenderConfig = RenderConfig()
 
 
-def evaluate(
+def evaluate_policy(
     dataset: Dataset,
     library: Library,
     factory: AnyPolicyFactory,
-    config: EvaluateConfig,
+    config: InteractEvaluation,
     seed: int = 0,
     workers: int = 1,
     progress: Progress | None = None,
@@ -74,14 +73,14 @@ def evaluate(
     settings = _settings(dataset, factory.name, config, seed, provenance or {})
     count = min(config.boards or dataset.info.boards, dataset.info.boards)
     work = BoardWork(m.JudgedBoard, make_work, (dataset.path, library, config, seed, factory, record), workers)
-    recordings = [Recording(record, dataset, _collected(settings))] if record else []
+    recordings = [EvaluationRecording(record, dataset, _collected(settings))] if record else []
     judged = judge_boards(range(count), work, settings, progress, out, recordings)
     summary = summarise(judged, seed, dataset.info.split)
     return conclude(out, {**stamp("interact", hashes=_hashes(settings)), **summary, **settings})
 
 
 def make_work(
-    path: Path, library: Library, config: EvaluateConfig, seed: int, factory: AnyPolicyFactory, record: Path | None
+    path: Path, library: Library, config: InteractEvaluation, seed: int, factory: AnyPolicyFactory, record: Path | None
 ) -> Callable[[int], m.JudgedBoard]:
     """What a worker does with a board's index: act on it, record it if wanted, judge it."""
     dataset = Dataset.open(path)
@@ -94,7 +93,7 @@ def make_work(
         episode = record_episode(simulator, board, factory, config.actions, config.interaction, seed)
         if recorded is not None:
             write_episode(recorded.episode_path(index), episode, "jpeg", recorded.path)
-        judged = judge(episode, annotated, config.interaction.delta)
+        judged = judge_episode(episode, annotated, config.interaction.delta)
         # a board's number in its dataset, which is where results are looked up
         return judged.model_copy(update={"board": index})
 
@@ -140,7 +139,7 @@ def _collected(settings: dict[str, Any]) -> CollectInfo:
 
 
 def _settings(
-    dataset: Dataset, policy: str, config: EvaluateConfig, seed: int, provenance: dict[str, Any]
+    dataset: Dataset, policy: str, config: InteractEvaluation, seed: int, provenance: dict[str, Any]
 ) -> dict[str, Any]:
     """What is measured; two results are comparable as far as these agree."""
     info = dataset.info

@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from busybot.boards.directions import OPPOSITE
+from busybot.common.frozen_model import FrozenModel
 from busybot.evaluation.bootstrap import LEVEL, Interval, share_interval
 
 
@@ -76,7 +76,7 @@ DRAWS = 1000
 Target = Literal["link", "trigger", "responder", "board"]
 
 
-class JudgedLink(BaseModel):
+class JudgedLink(FrozenModel):
     """A movable link of the board.
 
     Attributes:
@@ -85,15 +85,13 @@ class JudgedLink(BaseModel):
         pixels: visible at the beginning.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     object: int
     key: str
     link: str
     pixels: int
 
 
-class JudgedAction(BaseModel):
+class JudgedAction(FrozenModel):
     """A proposed action and what came of it.
 
     Attributes:
@@ -110,8 +108,6 @@ class JudgedAction(BaseModel):
         vetoed: strict mode refused all directions.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     pixel: tuple[int, int]
     direction: int
     executed: tuple[int, ...]
@@ -125,10 +121,8 @@ class JudgedAction(BaseModel):
     vetoed: bool
 
 
-class JudgedBoard(BaseModel):
+class JudgedBoard(FrozenModel):
     """All that the metrics need of one board."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     board: int
     links: tuple[JudgedLink, ...]

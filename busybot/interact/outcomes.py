@@ -14,7 +14,7 @@ OFF_AXIS_DEG = 30.0
 """`off_axis_share` counts successes farther off, whatever angle a veto has (protocol "Interaction")."""
 
 
-def judge(episode: Episode, annotated: Annotated, delta: int) -> JudgedBoard:
+def judge_episode(episode: Episode, annotated: Annotated, delta: int) -> JudgedBoard:
     """Put the truth beside every action.
 
     Args:

@@ -13,17 +13,17 @@ import numpy as np
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Observation
-from busybot.plan.contact_proposals import Contacts
-from busybot.plan.interfaces import Act, Agent, Attempt, Briefing, Contact, Situation, Stop
-from busybot.reason.encoders.registry import Chosen
-from busybot.reason.inputs.appearances import Watched
-from busybot.reason.inputs.object_masks import OwnConfig, OwnPixels
-from busybot.reason.inputs.observation import Frame, Observed
+from busybot.plan.contact_proposals import ContactProposals
+from busybot.plan.interfaces import Act, Agent, Contact, DecisionState, PastAction, Stop, TaskContext
+from busybot.reason.encoders.registry import FeatureExtractor
+from busybot.reason.inputs.appearances import TrackedObject
+from busybot.reason.inputs.object_masks import MaskConfig, ObjectMasks
+from busybot.reason.inputs.observation import Frame, ObservedEpisode
 from busybot.reason.inputs.sequence import CHANNELS
 from busybot.sim.policy import Action
 
 
-class Sight:
+class OnlineFeatures:
     """Watches the responders of one board.
 
     Args:
@@ -31,11 +31,11 @@ class Sight:
         chosen: an encoder that is no oracle.
     """
 
-    def __init__(self, observed: Observed, chosen: Chosen):
-        self._pixels = OwnPixels(observed, OwnConfig(depth=chosen.pixels == "own"))
+    def __init__(self, observed: ObservedEpisode, chosen: FeatureExtractor):
+        self._pixels = ObjectMasks(observed, MaskConfig(depth=chosen.pixels == "own"))
         self._encoder = chosen.encoder
         regions = self._pixels.regions
-        self._watched = {i: Watched(region) for i, region in regions.items() if observed.roles[i] == "responder"}
+        self._watched = {i: TrackedObject(region) for i, region in regions.items() if observed.roles[i] == "responder"}
         self._features = np.zeros((len(observed.roles), CHANNELS), np.float32)
         self._known: dict[int, list[np.ndarray]] = {index: [] for index in self._watched}
         self._see(observed.frame(0))
@@ -90,21 +90,28 @@ class AgentPolicy:
         features: (N, 256), of the last picture.
     """
 
-    def __init__(self, agent: Agent, briefing: Briefing, contacts: Contacts, sight: Sight, name: str | None = None):
+    def __init__(
+        self,
+        agent: Agent,
+        briefing: TaskContext,
+        contacts: ContactProposals,
+        sight: OnlineFeatures,
+        name: str | None = None,
+    ):
         self.name = name or agent.name
         self._agent, self._contacts, self._sight = agent, contacts, sight
         began = time.process_time()
         agent.start(briefing)
         self.start_ms = _ms_since(began)
         self.decisions: list[Decision] = []
-        self._attempts: list[Attempt] = []
+        self._attempts: list[PastAction] = []
         self._seen: Observation | None = None
         self.features = briefing.history.features[0]
 
     def select_action(self, observation: Observation, rng: np.random.Generator) -> Action | None:
         began, asked = time.process_time(), self._contacts.proposing_s
         self._look(observation)
-        situation = Situation(
+        situation = DecisionState(
             features=self.features,
             attempts=tuple(self._attempts),
             repeats=self._contacts.repeats(observation),
@@ -126,7 +133,9 @@ class AgentPolicy:
         began = time.process_time()
         self._contacts.observe(answer.contact, executed, bool(reward), seen, after)
         self._look(after)
-        self._attempts.append(Attempt(answer.contact, answer.direction, executed, bool(reward), before, self.features))
+        self._attempts.append(
+            PastAction(answer.contact, answer.direction, executed, bool(reward), before, self.features)
+        )
         # what is learned from an action belongs to the decision for it
         last = self.decisions[-1]
         self.decisions[-1] = replace(last, cpu_ms=last.cpu_ms + _ms_since(began))

@@ -12,20 +12,20 @@ import numpy as np
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode, Observation
-from busybot.interact.policy.board_memory import Failure, Memory
+from busybot.interact.policy.board_memory import BoardMemory, Failure
 from busybot.interact.policy.candidates import ActionModel, Candidates, V, find_candidates, pairs_at
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import PAIR_OF, pair_scores
 from busybot.interact.policy.policy_trace import remember
 from busybot.plan.interfaces import Contact
-from busybot.reason.inputs.observation import Observed, trigger_at
+from busybot.reason.inputs.observation import ObservedEpisode, trigger_at
 
 SURE = 0.97
 """Belief in a contact that has worked."""
 
 
 @dataclass(frozen=True)
-class Worked:
+class SuccessfulAction:
     """An action of the history that changed the picture: its step, pixel (u, v) and the direction that did it."""
 
     step: int
@@ -33,7 +33,7 @@ class Worked:
     direction: int
 
 
-class Contacts(Protocol):
+class ContactProposals(Protocol):
     """Offers contacts on one board, and is told what came of them."""
 
     proposing_s: float
@@ -54,7 +54,7 @@ class Contacts(Protocol):
         ...
 
 
-class LearnedContacts(Generic[V]):
+class LearnedProposals(Generic[V]):
     """From an interaction model and a memory that has seen the history.
 
     Args:
@@ -68,9 +68,9 @@ class LearnedContacts(Generic[V]):
         model: ActionModel[V],
         config: PolicyConfig,
         rays: Rays,
-        observed: Observed,
-        worked: Several[Worked],
-        memory: Memory,
+        observed: ObservedEpisode,
+        worked: Several[SuccessfulAction],
+        memory: BoardMemory,
     ):
         self._model, self._config, self._rays, self._observed = model, config, rays, observed
         self._worked, self._memory = tuple(worked), deepcopy(memory)
@@ -98,7 +98,7 @@ class LearnedContacts(Generic[V]):
             pair = int(PAIR_OF[executed[0]])
             self._memory.failed(Failure(contact.pixel, {pair: float(contact.pairs[pair])}))
 
-    def _again(self, one: Worked, depth: np.ndarray) -> Contact:
+    def _again(self, one: SuccessfulAction, depth: np.ndarray) -> Contact:
         directions = np.zeros(len(DIRECTIONS))
         directions[one.direction], directions[OPPOSITE[one.direction]] = SURE, SURE / 2
         u, v = one.pixel
@@ -114,7 +114,7 @@ class LearnedContacts(Generic[V]):
         )
 
 
-def contacts_of(found: Candidates, observed: Observed) -> tuple[Contact, ...]:
+def contacts_of(found: Candidates, observed: ObservedEpisode) -> tuple[Contact, ...]:
     """The candidates one by one, the most promising first."""
     order = np.argsort(-found.scores, kind="stable")
     pixels = [(int(u), int(v)) for u, v in found.pixels]
@@ -132,26 +132,31 @@ def contacts_of(found: Candidates, observed: Observed) -> tuple[Contact, ...]:
     )
 
 
-def worked_in(history: Episode) -> list[Worked]:
+def successful_actions(history: Episode) -> list[SuccessfulAction]:
     """The history's actions that changed the picture, as the agent itself perceived it."""
     steps = enumerate(history.steps)
-    return [Worked(number, step.pixel, step.executed[-1]) for number, step in steps if step.reward]
+    return [SuccessfulAction(number, step.pixel, step.executed[-1]) for number, step in steps if step.reward]
 
 
-def memory_of(history: Episode, model: ActionModel[V], rays: Rays, config: PolicyConfig) -> Memory:
+def memory_of(history: Episode, model: ActionModel[V], rays: Rays, config: PolicyConfig) -> BoardMemory:
     """The memory of whoever recorded the history: which links moved, what failed where.
 
     Raises:
         BusybotError: the history was recorded without depth.
     """
     seen = [history.observation(number) for number in range(len(history.steps) + 1)]
-    memory = Memory(rays.heights(seen[0].depth), config)
+    memory = BoardMemory(rays.heights(seen[0].depth), config)
     for step, before, after in zip(history.steps, seen, seen[1:], strict=False):
         remember(memory, step, before, after, partial(_asked, model, before, rays, step.pixel, memory, config))
     return memory
 
 
 def _asked(
-    model: ActionModel[V], seen: Observation, rays: Rays, pixel: tuple[int, int], memory: Memory, config: PolicyConfig
+    model: ActionModel[V],
+    seen: Observation,
+    rays: Rays,
+    pixel: tuple[int, int],
+    memory: BoardMemory,
+    config: PolicyConfig,
 ) -> np.ndarray:
     return pairs_at(model, model.look(seen, rays), pixel, memory, config)

@@ -6,9 +6,10 @@ Notes are among an episode's settings, one entry for each action and then perhap
 from collections.abc import Sequence
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.episode import Episode
 from busybot.plan.agent_policy import Decision
 from busybot.plan.interfaces import Contact, Stop
@@ -19,7 +20,7 @@ LONGEST = 500
 """Of an agent's words no more characters are shown."""
 
 
-class Offered(BaseModel):
+class LoggedContact(FrozenModel):
     """A contact that an agent could choose.
 
     Attributes:
@@ -29,8 +30,6 @@ class Offered(BaseModel):
         score: expected success of that pair.
         step: of the history that worked there, -1 if the interaction model proposed the contact.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     pixel: tuple[int, int]
     position: tuple[float, float, float]
@@ -54,9 +53,9 @@ def _words(decision: Decision) -> str:
     return f"stop: {decision.answer.why}" if isinstance(decision.answer, Stop) else decision.answer.why
 
 
-def _offered(contact: Contact) -> Offered:
+def _offered(contact: Contact) -> LoggedContact:
     x, y, z = (round(float(value), 4) for value in contact.position)
-    return Offered(
+    return LoggedContact(
         pixel=contact.pixel,
         position=(x, y, z),
         direction=contact.choices[0],
@@ -78,7 +77,7 @@ def reason(episode: Episode, step: int) -> str:
     return str(words[step])[:LONGEST]
 
 
-def offered(episode: Episode, step: int) -> list[Offered]:
+def offered(episode: Episode, step: int) -> list[LoggedContact]:
     """What an agent could choose from at a step; empty if it was not recorded, or cannot be understood."""
     told = episode.settings.get(OFFERED)
     if not isinstance(told, list) or step >= len(told):
@@ -89,4 +88,4 @@ def offered(episode: Episode, step: int) -> list[Offered]:
         return []
 
 
-_SEVERAL = TypeAdapter(list[Offered])
+_SEVERAL = TypeAdapter(list[LoggedContact])

@@ -15,19 +15,19 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo, collect_command
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
-from busybot.evaluation.folder import BoardWork, Progress, Recording, conclude, judge_boards, versions
+from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards, versions
 from busybot.evaluation.results import stamp
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
-from busybot.plan.rollout import TRAINED, PlanConfig, Player, kind_of, name_of
+from busybot.plan.rollout import TRAINED, PlanConfig, RolloutRunner, kind_of, name_of
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.registry import REASONERS, config_class, reasoner_of
 from busybot.sim.scene.board_scene import Simulator
 from busybot.training.model_cards import file_hashes, find_folder
 
 
-def evaluate(
+def evaluate_agents(
     dataset: Dataset,
     library: Library,
     agents: Sequence[str],
@@ -65,7 +65,9 @@ def evaluate(
     features_of(dataset, reasoner_of(reasoner).encoder, episodes=tasks, workers=workers)
     arguments = (dataset.path, library, tuple(agents), reasoner, policy_model, config, seed, record)
     work = BoardWork(m.JudgedTask, make_work, arguments, workers)
-    recordings = [Recording(record / one, dataset, _collected(settings, one), record) for one in names if record]
+    recordings = [
+        EvaluationRecording(record / one, dataset, _collected(settings, one), record) for one in names if record
+    ]
     found = judge_boards(tasks, work, settings, progress, out, recordings)
     rng = generator(seed, dataset.info.split, 0, "plan/bootstrap")
     figures = {**m.summarise(found, names, rng), **settings, "timing": m.timing(found, names)}
@@ -86,7 +88,7 @@ def make_work(
     dataset, loaded, model = Dataset.open(path), reasoner_of(reasoner), load_once(policy_model)
     simulator = Simulator(library, config.render)
     policy = policy_config(model.info, config.learned)
-    player = Player(simulator, loaded, model, policy, config.interaction, seed)
+    player = RolloutRunner(simulator, loaded, model, policy, config.interaction, seed)
     stored = {name: Dataset.open(record / name) for name in map(name_of, agents)} if record else {}
 
     def work(index: int) -> m.JudgedTask:

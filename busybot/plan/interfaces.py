@@ -1,8 +1,9 @@
 """What an agent is: what it is told, and what it answers (paper section 3.3, protocol "Planning").
 
-An agent gets a `Briefing` before it starts and a `Situation` at every decision, and answers with an `Act` or a `Stop`.
-Nothing in them is the simulator's: no segmentation, no states, no relations (protocol "Who may read what"). What an
-oracle is told beside has its own hook, `agents.oracle`. How to write an agent: `docs/extending/write-an-agent.md`.
+An agent gets a `TaskContext` before it starts and a `DecisionState` at every decision, and answers with an `Act` or a
+`Stop`. Nothing in them is the simulator's: no segmentation, no states, no relations (protocol "Who may read what").
+What an oracle is told beside has its own hook, `agents.oracle`. How to write an agent:
+`docs/extending/write-an-agent.md`.
 """
 
 from collections.abc import Callable
@@ -14,14 +15,14 @@ import numpy as np
 
 from busybot.boards.directions import OPPOSITE
 from busybot.interact.policy.direction_pairs import PAIRS
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 
 NOBODY = -1
 """In place of an object's index: none in particular."""
 
 
 @dataclass(frozen=True)
-class Briefing:
+class TaskContext:
     """What is known before the first action: the recorded interactions on this board, and the goal. N objects, T steps.
 
     Attributes:
@@ -34,7 +35,7 @@ class Briefing:
         steps: so many actions are allowed.
     """
 
-    history: Sequence
+    history: BoardSequence
     pixels: np.ndarray
     worked: np.ndarray
     goal: np.ndarray
@@ -85,7 +86,7 @@ class Contact:
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class PastAction:
     """An action of this rollout and what came of it.
 
     Attributes:
@@ -104,7 +105,7 @@ class Attempt:
 
 
 @dataclass
-class Situation:
+class DecisionState:
     """What is known at a decision.
 
     Attributes:
@@ -116,7 +117,7 @@ class Situation:
     """
 
     features: np.ndarray
-    attempts: tuple[Attempt, ...]
+    attempts: tuple[PastAction, ...]
     repeats: tuple[Contact, ...]
     propose: Callable[[], tuple[Contact, ...]] = field(repr=False)
     rng: np.random.Generator = field(repr=False)
@@ -160,10 +161,10 @@ class Agent(Protocol):
 
     name: str
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         """Called once, before the first decision."""
         ...
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         """The next action. Called at most `briefing.steps` times."""
         ...

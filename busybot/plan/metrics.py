@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.evaluation.bootstrap import Interval, percentile_interval
 
 DRAWS = 2000
@@ -31,11 +31,7 @@ an action on its link, or one that was meant for it, changed something else than
 features it looked as in the goal; none of these."""
 
 
-class _Plain(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class JudgedResponder(_Plain):
+class JudgedResponder(FrozenModel):
     """An affectable responder at the end of a rollout.
 
     Attributes:
@@ -57,7 +53,7 @@ class JudgedResponder(_Plain):
     cause: Cause = ""
 
 
-class JudgedRollout(_Plain):
+class JudgedRollout(FrozenModel):
     """An agent on a task.
 
     Attributes:
@@ -84,7 +80,7 @@ class JudgedRollout(_Plain):
         return sum(one.reached for one in self.responders) / max(1, len(self.responders))
 
 
-class JudgedTask(_Plain):
+class JudgedTask(FrozenModel):
     """All agents on one task.
 
     Attributes:

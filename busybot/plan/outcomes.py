@@ -8,11 +8,11 @@ from busybot.boards.spec import Relation
 from busybot.boards.task import affectable, reached, responder_states, start_states
 from busybot.episodes.episode import Episode
 from busybot.plan.agent_policy import AgentPolicy, Decision
-from busybot.plan.interfaces import Act, Briefing, Stop
+from busybot.plan.interfaces import Act, Stop, TaskContext
 from busybot.plan.metrics import Cause, JudgedResponder, JudgedRollout
 
 
-def judge(rollout: Episode, policy: AgentPolicy, briefing: Briefing, edges: np.ndarray) -> JudgedRollout:
+def judge_rollout(rollout: Episode, policy: AgentPolicy, briefing: TaskContext, edges: np.ndarray) -> JudgedRollout:
     """Put the truth beside what an agent did.
 
     Args:

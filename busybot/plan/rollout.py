@@ -6,31 +6,31 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from busybot.boards.task import MAX_STEPS, task_of
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode
-from busybot.interact.policy.board_memory import Memory
+from busybot.interact.policy.board_memory import BoardMemory
 from busybot.interact.policy.candidates import ActionModel
 from busybot.interact.policy.config import PolicyConfig
-from busybot.plan.agent_policy import AgentPolicy, Sight
+from busybot.plan.agent_policy import AgentPolicy, OnlineFeatures
 from busybot.plan.agents.learned import learned
-from busybot.plan.agents.oracle import Oracle, TrueContacts, TrueRelations
-from busybot.plan.agents.paper import BusyBot, Predictive, Relation
-from busybot.plan.agents.search import Search
-from busybot.plan.agents.simple import Noop, Random
-from busybot.plan.contact_proposals import Contacts, LearnedContacts, memory_of, worked_in
+from busybot.plan.agents.oracle import OracleAgent, OracleProposals, OracleRelations
+from busybot.plan.agents.paper import BusyBotAgent, PredictiveAgent, RelationAgent
+from busybot.plan.agents.search import SearchAgent
+from busybot.plan.agents.simple import NoopAgent, RandomAgent
+from busybot.plan.contact_proposals import ContactProposals, LearnedProposals, memory_of, successful_actions
 from busybot.plan.decision_log import notes
-from busybot.plan.interfaces import Agent, Briefing
+from busybot.plan.interfaces import Agent, TaskContext
 from busybot.plan.learning.network import Name, load_policy
 from busybot.plan.metrics import JudgedRollout
-from busybot.plan.outcomes import judge
-from busybot.plan.task_context import brief
-from busybot.reason.encoders.registry import choose
-from busybot.reason.inputs.observation import Observed, observe
+from busybot.plan.outcomes import judge_rollout
+from busybot.plan.task_context import task_context
+from busybot.reason.encoders.registry import make_extractor
+from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.models.base import Reasoner
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.recorder import record_episode
@@ -38,15 +38,13 @@ from busybot.sim.scene.board_scene import BoardScene, Simulator
 from busybot.sim.scene.render import RenderConfig
 
 
-class PlanConfig(BaseModel):
+class PlanConfig(FrozenModel):
     """How agents are measured.
 
     Attributes:
         boards: only so many tasks, the first ones; None for all.
         learned: constants of the interaction policy that take precedence over those on the model's card.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     boards: int | None = None
     learned: dict[str, Any] = {}
@@ -58,7 +56,7 @@ MakeAgent = Callable[[Reasoner], Agent]
 
 
 @dataclass(frozen=True)
-class Kind:
+class AgentSpec:
     """An agent by name.
 
     Attributes:
@@ -76,17 +74,17 @@ class Kind:
         return self.relations or self.contacts
 
 
-AGENTS: dict[str, Kind] = {
-    "noop": Kind(lambda reasoner: Noop()),
-    "random": Kind(lambda reasoner: Random()),
-    "relation": Kind(Relation),
-    "predictive": Kind(Predictive),
-    "busybot": Kind(BusyBot),
-    "search": Kind(Search),
-    "search-true-relations": Kind(Search, relations=True),
-    "search-true-contacts": Kind(Search, contacts=True),
-    "search-true-both": Kind(Search, relations=True, contacts=True),
-    "oracle": Kind(None, contacts=True),
+AGENTS: dict[str, AgentSpec] = {
+    "noop": AgentSpec(lambda reasoner: NoopAgent()),
+    "random": AgentSpec(lambda reasoner: RandomAgent()),
+    "relation": AgentSpec(RelationAgent),
+    "predictive": AgentSpec(PredictiveAgent),
+    "busybot": AgentSpec(BusyBotAgent),
+    "search": AgentSpec(SearchAgent),
+    "search-true-relations": AgentSpec(SearchAgent, relations=True),
+    "search-true-contacts": AgentSpec(SearchAgent, contacts=True),
+    "search-true-both": AgentSpec(SearchAgent, relations=True, contacts=True),
+    "oracle": AgentSpec(None, contacts=True),
 }
 """The rows of Table 3 and those that attribute failures; trained agents are named with their models (`kind_of`)."""
 TRAINED: tuple[Name, ...] = ("bc", "ppo")
@@ -97,7 +95,7 @@ def name_of(agent: str) -> str:
     return agent.partition("=")[0]
 
 
-def kind_of(agent: str) -> Kind:
+def kind_of(agent: str) -> AgentSpec:
     """The agent of that name; of those in `TRAINED`, with its model: `bc=runs/bc`.
 
     Raises:
@@ -110,7 +108,7 @@ def kind_of(agent: str) -> Kind:
                 what = f"agent {name} plays a trained policy, none was named"
                 raise BusybotError(what, f"--agents {name}=DIR; `busybot train {name} --out DIR` makes one")
             load_policy(model, trained)
-            return Kind(partial(learned, trained, model))
+            return AgentSpec(partial(learned, trained, model))
     if name not in AGENTS or given:
         known = ", ".join([*AGENTS, *(f"{trained}=DIR" for trained in TRAINED)])
         raise BusybotError(f"there is no agent {agent!r}", f"choose from {known}")
@@ -118,7 +116,7 @@ def kind_of(agent: str) -> Kind:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedTask:
     """A recorded history with a goal, read once for all agents.
 
     Attributes:
@@ -126,22 +124,22 @@ class Prepared:
     """
 
     history: Episode
-    observed: Observed
-    briefing: Briefing
-    memory: Memory
+    observed: ObservedEpisode
+    briefing: TaskContext
+    memory: BoardMemory
     rays: Rays
     edges: np.ndarray
 
 
 @dataclass(frozen=True)
-class Played:
+class PlayedRollout:
     """A rollout and what it came to."""
 
     episode: Episode
     judged: JudgedRollout
 
 
-class Player:
+class RolloutRunner:
     """Lets agents play in one simulator, with one pair of models.
 
     Args:
@@ -164,7 +162,7 @@ class Player:
         self._config, self._interaction = policy or PolicyConfig(), interaction or InteractionConfig()
         self._seed = seed
 
-    def prepare(self, history: Episode, features: np.ndarray | None = None) -> Prepared:
+    def prepare(self, history: Episode, features: np.ndarray | None = None) -> PreparedTask:
         """Read a history.
 
         Args:
@@ -173,20 +171,20 @@ class Player:
         Raises:
             BusybotError: it has no goal or no depth.
         """
-        briefing = brief(history, MAX_STEPS, self._reasoner.encoder, features)
+        briefing = task_context(history, MAX_STEPS, self._reasoner.encoder, features)
         rays = Rays(history.camera)
         memory = memory_of(history, self._model, rays, self._config)
         edges = self._reasoner.graph(briefing.history).claimed(briefing.history.steps)
-        return Prepared(history, observe(history), briefing, memory, rays, edges)
+        return PreparedTask(history, observe_episode(history), briefing, memory, rays, edges)
 
-    def play(self, task: Prepared, agent: str | MakeAgent, name: str | None = None) -> Played:
+    def play(self, task: PreparedTask, agent: str | MakeAgent, name: str | None = None) -> PlayedRollout:
         """Let an agent play.
 
         Args:
             agent: as `kind_of` takes it, or what makes one of a reasoner.
             name: in the result; by default that of the agent.
         """
-        kind = kind_of(agent) if isinstance(agent, str) else Kind(agent)
+        kind = kind_of(agent) if isinstance(agent, str) else AgentSpec(agent)
         seat = _Seat(self, task, kind, name or (name_of(agent) if isinstance(agent, str) else None))
         factory = _OracleSeat(seat) if kind.oracle else seat
         board = task.history.board
@@ -194,27 +192,27 @@ class Player:
         policy = seat.policy
         assert policy is not None
         episode.settings |= notes(policy.decisions)
-        return Played(episode, judge(episode, policy, task.briefing, task.edges))
+        return PlayedRollout(episode, judge_rollout(episode, policy, task.briefing, task.edges))
 
-    def policy(self, task: Prepared, kind: Kind, name: str | None) -> AgentPolicy:
+    def policy(self, task: PreparedTask, kind: AgentSpec, name: str | None) -> AgentPolicy:
         """An agent that has what a robot has, as a policy."""
         assert kind.make is not None
         return self._policy(task, kind.make(self._reasoner), self._contacts(task), name)
 
-    def oracle(self, task: Prepared, kind: Kind, name: str | None, scene: BoardScene) -> AgentPolicy:
+    def oracle(self, task: PreparedTask, kind: AgentSpec, name: str | None, scene: BoardScene) -> AgentPolicy:
         """An agent that is told the truth about a scene, as a policy."""
         rng = generator(self._seed, scene.spec.split, scene.spec.index, "plan/true contacts")
-        reasoner = TrueRelations(self._reasoner, scene.spec) if kind.relations else self._reasoner
-        true = TrueContacts(scene, task.rays, self._interaction, task.observed, rng)
-        agent = kind.make(reasoner) if kind.make else Oracle(scene, task_of(scene.spec).goal, true)
+        reasoner = OracleRelations(self._reasoner, scene.spec) if kind.relations else self._reasoner
+        true = OracleProposals(scene, task.rays, self._interaction, task.observed, rng)
+        agent = kind.make(reasoner) if kind.make else OracleAgent(scene, task_of(scene.spec).goal, true)
         return self._policy(task, agent, true if kind.contacts else self._contacts(task), name)
 
-    def _contacts(self, task: Prepared) -> Contacts:
-        worked = worked_in(task.history)
-        return LearnedContacts(self._model, self._config, task.rays, task.observed, worked, task.memory)
+    def _contacts(self, task: PreparedTask) -> ContactProposals:
+        worked = successful_actions(task.history)
+        return LearnedProposals(self._model, self._config, task.rays, task.observed, worked, task.memory)
 
-    def _policy(self, task: Prepared, agent: Agent, contacts: Contacts, name: str | None) -> AgentPolicy:
-        sight = Sight(task.observed, choose(self._reasoner.encoder))
+    def _policy(self, task: PreparedTask, agent: Agent, contacts: ContactProposals, name: str | None) -> AgentPolicy:
+        sight = OnlineFeatures(task.observed, make_extractor(self._reasoner.encoder))
         return AgentPolicy(agent, task.briefing, contacts, sight, name)
 
 
@@ -222,9 +220,9 @@ class Player:
 class _Seat:
     """What `record_episode` makes the policy of an agent with; `policy` is it afterwards."""
 
-    player: Player
-    task: Prepared
-    kind: Kind
+    player: RolloutRunner
+    task: PreparedTask
+    kind: AgentSpec
     agent_name: str | None
     policy: AgentPolicy | None = None
     name: str = "plan"  # the same draws whoever plays

@@ -20,7 +20,7 @@ from busybot.datasets.dataset_stats import origin_of
 from busybot.reason.inputs.feature_store import Progress, features_of
 from busybot.reason.inputs.recorded_boards import Recorded, held_apart
 from busybot.reason.models.event.config import EventConfig
-from busybot.reason.models.model_folder import ModelInfo
+from busybot.reason.models.model_folder import ReasonerInfo
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import Learner, fit
@@ -46,7 +46,7 @@ Told = Callable[[str], AbstractContextManager[Progress]]
 
 def train_reason(
     out: Path, config: Config, data: tuple[Path, ...], seed: int, told: Told, workers: int | None = None
-) -> ModelInfo:
+) -> ReasonerInfo:
     """Train, or continue a training that was interrupted; returns what the model's `model.json` says.
 
     Args:
@@ -60,7 +60,7 @@ def train_reason(
     origin = [origin_of(dataset) for dataset in datasets]
     begin_folder(out, config, seed, data=origin)
     if (out / "model" / INFO_FILE).exists():
-        return read_info(out / "model", ModelInfo)
+        return read_info(out / "model", ReasonerInfo)
     features = []
     for dataset in datasets:
         with told(f"features of {dataset.path.name}") as progress:
@@ -69,7 +69,7 @@ def train_reason(
     learner = make_learner(config, boards, held_out, seed)
     figures = fit(learner, out, config.loop)
     _plot(out, learner.name)
-    info = ModelInfo(
+    info = ReasonerInfo(
         model=config.model,
         encoder=config.encoder,
         config=config.model_dump(mode="json"),

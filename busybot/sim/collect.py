@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.common.process_pool import Engine, run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
@@ -25,7 +26,7 @@ from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
 
 
-class CollectConfig(BaseModel):
+class CollectConfig(FrozenModel):
     """How episodes are collected.
 
     Attributes:
@@ -37,8 +38,6 @@ class CollectConfig(BaseModel):
             responder").
         learned: constants of the learned policy that take precedence over those on the model's card.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     policy: Annotated[str, Field(pattern=r"^[a-z-]{1,32}$")] = "random"
     steps: Annotated[int, Field(ge=0, le=100_000)] = 30

@@ -23,15 +23,16 @@ from typing import Annotated, Any, Literal
 import cv2
 import numpy as np
 import sapien
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
+from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.episode import Image, Step
 from busybot.sim.scene.board_scene import BoardScene
 from busybot.sim.scene.joints import TriggerJoint
 
 
-class InteractionConfig(BaseModel):
+class InteractionConfig(FrozenModel):
     """Constants of an action.
 
     Attributes:
@@ -44,8 +45,6 @@ class InteractionConfig(BaseModel):
         physics_steps: simulation steps of 0.01 s per increment.
         stiffness, damping, force_limit: of the suction drive (force mode).
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     reward: Literal["pixels", "joints"] = "pixels"
     delta: Annotated[int, Field(ge=0)] = 500

@@ -61,7 +61,7 @@ class Compared:
         return self.states and self.joints <= JOINT_TOLERANCE and self.image.holds(self.rule)
 
 
-class Replay:
+class EpisodeReplay:
     """A recorded episode's board in the simulator.
 
     Args:
@@ -143,7 +143,7 @@ def replay_file(
 def _make_replay(path: Path, library: Library, step: int | None, screenshot: Path | None) -> Callable[[int], Any]:
     def work(_: int) -> list[Compared]:
         episode = read_episode(path, images="lazy")
-        replay = Replay(simulator_of(episode, library), episode)
+        replay = EpisodeReplay(simulator_of(episode, library), episode)
         steps = range(len(episode.steps) + 1) if step is None else range(step, step + 1)
         compared = [replay.compare(number) for number in steps]
         if screenshot:
@@ -166,7 +166,7 @@ def pictures_again(path: Path, library: Library) -> Iterator[tuple[int, np.ndarr
 
 def _make_picture(path: Path, library: Library) -> Callable[[int], np.ndarray]:
     episode = read_episode(path, images="lazy")
-    replay = Replay(simulator_of(episode, library), episode)
+    replay = EpisodeReplay(simulator_of(episode, library), episode)
     return lambda step: replay.observe(step).rgb
 
 

@@ -56,7 +56,7 @@ def lone_board(model: ObjectModel, states: tuple[int, ...] | None = None) -> Boa
     )
 
 
-def portraits(library: Library, keys: Sequence[str], size: int) -> Iterator[np.ndarray]:
+def thumbnails(library: Library, keys: Sequence[str], size: int) -> Iterator[np.ndarray]:
     """A picture of each object, uint8 RGB (size, size, 3), in the order of the keys."""
     largest: dict[str, float] = {}
     for key in keys:

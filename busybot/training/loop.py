@@ -21,10 +21,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import torch
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from torch import Tensor, nn
 
 from busybot.common.atomic_io import write_atomically, write_json
+from busybot.common.frozen_model import FrozenModel
 from busybot.training.checkpoint import Checkpoint, load_weights, restore_training, save_tensors, training_tensors
 from busybot.training.metrics_file import Metrics, read_metrics
 
@@ -32,7 +33,7 @@ BEST = "best."
 """Begins the names of the best weights in a checkpoint."""
 
 
-class LoopConfig(BaseModel):
+class LoopConfig(FrozenModel):
     """How long a network is trained, and on which boards it is judged meanwhile (`fit`).
 
     Attributes:
@@ -42,8 +43,6 @@ class LoopConfig(BaseModel):
         judge: held-out boards are judged, and a checkpoint is written, every so many iterations.
         patience: the training ends when so many judgements in a row brought no better loss; 0 for never.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     boards: Annotated[int, Field(ge=1)] | None = None
     held_out: Annotated[float, Field(ge=0, lt=1)] = 0.1

@@ -4,10 +4,11 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ValidationError
 
 from busybot.common.atomic_io import read_json, sha256_of, write_json
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel
 
 INFO_FILE = "model.json"
 WEIGHTS_FILE = "weights.safetensors"
@@ -21,15 +22,13 @@ CALLED = {"interact": "an interaction model", "reason": "a model of relations"}
 Info = TypeVar("Info", bound=BaseModel)
 
 
-class ModelCard(BaseModel):
+class ModelCard(FrozenModel):
     """What `model.json` says of every model; each skill's has more.
 
     Attributes:
         training: provenance: datasets with hashes, seed, configuration, figures; JSON values.
         files: SHA-256 of the weights by name, written by saving; older folders have none.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     format: Literal["1"] = "1"
     training: dict[str, Any] = {}

@@ -11,21 +11,21 @@ from busybot.datasets.info import collect_command
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.policy.policy_factory import load_once, policy_config
-from busybot.interact.policy.policy_trace import Thought, retrace
+from busybot.interact.policy.policy_trace import PolicyTrace, retrace
 from busybot.objects.library import Library
 from busybot.plan.decision_log import is_rollout
-from busybot.reason.evaluation.explain import Foreseen, foresee
+from busybot.reason.evaluation.explain import Explanation, explain
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.registry import infer, reasoner_of
 from busybot.sim.replay import pictures_again
 from busybot.view.annotations import visible
-from busybot.view.rerun.recording import Layers, save_rrd
+from busybot.view.rerun.recording import RecordingLayers, save_rrd
 from busybot.view.screenshot import save_screenshot
 from busybot.view.serve import require_display, serve_web, show_window
 
 
 @dataclass(frozen=True)
-class Wanted:
+class ViewRequest:
     """What to do with an episode; with nothing of `save`, `screenshot`, `figure` and `web`, a window opens.
 
     Attributes:
@@ -48,7 +48,7 @@ class Wanted:
 
 
 @dataclass(frozen=True)
-class Shown:
+class ViewResult:
     """What was done: the episode's file, its number of steps, what was inferred, what was written or is served."""
 
     episode: Path
@@ -60,7 +60,7 @@ class Shown:
     url: str | None = None
 
 
-def _refuse_other_kinds(wanted: Wanted) -> None:
+def _refuse_other_kinds(wanted: ViewRequest) -> None:
     """A file's name says what it is."""
     kinds = (("--save", wanted.save, ".rrd"), ("--screenshot", wanted.screenshot, ".png"))
     for option, path, suffix in (*kinds, ("--figure", wanted.figure, ".png")):
@@ -68,7 +68,7 @@ def _refuse_other_kinds(wanted: Wanted) -> None:
             raise BusybotError(f"{option} {path}: it writes {suffix} files", f"name a file that ends in {suffix}")
 
 
-def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[Shown], None]) -> None:
+def show(source: Path, number: int | None, wanted: ViewRequest, announce: Callable[[ViewResult], None]) -> None:
     """Show an episode, with what counting infers about it.
 
     Args:
@@ -88,10 +88,10 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
     steps = len(episode.steps)
     if wanted.step is not None and not 0 <= wanted.step <= steps:
         raise BusybotError(f"{path}: there is no step {wanted.step}", f"choose one from 0 (the start) to {steps}")
-    foreseen = None if wanted.reasoner is None else foresee(episode, reasoner_of(wanted.reasoner))
+    foreseen = None if wanted.reasoner is None else explain(episode, reasoner_of(wanted.reasoner))
     inferred = ([foreseen.graph] if foreseen else []) + inferences(episode)
 
-    def layers() -> Layers:
+    def layers() -> RecordingLayers:
         return _layers(path, episode, wanted, foreseen)
 
     if wanted.save:
@@ -102,7 +102,7 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
         draw_sequence(wanted.figure, episode)
     elif wanted.figure:
         draw_beliefs(wanted.figure, path, episode, inferred)
-    shown = Shown(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot, wanted.figure)
+    shown = ViewResult(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot, wanted.figure)
     if wanted.web or window:
         _show_live(episode, inferred, layers(), wanted, shown, announce)
     else:
@@ -112,10 +112,10 @@ def show(source: Path, number: int | None, wanted: Wanted, announce: Callable[[S
 def _show_live(
     episode: Episode,
     inferred: list[InferredGraph],
-    layers: Layers,
-    wanted: Wanted,
-    shown: Shown,
-    announce: Callable[[Shown], None],
+    layers: RecordingLayers,
+    wanted: ViewRequest,
+    shown: ViewResult,
+    announce: Callable[[ViewResult], None],
 ) -> None:
     with tempfile.TemporaryDirectory(prefix="busybot-view-") as folder:
         rrd = Path(folder) / f"{shown.episode.stem}.rrd"
@@ -170,7 +170,7 @@ def draw_sequence(picture: Path, episode: Episode) -> None:
     sequence_figure(picture, episode)
 
 
-def thoughts_of(episode: Episode, model: str | None) -> Iterator[Thought] | None:
+def thoughts_of(episode: Episode, model: str | None) -> Iterator[PolicyTrace] | None:
     """What an interaction model, by its name or folder, makes of the episode; None without a model."""
     if model is None:
         return None
@@ -178,10 +178,10 @@ def thoughts_of(episode: Episode, model: str | None) -> Iterator[Thought] | None
     return retrace(episode, loaded, policy_config(loaded.info, {}))
 
 
-def _layers(path: Path, episode: Episode, wanted: Wanted, foreseen: Foreseen | None) -> Layers:
+def _layers(path: Path, episode: Episode, wanted: ViewRequest, foreseen: Explanation | None) -> RecordingLayers:
     """What is asked for beyond the recording; iterators, so anew for every use."""
     replayed = None if wanted.objects is None else pictures_again(path, wanted.objects)
-    return Layers(thoughts_of(episode, wanted.model), replayed, foreseen)
+    return RecordingLayers(thoughts_of(episode, wanted.model), replayed, foreseen)
 
 
 def picture_episode(
@@ -189,7 +189,7 @@ def picture_episode(
     inferred: list[InferredGraph],
     picture: Path,
     step: int | None = None,
-    layers: Layers | None = None,
+    layers: RecordingLayers | None = None,
 ) -> None:
     """Write a PNG of the viewer at a step (the last by default), without menus."""
     with tempfile.TemporaryDirectory(prefix="busybot-view-") as folder:

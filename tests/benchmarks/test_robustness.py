@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.studies.disturbances import DISTURBANCES, Recording, noisy, recording_of
+from benchmarks.studies.disturbances import DISTURBANCES, DisturbedBoard, noisy, recording_of
 from benchmarks.studies.reason_robustness import f1
 from busybot.episodes.episode import Episode, Link
-from busybot.reason.encoders.registry import choose
+from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.evaluation.ground_truth import NOTHING_HELD
 from busybot.reason.inputs.observation import acted_objects
 from busybot.view.figures.robustness import robustness_figure
@@ -33,17 +33,17 @@ def with_bodies(episode: Episode) -> Episode:
 RECORDING = recording_of(with_bodies(make_episode(steps=12)))
 
 
-def disturbed(name: str, strength: float, seed: int = 0) -> Recording:
+def disturbed(name: str, strength: float, seed: int = 0) -> DisturbedBoard:
     apply = DISTURBANCES[name].apply
     assert apply is not None
     return apply(RECORDING, strength, np.random.default_rng(seed))
 
 
-def pictures(recording: Recording) -> np.ndarray:
+def pictures(recording: DisturbedBoard) -> np.ndarray:
     return np.stack([recording.observed.frame(number).rgb for number in range(13)])
 
 
-def changed_frames(recording: Recording) -> np.ndarray:
+def changed_frames(recording: DisturbedBoard) -> np.ndarray:
     return np.asarray((pictures(recording) != pictures(RECORDING)).any(axis=(1, 2, 3)))
 
 
@@ -118,7 +118,7 @@ def test_a_hand_is_nearer_than_everything_and_a_patch_has_no_depth() -> None:
 
 
 def test_noise_has_the_length_that_is_asked_for() -> None:
-    features = np.asarray(choose().of(RECORDING.observed), np.float32)
+    features = np.asarray(make_extractor().of(RECORDING.observed), np.float32)
     moved = noisy(features, 0.5, np.random.default_rng(0)) - features
     lengths = np.linalg.norm(moved, axis=-1)
     assert lengths[:, [1, 2, 4]].mean() == pytest.approx(0.5, rel=0.05) and (lengths[:, [0, 3]] == 0).all()

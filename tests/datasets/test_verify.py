@@ -10,7 +10,7 @@ import pytest
 
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.verify import Report, verify
+from busybot.datasets.verify import VerifyReport, verify
 from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
@@ -21,7 +21,7 @@ def dataset(tmp_path: Path) -> Dataset:
     return make_dataset(tmp_path / "d")
 
 
-def faults(report: Report) -> list[tuple[str, str]]:
+def faults(report: VerifyReport) -> list[tuple[str, str]]:
     assert all(problem.mend for problem in report.problems)
     return [(Path(problem.file).name, problem.what) for problem in report.problems]
 

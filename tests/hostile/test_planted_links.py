@@ -19,7 +19,7 @@ from busybot.datasets.freeze import freeze
 from busybot.datasets.repair import repair
 from busybot.datasets.verify import verify
 from busybot.objects.resolve import find
-from busybot.reason.encoders.registry import choose
+from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.feature_store import features_of
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.scene.render import RenderConfig
@@ -75,7 +75,7 @@ def temporary_names(path: Path, outside: Path) -> None:
     places += [path / "damaged" / "000001.mcap", path / "README.md", path / "manifest.json"]
     with contextlib.suppress(BusybotError):  # of damaged episodes there are no features
         rows = Dataset.open(path).episodes_table().to_pydict()
-        store = path.with_name(f"{path.name}.features") / choose().key
+        store = path.with_name(f"{path.name}.features") / make_extractor().key
         for index, digest in zip(rows["episode"], rows["content_digest"], strict=True):
             places.append(store / f"{index:06d}-{digest[:16]}.npy")
     for place in places:
@@ -101,7 +101,7 @@ PLANTS |= {
         "toys/tables/steps",
         "toys/tables/steps/part-00000.parquet",
         "toys.features",
-        f"toys.features/{choose().key}",
+        f"toys.features/{make_extractor().key}",
     )
 }
 
@@ -193,7 +193,7 @@ def test_collecting_touches_nothing_outside(recorded: Path, tmp_path: Path) -> N
     assert done.finished() == {0, 1} and set(done.table("episodes")["episode"].to_pylist()) == {0, 1}
 
 
-@pytest.mark.parametrize("name", ["toys.features", f"toys.features/{choose().key}"])
+@pytest.mark.parametrize("name", ["toys.features", f"toys.features/{make_extractor().key}"])
 def test_a_store_that_is_a_link_is_refused_by_name(pristine: Path, tmp_path: Path, name: str) -> None:
     shutil.copytree(pristine, tmp_path / "toys")
     error = attack(tmp_path / "toys", tmp_path / "outside", PLANTS[name], COMMANDS["features"])

@@ -14,13 +14,13 @@ from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.verify import verify
 from busybot.evaluation.folder import BOARDS, RESULT
-from busybot.interact.evaluate import EvaluateConfig, evaluate
+from busybot.interact.evaluate import InteractEvaluation, evaluate_policy
 from busybot.interact.policy.config import PolicyConfig
 from busybot.objects.resolve import find
 from busybot.sim.interaction import InteractionConfig
 from tests.interact.fakes import TruthFactory
 
-CONFIG = EvaluateConfig(actions=4)
+CONFIG = InteractEvaluation(actions=4)
 CHOOSER = TruthFactory(config=PolicyConfig(temperature=1))  # what knows the truth has no doubt about directions
 KEYS = {
     "precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "boards", "macro", "intervals",
@@ -35,8 +35,8 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return create_dataset(path, BoardConfig(boards=4, group_size=1, split="novel-object"), find("procedural"))
 
 
-def run(dataset: Dataset, workers: int = 1, config: EvaluateConfig = CONFIG, **more: Any) -> dict[str, Any]:
-    return evaluate(dataset, find("procedural"), CHOOSER, config, 3, workers, **more)
+def run(dataset: Dataset, workers: int = 1, config: InteractEvaluation = CONFIG, **more: Any) -> dict[str, Any]:
+    return evaluate_policy(dataset, find("procedural"), CHOOSER, config, 3, workers, **more)
 
 
 @pytest.mark.usefixtures("in_process")

@@ -7,7 +7,7 @@ import pytest
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Episode, Step
-from busybot.interact.outcomes import judge, off_axis
+from busybot.interact.outcomes import judge_episode, off_axis
 from tests.episodes.synthetic import DELTA, make_episode
 
 ALONG_X = {"Switch/s1": [[3.0, 0, 0]], "Switch/s2": [[3.0, 0, 0]]}
@@ -55,7 +55,7 @@ def test_what_the_chosen_pixel_showed_is_told_apart() -> None:
         (2, episode, "responder", "Lamp/l1"),
     )
     for code, shown, on, key in cases:
-        action = judge(acting_on(shown, episode.steps[2], code), ALONG_X, DELTA).actions[0]
+        action = judge_episode(acting_on(shown, episode.steps[2], code), ALONG_X, DELTA).actions[0]
         assert (action.on, action.key, action.success, action.off_axis) == (on, key, False, None)
 
 
@@ -65,9 +65,9 @@ def test_a_success_counts_for_its_link_and_has_an_axis() -> None:
     number = [0, 3].index(moved.acted_object)
     for executed, off in ((direction(1, 0, 0), False), (direction(0, 1, 0), True)):
         step = replace(moved, executed=(direction(0, 0, 1), executed))
-        judged = judge(acting_on(episode, step, 1), ALONG_X, DELTA)
+        judged = judge_episode(acting_on(episode, step, 1), ALONG_X, DELTA)
         assert [link.key for link in judged.links] == ["Switch/s1", "Switch/s2"]
         assert all(link.pixels > 0 for link in judged.links)
         assert (judged.actions[0].link, judged.actions[0].success, judged.actions[0].off_axis) == (number, True, off)
-    strict = judge(acting_on(episode, moved, 1), ALONG_X, delta=10**6).actions[0]
+    strict = judge_episode(acting_on(episode, moved, 1), ALONG_X, delta=10**6).actions[0]
     assert strict.success and not strict.reward, "the pixels' verdict stands beside the truth"

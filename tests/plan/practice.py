@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from busybot.plan.learning.board_graph import Explored, Graph
+from busybot.plan.learning.board_graph import BoardGraph, ExploredBoard
 from busybot.plan.learning.encoding import CHOICES, STOP, offer
 from tests.plan.toy import DOWN, UP, Link, World, two_buttons_and_a_lever
 
 ACTIONS = [(0, UP), (1, DOWN), (2, UP), (0, DOWN), (2, DOWN)]
 
 
-def explore_toy(world: World, actions: list[tuple[int, int]], goal: list[int], group: str = "") -> Explored:
+def explore_toy(world: World, actions: list[tuple[int, int]], goal: list[int], group: str = "") -> ExploredBoard:
     """What `explore` finds on the world's board; success is the share of links in their goal state."""
     briefing = world.briefing(actions, goal)
     numbers = {tuple(world.states()): 0}
@@ -28,7 +28,7 @@ def explore_toy(world: World, actions: list[tuple[int, int]], goal: list[int], g
         success = np.mean([a == b for a, b in zip(state, goal, strict=True)], dtype=np.float32)
         rows.append((world.features().astype(np.float16), success, offered.facts, offered.touched, leads, worked))
     _put(world, list(numbers)[0])
-    return Explored(briefing, Graph(*(np.stack(column) for column in zip(*rows, strict=True))), group)
+    return ExploredBoard(briefing, BoardGraph(*(np.stack(column) for column in zip(*rows, strict=True))), group)
 
 
 def _put(world: World, states: tuple[int, ...]) -> None:
@@ -36,13 +36,13 @@ def _put(world: World, states: tuple[int, ...]) -> None:
         link.state = state
 
 
-def toys(count: int = 4) -> list[Explored]:
+def toys(count: int = 4) -> list[ExploredBoard]:
     """Tasks on one board, each of a group of its own."""
     goals = [[1, 0, 2], [0, 0, 1], [1, 1, 0], [1, 0, 0]]
     return [explore_toy(two_buttons_and_a_lever(), ACTIONS, goals[k % 4], str(k)) for k in range(count)]
 
 
-def buttons(goals: tuple[list[int], ...] = ([1, 0], [0, 1])) -> list[Explored]:
+def buttons(goals: tuple[list[int], ...] = ([1, 0], [0, 1])) -> list[ExploredBoard]:
     """Tasks with two buttons, each with a responder of its own."""
     actions = [(0, UP), (1, UP)]
     return [explore_toy(two_buttons(), actions, goal, str(number)) for number, goal in enumerate(goals)]

@@ -20,11 +20,11 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.folder import BOARDS, RESULT
 from busybot.interact.policy.policy_factory import load_once
 from busybot.objects.resolve import find
-from busybot.plan.agents.simple import Noop
-from busybot.plan.contact_proposals import LearnedContacts
-from busybot.plan.evaluate import evaluate
-from busybot.plan.interfaces import Act, Briefing, Contact, Situation, Stop
-from busybot.plan.rollout import PlanConfig, Player, Prepared
+from busybot.plan.agents.simple import NoopAgent
+from busybot.plan.contact_proposals import LearnedProposals
+from busybot.plan.evaluate import evaluate_agents
+from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
+from busybot.plan.rollout import PlanConfig, PreparedTask, RolloutRunner
 from busybot.reason.models.base import Reasoner
 from busybot.reason.models.lookup import Lookup
 from busybot.reason.models.persistence import Persistence
@@ -59,18 +59,18 @@ def simulator() -> Simulator:
 
 
 @pytest.fixture(scope="module")
-def player(simulator: Simulator) -> Player:
-    return Player(simulator, Lookup(), load_once(MODEL))
+def player(simulator: Simulator) -> RolloutRunner:
+    return RolloutRunner(simulator, Lookup(), load_once(MODEL))
 
 
 @pytest.fixture(scope="module")
-def task(simulator: Simulator, player: Player) -> Prepared:
+def task(simulator: Simulator, player: RolloutRunner) -> PreparedTask:
     board = next(iter(generate_boards(BOARDS_CONFIG, simulator.library)))
     return player.prepare(record_episode(simulator, board, ScriptedFactory(), 16, InteractionConfig(), 0))
 
 
 def run(dataset: Dataset, agents: list[str] = AGENTS, boards: int | None = None, **more: Any) -> dict[str, Any]:
-    return evaluate(dataset, find("procedural"), agents, "lookup", MODEL, PlanConfig(boards=boards), **more)
+    return evaluate_agents(dataset, find("procedural"), agents, "lookup", MODEL, PlanConfig(boards=boards), **more)
 
 
 def without_times(result: dict[str, Any]) -> dict[str, Any]:
@@ -119,56 +119,58 @@ def test_what_cannot_be_measured_is_refused(tmp_path: Path) -> None:
         run(tasks)
 
 
-def test_search_with_the_truth_solves_what_search_may_not(player: Player, task: Prepared) -> None:
+def test_search_with_the_truth_solves_what_search_may_not(player: RolloutRunner, task: PreparedTask) -> None:
     both = player.play(task, "search-true-both")
     assert both.judged.success == 1.0 and both.episode.oracle
     again = player.play(task, "search-true-both").judged
     assert again.responders == both.judged.responders and again.stopped == both.judged.stopped
 
 
-class Onlooker(Noop):
+class Onlooker(NoopAgent):
     """Keeps what it is given."""
 
     def __init__(self, given: list[object]):
         self.given = given
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         self.given.append(briefing)
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         self.given += [situation, situation.candidates]
         return Stop("has seen enough")
 
 
-def test_nothing_that_an_agent_is_given_leads_to_the_truth(player: Player, task: Prepared) -> None:
+def test_nothing_that_an_agent_is_given_leads_to_the_truth(player: RolloutRunner, task: PreparedTask) -> None:
     given: list[object] = []
     played = player.play(task, lambda reasoner: Onlooker(given))
     assert not played.episode.oracle and len(given) == 3
     found = list(reachable(*given))
-    assert any(isinstance(one, Observation) for one in found) and any(isinstance(one, LearnedContacts) for one in found)
-    secret = Episode | BoardScene | BoardSpec | OracleObservation | Step | Player
+    assert any(isinstance(one, Observation) for one in found) and any(
+        isinstance(one, LearnedProposals) for one in found
+    )
+    secret = Episode | BoardScene | BoardSpec | OracleObservation | Step | RolloutRunner
     assert not [type(one) for one in found if isinstance(one, secret)]
     images = [one for one in found if isinstance(one, Image)]  # of the history, as reasoners have them
     assert images and all(one.segmentation is None and not one.boxes.size for one in images)
 
 
-class Stranger(Noop):
+class Stranger(NoopAgent):
     """Takes hold of something of its own."""
 
     def __init__(self, reasoner: Reasoner):
         pass
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         mine = situation.candidates[0]
         return Act(Contact(**{name: getattr(mine, name) for name in mine.__dataclass_fields__}), 0)
 
 
-def test_only_what_was_offered_can_be_held(player: Player, task: Prepared) -> None:
+def test_only_what_was_offered_can_be_held(player: RolloutRunner, task: PreparedTask) -> None:
     with pytest.raises(BusybotError, match="was not offered"):
         player.play(task, Stranger)
 
 
-class Stubborn(Noop):
+class Stubborn(NoopAgent):
     """Takes hold of what moves least, for the first responder that differs."""
 
     name = "stubborn"
@@ -176,16 +178,16 @@ class Stubborn(Noop):
     def __init__(self, reasoner: Reasoner):
         pass
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         self._briefing = briefing
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         differing = self._briefing.differing(situation.features)
         worst = min(situation.candidates, key=lambda contact: contact.score)
         return Act(worst, worst.choices[0], "out of spite", int(differing[0]))
 
 
-def test_causes_of_failures(player: Player, task: Prepared) -> None:
+def test_causes_of_failures(player: RolloutRunner, task: PreparedTask) -> None:
     idle = {one.cause for one in player.play(task, "noop").judged.responders if not one.reached}
     assert idle == {"not tried"}
     spite = player.play(task, Stubborn).judged
@@ -194,8 +196,8 @@ def test_causes_of_failures(player: Player, task: Prepared) -> None:
     }  # fmt: skip
 
 
-def test_a_missing_relation_is_told(simulator: Simulator, task: Prepared) -> None:
-    blind = Player(simulator, Persistence(), load_once(MODEL))
+def test_a_missing_relation_is_told(simulator: Simulator, task: PreparedTask) -> None:
+    blind = RolloutRunner(simulator, Persistence(), load_once(MODEL))
     prepared = blind.prepare(task.history)
     judged = blind.play(prepared, "busybot").judged
     assert judged.steps == 0 and "known to control" in judged.stopped

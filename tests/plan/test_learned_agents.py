@@ -11,13 +11,21 @@ from torch import Tensor
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.plan.agents.learned import Learned, learned
+from busybot.plan.agents.learned import LearnedAgent, learned
 from busybot.plan.learning.bc import BcLearner, demonstrate
 from busybot.plan.learning.config import BcConfig, PpoConfig
 from busybot.plan.learning.encoding import STOP
-from busybot.plan.learning.network import NetConfig, PolicyInfo, PolicyNetwork, as_tensors, load_policy, play, rows_of
+from busybot.plan.learning.network import (
+    PolicyInfo,
+    PolicyNetwork,
+    PolicyNetworkConfig,
+    as_tensors,
+    load_policy,
+    play,
+    rows_of,
+)
 from busybot.plan.learning.ppo import PpoLearner
-from busybot.plan.learning.practice import Rollout
+from busybot.plan.learning.practice import PracticeRollout
 from busybot.plan.learning.train import make_learner
 from busybot.plan.rollout import kind_of, name_of
 from busybot.reason.models.persistence import Persistence
@@ -26,7 +34,7 @@ from busybot.training.loop import Learner, LoopConfig, fit
 from tests.plan.practice import ACTIONS, buttons, toys, two_buttons
 from tests.plan.toy import Link, World, two_buttons_and_a_lever
 
-NET = NetConfig(looks=4, objects=8, token=16, hidden=16, choices=8)
+NET = PolicyNetworkConfig(looks=4, objects=8, token=16, hidden=16, choices=8)
 LOOP = LoopConfig(judge=2, report=1, patience=0)
 BC = BcConfig(iterations=6, batch=4, net=NET, loop=LOOP)
 PPO = PpoConfig(iterations=4, envs=2, steps=30, batch=30, epochs=2, shuffle=False, net=NET, loop=LOOP)
@@ -64,7 +72,7 @@ def test_read_at_once_or_one_by_one_is_the_same_whatever_stands_beside() -> None
 
 
 def test_what_is_no_choice_is_never_chosen() -> None:
-    seen = as_tensors(Rollout(toys(1)[0]).observation())
+    seen = as_tensors(PracticeRollout(toys(1)[0]).observation())
     chances = network().scores(torch.randn(16, generator=torch.Generator().manual_seed(0)), seen).softmax(dim=0)
     assert (chances[seen["allowed"] == 0] == 0).all() and (chances[seen["allowed"] == 1] > 0).all()
     assert (seen["allowed"] == 1).sum() == 7
@@ -80,14 +88,14 @@ def test_demonstrations_with_noise_hold_mistakes_and_what_would_have_been_right(
 
 def test_bc_learns_to_reach_goals_and_plays_as_it_learned() -> None:
     boards = buttons(([0, 1],))
-    net = NetConfig(looks=8, objects=16, token=32, hidden=32, choices=32)
+    net = PolicyNetworkConfig(looks=8, objects=16, token=32, hidden=32, choices=32)
     config = BcConfig(iterations=80, batch=8, learning_rate=1e-2, shuffle=False, net=net)
     student = BcLearner(config, boards, [], 0)
     losses = [student.iterate(iteration)[0] for iteration in range(config.iterations)]
     assert np.mean(losses[-5:]) < 0.3 * np.mean(losses[:5])
     assert play(student.network, boards).tolist() == [1]
     world = two_buttons()
-    acts, stop = world.play(Learned("bc", student.network.eval()), boards[0].briefing)
+    acts, stop = world.play(LearnedAgent("bc", student.network.eval()), boards[0].briefing)
     assert world.states() == [0, 1] and stop is not None and "chosen with" in stop.why
     assert len(acts) == 1 and "%" in acts[0].why
 
@@ -180,8 +188,8 @@ class Watched(PolicyNetwork):
 def test_an_agent_sees_on_a_board_what_it_saw_in_training() -> None:
     torch.manual_seed(0)
     world, net = two_buttons_and_a_lever(), Watched()
-    acts, _ = world.play(Learned("bc", net), world.briefing(ACTIONS, [1, 0, 2]))
-    practised = Rollout(toys(1)[0])
+    acts, _ = world.play(LearnedAgent("bc", net), world.briefing(ACTIONS, [1, 0, 2]))
+    practised = PracticeRollout(toys(1)[0])
     expected = [as_tensors(practised.history())]
     choices = {
         (number, one): 1 + 2 * number + k for number in range(3) for k, one in enumerate(world.contact(number).choices)
@@ -198,10 +206,10 @@ def test_an_agent_sees_on_a_board_what_it_saw_in_training() -> None:
 
 def test_an_agent_that_cannot_go_on_says_so() -> None:
     nothing = World([], 1, 1)
-    _, stop = nothing.play(Learned("bc", network()), nothing.briefing([], []))
+    _, stop = nothing.play(LearnedAgent("bc", network()), nothing.briefing([], []))
     assert stop is not None and "no candidate" in stop.why
     crowd = World([Link(0, 1, (10, 10))], 1, 10)
-    _, stop = crowd.play(Learned("bc", network()), crowd.briefing([(0, 0)], [1]))
+    _, stop = crowd.play(LearnedAgent("bc", network()), crowd.briefing([(0, 0)], [1]))
     assert stop is not None and "more than 10 objects" in stop.why
 
 

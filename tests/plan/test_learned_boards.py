@@ -9,16 +9,16 @@ from gymnasium.utils.env_checker import check_env
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.plan.learning.board_graph import load_explored, save_explored
-from busybot.plan.learning.encoding import CHOICES, CONTACTS, OBJECTS, SHAPES, STOP, Encoder, offer, shuffled
+from busybot.plan.learning.encoding import CHOICES, CONTACTS, OBJECTS, SHAPES, STOP, ObservationEncoder, offer, shuffled
 from busybot.plan.learning.goal_env import GoalEnv
-from busybot.plan.learning.practice import Rollout
+from busybot.plan.learning.practice import PracticeRollout
 from tests.plan.practice import ACTIONS, explore_toy, toys
 from tests.plan.toy import DOWN, UP, Link, World, two_buttons_and_a_lever
 
 
 def test_the_history_tells_what_was_done_and_what_changed() -> None:
     world = two_buttons_and_a_lever()
-    seen = Encoder(world.briefing(ACTIONS, [1, 0, 2])).history()
+    seen = ObservationEncoder(world.briefing(ACTIONS, [1, 0, 2])).history()
     assert {name: value.shape[1:] for name, value in seen.items()} == SHAPES
     assert len(seen["action"]) == len(ACTIONS) + 1
     assert not seen["action"][0].any() and seen["action"][1:, 6:].tolist() == [[1, 1]] * len(ACTIONS)
@@ -31,7 +31,7 @@ def test_the_history_tells_what_was_done_and_what_changed() -> None:
 
 def test_an_action_that_failed_is_told_from_one_that_worked() -> None:
     world = World([Link(0, 1, (10, 10), dead=True)], 1, 1)
-    seen = Encoder(world.briefing([(0, UP)], [1])).history()
+    seen = ObservationEncoder(world.briefing([(0, UP)], [1])).history()
     assert seen["action"][1, 6:].tolist() == [0, 1] and not (seen["objects"][1, :, 6] > 0).any()
 
 
@@ -47,7 +47,7 @@ def test_choices_are_candidates_in_two_directions_and_no_more_than_there_are_pla
 def test_a_board_with_too_many_objects_is_refused() -> None:
     world = World([Link(0, 1, (10, 10))], 1, OBJECTS)
     with pytest.raises(BusybotError, match="11 objects"):
-        Encoder(world.briefing([(0, UP)], [1]))
+        ObservationEncoder(world.briefing([(0, UP)], [1]))
 
 
 def test_in_another_order_objects_keep_what_belongs_to_them() -> None:
@@ -62,7 +62,7 @@ def test_in_another_order_objects_keep_what_belongs_to_them() -> None:
 
 def test_an_oracle_takes_a_shortest_way_and_stops_at_its_end() -> None:
     board = toys(1)[0]  # from states 0, 1, 1 to 1, 0, 2
-    rollout, rng = Rollout(board), generator(0, "", 0, "test")
+    rollout, rng = PracticeRollout(board), generator(0, "", 0, "test")
     assert rollout.success == 0 and not rollout.right[STOP]
     for expected in (1 / 3, 2 / 3, 1):
         rollout.act(int(rng.choice(np.flatnonzero(rollout.right))))
@@ -82,19 +82,19 @@ def test_the_lever_is_moved_in_the_right_direction() -> None:
 
 def test_where_the_goal_is_out_of_reach_the_oracle_goes_as_near_as_it_can() -> None:
     stuck = World([Link(0, 2, (10, 10), dead=True), Link(1, 3, (90, 10))], 2, 2)
-    rollout = Rollout(explore_toy(stuck, [(1, UP)], [1, 1]))
+    rollout = PracticeRollout(explore_toy(stuck, [(1, UP)], [1, 1]))
     assert np.flatnonzero(rollout.right).tolist() == [3, 4]
     rollout.act(3)
     assert np.flatnonzero(rollout.right).tolist() == [STOP] and rollout.success == 0.5
 
 
 def test_rollouts_end_after_eight_steps_and_at_what_is_no_choice() -> None:
-    rollout = Rollout(toys(1)[0])
+    rollout = PracticeRollout(toys(1)[0])
     for _ in range(8):
         assert not rollout.over
         rollout.act(1)
     assert rollout.over and rollout.steps == 8
-    other = Rollout(toys(1)[0])
+    other = PracticeRollout(toys(1)[0])
     other.act(CHOICES - 1)
     assert other.over and other.steps == 0
 

@@ -6,17 +6,17 @@ import numpy as np
 
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
-from busybot.plan.agent_policy import Sight
-from busybot.reason.encoders.registry import choose
-from busybot.reason.inputs.observation import observe
+from busybot.plan.agent_policy import OnlineFeatures
+from busybot.reason.encoders.registry import make_extractor
+from busybot.reason.inputs.observation import observe_episode
 
 
 def test_pictures_one_by_one_give_the_features_of_the_episode(tiny: Path) -> None:
-    dataset, chosen = Dataset.open(tiny), choose("embedded")
+    dataset, chosen = Dataset.open(tiny), make_extractor("embedded")
     for index in (0, 5):
-        observed = observe(read_episode(dataset.episode_path(index)))
+        observed = observe_episode(read_episode(dataset.episode_path(index)))
         together = chosen.of(observed)
-        sight = Sight(observed, chosen)
+        sight = OnlineFeatures(observed, chosen)
         frames = [sight.see(observed.frame(number)) for number in range(len(observed.image_of))]
         np.testing.assert_array_equal(np.stack(frames), together.astype(np.float32))
         assert np.ptp(together.astype(float), axis=0).max() > 0.5  # something changed

@@ -6,8 +6,8 @@ import numpy as np
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.interact.policy.direction_pairs import pair_scores
-from busybot.plan.interfaces import Act, Agent, Attempt, Briefing, Contact, Situation, Stop
-from busybot.reason.inputs.sequence import CHANNELS, Sequence
+from busybot.plan.interfaces import Act, Agent, Contact, DecisionState, PastAction, Stop, TaskContext
+from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
 
 UP = int(np.flatnonzero(DIRECTIONS[:, 2] > 0.99)[0])
 DOWN = int(OPPOSITE[UP])
@@ -83,7 +83,7 @@ class World:
                     return (direction, int(OPPOSITE[direction]))[: number + 1], True
         return (direction, int(OPPOSITE[direction])), False
 
-    def briefing(self, actions: list[tuple[int, int]], goal: list[int]) -> Briefing:
+    def briefing(self, actions: list[tuple[int, int]], goal: list[int]) -> TaskContext:
         """The history of actions (link, direction) from the present states, to which the world then returns."""
         start = [(link.state, link.sticky) for link in self.links]
         features, worked = [self.features()], []
@@ -96,7 +96,7 @@ class World:
         contacts = [self.contact(number, 0) for number, _ in actions]
         rows = [(*contact.position, *DIRECTIONS[one]) for contact, (_, one) in zip(contacts, actions, strict=True)]
         roles = np.arange(self.triggers + self.responders) < self.triggers
-        history = Sequence(
+        history = BoardSequence(
             features=np.stack(features),
             positions=np.zeros((len(roles), 3), np.float32),
             actions=np.array(rows, np.float32).reshape(-1, 6),
@@ -105,9 +105,9 @@ class World:
             responders=~roles,
         )
         pixels = np.array([contact.pixel for contact in contacts], int).reshape(-1, 2)
-        return Briefing(history, pixels, np.array(worked, int), self.features(goal), THRESHOLD, 8)
+        return TaskContext(history, pixels, np.array(worked, int), self.features(goal), THRESHOLD, 8)
 
-    def situation(self, briefing: Briefing, attempts: list[Attempt], repeat: bool = True) -> Situation:
+    def situation(self, briefing: TaskContext, attempts: list[PastAction], repeat: bool = True) -> DecisionState:
         places = [link.pixel for link in self.links]
         steps = [number for number, one in enumerate(briefing.worked) if one >= 0] if repeat else []
         repeats = tuple(
@@ -115,11 +115,11 @@ class World:
             for k in steps
         )
         offered = tuple(self.contact(number) for number in range(len(self.links)))
-        return Situation(self.features(), tuple(attempts), repeats, lambda: offered, self.rng)
+        return DecisionState(self.features(), tuple(attempts), repeats, lambda: offered, self.rng)
 
-    def play(self, agent: Agent, briefing: Briefing, repeat: bool = True) -> tuple[list[Act], Stop | None]:
+    def play(self, agent: Agent, briefing: TaskContext, repeat: bool = True) -> tuple[list[Act], Stop | None]:
         """At most eight steps."""
-        attempts: list[Attempt] = []
+        attempts: list[PastAction] = []
         acts: list[Act] = []
         agent.start(briefing)
         for _ in range(briefing.steps):
@@ -129,7 +129,7 @@ class World:
             acts.append(answer)
             before = self.features()
             executed, moved = self.pull(answer.contact.pixel, answer.direction)
-            attempts.append(Attempt(answer.contact, answer.direction, executed, moved, before, self.features()))
+            attempts.append(PastAction(answer.contact, answer.direction, executed, moved, before, self.features()))
         return acts, None
 
     def states(self) -> list[int]:

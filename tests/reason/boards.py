@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.reason.inputs.sequence import CHANNELS, Sequence
+from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
 
 LINK_SPACING = 0.14
 THROW = 0.05
@@ -24,7 +24,7 @@ class Board:
         succeeded: bool (T,).
     """
 
-    seen: Sequence
+    seen: BoardSequence
     edges: np.ndarray
     states: np.ndarray
     succeeded: np.ndarray
@@ -96,7 +96,7 @@ def make_board(
         edges[link.trigger, link.responder] = True
     is_trigger = np.isin(np.arange(objects), order[:triggers])
     shown = np.where(is_trigger[None, :, None], 0, np.stack(features))
-    sequence = Sequence(
+    sequence = BoardSequence(
         shown.astype(np.float32),
         positions.astype(np.float32),
         actions.astype(np.float32),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from busybot.reason.inputs.sequence import CHANNELS, Sequence
+from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
 from busybot.reason.models.paper.config import PaperNetworkConfig
 
 SMALL = PaperNetworkConfig(
@@ -10,7 +10,7 @@ SMALL = PaperNetworkConfig(
 )
 
 
-def watched(seed: int = 0, triggers: int = 2, responders: int = 3, steps: int = 6) -> Sequence:
+def watched(seed: int = 0, triggers: int = 2, responders: int = 3, steps: int = 6) -> BoardSequence:
     """A board whose last responder takes turns between two looks whenever the first trigger is acted on."""
     rng = np.random.default_rng(seed)
     count = triggers + responders
@@ -21,7 +21,7 @@ def watched(seed: int = 0, triggers: int = 2, responders: int = 3, steps: int = 
     features = np.repeat(looks[:1], steps + 1, 0)
     features[:, -1] = looks[state, -1]
     features[:, is_trigger] = 0
-    return Sequence(
+    return BoardSequence(
         features=features,
         positions=rng.normal(size=(count, 3)).astype(np.float32),
         actions=rng.normal(size=(steps, 6)).astype(np.float32),

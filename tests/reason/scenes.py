@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from busybot.episodes.episode import Image
-from busybot.reason.inputs.observation import NO_BOXES, Action, Observed
+from busybot.reason.inputs.observation import NO_BOXES, ObservedAction, ObservedEpisode
 from tests.episodes.synthetic import make_camera
 
 BOARD_DEPTH = 4.0
@@ -30,15 +30,15 @@ class Scene:
     pixels: list[tuple[int, int]] = field(default_factory=list)
     depth: bool = True
 
-    def observed(self) -> Observed:
+    def observed(self) -> ObservedEpisode:
         images = [self._draw(patches) for patches in self.frames]
         pixels = self.pixels or [(0, 0)] * (len(self.frames) - 1)
-        return Observed(
+        return ObservedEpisode(
             camera=make_camera(),
             roles=self.roles,
             boxes=np.array(self.boxes, np.int16),
             positions=np.zeros((len(self.roles), 3), np.float32),
-            actions=tuple(Action(pixel, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)) for pixel in pixels),
+            actions=tuple(ObservedAction(pixel, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)) for pixel in pixels),
             images=images,
             image_of=tuple(range(len(images))),
         )

@@ -13,12 +13,12 @@ from busybot.boards.spec import LinkRef
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.writer import write_episode
-from busybot.reason.encoders.registry import choose
-from busybot.reason.evaluation.evaluate import Judging, evaluate_dataset, judge_episode
+from busybot.reason.encoders.registry import make_extractor
+from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset, judge_episode
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.event.networks import EventNet
-from busybot.reason.models.model_folder import ModelInfo
+from busybot.reason.models.model_folder import ReasonerInfo
 from busybot.training.checkpoint import save_model
 from tests.episodes.folders import COLLECT, make_dataset
 from tests.episodes.synthetic import make_episode, make_real_episode
@@ -92,7 +92,7 @@ def dataset_of(path: Path, episode: Episode) -> Dataset:
 def event(tmp_path_factory: pytest.TempPathFactory) -> str:
     folder, config = tmp_path_factory.mktemp("event"), EventConfig()
     torch.manual_seed(0)
-    info = ModelInfo(model="event", encoder="embedded", config=config.model_dump(mode="json"))
+    info = ReasonerInfo(model="event", encoder="embedded", config=config.model_dump(mode="json"))
     save_model(folder, info, EventNet(config.net).state_dict())
     return str(folder)
 
@@ -101,21 +101,23 @@ def event(tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_they_are_judged_beside_ours(name: str, tmp_path: Path, event: str) -> None:
     dataset = dataset_of(tmp_path / "others", OTHERS[name]())
     for model in ("count", "lookup", "persistence", event):
-        result = evaluate_dataset(dataset, Judging(model, images=4), workers=1)
+        result = evaluate_dataset(dataset, ReasonEvaluation(model, images=4), workers=1)
         assert result["boards"] == 2 and 0 <= result["edge_r"] <= 1 and result["edge_acc"] > 0
 
 
 @pytest.mark.parametrize("name", ["no segmentation", "no depth", "first boxes alone", "three objects"])
 def test_counting_finds_their_relations(name: str) -> None:
-    judged = judge_episode(OTHERS[name](), Judging("count", images=7))
+    judged = judge_episode(OTHERS[name](), ReasonEvaluation("count", images=7))
     assert judged.counts(6).hits == judged.truth.shown.astype(bool).sum() > 0  # type: ignore[union-attr]
     assert judged.counts(6).claimed == judged.counts(6).hits
 
 
 def test_without_depth_the_pixels_of_the_box_are_taken() -> None:
     plain, flat = make_episode(0), without(make_episode(0), "depth")
-    np.testing.assert_array_equal(choose("embedded").of_episode(flat), choose("embedded-box").of_episode(plain))
-    assert not np.array_equal(choose("embedded").of_episode(flat), choose("embedded").of_episode(plain))
+    np.testing.assert_array_equal(
+        make_extractor("embedded").of_episode(flat), make_extractor("embedded-box").of_episode(plain)
+    )
+    assert not np.array_equal(make_extractor("embedded").of_episode(flat), make_extractor("embedded").of_episode(plain))
 
 
 def test_segmentation_and_later_boxes_change_no_feature(tmp_path: Path) -> None:
@@ -128,5 +130,7 @@ def test_a_picture_that_lost_its_depth_is_no_error() -> None:
     """Objects are taken to be where the first picture shows them."""
     episode = make_episode(0)
     episode.images = [replace(image, depth=None if k == 1 else image.depth) for k, image in enumerate(episode.images)]
-    features = choose("embedded").of_episode(episode)
-    assert np.isfinite(features).all() and judge_episode(episode, Judging("count", images=7)).counts(6).hits == 2
+    features = make_extractor("embedded").of_episode(episode)
+    assert (
+        np.isfinite(features).all() and judge_episode(episode, ReasonEvaluation("count", images=7)).counts(6).hits == 2
+    )

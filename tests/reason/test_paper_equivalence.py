@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperNetworkConfig
 from busybot.reason.models.paper.data import Boards, Frames, boards_of
 from busybot.reason.models.paper.networks import PaperNetwork
@@ -29,7 +29,7 @@ def network_of(factored: bool = True, **changed: object) -> PaperNetwork:
     return PaperNetwork(SMALL.model_copy(update=changed), factored).double()
 
 
-def boards(config: PaperNetworkConfig, seen: tuple[Sequence, ...] = SEEN) -> Boards:
+def boards(config: PaperNetworkConfig, seen: tuple[BoardSequence, ...] = SEEN) -> Boards:
     return boards_of(seen, config).to("cpu", torch.float64)
 
 

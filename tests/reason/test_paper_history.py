@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from busybot.common.rng import generator
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import Reasoner
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import boards_of
@@ -23,7 +23,7 @@ def network(request: pytest.FixtureRequest) -> PaperHistoryNetwork:
     return PaperHistoryNetwork(SMALL.model_copy(update={"pairs": request.param})).eval()
 
 
-def predicted(network: PaperHistoryNetwork, seen: Sequence) -> torch.Tensor:
+def predicted(network: PaperHistoryNetwork, seen: BoardSequence) -> torch.Tensor:
     with torch.no_grad():
         return network(boards_of([seen], network.config), IMAGES)[0]
 
@@ -33,7 +33,7 @@ def test_a_prediction_depends_on_all_that_was_seen_and_on_its_own_step(network: 
     seen = watched(steps=7)
     before = predicted(network, seen)
     for step in range(7):
-        other = Sequence(**{name: value.copy() for name, value in vars(seen).items()})
+        other = BoardSequence(**{name: value.copy() for name, value in vars(seen).items()})
         changed = getattr(other, what)
         changed[step] = 1 - changed[step]
         moved = (predicted(network, other) - before).abs().amax((0, 2)) > 0

@@ -14,7 +14,7 @@ from busybot.objects.library import Library
 from busybot.reason.evaluation.evaluate import judge_episode
 from busybot.reason.evaluation.summary import summarise
 from busybot.reason.inputs.change_detection import changes
-from busybot.reason.inputs.observation import acted_objects, observe
+from busybot.reason.inputs.observation import acted_objects, observe_episode
 from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.recorder import record_episode
@@ -49,7 +49,7 @@ def test_counting_finds_the_relations_of_scripted_rollouts(simulator: Simulator,
 
 
 def _assert_changes_are_seen(episode: Episode) -> None:
-    observed = observe(episode)
+    observed = observe_episode(episode)
     before, after = (
         np.array([getattr(s, f"responder_states_{when}") for s in episode.steps]) for when in ("before", "after")
     )

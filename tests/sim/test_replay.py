@@ -17,7 +17,7 @@ from busybot.episodes.mcap.writer import write_episode
 from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.recorder import record_episode
-from busybot.sim.replay import Replay, act_again, render_config, shows_effects
+from busybot.sim.replay import EpisodeReplay, act_again, render_config, shows_effects
 from busybot.sim.scene.board_scene import Simulator
 from tests.episodes.synthetic import make_episode, make_real_episode
 
@@ -26,7 +26,7 @@ def test_every_step_of_a_dataset_goes_back_exactly(recorded: Dataset, small_simu
     moved = 0
     for index in sorted(recorded.finished()):
         episode = read_episode(recorded.episode_path(index), images="lazy")
-        replay = Replay(small_simulator, episode)
+        replay = EpisodeReplay(small_simulator, episode)
         forwards = list(range(len(episode.steps) + 1))
         for step in [*forwards, *np.random.default_rng(index).permutation(forwards).tolist()]:
             compared = replay.compare(step)
@@ -45,7 +45,7 @@ def record(simulator: Simulator, policy: str, seed: int, steps: int = 8) -> Epis
 @pytest.mark.parametrize("policy", ["scripted", "random"])
 def test_pictures_are_equal_before_any_codec(small_simulator: Simulator, policy: str) -> None:
     episode = record(small_simulator, policy, seed=5)
-    replay = Replay(small_simulator, episode)
+    replay = EpisodeReplay(small_simulator, episode)
     for step in reversed(range(len(episode.steps) + 1)):
         assert replay.compare(step).image.equal
 
@@ -54,7 +54,7 @@ def test_pictures_are_equal_before_any_codec(small_simulator: Simulator, policy:
 def test_real_objects_go_back_exactly(real_simulator: Simulator) -> None:
     for seed in range(3):
         episode = record(real_simulator, "scripted", seed)
-        replay = Replay(real_simulator, episode)
+        replay = EpisodeReplay(real_simulator, episode)
         assert all(replay.compare(step).image.equal for step in range(len(episode.steps) + 1))
         assert compare_episodes(episode, act_again(real_simulator, episode.board, episode)).nothing
 
@@ -74,7 +74,7 @@ def test_another_action_and_another_state_are_noticed(small_simulator: Simulator
     number = next(i for i, state in enumerate(episode.steps[k].trigger_states_before) if state != states[i])
     states[number] = episode.steps[k].trigger_states_before[number]
     episode.steps[k] = replace(episode.steps[k], trigger_states_after=tuple(states))
-    compared = Replay(small_simulator, episode).compare(k + 1)
+    compared = EpisodeReplay(small_simulator, episode).compare(k + 1)
     assert not compared.holds and not compared.image.equal and not compared.states
     difference = compare_episodes(episode, act_again(small_simulator, episode.board, episode))
     assert difference.state == k and not difference.same_states
@@ -83,30 +83,30 @@ def test_another_action_and_another_state_are_noticed(small_simulator: Simulator
 def test_another_renderer_must_only_come_close(small_simulator: Simulator) -> None:
     episode = record(small_simulator, "scripted", seed=7, steps=2)
     foreign = replace(episode, renderer={**episode.renderer, "device": "another"})
-    compared = Replay(small_simulator, foreign).compare(1)
+    compared = EpisodeReplay(small_simulator, foreign).compare(1)
     assert compared.rule == "close" and compared.holds
     foreign.images = [replace(image, rgb=image.rgb // 2) for image in episode.images]
-    assert not Replay(small_simulator, foreign).compare(1).holds
+    assert not EpisodeReplay(small_simulator, foreign).compare(1).holds
 
 
 def test_recordings_without_effects_are_recognised(small_simulator: Simulator) -> None:
     blind = Simulator(small_simulator.library, small_simulator.render, responders=False)
     episode = record(blind, "scripted", seed=7)
     assert not shows_effects(episode) and shows_effects(record(small_simulator, "scripted", seed=7))
-    assert all(Replay(blind, episode).compare(step).holds for step in range(9))
+    assert all(EpisodeReplay(blind, episode).compare(step).holds for step in range(9))
 
 
 def test_what_cannot_be_put_back_is_said(small_simulator: Simulator, tmp_path: Path) -> None:
     episode = record(small_simulator, "scripted", seed=7, steps=2)
-    replay = Replay(small_simulator, episode)
+    replay = EpisodeReplay(small_simulator, episode)
     for step in (-1, 3):
         with pytest.raises(BusybotError, match="no step") as error:
             replay.put_back(step)
         assert "0 (the start) to 2" in str(error.value.mend)
     with pytest.raises(BusybotError, match="no states"):
-        Replay(small_simulator, make_real_episode())
+        EpisodeReplay(small_simulator, make_real_episode())
     with pytest.raises(BusybotError, match="no object"):
-        Replay(small_simulator, make_episode())
+        EpisodeReplay(small_simulator, make_episode())
     with pytest.raises(BusybotError, match="renderer"):
         render_config(make_episode())
     write_episode(tmp_path / "e.mcap", replace(episode, settings={}))

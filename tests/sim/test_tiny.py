@@ -12,7 +12,7 @@ from busybot.datasets.manifest import read_manifest
 from busybot.datasets.verify import verify
 from busybot.episodes.mcap.reader import read_episode
 from busybot.sim.regenerate import regenerate
-from busybot.sim.replay import Replay, simulator_of
+from busybot.sim.replay import EpisodeReplay, simulator_of
 
 
 def test_it_is_small_whole_and_has_all_kinds_of_relations(tiny: Path) -> None:
@@ -39,7 +39,7 @@ def test_every_step_goes_back_into_the_simulator(tiny: Path) -> None:
     for index in range(12):
         episode = read_episode(dataset.episode_path(index), images="lazy")
         simulator = simulator or simulator_of(episode, library_of(dataset))
-        replay = Replay(simulator, episode)
+        replay = EpisodeReplay(simulator, episode)
         for step in range(len(episode.steps) + 1):
             assert replay.compare(step).holds, (index, step)
 

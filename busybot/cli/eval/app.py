@@ -57,7 +57,7 @@ def reason(
     from busybot.common.config import build
     from busybot.datasets.dataset import Dataset
     from busybot.evaluation.results import write_result
-    from busybot.reason.evaluation.evaluate import Judging, evaluate_dataset
+    from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
     from busybot.reason.models.registry import config_class
 
     check_file("--out", out, "reason.json")
@@ -66,7 +66,13 @@ def reason(
     training = Dataset.open(decoders) if decoders else None
     with episode_progress("inferring") as progress:
         result = evaluate_dataset(
-            Dataset.open(dataset), Judging(model, images, parameters), training, assets, seed, workers, progress
+            Dataset.open(dataset),
+            ReasonEvaluation(model, images, parameters),
+            training,
+            assets,
+            seed,
+            workers,
+            progress,
         )
     options = {"model": model, "images": images, "seed": seed, "decoders": decoders}
     result["command"] = _command("reason", dataset, set_, config, **options)
@@ -115,10 +121,10 @@ def interact(
     from busybot.datasets.dataset import Dataset
     from busybot.evaluation.folder import RESULT
     from busybot.evaluation.results import write_result
-    from busybot.interact.evaluate import EvaluateConfig
+    from busybot.interact.evaluate import InteractEvaluation
 
     check_figures(figures, model, out, record)
-    parameters = build(EvaluateConfig, config, set_ or [], {"boards": boards, "interaction.strict": strict or None})
+    parameters = build(InteractEvaluation, config, set_ or [], {"boards": boards, "interaction.strict": strict or None})
     with episode_progress("acting") as progress:
         target = Dataset.open(dataset)
         result = evaluate_model(target, model, mode, parameters, assets, seed, workers, progress, out, record)

@@ -9,7 +9,7 @@ from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.datasets.dataset import Dataset
-    from busybot.interact.evaluate import EvaluateConfig
+    from busybot.interact.evaluate import InteractEvaluation
 
 BUILT_IN = ("random", "scripted")
 
@@ -18,7 +18,7 @@ def evaluate_model(
     dataset: "Dataset",
     model: str | None,
     mode: str | None,
-    config: "EvaluateConfig",
+    config: "InteractEvaluation",
     assets: str | None,
     seed: int,
     workers: int | None,
@@ -29,7 +29,7 @@ def evaluate_model(
     """Find objects and policy by their names and evaluate."""
     from busybot.common.process_pool import default_workers
     from busybot.datasets.bundled_assets import library_of
-    from busybot.interact.evaluate import evaluate
+    from busybot.interact.evaluate import evaluate_policy
     from busybot.interact.policy.learned import mode_named
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory, usual_mode
     from busybot.sim.builtin_policies import builtin_factory
@@ -47,7 +47,7 @@ def evaluate_model(
         factory = LearnedPolicyFactory(named, mode_named(mode) if mode else usual_mode(named), config.learned)
         provenance = factory.provenance()
     processes = workers or default_workers()
-    return evaluate(dataset, library, factory, config, seed, processes, progress, out, record, provenance)
+    return evaluate_policy(dataset, library, factory, config, seed, processes, progress, out, record, provenance)
 
 
 def check_figures(figures: int, model: str | None, out: Path | None, record: Path | None) -> None:
@@ -60,7 +60,7 @@ def check_figures(figures: int, model: str | None, out: Path | None, record: Pat
         raise BusybotError(f"--figures shows a model's affordances, {model} has none", "leave --figures out")
 
 
-def draw_figures(folder: Path, record: Path, model: str | None, config: "EvaluateConfig", count: int) -> None:
+def draw_figures(folder: Path, record: Path, model: str | None, config: "InteractEvaluation", count: int) -> None:
     """Affordances, known links and actions of the first recorded boards."""
     from busybot.datasets.dataset import Dataset
     from busybot.episodes.mcap.reader import read_episode

@@ -26,12 +26,12 @@ def evaluate_agents(
     from busybot.common.process_pool import default_workers
     from busybot.datasets.bundled_assets import library_of
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL
-    from busybot.plan.evaluate import evaluate
+    from busybot.plan.evaluate import evaluate_agents
 
     names = list(dict.fromkeys(name.strip() for name in agents.split(",")))
     library, processes = library_of(dataset, assets), workers or default_workers()
     named = policy_model or DEFAULT_MODEL
-    return evaluate(dataset, library, names, model, named, config, seed, processes, progress, out, record)
+    return evaluate_agents(dataset, library, names, model, named, config, seed, processes, progress, out, record)
 
 
 def print_tables(result: dict[str, Any]) -> None:

@@ -87,13 +87,13 @@ def _interaction(
     from busybot.interact.training.fast import Source, Training
     from busybot.interact.training.paper import PaperTraining
     from busybot.interact.training.paper_config import PaperConfig
-    from busybot.interact.training.round_recorder import Recorder, Told
+    from busybot.interact.training.round_recorder import Recorder, RoundProgress
     from busybot.objects.resolve import find
 
     variant = parameters[2]["variant"]
     if variant not in (None, "fast", "paper"):
         raise BusybotError(f"there is no variant {variant!r} of the interaction networks", "choose fast or paper")
-    told, processes = Told(say, episode_progress), workers or default_workers()
+    told, processes = RoundProgress(say, episode_progress), workers or default_workers()
     if variant == "paper":
         paper = build(PaperConfig, *parameters)
         recorder = Recorder(find(assets) if assets else None, paper, seed, processes, told)

@@ -27,7 +27,7 @@ MARGIN = 32
 """The position network is run on what lies within so many pixels of something elevated: a third is saved."""
 
 
-class ModelInfo(ModelCard):
+class AffordanceInfo(ModelCard):
     """What `model.json` says.
 
     Attributes:
@@ -46,7 +46,7 @@ class ModelInfo(ModelCard):
 
 
 @dataclass(frozen=True)
-class CloserLook:
+class CropFeatures:
     """What the direction network makes of a crop.
 
     Attributes:
@@ -61,7 +61,7 @@ class CloserLook:
 
 
 @dataclass(frozen=True)
-class View:
+class AffordanceView:
     """What the model makes of one picture.
 
     Attributes:
@@ -75,10 +75,10 @@ class View:
     height: np.ndarray
     affordance: np.ndarray
     features: np.ndarray
-    closer: dict[tuple[int, int], CloserLook] = field(default_factory=dict)
+    closer: dict[tuple[int, int], CropFeatures] = field(default_factory=dict)
 
 
-class Model:
+class AffordanceModel:
     """Where and how to act.
 
     Args:
@@ -88,7 +88,7 @@ class Model:
         bfloat16: whether it multiplies in bfloat16, twice as fast on processors that can.
     """
 
-    def __init__(self, info: ModelInfo, networks: dict[Kind, nn.Module]):
+    def __init__(self, info: AffordanceInfo, networks: dict[Kind, nn.Module]):
         self.info, self.on = info, device()
         self.bfloat16 = multiplies_bfloat16()
         self.networks = {kind: network.eval().to(self.on) for kind, network in networks.items()}
@@ -105,7 +105,7 @@ class Model:
             save_tensors(weights_file(folder, kind), network.state_dict())
         write_info(folder, self.info, [weights_file(folder, kind) for kind in self.networks])
 
-    def look(self, seen: Observation, rays: Rays, earlier: View | None = None) -> View:
+    def look(self, seen: Observation, rays: Rays, earlier: AffordanceView | None = None) -> AffordanceView:
         """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
 
         Args:
@@ -123,9 +123,9 @@ class Model:
             part = elevated[window]
             affordance[window] = torch.where(part, logits[: part.shape[0], : part.shape[1]], NOT_ELEVATED)
         closer = {} if earlier is None else earlier.closer
-        return View(height.numpy(), affordance.numpy(), features.numpy(), closer)
+        return AffordanceView(height.numpy(), affordance.numpy(), features.numpy(), closer)
 
-    def directions(self, view: View, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def directions(self, view: AffordanceView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A closer look at some pixels.
 
         Args:
@@ -144,7 +144,7 @@ class Model:
         if fresh:
             logits, position = self._run("direction", torch.from_numpy(crops[fresh]))
             for i, *answer in zip(fresh, position.numpy(), torch.sigmoid(logits).numpy(), strict=True):
-                known[i] = CloserLook(crops[i].copy(), *answer)
+                known[i] = CropFeatures(crops[i].copy(), *answer)
         looks = [one for one in known if one is not None]
         view.closer.clear()
         view.closer.update(zip(places, looks, strict=True))

@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from busybot.interact.affordance.fast import Model, ModelInfo, weights_file
+from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel, weights_file
 from busybot.interact.affordance.fast_networks import KINDS
 from busybot.interact.affordance.paper import PaperModel
 from busybot.training.checkpoint import load_tensors, load_weights
 from busybot.training.model_cards import find_folder, read_info
 from busybot.training.weights import drawing_nothing
 
-VARIANTS: dict[str, type[Model]] = {"fast": Model, "paper": PaperModel}
+VARIANTS: dict[str, type[AffordanceModel]] = {"fast": AffordanceModel, "paper": PaperModel}
 
 
 def find_model(name_or_path: str | Path) -> Path:
@@ -17,14 +17,14 @@ def find_model(name_or_path: str | Path) -> Path:
     return find_folder(name_or_path, "interact")
 
 
-def load_model(name_or_path: str | Path) -> Model:
+def load_model(name_or_path: str | Path) -> AffordanceModel:
     """A shipped model by its name, or any by its folder (a training's folder stands for its final model).
 
     Raises:
         BusybotError: there is no such model, or its files are damaged or do not belong together.
     """
     folder = find_model(name_or_path)
-    info = read_info(folder, ModelInfo)
+    info = read_info(folder, AffordanceInfo)
     variant, networks = VARIANTS[info.variant], {}
     for kind in KINDS:
         file = weights_file(folder, kind)

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.affordance.fast import Model, View
+from busybot.interact.affordance.fast import AffordanceModel, AffordanceView
 from busybot.interact.affordance.fast_networks import Kind
 from busybot.interact.affordance.inputs import LOWEST, Inputs, colour_features
 from busybot.interact.affordance.paper_inputs import depth_and_normals, with_positions
@@ -38,7 +38,7 @@ CHUNK = 8
 """Positions that the direction network looks at together."""
 
 
-class PaperModel(Model):
+class PaperModel(AffordanceModel):
     """Where and how to act, from whole pictures of the size that it was trained on.
 
     The affordance is that of the paper, softmax of two channels, given as a logit; only elevated pixels can be chosen
@@ -52,7 +52,7 @@ class PaperModel(Model):
         rows, columns = SIZE if size is None or size.shape != (2,) else (int(side) for side in size)
         return make_paper_network(kind, inputs, (rows, columns))
 
-    def look(self, seen: Observation, rays: Rays, earlier: View | None = None) -> View:
+    def look(self, seen: Observation, rays: Rays, earlier: AffordanceView | None = None) -> AffordanceView:
         """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
 
         An earlier look saves nothing here: both networks see whole pictures.
@@ -68,9 +68,9 @@ class PaperModel(Model):
             features = depth_and_normals(torch.from_numpy(seen.depth)[None], self._pinhole(rays))
         logits = self._run("position", features)[0]
         affordance = torch.where(torch.from_numpy(height > ELEVATED), logits[1] - logits[0], NOT_ELEVATED)
-        return View(height, affordance.numpy(), features[0].numpy())
+        return AffordanceView(height, affordance.numpy(), features[0].numpy())
 
-    def directions(self, view: View, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def directions(self, view: AffordanceView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As `Model.directions`; the position's logits are those of the affordance."""
         if not len(pixels):
             return np.empty(0, np.float32), np.empty((0, 18), np.float32)

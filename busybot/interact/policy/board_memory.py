@@ -37,7 +37,7 @@ class Failure:
     pairs: dict[int, float]
 
 
-class Memory:
+class BoardMemory:
     """One board's memory.
 
     Attributes:

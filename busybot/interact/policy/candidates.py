@@ -17,7 +17,7 @@ from busybot.boards.directions import OPPOSITE
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.policy.board_memory import Memory
+from busybot.interact.policy.board_memory import BoardMemory
 from busybot.interact.policy.config import OPENING, PolicyConfig
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED, PAIRS, pair_scores, sigmoid, tempered
 
@@ -25,7 +25,7 @@ MOST_POINTS = 4000
 """K-means looks at no more pixels than these, evenly chosen."""
 
 
-class View(Protocol):
+class ModelView(Protocol):
     """What a model sees in an image."""
 
     @property
@@ -37,7 +37,7 @@ class View(Protocol):
         """float32 (H, W), logits that acting at the pixel has an effect; very low off elevated pixels."""
 
 
-V = TypeVar("V", bound=View)
+V = TypeVar("V", bound=ModelView)
 
 
 class ActionModel(Protocol[V]):
@@ -107,7 +107,7 @@ def find_candidates(
     model: ActionModel[V],
     seen: Observation,
     rays: Rays,
-    memory: Memory | None = None,
+    memory: BoardMemory | None = None,
     config: PolicyConfig | None = None,
     view: V | None = None,
 ) -> Candidates:
@@ -147,7 +147,7 @@ def find_candidates(
 
 
 def pairs_at(
-    model: ActionModel[V], view: V, pixel: tuple[int, int], memory: Memory, config: PolicyConfig
+    model: ActionModel[V], view: V, pixel: tuple[int, int], memory: BoardMemory, config: PolicyConfig
 ) -> np.ndarray:
     """What is believed of the direction pairs at one pixel, as of those of a candidate there, (9,)."""
     pixels = np.array([pixel])

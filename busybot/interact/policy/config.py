@@ -11,7 +11,9 @@ Those in `FIXED` were parameters until the same benchmark showed that no other v
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
+
+from busybot.common.frozen_model import FrozenModel
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Inner = Annotated[float, Field(gt=0, lt=1)]
@@ -46,7 +48,7 @@ FIXED: dict[str, float] = {
 """Parameters of former versions: cards may still name them, with these values, and provenance still tells them."""
 
 
-class PolicyConfig(BaseModel):
+class PolicyConfig(FrozenModel):
     """How affordances become actions.
 
     Attributes:
@@ -85,8 +87,6 @@ class PolicyConfig(BaseModel):
         clusters: k of the K-means candidates: no board has more movable links.
         cluster_belief: least affordance of a pixel that takes part in the clusters.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     candidates: Literal["peaks", "kmeans"] = "peaks"
     peak_radius: Pixels = 3

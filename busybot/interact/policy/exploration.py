@@ -13,9 +13,10 @@ from typing import Annotated, Generic
 
 import cv2
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from busybot.boards.directions import OPPOSITE
+from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.camera import Rays, normals
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import moved_window
@@ -26,7 +27,7 @@ from busybot.sim.policy import Action, StatelessPolicy
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class ExploreConfig(BaseModel):
+class ExplorationConfig(FrozenModel):
     """How training data are collected.
 
     Attributes:
@@ -46,8 +47,6 @@ class ExploreConfig(BaseModel):
         by_network: share of actions that try the pairs in the direction network's order.
         pairs: tried at most.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     elevation: Annotated[float, Field(ge=0)] = ELEVATED
     smallest: Annotated[int, Field(ge=1)] = 30
@@ -72,8 +71,8 @@ class UnguidedExplorer(StatelessPolicy):
 
     name = "explore-unguided"
 
-    def __init__(self, rays: Rays, config: ExploreConfig | None = None):
-        self._rays, self._config = rays, config or ExploreConfig()
+    def __init__(self, rays: Rays, config: ExplorationConfig | None = None):
+        self._rays, self._config = rays, config or ExplorationConfig()
         self._seen: Observation | None = None
         self._components: list[np.ndarray] = []
         self._classes: list[np.ndarray] = []
@@ -114,8 +113,8 @@ class GuidedExplorer(Generic[V]):
 
     name = "explore"
 
-    def __init__(self, model: ActionModel[V], rays: Rays, config: ExploreConfig | None = None):
-        self._model, self._rays, self._config = model, rays, config or ExploreConfig()
+    def __init__(self, model: ActionModel[V], rays: Rays, config: ExplorationConfig | None = None):
+        self._model, self._rays, self._config = model, rays, config or ExplorationConfig()
         self._seen: Observation | None = None
         self._view: V | None = None
         self._moved: np.ndarray | None = None
@@ -176,7 +175,7 @@ def _classes(height: np.ndarray, slopes: np.ndarray, levels: int) -> np.ndarray:
     return level * 27 + facing @ np.array([9, 3, 1])
 
 
-def _in_order(order: np.ndarray, rng: np.random.Generator, config: ExploreConfig) -> tuple[int, ...]:
+def _in_order(order: np.ndarray, rng: np.random.Generator, config: ExplorationConfig) -> tuple[int, ...]:
     """First directions of the pairs in this order, the first of each drawn."""
     first = PAIRS[order[: config.pairs]]
     flipped = rng.random(len(first)) < 0.5

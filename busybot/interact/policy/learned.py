@@ -18,7 +18,7 @@ from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.policy.board_memory import Failure, Memory
+from busybot.interact.policy.board_memory import BoardMemory, Failure
 from busybot.interact.policy.candidates import ActionModel, Candidates, V, find_candidates, held, prior_shift, smoothed
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import ELEVATED, PAIR_OF, PAIRS, pair_scores, sigmoid
@@ -30,7 +30,7 @@ MODES: tuple[Mode, ...] = get_args(Mode)
 
 
 @dataclass(frozen=True)
-class Choice:
+class ActionChoice:
     """An action and why it was chosen.
 
     Attributes:
@@ -65,9 +65,9 @@ class LearnedPolicy(Generic[V]):
         self._seen: Observation | None = None
         self._picks: list[tuple[int, int]] = []
         self.view: V | None = None
-        self.memory: Memory | None = None
+        self.memory: BoardMemory | None = None
         self.candidates: Candidates | None = None
-        self.choice: Choice | None = None
+        self.choice: ActionChoice | None = None
 
     def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
         view, memory = self._look(observation)
@@ -89,18 +89,18 @@ class LearnedPolicy(Generic[V]):
         else:
             memory.failed(Failure(action.pixel, {int(PAIR_OF[choice.direction]): choice.pair_belief}))
 
-    def _look(self, observation: Observation) -> tuple[V, Memory]:
+    def _look(self, observation: Observation) -> tuple[V, BoardMemory]:
         if self.view is None or observation is not self._seen:
             self._seen, self.view = observation, self._model.look(observation, self._rays, self.view)
         if self.memory is None:
-            self.memory = Memory(self.view.height, self._config)
+            self.memory = BoardMemory(self.view.height, self._config)
         return self.view, self.memory
 
-    def _find(self, view: V, seen: Observation, memory: Memory) -> Candidates:
+    def _find(self, view: V, seen: Observation, memory: BoardMemory) -> Candidates:
         self.candidates = find_candidates(self._model, seen, self._rays, memory, self._config, view)
         return self.candidates
 
-    def _best(self, found: Candidates, memory: Memory) -> Choice | None:
+    def _best(self, found: Candidates, memory: BoardMemory) -> ActionChoice | None:
         """The most promising new link while that promises enough, else the safest known one, else any."""
         new, known = found.take(found.regions < 0), found.take(found.regions > 0)
         enough = np.where(memory.tried(new.pixels), self._config.insist, self._config.explore)
@@ -109,7 +109,7 @@ class LearnedPolicy(Generic[V]):
             return _chosen(promising, int(promising.scores.argmax()), "new")
         return _chosen(known, int(known.scores.argmax()), "known") if len(known) else None
 
-    def _random(self, found: Candidates, memory: Memory, rng: np.random.Generator) -> Choice | None:
+    def _random(self, found: Candidates, memory: BoardMemory, rng: np.random.Generator) -> ActionChoice | None:
         """Any new candidate of enough promise or known link; of its pair, the directions by their probabilities."""
         if not len(found):
             return None
@@ -128,9 +128,9 @@ class LearnedPolicy(Generic[V]):
         two = [choice.direction, int(OPPOSITE[choice.direction])]
         weights = found.directions[index, two] + 1e-6
         direction = two[int(rng.random() * weights.sum() > weights[0])]
-        return Choice(choice.pixel, direction, choice.why, choice.belief, choice.pair_belief)
+        return ActionChoice(choice.pixel, direction, choice.why, choice.belief, choice.pair_belief)
 
-    def _highest(self, view: V, with_bonus: bool) -> Choice | None:
+    def _highest(self, view: V, with_bonus: bool) -> ActionChoice | None:
         """The pixel with the highest affordance, with the paper's bonus or without."""
         scores = sigmoid(smoothed(view.affordance, self._config.blur) + prior_shift(self._config))
         if with_bonus:
@@ -142,7 +142,7 @@ class LearnedPolicy(Generic[V]):
         _, directions = self._model.directions(view, np.array([[column, row]]))
         pairs = pair_scores(np.asarray(directions, float))[0]
         direction = _better(np.asarray(directions)[0], int(pairs.argmax()))
-        return Choice((int(column), int(row)), direction, "best", float(scores[row, column]), float(pairs.max()))
+        return ActionChoice((int(column), int(row)), direction, "best", float(scores[row, column]), float(pairs.max()))
 
 
 def mode_named(name: str) -> Mode:
@@ -158,10 +158,12 @@ def policy_name(mode: Mode) -> str:
     return "learned" if mode == "collect" else f"learned-{mode}"
 
 
-def _chosen(found: Candidates, index: int, why: str) -> Choice:
+def _chosen(found: Candidates, index: int, why: str) -> ActionChoice:
     column, row = found.pixels[index]
     direction, pair = int(found.best_directions[index]), int(found.best_pairs[index])
-    return Choice((int(column), int(row)), direction, why, float(found.beliefs[index]), float(found.pairs[index, pair]))
+    return ActionChoice(
+        (int(column), int(row)), direction, why, float(found.beliefs[index]), float(found.pairs[index, pair])
+    )
 
 
 def _better(directions: np.ndarray, pair: int) -> int:
@@ -170,9 +172,9 @@ def _better(directions: np.ndarray, pair: int) -> int:
     return max((first, int(OPPOSITE[first])), key=lambda one: directions[one])
 
 
-def _guess(height: np.ndarray, rng: np.random.Generator) -> Choice:
+def _guess(height: np.ndarray, rng: np.random.Generator) -> ActionChoice:
     """Any elevated pixel, any direction."""
     elevated = np.flatnonzero(height > ELEVATED)
     chosen = int(rng.choice(elevated)) if len(elevated) else int(rng.integers(height.size))
     row, column = divmod(chosen, height.shape[1])
-    return Choice((column, row), int(rng.integers(len(DIRECTIONS))), "guess", 0.1, 0.1)
+    return ActionChoice((column, row), int(rng.integers(len(DIRECTIONS))), "guess", 0.1, 0.1)

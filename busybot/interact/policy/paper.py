@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from typing import Annotated, Generic
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.candidates import ActionModel, V
@@ -21,7 +22,7 @@ from busybot.sim.policy import Action, StatelessPolicy
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class PaperRules(BaseModel):
+class PaperRules(FrozenModel):
     """How the paper's policy chooses.
 
     Attributes:
@@ -29,8 +30,6 @@ class PaperRules(BaseModel):
         all_directions: try all directions until one works, instead of one.
         ucb_c, ucb_window: of the bonus; c = 0 is the row "w/o exploration" of Table 1.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     epsilon_position: Share = 0.0
     epsilon_direction: Share = 0.0

@@ -8,10 +8,10 @@ from pydantic import ValidationError
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
-from busybot.interact.affordance.fast import Model, ModelInfo
+from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
 from busybot.interact.affordance.load import find_model, load_model
 from busybot.interact.policy.config import PolicyConfig, without_fixed
-from busybot.interact.policy.exploration import ExploreConfig, GuidedExplorer, UnguidedExplorer
+from busybot.interact.policy.exploration import ExplorationConfig, GuidedExplorer, UnguidedExplorer
 from busybot.interact.policy.learned import LearnedPolicy, Mode, policy_name
 from busybot.interact.policy.paper import PaperPolicy, PaperRules
 from busybot.sim.policy import Policy
@@ -84,7 +84,7 @@ class ExplorePolicyFactory:
     """
 
     model: str | None
-    config: ExploreConfig = ExploreConfig()
+    config: ExplorationConfig = ExplorationConfig()
 
     @property
     def name(self) -> str:
@@ -128,7 +128,7 @@ def usual_mode(model: str) -> Mode:
     return "ucb" if load_once(model).info.variant == "paper" else "evaluate"
 
 
-def policy_config(info: ModelInfo, overrides: dict[str, Any]) -> PolicyConfig:
+def policy_config(info: AffordanceInfo, overrides: dict[str, Any]) -> PolicyConfig:
     """The defaults, then the model's card, then the overrides.
 
     Raises:
@@ -153,12 +153,12 @@ def fingerprint(name_or_path: str) -> dict[str, Any]:
     return {"name": folder.name, "sha256": file_hashes(folder), "card": card}
 
 
-def load_once(name_or_path: str) -> Model:
+def load_once(name_or_path: str) -> AffordanceModel:
     """The model, read anew when its card on disk changed."""
     folder = find_model(name_or_path)
     return _load(str(folder), (folder / INFO_FILE).stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=2)
-def _load(folder: str, changed: int) -> Model:
+def _load(folder: str, changed: int) -> AffordanceModel:
     return load_model(folder)

@@ -11,14 +11,14 @@ import numpy as np
 
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode, Observation, Step
-from busybot.interact.policy.board_memory import Failure, Memory
+from busybot.interact.policy.board_memory import BoardMemory, Failure
 from busybot.interact.policy.candidates import ActionModel, Candidates, V, find_candidates, pairs_at, prior_shift
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import PAIR_OF, sigmoid
 
 
 @dataclass(frozen=True)
-class Thought:
+class PolicyTrace:
     """Before one action.
 
     Attributes:
@@ -36,7 +36,7 @@ class Thought:
     known: bool
 
 
-def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None = None) -> Iterator[Thought]:
+def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None = None) -> Iterator[PolicyTrace]:
     """Thoughts before every action of an episode, in order.
 
     Args:
@@ -47,20 +47,20 @@ def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None
     """
     config = config or PolicyConfig()
     rays = Rays(episode.camera)
-    memory: Memory | None = None
+    memory: BoardMemory | None = None
     for index, step in enumerate(episode.steps):
         before, after = episode.observation(index), episode.observation(index + 1)
         view = model.look(before, rays)
-        memory = memory or Memory(view.height, config)
+        memory = memory or BoardMemory(view.height, config)
         found = find_candidates(model, before, rays, memory, config, view)
         affordance = sigmoid(view.affordance + prior_shift(config))
         known = bool(memory.links[step.pixel[1], step.pixel[0]])
-        yield Thought(index, affordance, found, memory.links.copy(), known)
+        yield PolicyTrace(index, affordance, found, memory.links.copy(), known)
         remember(memory, step, before, after, partial(pairs_at, model, view, step.pixel, memory, config))
 
 
 def remember(
-    memory: Memory, step: Step, before: Observation, after: Observation, pairs: Callable[[], np.ndarray]
+    memory: BoardMemory, step: Step, before: Observation, after: Observation, pairs: Callable[[], np.ndarray]
 ) -> None:
     """Tell a memory what came of a recorded action.
 

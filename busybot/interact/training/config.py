@@ -5,11 +5,12 @@ Constants of training the `fast` networks: plain data that worker processes get.
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.interact.affordance.fast_networks import CROP
 from busybot.interact.affordance.inputs import Inputs
-from busybot.interact.policy.exploration import ExploreConfig
+from busybot.interact.policy.exploration import ExplorationConfig
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.scene.render import RenderConfig
 
@@ -17,11 +18,7 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 
 
-class _Plain(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class Augmentation(_Plain):
+class Augmentation(FrozenModel):
     """How crops are varied.
 
     Attributes:
@@ -41,7 +38,7 @@ class Augmentation(_Plain):
     colour: Annotated[float, Field(ge=0, le=1)] = 0.2
 
 
-class Replay(_Plain):
+class ReplayConfig(FrozenModel):
     """Which samples are shown (`interact.replay`).
 
     Attributes:
@@ -63,7 +60,7 @@ class Replay(_Plain):
     later_rounds: Positive = 5.0
 
 
-class FitConfig(_Plain):
+class FitConfig(FrozenModel):
     """One network's training; the defaults are the position network's.
 
     Attributes:
@@ -91,7 +88,7 @@ class FitConfig(_Plain):
     report: Annotated[int, Field(ge=1)] = 50
     checkpoint: Annotated[int, Field(ge=1)] = 250
     augmentation: Augmentation = Augmentation()
-    replay: Replay = Replay()
+    replay: ReplayConfig = ReplayConfig()
 
 
 class DirectionFitConfig(FitConfig):
@@ -107,11 +104,7 @@ class DirectionFitConfig(FitConfig):
 Iterations = Annotated[int, Field(ge=0, le=10_000_000)]
 
 
-class _TrainConfigPlain(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class RecordConfig(_TrainConfigPlain):
+class RecordConfig(FrozenModel):
     """How the data of a training are recorded, whatever learns from them.
 
     Attributes:
@@ -133,7 +126,7 @@ class RecordConfig(_TrainConfigPlain):
     images: Literal["jpeg", "png"] = "jpeg"
 
 
-class Round(_TrainConfigPlain):
+class Round(FrozenModel):
     """Collect with the current policy, then train on all that is there.
 
     Attributes:
@@ -182,7 +175,7 @@ class TrainConfig(RecordConfig):
     window: Annotated[int, Field(ge=1)] = 1_000_000
     validation: Annotated[int, Field(ge=0, le=100_000)] = 40
     validation_steps: Annotated[int, Field(ge=1, le=1000)] = 24
-    explore: ExploreConfig = ExploreConfig()
+    explore: ExplorationConfig = ExplorationConfig()
     position: FitConfig = FitConfig()
     direction: DirectionFitConfig = DirectionFitConfig()
 

@@ -34,7 +34,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine, run_tasks
 from busybot.common.rng import generator
 from busybot.datasets.dataset import INFO_FILE, Dataset
-from busybot.interact.affordance.fast import Model, ModelInfo
+from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
 from busybot.interact.affordance.fast_networks import HIDDEN, KINDS, DirectionNet, Kind, make_network
 from busybot.interact.affordance.inputs import Inputs
 from busybot.interact.affordance.load import load_model
@@ -46,9 +46,9 @@ from busybot.interact.training.direction_prior import after_failure
 from busybot.interact.training.prioritized_replay import Priorities
 from busybot.interact.training.round_recorder import (
     BEFORE,
-    Explorer,
+    ExplorerFactory,
     Recorder,
-    Told,
+    RoundProgress,
     checked,
     finished,
     given,
@@ -253,20 +253,20 @@ class Source:
     """
 
     library: Library | None
-    explore: Callable[[str | None], Explorer]
+    explore: Callable[[str | None], ExplorerFactory]
     datasets: tuple[Path, ...] = ()
 
 
 class Training:
     """One training in its folder."""
 
-    def __init__(self, out: Path, config: TrainConfig, source: Source, seed: int, workers: int, told: Told):
+    def __init__(self, out: Path, config: TrainConfig, source: Source, seed: int, workers: int, told: RoundProgress):
         self.out, self.config, self.source = out, config, source
         self.seed, self.workers = seed, workers
         self.recorder = Recorder(source.library, config, seed, workers, told)
         self.schedule = schedule_for(config, len(source.datasets))
 
-    def run(self) -> Model:
+    def run(self) -> AffordanceModel:
         """All rounds that are not done yet; returns the final model.
 
         Raises:
@@ -318,14 +318,14 @@ class Training:
         results = dict(run_tasks(range(len(jobs)), make_fit, (jobs,), self.workers, task_seconds=FIT_SECONDS))
         figures: dict[str, Any] = {job.kind: results[place] for place, job in enumerate(jobs)}
         samples = open_samples(caches, inputs, self.config.window)
-        info = ModelInfo(
+        info = AffordanceInfo(
             variant=self.config.variant,
             inputs=inputs,
             after_failure=after_failure(samples.executed, samples.worked),
             thresholds=STRICT_POLICY if self.config.interaction.strict else {},
             training=describe(self.config, self.seed, datasets, caches, figures),
         )
-        Model(info, {job.kind: network_of(job) for job in jobs}).save(self._model_folder(number))
+        AffordanceModel(info, {job.kind: network_of(job) for job in jobs}).save(self._model_folder(number))
 
     def _job(self, kind: Kind, number: int, caches: tuple[Path, ...], validation: Path | None) -> FitJob:
         ends = [0]

@@ -38,7 +38,7 @@ from busybot.common.process_pool import machine
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
-from busybot.interact.affordance.fast import ModelInfo
+from busybot.interact.affordance.fast import AffordanceInfo
 from busybot.interact.affordance.fast_networks import KINDS, Kind
 from busybot.interact.affordance.inputs import Inputs
 from busybot.interact.affordance.paper import PAPER_POLICY, PAPER_PRIOR, PaperModel
@@ -274,7 +274,7 @@ class PaperTraining:
 
     def _model(self, training: dict[str, Any]) -> PaperModel:
         origin = {"seed": self.recorder.seed, "config": self.config.model_dump(mode="json"), **training}
-        info = ModelInfo(
+        info = AffordanceInfo(
             variant="paper",
             inputs=self.config.inputs,
             prior=PAPER_PRIOR,

@@ -14,15 +14,16 @@ What the paper leaves open, and what is chosen here:
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.interact.affordance.fast_networks import KINDS, Kind
 from busybot.interact.training.config import RecordConfig
 
 Epochs = Annotated[int, Field(ge=0, le=100_000)]
 
 
-class LearnConfig(BaseModel):
+class LearnConfig(FrozenModel):
     """How one network is trained.
 
     Attributes:
@@ -32,8 +33,6 @@ class LearnConfig(BaseModel):
         epsilon_epochs: the share of random choices falls from 1 to its lowest value in so many epochs, from the one in
             which the training starts.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     batch: Annotated[int, Field(ge=2, le=4096, multiple_of=2)]
     iterations: Annotated[int, Field(ge=0, le=100_000)]

@@ -8,7 +8,7 @@ uniformly (appendix A.1).
 import numpy as np
 
 from busybot.common.errors import BusybotError
-from busybot.interact.training.config import Replay
+from busybot.interact.training.config import ReplayConfig
 
 MEND = {
     "succeeded": "or lower the reward's threshold: --set interaction.delta=500",
@@ -19,7 +19,7 @@ MEND = {
 class Priorities:
     """Running mean losses of all samples, float32 (N,), which grow with the samples."""
 
-    def __init__(self, config: Replay, values: np.ndarray | None = None):
+    def __init__(self, config: ReplayConfig, values: np.ndarray | None = None):
         self.config = config
         self.values = np.empty(0, np.float32) if values is None else values.astype(np.float32)
 

@@ -24,7 +24,7 @@ BEFORE = ("rounds", "validation")
 """What may lie in a folder in which a training begins: recorded rounds, to train on with `--offline`."""
 
 
-class Explorer(PolicyFactory, Protocol):
+class ExplorerFactory(PolicyFactory, Protocol):
     """Makes the policies that collect a round."""
 
     def provenance(self) -> dict[str, Any]:
@@ -32,7 +32,7 @@ class Explorer(PolicyFactory, Protocol):
 
 
 @dataclass(frozen=True)
-class Told:
+class RoundProgress:
     """Who is told of the progress: a line of text, and a labelled count of episodes."""
 
     say: Callable[[str], None]
@@ -53,9 +53,11 @@ class Recorder:
     config: RecordConfig
     seed: int
     workers: int
-    told: Told
+    told: RoundProgress
 
-    def dataset(self, path: Path, boards: int, steps: int, purpose: str, explorer: Callable[[], Explorer]) -> Dataset:
+    def dataset(
+        self, path: Path, boards: int, steps: int, purpose: str, explorer: Callable[[], ExplorerFactory]
+    ) -> Dataset:
         """The dataset in `path`, with an episode for each of its boards; what is missing is recorded.
 
         Args:
@@ -90,7 +92,7 @@ class Recorder:
         return Dataset.open(path)
 
 
-def checked(given: Sequence[Path], config: RecordConfig, told: Told) -> None:
+def checked(given: Sequence[Path], config: RecordConfig, told: RoundProgress) -> None:
     """Look at all given datasets before anything is written; of boards on which models are judged, it is said.
 
     Raises:

@@ -20,10 +20,11 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel
 from busybot.common.safe_yaml import check_tokens, describe
 from busybot.objects.partnet.annotation import Number, Value, Vector3
 from busybot.objects.partnet.urdf import Urdf
@@ -33,11 +34,7 @@ Category = Literal["Switch", "Lamp", "Door", "Toy"]
 LinkName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{1,64}$")]
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class EffectChoice(_Part):
+class EffectChoice(FrozenModel):
     """What a responder shows.
 
     Attributes:
@@ -65,7 +62,7 @@ class EffectChoice(_Part):
         return self
 
 
-class Choices(_Part):
+class Choices(FrozenModel):
     """The decisions; None leaves one to the rules.
 
     Attributes:

@@ -67,7 +67,7 @@ PALETTE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (
 
 
 @dataclass(frozen=True)
-class Decision:
+class AutoAnnotation:
     """A complete annotation.
 
     Attributes:
@@ -82,7 +82,7 @@ class Decision:
     notes: tuple[str, ...]
 
 
-def decide(raw: RawObject, given: Choices | None = None) -> Decision:
+def decide(raw: RawObject, given: Choices | None = None) -> AutoAnnotation:
     """Annotate; what `given` holds is taken from there, the rest by the rules.
 
     Raises:
@@ -99,7 +99,7 @@ class _Rules:
         self.low, self.high = bounds(shown(raw))
         self.moving = moving_links(raw)
 
-    def decide(self) -> Decision:
+    def decide(self) -> AutoAnnotation:
         category = self.category()
         used = self.used(category)
         orientation = self.orientation(category, used)
@@ -122,7 +122,7 @@ class _Rules:
             directions=directions,
             effect=effect,
         )
-        return Decision(choices, tuple(low.tolist()), tuple(high.tolist()), tuple(self.notes))
+        return AutoAnnotation(choices, tuple(low.tolist()), tuple(high.tolist()), tuple(self.notes))
 
     def category(self) -> Category:
         told = self.given.category or self.raw.category

@@ -24,7 +24,7 @@ from busybot.common.atomic_io import (
 from busybot.common.errors import BusybotError
 from busybot.objects.catalogue import Split, catalogue
 from busybot.objects.importing.annotation_edits import Choices, Overrides
-from busybot.objects.importing.auto_annotation import RULES_VERSION, Decision, decide
+from busybot.objects.importing.auto_annotation import RULES_VERSION, AutoAnnotation, decide
 from busybot.objects.importing.joint_motion import moving_links
 from busybot.objects.importing.raw import RawObject, read_raw
 from busybot.objects.library import MAX_OBJECTS, SPLIT_FILE, read_split_file
@@ -41,7 +41,7 @@ _WORK = "import"
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ImportOutcome:
     """What became of one raw folder.
 
     Attributes:
@@ -100,7 +100,7 @@ def import_objects(
     overrides: Overrides | None = None,
     split: Split | None = None,
     replace: bool = False,
-) -> Iterator[Outcome]:
+) -> Iterator[ImportOutcome]:
     """Annotate raw folders one after the other and put them into a library.
 
     Args:
@@ -122,7 +122,7 @@ def import_objects(
         try:
             yield _import(folder, out, overrides or _NO_OVERRIDES, split, replace)
         except BusybotError as error:
-            yield Outcome(folder.name, "refused", problem=error.what, mend=error.mend)
+            yield ImportOutcome(folder.name, "refused", problem=error.what, mend=error.mend)
 
 
 def _check_library(out: Path) -> None:
@@ -134,10 +134,10 @@ def _check_library(out: Path) -> None:
     _read_splits(out)
 
 
-def _import(folder: Path, out: Path | None, overrides: Overrides, split: Split | None, replace: bool) -> Outcome:
+def _import(folder: Path, out: Path | None, overrides: Overrides, split: Split | None, replace: bool) -> ImportOutcome:
     given = overrides.choices.get(folder.name, Choices())
     if not given.use:
-        return Outcome(folder.name, "left out")
+        return ImportOutcome(folder.name, "left out")
     if (folder / FILE_NAME).exists():
         raise BusybotError(f"{folder}: is annotated already", "copy it into the library, or remove its annotation")
     raw = read_raw(folder)
@@ -146,13 +146,13 @@ def _import(folder: Path, out: Path | None, overrides: Overrides, split: Split |
     decision = decide(raw, given)
     annotated, model = annotate(raw, decision, given)
     if out is None:
-        return Outcome(folder.name, "proposed", model.key, decision.choices, decision.notes)
+        return ImportOutcome(folder.name, "proposed", model.key, decision.choices, decision.notes)
     new, chosen = _place(annotated, out, model, replace, split)
     done = "imported" if new else "unchanged"
-    return Outcome(folder.name, done, model.key, decision.choices, decision.notes, chosen)
+    return ImportOutcome(folder.name, done, model.key, decision.choices, decision.notes, chosen)
 
 
-def annotate(raw: RawObject, decision: Decision, given: Choices | None = None) -> tuple[Snapshot, ObjectModel]:
+def annotate(raw: RawObject, decision: AutoAnnotation, given: Choices | None = None) -> tuple[Snapshot, ObjectModel]:
     """The annotated folder in memory, and the object that it is.
 
     Raises:
@@ -165,7 +165,7 @@ def annotate(raw: RawObject, decision: Decision, given: Choices | None = None) -
     return snapshot, parse_object(snapshot)
 
 
-def annotation(raw: RawObject, decision: Decision, given: Choices) -> dict[str, Any]:
+def annotation(raw: RawObject, decision: AutoAnnotation, given: Choices) -> dict[str, Any]:
     """`object_meta_info.json`. Beyond the authors' fields, `Import` says what decided."""
     choices = decision.choices
     assert choices.category is not None and choices.scale is not None and choices.orientation is not None

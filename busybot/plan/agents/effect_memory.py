@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from busybot.boards.directions import OPPOSITE
-from busybot.plan.interfaces import NOBODY, Attempt, Briefing, Contact
+from busybot.plan.interfaces import NOBODY, Contact, PastAction, TaskContext
 
 ALIKE = 0.4
 """A look that no other is like is taken for the nearest one within this share of the least distance of two looks: a
@@ -19,7 +19,7 @@ SAME_PLACE = 2.5
 """Pixels nearer than this are the same contact."""
 
 
-class Looks:
+class StateAppearances:
     """The numbered looks of one responder."""
 
     def __init__(self, threshold: float):
@@ -46,7 +46,7 @@ class Looks:
 
 
 @dataclass(frozen=True)
-class Experience:
+class Transition:
     """An action that changed a responder.
 
     Attributes:
@@ -70,7 +70,7 @@ class Experience:
 
 
 @dataclass(frozen=True)
-class Failed:
+class FailedAction:
     """An action of the rollout that changed nothing, with all looks as they were."""
 
     pixel: tuple[int, int]
@@ -78,19 +78,19 @@ class Failed:
     looks: dict[int, int]
 
 
-class Book:
+class EffectMemory:
     """All experiences on one board."""
 
-    def __init__(self, briefing: Briefing, edges: np.ndarray):
+    def __init__(self, briefing: TaskContext, edges: np.ndarray):
         """Read the history.
 
         Args:
             edges: bool (N, N), relations; changes of the history that contradict them are left out.
         """
         self._threshold = briefing.threshold
-        self.looks = {int(j): Looks(briefing.threshold) for j in np.flatnonzero(briefing.history.responders)}
-        self.lessons: list[Experience] = []
-        self.failures: list[Failed] = []
+        self.looks = {int(j): StateAppearances(briefing.threshold) for j in np.flatnonzero(briefing.history.responders)}
+        self.lessons: list[Transition] = []
+        self.failures: list[FailedAction] = []
         history = briefing.history
         for features in history.features:
             self.numbers(features)
@@ -104,7 +104,7 @@ class Book:
             before, after = (self.looks[responder].number(history.features[step + k, responder]) for k in (0, 1))
             worked, pixel = int(briefing.worked[step]), (int(briefing.pixels[step][0]), int(briefing.pixels[step][1]))
             # the history's action counts with the direction that worked: what was proposed may have failed before it
-            lesson = Experience(
+            lesson = Transition(
                 pixel, history.actions[step, :3], trigger, worked, worked, responder, before, after, f"step {step + 1}"
             )
             self.lessons.append(lesson)
@@ -113,16 +113,16 @@ class Book:
         """Number of each responder's look in features (N, 256)."""
         return {index: looks.number(features[index]) for index, looks in self.looks.items()}
 
-    def add(self, attempt: Attempt, name: str) -> None:
+    def add(self, attempt: PastAction, name: str) -> None:
         """Learn from an action of the rollout."""
         contact = attempt.contact
         responder = self._changed(attempt.before, attempt.after, np.array(list(self.looks), int))
         if responder == NOBODY:
-            self.failures.append(Failed(contact.pixel, attempt.executed, self.numbers(attempt.before)))
+            self.failures.append(FailedAction(contact.pixel, attempt.executed, self.numbers(attempt.before)))
             return
         before, after = (self.looks[responder].number(looks[responder]) for looks in (attempt.before, attempt.after))
         worked = attempt.executed[-1]
-        lesson = Experience(
+        lesson = Transition(
             contact.pixel, contact.position, contact.trigger, attempt.direction, worked, responder, before, after, name
         )
         self.lessons.append(lesson)
@@ -147,7 +147,7 @@ class Book:
             near[lesson.responder] = min(near.get(lesson.responder, np.inf), float(distance))
         return near
 
-    def seen(self, contact: Contact, direction: int, responder: int, look: int) -> Experience | None:
+    def seen(self, contact: Contact, direction: int, responder: int, look: int) -> Transition | None:
         """The latest experience that says what this very action does to the responder in this look."""
         for lesson in reversed(self.lessons):
             if lesson.responder != responder or lesson.before != look or not same_place(lesson.pixel, contact.pixel):

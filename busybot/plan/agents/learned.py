@@ -8,13 +8,13 @@ import torch
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.errors import BusybotError
 from busybot.plan.agents.simple import NO_CANDIDATE
-from busybot.plan.interfaces import Act, Briefing, Situation, Stop
-from busybot.plan.learning.encoding import OBJECTS, STOP, Deed, Encoder, Observation, offer, stacked
+from busybot.plan.interfaces import Act, DecisionState, Stop, TaskContext
+from busybot.plan.learning.encoding import OBJECTS, STOP, ActionOutcome, Observation, ObservationEncoder, offer, stacked
 from busybot.plan.learning.network import Name, PolicyNetwork, State, load_policy, rows_of
 from busybot.reason.models.base import Reasoner
 
 
-class Learned:
+class LearnedAgent:
     """An agent that plays a trained policy.
 
     Args:
@@ -24,15 +24,15 @@ class Learned:
     def __init__(self, name: str, network: PolicyNetwork):
         self.name, self._network = name, network
         self._state: State | None = None
-        self._encoder: Encoder | None = None
+        self._encoder: ObservationEncoder | None = None
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         self._encoder = self._state = None
         if len(briefing.history.triggers) <= OBJECTS:
-            self._encoder = Encoder(briefing)
+            self._encoder = ObservationEncoder(briefing)
             self._read(self._encoder.history())
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         if self._encoder is None:
             return Stop(f"the board has more than {OBJECTS} objects, for which there is no place in the network")
         offered, choices = offer(situation.candidates)
@@ -42,7 +42,7 @@ class Learned:
         deed = None
         if last is not None:
             direction = DIRECTIONS[last.executed[-1] if last.reward else last.direction]
-            deed = Deed(last.contact.position, direction, last.contact.trigger, last.reward)
+            deed = ActionOutcome(last.contact.position, direction, last.contact.trigger, last.reward)
         before = situation.features if last is None else last.before
         scores = self._read(stacked([self._encoder.seen(situation.features, before, deed, offered)]))
         chances = scores.softmax(dim=0)
@@ -58,7 +58,7 @@ class Learned:
         return self._network.scores(hidden[-1, 0], {name: value[-1, 0] for name, value in seen.items()})
 
 
-def learned(agent: Name, path: str, reasoner: Reasoner) -> Learned:
+def learned(agent: Name, path: str, reasoner: Reasoner) -> LearnedAgent:
     """The agent of a trained policy.
 
     Raises:
@@ -68,4 +68,4 @@ def learned(agent: Name, path: str, reasoner: Reasoner) -> Learned:
     if info.encoder != reasoner.encoder:
         what = f"{path}: agent {agent} reads features of {info.encoder}, the reasoner those of {reasoner.encoder}"
         raise BusybotError(what, "choose a reasoner of the same encoder")
-    return Learned(agent, network)
+    return LearnedAgent(agent, network)

@@ -1,8 +1,8 @@
 """What knows the truth, for rows that are marked as oracles: nothing here is offered to any other agent.
 
-- `Oracle`: brings every trigger link to its goal state, by contacts that work.
-- `TrueContacts`: in place of the interaction model's candidates, one that works for every link ("true candidates").
-- `TrueRelations`: a reasoner that is told the relations ("true relations").
+- `OracleAgent`: brings every trigger link to its goal state, by contacts that work.
+- `OracleProposals`: in place of the interaction model's candidates, one that works for every link ("true candidates").
+- `OracleRelations`: a reasoner that is told the relations ("true relations").
 """
 
 import time
@@ -15,9 +15,9 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.direction_pairs import pair_scores
 from busybot.plan.contact_proposals import SURE
-from busybot.plan.interfaces import Act, Briefing, Contact, Situation, Stop
-from busybot.reason.inputs.observation import Observed, trigger_at
-from busybot.reason.inputs.sequence import Sequence
+from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
+from busybot.reason.inputs.observation import ObservedEpisode, trigger_at
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, Reasoner
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.oracle_contacts import TrueContact, true_contacts
@@ -25,7 +25,7 @@ from busybot.sim.policy import privileged
 from busybot.sim.scene.board_scene import BoardScene
 
 
-class TrueContacts:
+class OracleProposals:
     """Contacts that work, one for every visible trigger link; of the history nothing is offered.
 
     Attributes:
@@ -33,7 +33,12 @@ class TrueContacts:
     """
 
     def __init__(
-        self, scene: BoardScene, rays: Rays, config: InteractionConfig, observed: Observed, rng: np.random.Generator
+        self,
+        scene: BoardScene,
+        rays: Rays,
+        config: InteractionConfig,
+        observed: ObservedEpisode,
+        rng: np.random.Generator,
     ):
         self._scene, self._rays, self._config, self._observed, self._rng = scene, rays, config, observed, rng
         self.now: list[TrueContact] = []
@@ -60,7 +65,7 @@ class TrueContacts:
         return Contact(pixel, one.position, trigger_at(self._observed, pixel), one.number + 1, SURE, directions, pairs)
 
 
-class Oracle:
+class OracleAgent:
     """Moves trigger links that are not in their goal state until all are.
 
     Args:
@@ -71,13 +76,13 @@ class Oracle:
 
     name = "oracle"
 
-    def __init__(self, scene: BoardScene, goal: tuple[int, ...], contacts: TrueContacts):
+    def __init__(self, scene: BoardScene, goal: tuple[int, ...], contacts: OracleProposals):
         self._scene, self._goal, self._contacts = scene, goal, contacts
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         pass
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         states = self._scene.trigger_states()
         if states == self._goal:
             return Stop("every trigger is in its goal state")
@@ -90,17 +95,17 @@ class Oracle:
         return Stop("no link that is not in its goal state can be moved towards it")
 
 
-class TrueRelations:
+class OracleRelations:
     """A reasoner whose graph is the board's."""
 
     def __init__(self, reasoner: Reasoner, board: BoardSpec):
         self.name, self.encoder, self._reasoner = f"{reasoner.name}+relations", reasoner.encoder, reasoner
         self._edges = np.array(board.relation_matrix(), float).reshape(len(board.objects), -1)
 
-    def graph(self, seen: Sequence) -> InferredGraph:
+    def graph(self, seen: BoardSequence) -> InferredGraph:
         """See `Reasoner`."""
         return InferredGraph(self.name, self._edges[None], prior=self._edges)
 
-    def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """See `Reasoner`."""
         return self._reasoner.predict(seen, current, actions, acted)

@@ -14,14 +14,14 @@ import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.plan.agents.simple import NO_CANDIDATE, REACHED, promising
-from busybot.plan.interfaces import NOBODY, Act, Briefing, Contact, Situation, Stop
+from busybot.plan.interfaces import NOBODY, Act, Contact, DecisionState, Stop, TaskContext
 from busybot.reason.models.base import Reasoner
 
 Choice = tuple[Contact, int]
 """A contact and a direction."""
 
 
-class Relation:
+class RelationAgent:
     """Paper section 3.3, option 1."""
 
     name = "relation"
@@ -29,12 +29,12 @@ class Relation:
     def __init__(self, reasoner: Reasoner):
         self._reasoner = reasoner
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         history = briefing.history
         self._edges = self._reasoner.graph(history).claimed(history.steps)
         self._left = [int(index) for index in briefing.differing(history.features[0])]
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         rng = situation.rng
         while self._left:
             responder = self._left.pop(0)
@@ -49,7 +49,7 @@ class Relation:
         return Stop("every responder that differed had its action, if it had a known trigger with a candidate")
 
 
-class Predictive:
+class PredictiveAgent:
     """Paper section 3.3, option 2."""
 
     name = "predictive"
@@ -57,10 +57,10 @@ class Predictive:
     def __init__(self, reasoner: Reasoner):
         self._reasoner = reasoner
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         self._briefing = briefing
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         differing = self._briefing.differing(situation.features)
         if not len(differing):
             return Stop(REACHED)
@@ -86,12 +86,12 @@ class Predictive:
         return NOBODY
 
 
-class BusyBot(Predictive):
+class BusyBotAgent(PredictiveAgent):
     """Paper section 3.3, option 3."""
 
     name = "busybot"
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         super().start(briefing)
         self._edges = self._reasoner.graph(briefing.history).claimed(briefing.history.steps)
 
@@ -108,7 +108,7 @@ def _worth(choice: Choice) -> float:
     return contact.belief * float(contact.directions[direction])
 
 
-def predicted(reasoner: Reasoner, briefing: Briefing, features: np.ndarray, choices: list[Choice]) -> np.ndarray:
+def predicted(reasoner: Reasoner, briefing: TaskContext, features: np.ndarray, choices: list[Choice]) -> np.ndarray:
     """Features float32 (S, N, 256) that are expected after each of S choices, from the present ones (N, 256)."""
     actions = np.array([(*contact.position, *DIRECTIONS[one]) for contact, one in choices], np.float32)
     acted = np.array([contact.trigger for contact, _ in choices], int)

@@ -17,17 +17,17 @@ The interaction model is asked only where the history has no contact that surely
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.interact.policy.direction_pairs import sigmoid
-from busybot.plan.agents.effect_memory import Book, Experience
+from busybot.plan.agents.effect_memory import EffectMemory, Transition
 from busybot.plan.agents.paper import predicted
 from busybot.plan.agents.simple import NO_CANDIDATE, REACHED
-from busybot.plan.interfaces import NOBODY, Act, Briefing, Contact, Situation, Stop
+from busybot.plan.interfaces import NOBODY, Act, Contact, DecisionState, Stop, TaskContext
 from busybot.reason.models.base import Reasoner
 
 
-class SearchConfig(BaseModel):
+class SearchConfig(FrozenModel):
     """Constants of the search.
 
     Attributes:
@@ -46,8 +46,6 @@ class SearchConfig(BaseModel):
         give_up: nothing that costs more is tried.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     sure: float = 0.98
     moved: float = 0.6
     near: float = 0.12
@@ -64,7 +62,7 @@ class SearchConfig(BaseModel):
 
 
 @dataclass(frozen=True)
-class Choice:
+class Option:
     """Something to do, its cost in steps, and why."""
 
     contact: Contact
@@ -85,7 +83,7 @@ class _View:
     looks: dict[int, int]
 
 
-class Search:
+class SearchAgent:
     """See the module."""
 
     name = "search"
@@ -93,13 +91,13 @@ class Search:
     def __init__(self, reasoner: Reasoner, config: SearchConfig | None = None):
         self._reasoner, self._config = reasoner, config or SearchConfig()
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         self._briefing = briefing
         self._edges = self._reasoner.graph(briefing.history).claimed(briefing.history.steps)
-        self._book = Book(briefing, self._edges)
+        self._book = EffectMemory(briefing, self._edges)
         self._known = 0
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         for attempt in situation.attempts[self._known :]:
             self._known += 1
             self._book.add(attempt, f"action {self._known} of this task")
@@ -122,17 +120,17 @@ class Search:
         )
 
     def _best(
-        self, situation: Situation, contacts: tuple[Contact, ...], differing: list[int], looks: dict[int, int]
-    ) -> Choice | None:
+        self, situation: DecisionState, contacts: tuple[Contact, ...], differing: list[int], looks: dict[int, int]
+    ) -> Option | None:
         """The cheapest choice for any of the responders."""
         view = _View(situation.features, contacts, [self._book.nearest(contact) for contact in contacts], looks)
-        found: list[Choice] = []
+        found: list[Option] = []
         for responder in differing:
             known = any(lesson.responder == responder for lesson in self._book.lessons)
             found += self._on_its_link(view, responder) if known else self._on_unknown_links(view, responder)
         return min(found, key=lambda choice: choice.cost, default=None)
 
-    def _on_its_link(self, view: "_View", responder: int) -> list[Choice]:
+    def _on_its_link(self, view: "_View", responder: int) -> list[Option]:
         """Choices at contacts that are probably on the link of a responder."""
         mine = [
             (contact, share)
@@ -156,10 +154,10 @@ class Search:
         responder: int,
         share: float,
         look: int,
-        lesson: Experience | None,
+        lesson: Transition | None,
         after: int,
         costs: dict[int, float],
-    ) -> Choice:
+    ) -> Option:
         config = self._config
         if lesson is not None:
             belief, why = config.sure, f"as in {lesson.name}"
@@ -177,10 +175,10 @@ class Search:
         reached = after == self._book.goal[responder]
         outcome = "look as in the goal" if reached else f"take look {after}, the goal is {self._book.goal[responder]}"
         text = f"object {responder} should then {outcome}, {why}"
-        return Choice(contact, direction, responder, belief, cost, text)
+        return Option(contact, direction, responder, belief, cost, text)
 
     def _expected(
-        self, view: "_View", pairs: list[tuple[Contact, int]], lessons: list[Experience | None], responder: int
+        self, view: "_View", pairs: list[tuple[Contact, int]], lessons: list[Transition | None], responder: int
     ) -> list[int]:
         """The look that follows each choice: seen, else concluded from the opposite direction, else predicted."""
         look = view.looks[responder]
@@ -216,7 +214,7 @@ class Search:
                     costs[start] = min(costs.get(start, np.inf), cost + costs[end])
         return costs
 
-    def _on_unknown_links(self, view: "_View", responder: int) -> list[Choice]:
+    def _on_unknown_links(self, view: "_View", responder: int) -> list[Option]:
         """Choices at contacts far from all experiences, if nothing is known to change the responder."""
         found = []
         triggers = np.flatnonzero(self._edges[:, responder])
@@ -229,7 +227,7 @@ class Search:
                 belief = share * contact.score * self._config.after_failure**failures
                 why = f"nothing is known to change object {responder}; a link of which nothing is known"
                 cost = 1 / max(belief, 1e-6) + self._config.guess
-                found.append(Choice(contact, direction, responder, belief, cost, why))
+                found.append(Option(contact, direction, responder, belief, cost, why))
         return found
 
 

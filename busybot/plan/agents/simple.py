@@ -1,32 +1,32 @@
 """Agents that need no reasoning: what doing nothing and acting at random come to."""
 
-from busybot.plan.interfaces import Act, Briefing, Contact, Situation, Stop
+from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
 
 PROMISING = 0.5
 """Least expected success of a candidate that has not moved yet, as when data for reasoning are collected."""
 
 
-class Noop:
+class NoopAgent:
     """Does nothing."""
 
     name = "noop"
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         pass
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         return Stop("does nothing")
 
 
-class Random:
+class RandomAgent:
     """Any candidate, as when the history was recorded; stops when everything looks as in the goal."""
 
     name = "random"
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         self._briefing = briefing
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         if not len(self._briefing.differing(situation.features)):
             return Stop(REACHED)
         found = promising(situation.candidates)

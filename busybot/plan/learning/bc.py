@@ -12,11 +12,11 @@ import torch
 from torch import Tensor
 
 from busybot.common.rng import generator
-from busybot.plan.learning.board_graph import Explored
+from busybot.plan.learning.board_graph import ExploredBoard
 from busybot.plan.learning.config import BcConfig
 from busybot.plan.learning.encoding import OBJECTS, STOP, Observation, stacked
 from busybot.plan.learning.network import PolicyNetwork, rows_of, success_of
-from busybot.plan.learning.practice import Rollout
+from busybot.plan.learning.practice import PracticeRollout
 from busybot.training.loop import Budget, Learner, descend
 from busybot.training.weights import drawing
 
@@ -33,7 +33,7 @@ class BcLearner(Learner):
     network: PolicyNetwork
     budget: Budget
 
-    def __init__(self, config: BcConfig, boards: Sequence[Explored], held_out: Sequence[Explored], seed: int):
+    def __init__(self, config: BcConfig, boards: Sequence[ExploredBoard], held_out: Sequence[ExploredBoard], seed: int):
         torch.set_num_threads(1)
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards, self.held_out = boards, held_out
@@ -71,14 +71,14 @@ Shown = tuple[Observation, np.ndarray]
 """A rollout's observations, and bool (D, 25): what was right at each of the D decisions at its end."""
 
 
-def demonstrate(board: Explored, order: np.ndarray | None, rng: np.random.Generator, noise: float = 0.0) -> Shown:
+def demonstrate(board: ExploredBoard, order: np.ndarray | None, rng: np.random.Generator, noise: float = 0.0) -> Shown:
     """The oracle plays.
 
     Args:
-        order: of the objects, see `Rollout`.
+        order: of the objects, see `PracticeRollout`.
         noise: share of the steps in which something else is done.
     """
-    rollout, seen, right = Rollout(board, order), [], []
+    rollout, seen, right = PracticeRollout(board, order), [], []
     while not rollout.over:
         seen.append(rollout.observation())
         right.append(rollout.right)

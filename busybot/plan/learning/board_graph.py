@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from busybot.plan.interfaces import Briefing
-from busybot.plan.learning.encoding import STOP, Encoder, Observation, Offer
-from busybot.reason.inputs.sequence import Sequence
+from busybot.plan.interfaces import TaskContext
+from busybot.plan.learning.encoding import STOP, CandidateArrays, Observation, ObservationEncoder
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.training.checkpoint import load_tensors, save_tensors
 
 
 @dataclass(frozen=True)
-class Graph:
+class BoardGraph:
     """What can happen: S states of N objects, of which state 0 is the start.
 
     Attributes:
@@ -37,9 +37,9 @@ class Graph:
     leads: np.ndarray
     worked: np.ndarray
 
-    def offered(self, state: int) -> Offer:
+    def offered(self, state: int) -> CandidateArrays:
         """Choices in a state."""
-        return Offer(self.facts[state], self.touched[state], int((self.leads[state] >= 0).sum()))
+        return CandidateArrays(self.facts[state], self.touched[state], int((self.leads[state] >= 0).sum()))
 
     @cached_property
     def right(self) -> np.ndarray:
@@ -62,7 +62,7 @@ class Graph:
 
 
 @dataclass(frozen=True)
-class Explored:
+class ExploredBoard:
     """A task and its board.
 
     Attributes:
@@ -72,15 +72,15 @@ class Explored:
         cpu_s: processor time that exploring took.
     """
 
-    briefing: Briefing
-    graph: Graph
+    briefing: TaskContext
+    graph: BoardGraph
     group: str = ""
     cpu_s: float = 0.0
 
     @cached_property
-    def encoder(self) -> Encoder:
+    def encoder(self) -> ObservationEncoder:
         """Of observations on this board."""
-        return Encoder(self.briefing)
+        return ObservationEncoder(self.briefing)
 
     @cached_property
     def history(self) -> Observation:
@@ -88,17 +88,17 @@ class Explored:
         return self.encoder.history()
 
 
-def save_explored(path: Path, board: Explored) -> None:
+def save_explored(path: Path, board: ExploredBoard) -> None:
     """Write a board as safetensors."""
     briefing = board.briefing
     arrays = {f"history.{name}": value for name, value in vars(briefing.history).items()}
     arrays |= {name: getattr(briefing, name) for name in ("pixels", "worked", "goal")}
-    arrays |= {f"graph.{field.name}": getattr(board.graph, field.name) for field in fields(Graph)}
+    arrays |= {f"graph.{field.name}": getattr(board.graph, field.name) for field in fields(BoardGraph)}
     values = {"group": board.group, "cpu_s": board.cpu_s, "threshold": briefing.threshold, "steps": briefing.steps}
     save_tensors(path, {name: torch.from_numpy(np.ascontiguousarray(value)) for name, value in arrays.items()}, values)
 
 
-def load_explored(path: Path) -> Explored:
+def load_explored(path: Path) -> ExploredBoard:
     """Read what `save_explored` wrote.
 
     Raises:
@@ -107,15 +107,15 @@ def load_explored(path: Path) -> Explored:
     saved = load_tensors(path)
     arrays = {name: tensor.numpy() for name, tensor in saved.tensors.items()}
     values = saved.values
-    briefing = Briefing(
-        history=Sequence(**_under("history.", arrays)),
+    briefing = TaskContext(
+        history=BoardSequence(**_under("history.", arrays)),
         pixels=arrays["pixels"],
         worked=arrays["worked"],
         goal=arrays["goal"],
         threshold=values["threshold"],
         steps=values["steps"],
     )
-    return Explored(briefing, Graph(**_under("graph.", arrays)), values["group"], values["cpu_s"])
+    return ExploredBoard(briefing, BoardGraph(**_under("graph.", arrays)), values["group"], values["cpu_s"])
 
 
 def _under(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

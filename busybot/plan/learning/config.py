@@ -2,10 +2,11 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from busybot.plan.learning.explore import ExploreConfig
-from busybot.plan.learning.network import NetConfig
+from busybot.common.frozen_model import FrozenModel
+from busybot.plan.learning.explore import BoardGraphConfig
+from busybot.plan.learning.network import PolicyNetworkConfig
 from busybot.training.loop import LoopConfig, linear_rate
 
 Count = Annotated[int, Field(ge=1)]
@@ -14,11 +15,7 @@ Weight = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
-class _Plain(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class _Common(_Plain):
+class _Common(FrozenModel):
     """What both share.
 
     Attributes:
@@ -35,8 +32,8 @@ class _Common(_Plain):
     learning_rate: Positive
     clip: Positive
     shuffle: bool = True
-    net: NetConfig = NetConfig()
-    explore: ExploreConfig = ExploreConfig()
+    net: PolicyNetworkConfig = PolicyNetworkConfig()
+    explore: BoardGraphConfig = BoardGraphConfig()
 
     def rate(self, iteration: int) -> float:
         """Learning rate of an iteration."""

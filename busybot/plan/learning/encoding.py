@@ -33,7 +33,7 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.common.errors import BusybotError
 from busybot.plan.agents.paper import Choice
 from busybot.plan.agents.simple import promising
-from busybot.plan.interfaces import Briefing, Contact
+from busybot.plan.interfaces import Contact, TaskContext
 from busybot.reason.inputs.sequence import CHANNELS
 
 OBJECTS = 10
@@ -64,7 +64,7 @@ _OF_OBJECTS = {"looks": -2, "goal": -2, "objects": -2, "touched": -1}
 
 
 @dataclass(frozen=True)
-class Offer:
+class CandidateArrays:
     """Choices at one decision.
 
     Attributes:
@@ -79,7 +79,7 @@ class Offer:
 
 
 @dataclass(frozen=True)
-class Deed:
+class ActionOutcome:
     """An action and what came of it.
 
     Attributes:
@@ -95,14 +95,14 @@ class Deed:
     worked: bool
 
 
-class Encoder:
+class ObservationEncoder:
     """Observations on one board.
 
     Raises:
         BusybotError: the board has too many objects.
     """
 
-    def __init__(self, briefing: Briefing):
+    def __init__(self, briefing: TaskContext):
         history = briefing.history
         count = len(history.triggers)
         if count > OBJECTS:
@@ -120,12 +120,16 @@ class Encoder:
         for step in range(seen.steps):
             did = worked[step] >= 0
             direction = DIRECTIONS[worked[step]] if did else seen.actions[step, 3:]
-            deed = Deed(seen.actions[step, :3], direction, int(seen.acted[step]), bool(did))
+            deed = ActionOutcome(seen.actions[step, :3], direction, int(seen.acted[step]), bool(did))
             rows.append(self.seen(seen.features[step + 1], seen.features[step], deed))
         return stacked(rows)
 
     def seen(
-        self, features: np.ndarray, before: np.ndarray, deed: Deed | None, offered: Offer | None = None
+        self,
+        features: np.ndarray,
+        before: np.ndarray,
+        deed: ActionOutcome | None,
+        offered: CandidateArrays | None = None,
     ) -> Observation:
         """An observation.
 
@@ -164,7 +168,7 @@ class Encoder:
         return distance / (distance + self._briefing.threshold)
 
 
-def offer(candidates: tuple[Contact, ...]) -> tuple[Offer, list[Choice]]:
+def offer(candidates: tuple[Contact, ...]) -> tuple[CandidateArrays, list[Choice]]:
     """What a learned agent chooses from: the arrays, and choice k + 1 as item k of the list."""
     found = [(contact, one) for contact in promising(candidates)[:CONTACTS] for one in contact.choices]
     facts, touched = np.zeros((CHOICES, FACTS), np.float32), np.full(CHOICES, -1)
@@ -173,7 +177,7 @@ def offer(candidates: tuple[Contact, ...]) -> tuple[Offer, list[Choice]]:
         facts[row, :3], facts[row, 3:6] = contact.position / HALF_BOARD, DIRECTIONS[direction]
         facts[row, 6:] = belief, contact.region > 0
         touched[row] = contact.trigger
-    return Offer(facts, touched, 1 + len(found)), found
+    return CandidateArrays(facts, touched, 1 + len(found)), found
 
 
 def stacked(rows: Sequence[Observation]) -> Observation:

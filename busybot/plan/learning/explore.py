@@ -10,20 +10,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 
 from busybot.boards.task import MAX_STEPS, reached, responder_states
+from busybot.common.frozen_model import FrozenModel
 from busybot.common.process_pool import run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
-from busybot.plan.agent_policy import Sight
-from busybot.plan.contact_proposals import Contacts, LearnedContacts, worked_in
-from busybot.plan.learning.board_graph import Explored, Graph, load_explored, save_explored
+from busybot.plan.agent_policy import OnlineFeatures
+from busybot.plan.contact_proposals import ContactProposals, LearnedProposals, successful_actions
+from busybot.plan.learning.board_graph import BoardGraph, ExploredBoard, load_explored, save_explored
 from busybot.plan.learning.encoding import CHOICES, STOP, offer
-from busybot.plan.rollout import Player, Prepared
-from busybot.reason.encoders.registry import choose
+from busybot.plan.rollout import PreparedTask, RolloutRunner
+from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.observation import Frame
 from busybot.reason.models.persistence import Persistence
@@ -40,14 +40,12 @@ Told = Callable[[int, int], None]
 """Told after each board: boards that are there, and all."""
 
 
-class ExploreConfig(BaseModel):
+class BoardGraphConfig(FrozenModel):
     """How boards are explored.
 
     Attributes:
         learned: constants of the interaction policy that take precedence over those on the model's card.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     learned: dict[str, Any] = {}
     interaction: InteractionConfig = InteractionConfig()
@@ -59,10 +57,10 @@ def explored_boards(
     datasets: Sequence[tuple[Dataset, Library]],
     origin: list[dict[str, Any]],
     model: str,
-    config: ExploreConfig,
+    config: BoardGraphConfig,
     workers: int,
     told: Told,
-) -> list[Explored]:
+) -> list[ExploredBoard]:
     """The boards of several datasets, explored as far as they are not yet.
 
     Args:
@@ -92,30 +90,32 @@ def explored_boards(
 
 
 def make_work(
-    path: Path, library: Library, model: str, config: ExploreConfig, folder: Path, number: int
+    path: Path, library: Library, model: str, config: BoardGraphConfig, folder: Path, number: int
 ) -> Callable[[int], None]:
     """What a worker does with a board's index: explore it and write what was found."""
     dataset, loaded, simulator = Dataset.open(path), load_once(model), Simulator(library, config.render)
     policy = policy_config(loaded.info, config.learned)
-    player = Player(simulator, Persistence(), loaded, policy, config.interaction)
-    sees = choose(Persistence.encoder)
+    player = RolloutRunner(simulator, Persistence(), loaded, policy, config.interaction)
+    sees = make_extractor(Persistence.encoder)
 
     def work(index: int) -> None:
         began = time.process_time()
         history = read_episode(dataset.episode_path(index))
         features = features_of(dataset, Persistence.encoder, episodes=[index], workers=1)[index]
         task = player.prepare(history, features)
-        contacts = LearnedContacts(loaded, policy, task.rays, task.observed, worked_in(history), task.memory)
+        contacts = LearnedProposals(loaded, policy, task.rays, task.observed, successful_actions(history), task.memory)
         scene = simulator.board(history.board)
-        found = explore(task, scene, contacts, Sight(task.observed, sees), config.interaction)
+        found = explore(task, scene, contacts, OnlineFeatures(task.observed, sees), config.interaction)
         group = f"{history.board.seed} {history.board.split} {history.board.appearance_group}"
-        board = Explored(task.briefing, found, group, time.process_time() - began)
+        board = ExploredBoard(task.briefing, found, group, time.process_time() - began)
         save_explored(folder / f"{number:02d}-{index:06d}.safetensors", board)
 
     return work
 
 
-def explore(task: Prepared, scene: BoardScene, contacts: Contacts, sight: Sight, config: InteractionConfig) -> Graph:
+def explore(
+    task: PreparedTask, scene: BoardScene, contacts: ContactProposals, sight: OnlineFeatures, config: InteractionConfig
+) -> BoardGraph:
     """What can happen on a board.
 
     Args:
@@ -146,7 +146,7 @@ def explore(task: Prepared, scene: BoardScene, contacts: Contacts, sight: Sight,
         share = np.mean(list(reached(board, responder_states(board, state)).values()))
         rows.append((features.astype(np.float16), np.float32(share), offered.facts, offered.touched, leads, worked))
     scene.rest(BoardState(start))
-    return Graph(*(np.stack(column) for column in zip(*rows, strict=True)))
+    return BoardGraph(*(np.stack(column) for column in zip(*rows, strict=True)))
 
 
 def _growing(numbers: dict[tuple[int, ...], int]) -> Any:

@@ -8,9 +8,9 @@ import numpy as np
 from gymnasium import spaces
 
 from busybot.common.rng import generator
-from busybot.plan.learning.board_graph import Explored
+from busybot.plan.learning.board_graph import ExploredBoard
 from busybot.plan.learning.encoding import CHOICES, OBJECTS, SHAPES, Observation
-from busybot.plan.learning.practice import Rollout
+from busybot.plan.learning.practice import PracticeRollout
 
 
 class GoalEnv(gymnasium.Env[Observation, np.int64]):
@@ -41,7 +41,7 @@ class GoalEnv(gymnasium.Env[Observation, np.int64]):
 
     metadata = {"render_modes": []}
 
-    def __init__(self, boards: Sequence[Explored], shuffle: bool = False):
+    def __init__(self, boards: Sequence[ExploredBoard], shuffle: bool = False):
         self._boards, self._shuffle = boards, shuffle
         self._rng = generator(0, "train", 0, "plan/goal env")
         boxes: dict[str, spaces.Space[Any]] = {
@@ -59,9 +59,9 @@ class GoalEnv(gymnasium.Env[Observation, np.int64]):
         chosen = (options or {}).get("board")
         if chosen is None:
             board = self._boards[int(self._rng.integers(len(self._boards)))]
-            self._rollout = Rollout(board, self._rng.permutation(OBJECTS) if self._shuffle else None)
+            self._rollout = PracticeRollout(board, self._rng.permutation(OBJECTS) if self._shuffle else None)
         else:
-            self._rollout = Rollout(self._boards[chosen])
+            self._rollout = PracticeRollout(self._boards[chosen])
         self._history, self._at = self._rollout.history(), 0
         return self._observation(), self._info()
 

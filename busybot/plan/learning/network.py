@@ -18,14 +18,15 @@ from typing import Annotated, Literal
 
 import numpy as np
 import torch
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence, pad_sequence
 
 from busybot.common.errors import BusybotError
-from busybot.plan.learning.board_graph import Explored
+from busybot.common.frozen_model import FrozenModel
+from busybot.plan.learning.board_graph import ExploredBoard
 from busybot.plan.learning.encoding import FACTS, OBJECTS, STOP, Observation, stacked
-from busybot.plan.learning.practice import Rollout
+from busybot.plan.learning.practice import PracticeRollout
 from busybot.reason.inputs.sequence import CHANNELS
 from busybot.training.checkpoint import load_tensors, load_weights
 from busybot.training.model_cards import WEIGHTS_FILE, ModelCard, find_folder, read_info
@@ -44,7 +45,7 @@ Width = Annotated[int, Field(ge=1, le=1024)]
 Name = Literal["bc", "ppo"]
 
 
-class NetConfig(BaseModel):
+class PolicyNetworkConfig(FrozenModel):
     """Size of the networks.
 
     Attributes:
@@ -54,8 +55,6 @@ class NetConfig(BaseModel):
         hidden: of the LSTM.
         choices: of the hidden layer that scores choices.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     looks: Width = 16
     objects: Width = 32
@@ -67,7 +66,7 @@ class NetConfig(BaseModel):
 class PolicyNetwork(nn.Module):
     """See the module."""
 
-    def __init__(self, config: NetConfig):
+    def __init__(self, config: PolicyNetworkConfig):
         super().__init__()
         self.config = config
         self.looks = nn.Linear(CHANNELS, config.looks)
@@ -127,9 +126,9 @@ def rows_of(observations: Sequence[Observation]) -> tuple[Tensors, Tensor]:
 
 
 @torch.no_grad()
-def play(network: PolicyNetwork, boards: Sequence[Explored]) -> np.ndarray:
+def play(network: PolicyNetwork, boards: Sequence[ExploredBoard]) -> np.ndarray:
     """Success (B,) at the end on every board, if the choice with the highest score is always taken."""
-    rollouts = [Rollout(board) for board in boards]
+    rollouts = [PracticeRollout(board) for board in boards]
     _, state = network.read(*rows_of([rollout.history() for rollout in rollouts]))
     once = torch.ones(len(rollouts), dtype=torch.int64)
     while not all(rollout.over for rollout in rollouts):
@@ -141,7 +140,9 @@ def play(network: PolicyNetwork, boards: Sequence[Explored]) -> np.ndarray:
     return np.array([rollout.success for rollout in rollouts])
 
 
-def success_of(network: PolicyNetwork, boards: Sequence[Explored], held_out: Sequence[Explored]) -> dict[str, float]:
+def success_of(
+    network: PolicyNetwork, boards: Sequence[ExploredBoard], held_out: Sequence[ExploredBoard]
+) -> dict[str, float]:
     """Mean success at the end of a task, on boards that are trained on and on those that are held out."""
     network.eval()
     found = {"success_seen": float(play(network, boards[:SHOWN]).mean())}
@@ -159,7 +160,7 @@ class PolicyInfo(ModelCard):
 
     agent: Name
     encoder: str
-    net: NetConfig = NetConfig()
+    net: PolicyNetworkConfig = PolicyNetworkConfig()
 
 
 def read_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, PolicyNetwork]:

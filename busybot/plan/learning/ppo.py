@@ -19,10 +19,10 @@ from torch import Tensor, nn
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.plan.learning.board_graph import Explored
+from busybot.plan.learning.board_graph import ExploredBoard
 from busybot.plan.learning.config import PpoConfig
 from busybot.plan.learning.goal_env import GoalEnv
-from busybot.plan.learning.network import NetConfig, PolicyNetwork, State, Tensors, success_of
+from busybot.plan.learning.network import PolicyNetwork, PolicyNetworkConfig, State, Tensors, success_of
 from busybot.training.loop import Budget, Learner
 from busybot.training.weights import drawing
 
@@ -30,7 +30,9 @@ from busybot.training.weights import drawing
 class GoalPolicy(RecurrentActorCriticPolicy):
     """Actor and critic in one network."""
 
-    def __init__(self, observation_space: Any, action_space: Any, lr_schedule: Any, net: NetConfig, **others: Any):
+    def __init__(
+        self, observation_space: Any, action_space: Any, lr_schedule: Any, net: PolicyNetworkConfig, **others: Any
+    ):
         sizes = {"net_arch": [], "lstm_hidden_size": net.hidden, "shared_lstm": True, "enable_critic_lstm": False}
         super().__init__(observation_space, action_space, lr_schedule, **sizes, ortho_init=False, **others)
         self.network = PolicyNetwork(net)
@@ -100,7 +102,9 @@ class PpoLearner(Learner):
     name = "ppo"
     budget: Budget
 
-    def __init__(self, config: PpoConfig, boards: Sequence[Explored], held_out: Sequence[Explored], seed: int):
+    def __init__(
+        self, config: PpoConfig, boards: Sequence[ExploredBoard], held_out: Sequence[ExploredBoard], seed: int
+    ):
         check_installed()
         torch.set_num_threads(1)
         self.config, self.seed, self.iterations = config, seed, config.iterations
@@ -134,7 +138,7 @@ class PpoLearner(Learner):
         return figures | ({"loss": 1 - figures["success"]} if self.held_out else {})
 
 
-def _recurrent_ppo(config: PpoConfig, boards: Sequence[Explored]) -> Any:
+def _recurrent_ppo(config: PpoConfig, boards: Sequence[ExploredBoard]) -> Any:
     from sb3_contrib import RecurrentPPO
     from stable_baselines3.common.vec_env import DummyVecEnv
 

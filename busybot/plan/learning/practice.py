@@ -3,11 +3,11 @@
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.plan.learning.board_graph import Explored
-from busybot.plan.learning.encoding import HALF_BOARD, STOP, Deed, Observation, shuffled
+from busybot.plan.learning.board_graph import ExploredBoard
+from busybot.plan.learning.encoding import HALF_BOARD, STOP, ActionOutcome, Observation, shuffled
 
 
-class Rollout:
+class PracticeRollout:
     """One play.
 
     Args:
@@ -19,11 +19,11 @@ class Rollout:
         over: whether the agent has stopped, or used its steps up.
     """
 
-    def __init__(self, board: Explored, order: np.ndarray | None = None):
+    def __init__(self, board: ExploredBoard, order: np.ndarray | None = None):
         self.board, self._graph, self._order = board, board.graph, order
         self.steps, self.over = 0, False
         self._state = self._before = 0
-        self._deed: Deed | None = None
+        self._deed: ActionOutcome | None = None
 
     @property
     def success(self) -> float:
@@ -59,7 +59,7 @@ class Rollout:
         facts, worked = self._graph.facts[self._state, choice], int(self._graph.worked[self._state, choice])
         direction = DIRECTIONS[worked] if worked >= 0 else facts[3:6]
         touched = int(self._graph.touched[self._state, choice])
-        self._deed = Deed(facts[:3] * HALF_BOARD, direction, touched, worked >= 0)
+        self._deed = ActionOutcome(facts[:3] * HALF_BOARD, direction, touched, worked >= 0)
         self._before, self._state = self._state, after
         self.steps += 1
         self.over = self.steps >= self.board.briefing.steps

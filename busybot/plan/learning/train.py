@@ -25,7 +25,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.dataset_stats import origin_of
 from busybot.interact.policy.policy_factory import fingerprint
 from busybot.plan.learning.bc import BcLearner
-from busybot.plan.learning.board_graph import Explored
+from busybot.plan.learning.board_graph import ExploredBoard
 from busybot.plan.learning.config import BcConfig, PpoConfig
 from busybot.plan.learning.explore import explored_boards
 from busybot.plan.learning.network import PolicyInfo
@@ -106,7 +106,7 @@ def train_policy(
 
 
 def make_learner(
-    config: Config, boards: Sequence[Explored], held_out: Sequence[Explored], seed: int
+    config: Config, boards: Sequence[ExploredBoard], held_out: Sequence[ExploredBoard], seed: int
 ) -> BcLearner | PpoLearner:
     """The learner of the agent whose parameters these are."""
     if isinstance(config, BcConfig):
@@ -130,13 +130,13 @@ def _of_training(dataset: Dataset) -> Dataset:
     return dataset
 
 
-def _apart(found: Sequence[Explored], share: float, seed: int) -> tuple[list[Explored], list[Explored]]:
+def _apart(found: Sequence[ExploredBoard], share: float, seed: int) -> tuple[list[ExploredBoard], list[ExploredBoard]]:
     """Boards to train on, and those to judge by, of other appearance groups."""
     held = groups_apart({board.group for board in found}, share, seed, "plan/held out")
     return [one for one in found if one.group not in held], [one for one in found if one.group in held]
 
 
-def _budget(found: Sequence[Explored], learner: BcLearner | PpoLearner, figures: dict[str, Any]) -> dict[str, Any]:
+def _budget(found: Sequence[ExploredBoard], learner: BcLearner | PpoLearner, figures: dict[str, Any]) -> dict[str, Any]:
     """What the training took, of how much it might."""
     config, done = learner.config, figures["iterations"]
     played = done * (config.batch if isinstance(config, BcConfig) else config.envs * config.steps)

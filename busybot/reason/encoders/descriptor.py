@@ -19,7 +19,7 @@ compares them.
 import cv2
 import numpy as np
 
-from busybot.reason.inputs.appearances import Look
+from busybot.reason.inputs.appearances import Appearance
 from busybot.reason.inputs.sequence import CHANNELS
 
 SIDE = 32
@@ -39,13 +39,13 @@ class Descriptor:
 
     key = "1"
 
-    def encode(self, looks: list[Look]) -> np.ndarray:
+    def encode(self, looks: list[Appearance]) -> np.ndarray:
         """float32 (n, 256)."""
         rows = [describe(look) for look in looks]
         return np.stack(rows) if rows else np.zeros((0, CHANNELS), np.float32)
 
 
-def describe(look: Look) -> np.ndarray:
+def describe(look: Appearance) -> np.ndarray:
     """The descriptor of one look, float32 (256,); zeros where nothing shows the object."""
     weight = _scaled(look.own.astype(np.float32))
     total = float(weight.sum())

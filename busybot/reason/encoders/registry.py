@@ -16,9 +16,9 @@ import numpy as np
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
-from busybot.reason.inputs.appearances import Look, Masks, looks_of
-from busybot.reason.inputs.object_masks import OwnConfig, OwnPixels, TruePixels
-from busybot.reason.inputs.observation import Observed, observe
+from busybot.reason.inputs.appearances import Appearance, MaskSource, appearances_of
+from busybot.reason.inputs.object_masks import MaskConfig, ObjectMasks, OracleMasks
+from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.inputs.sequence import CHANNELS
 
 ENCODERS = ("embedded", "resnet50", "random")
@@ -39,12 +39,12 @@ class Encoder(Protocol):
 
     key: str
 
-    def encode(self, looks: list[Look]) -> np.ndarray:
+    def encode(self, looks: list[Appearance]) -> np.ndarray:
         """float32 (n, 256)."""
 
 
 @dataclass(frozen=True)
-class Chosen:
+class FeatureExtractor:
     """An encoder and the pixels that it is given.
 
     Attributes:
@@ -63,7 +63,7 @@ class Chosen:
         """Whether the features hold what only the simulator knows."""
         return self.pixels == "mask"
 
-    def of(self, observed: Observed) -> np.ndarray:
+    def of(self, observed: ObservedEpisode) -> np.ndarray:
         """Features of every frame and object, float16 (T + 1, N, 256); zeros for triggers and without a box.
 
         Raises:
@@ -71,21 +71,25 @@ class Chosen:
         """
         if self.oracle:
             raise BusybotError(f"{self.name} needs the segmentation, which is not among what a reasoner may read")
-        return self._encode(observed, OwnPixels(observed, OwnConfig(depth=self.pixels == "own")))
+        return self._encode(observed, ObjectMasks(observed, MaskConfig(depth=self.pixels == "own")))
 
     def of_episode(self, episode: Episode) -> np.ndarray:
         """The same from an episode, of which only an oracle reads what is privileged."""
-        return self._encode(observe(episode), TruePixels(episode)) if self.oracle else self.of(observe(episode))
+        return (
+            self._encode(observe_episode(episode), OracleMasks(episode))
+            if self.oracle
+            else self.of(observe_episode(episode))
+        )
 
-    def _encode(self, observed: Observed, pixels: Masks) -> np.ndarray:
-        looks = looks_of(observed, pixels)
+    def _encode(self, observed: ObservedEpisode, pixels: MaskSource) -> np.ndarray:
+        looks = appearances_of(observed, pixels)
         # the last row is that of objects without looks
         rows = np.concatenate([self.encoder.encode(looks.looks), np.zeros((1, CHANNELS), np.float32)])
         return np.asarray(rows[looks.of], np.float16)
 
 
 @lru_cache(maxsize=4)
-def choose(name: str = DEFAULT, weights: Path | None = None) -> Chosen:
+def make_extractor(name: str = DEFAULT, weights: Path | None = None) -> FeatureExtractor:
     """The encoder of that name.
 
     Args:
@@ -102,8 +106,8 @@ def choose(name: str = DEFAULT, weights: Path | None = None) -> Chosen:
     if weights is not None and base != "resnet50":
         raise BusybotError(f"{weights}: {base} takes no weights", "they go with `--encoder resnet50`")
     encoder = _make(base, weights)
-    facts = f"{base} {encoder.key} {pixels} {OwnConfig().model_dump_json()}"
-    return Chosen(name, f"{name}-{hashlib.sha256(facts.encode()).hexdigest()[:8]}", pixels, encoder)
+    facts = f"{base} {encoder.key} {pixels} {MaskConfig().model_dump_json()}"
+    return FeatureExtractor(name, f"{name}-{hashlib.sha256(facts.encode()).hexdigest()[:8]}", pixels, encoder)
 
 
 def _make(base: str, weights: Path | None) -> Encoder:

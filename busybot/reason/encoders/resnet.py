@@ -24,7 +24,7 @@ from busybot.common.atomic_io import replacing, sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.objects.cache import cache_folder
-from busybot.reason.inputs.appearances import Look
+from busybot.reason.inputs.appearances import Appearance
 from busybot.reason.inputs.sequence import CHANNELS
 
 ADDRESS = "https://download.pytorch.org/models/resnet50-0676ba61.pth"
@@ -133,7 +133,7 @@ class ResNetEncoder:
         self._network = network.eval().requires_grad_(False)
 
     @torch.inference_mode()
-    def encode(self, looks: list[Look]) -> np.ndarray:
+    def encode(self, looks: list[Appearance]) -> np.ndarray:
         """float32 (n, 256); zeros where nothing shows the object."""
         rows = [np.zeros((0, CHANNELS), np.float32)]
         for start in range(0, len(looks), BATCH):

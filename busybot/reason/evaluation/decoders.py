@@ -16,7 +16,7 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
 from busybot.reason.evaluation.ground_truth import states_of
 from busybot.reason.evaluation.state_readout import judged_objects
-from busybot.reason.inputs.observation import observe
+from busybot.reason.inputs.observation import observe_episode
 
 BOARDS = 300
 """Decoders are trained on so many boards, the first ones."""
@@ -154,10 +154,10 @@ def _examples(dataset: Dataset, features: Mapping[int, np.ndarray], library: Lib
         truth = states_of(episode)
         if truth is not None:
             shown = appearances(episode.board, library, truth.states)
-            yield examples(episode.board, features[index], shown, judged_objects(observe(episode)))
+            yield examples(episode.board, features[index], shown, judged_objects(observe_episode(episode)))
 
 
-class Decoded:
+class DecodedState:
     """A judge that reads each object by the decoder of its category."""
 
     def __init__(self, decoders: dict[str, Linear], board: BoardSpec, shown: np.ndarray, judged: np.ndarray):

@@ -22,14 +22,14 @@ from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.results import stamp
 from busybot.objects.library import Library
-from busybot.reason.evaluation.decoders import Decoded, Linear, appearances, train_decoders
+from busybot.reason.evaluation.decoders import DecodedState, Linear, appearances, train_decoders
 from busybot.reason.evaluation.ground_truth import StateTruth, states_of, truth_of
-from busybot.reason.evaluation.prediction import DECODED, NEAREST, Watched, forecast
-from busybot.reason.evaluation.state_readout import Judge, Nearest, judged_objects
-from busybot.reason.evaluation.summary import Judged, summarise
+from busybot.reason.evaluation.prediction import DECODED, NEAREST, EvaluatedBoard, judge_prediction
+from busybot.reason.evaluation.state_readout import NearestState, StateReadout, judged_objects
+from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.inputs.feature_store import features_of
-from busybot.reason.inputs.observation import Observed, observe
-from busybot.reason.inputs.sequence import Sequence, sequence_of
+from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
+from busybot.reason.inputs.sequence import BoardSequence, sequence_of
 from busybot.reason.inputs.state_clusters import clusters_of, threshold_of
 from busybot.reason.models.registry import GRAPHS, REASONERS, config_class, infer, reasoner_of
 from busybot.training.model_cards import file_hashes, find_folder
@@ -48,7 +48,7 @@ FeaturesOf = Mapping[int, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Judging:
+class ReasonEvaluation:
     """How boards are judged; plain data for worker processes.
 
     Attributes:
@@ -66,14 +66,16 @@ class Judging:
     library: Library | None = None
 
 
-def judge_episode(episode: Episode, judging: Judging | None = None, features: np.ndarray | None = None) -> Judged:
+def judge_episode(
+    episode: Episode, judging: ReasonEvaluation | None = None, features: np.ndarray | None = None
+) -> JudgedGraph:
     """Infer the board's graph from the first images, predict what follows, and put the truth beside both.
 
     Args:
         features: float (T + 1, N, 256) of the model's encoder; what infers a graph alone needs none.
     """
-    judging = judging or Judging()
-    observed = observe(episode)
+    judging = judging or ReasonEvaluation()
+    observed = observe_episode(episode)
     seen = observed.first(judging.images)
     sequence = None if features is None else sequence_of(observed, features)
     if sequence is None:
@@ -82,37 +84,41 @@ def judge_episode(episode: Episode, judging: Judging | None = None, features: np
         graph = reasoner_of(judging.model, judging.config).graph(sequence.first(judging.images))
     truth, predicted = states_of(episode), None
     if truth is not None and len(truth.links) >= judging.images:
-        watched = watch(episode, observed, sequence, truth, judging)
+        watched = evaluated_board(episode, observed, sequence, truth, judging)
         reasoner = None if sequence is None else reasoner_of(judging.model, judging.config)
-        predicted = forecast(watched, reasoner, judging.images, (*CURVE, judging.images))
+        predicted = judge_prediction(watched, reasoner, judging.images, (*CURVE, judging.images))
     steps = len(seen.actions)
-    return Judged(episode.board, graph, truth_of(episode), steps, episode.policy, episode.oracle, predicted)
+    return JudgedGraph(episode.board, graph, truth_of(episode), steps, episode.policy, episode.oracle, predicted)
 
 
-def watch(
-    episode: Episode, observed: Observed, sequence: Sequence | None, truth: StateTruth, judging: Judging
-) -> Watched:
+def evaluated_board(
+    episode: Episode,
+    observed: ObservedEpisode,
+    sequence: BoardSequence | None,
+    truth: StateTruth,
+    judging: ReasonEvaluation,
+) -> EvaluatedBoard:
     """Truth and judges of a board."""
     judged = judged_objects(observed)
-    judges: dict[str, Judge] = {}
+    judges: dict[str, StateReadout] = {}
     if sequence is not None:
         threshold = threshold_of(reasoner_of(judging.model, judging.config).encoder)
         clusters = clusters_of(sequence.features, threshold)
-        judges[NEAREST] = Nearest(sequence.features, clusters, truth.states, judged)
+        judges[NEAREST] = NearestState(sequence.features, clusters, truth.states, judged)
     if sequence is not None and judging.decoders is not None and judging.library is not None:
         shown = appearances(episode.board, judging.library, truth.states)
-        judges[DECODED] = Decoded(judging.decoders, episode.board, shown, judged)
-    return Watched(truth, observed, judged, sequence, judges)
+        judges[DECODED] = DecodedState(judging.decoders, episode.board, shown, judged)
+    return EvaluatedBoard(truth, observed, judged, sequence, judges)
 
 
-def _judge_file(task: tuple[int, Path], judging: Judging, features: FeaturesOf | None) -> Judged:
+def _judge_file(task: tuple[int, Path], judging: ReasonEvaluation, features: FeaturesOf | None) -> JudgedGraph:
     index, path = task
     return judge_episode(read_episode(path, "lazy"), judging, None if features is None else features[index])
 
 
 def evaluate_dataset(
     dataset: Dataset,
-    judging: Judging | None = None,
+    judging: ReasonEvaluation | None = None,
     training: Dataset | None = None,
     assets: str | None = None,
     seed: int = 0,
@@ -130,13 +136,13 @@ def evaluate_dataset(
     Raises:
         BusybotError: no episode is finished, one is damaged, or there is no such model.
     """
-    judging = judging or Judging()
+    judging = judging or ReasonEvaluation()
     indices = _check(dataset, judging)
     features = _features(dataset, judging, workers)
     if training is not None and features is not None:
         trained = train_decoders(training, _features(training, judging, workers) or {}, library_of(training, assets))
         judging = replace(judging, decoders=trained, library=library_of(dataset, assets))
-    judged: list[Judged] = []
+    judged: list[JudgedGraph] = []
     processes = workers or min(default_workers(), 1 + len(indices) // BOARDS_PER_WORKER)
     tasks = [(index, dataset.episode_path(index)) for index in indices]
     for one in share(partial(_judge_file, judging=judging, features=features), tasks, processes):
@@ -155,7 +161,7 @@ def evaluate_dataset(
     }
 
 
-def _check(dataset: Dataset, judging: Judging) -> list[int]:
+def _check(dataset: Dataset, judging: ReasonEvaluation) -> list[int]:
     """Numbers of the finished episodes, after a look at what is asked for."""
     if judging.images < 2:
         raise BusybotError(f"{judging.images} images show no action", "take at least 2")
@@ -168,7 +174,7 @@ def _check(dataset: Dataset, judging: Judging) -> list[int]:
     return indices
 
 
-def _features(dataset: Dataset, judging: Judging, workers: int | None) -> FeaturesOf | None:
+def _features(dataset: Dataset, judging: ReasonEvaluation, workers: int | None) -> FeaturesOf | None:
     """What the model reads of a dataset; None for one that reads no features."""
     if judging.model in GRAPHS:
         return None

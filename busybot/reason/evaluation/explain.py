@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from busybot.episodes.episode import Episode
-from busybot.reason.encoders.registry import choose
+from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.evaluation.ground_truth import states_of
-from busybot.reason.evaluation.state_readout import Nearest, judged_objects
-from busybot.reason.inputs.observation import observe
+from busybot.reason.evaluation.state_readout import NearestState, judged_objects
+from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.inputs.sequence import sequence_of
 from busybot.reason.inputs.state_clusters import clusters_of, threshold_of
 from busybot.reason.models.base import InferredGraph, Reasoner
@@ -21,7 +21,7 @@ from busybot.reason.models.registry import GRAPHS, infer, reasoner_of
 
 
 @dataclass(frozen=True)
-class Foreseen:
+class Explanation:
     """Beliefs and expectations about T steps on a board of N objects.
 
     Attributes:
@@ -48,20 +48,20 @@ class Foreseen:
         return np.flatnonzero(self.judged & ((self.expected[step] != before) | (self.states[step + 1] != before)))
 
 
-def believed(episode: Episode, model: str, images: int = 23) -> InferredGraph:
+def inferred_over_time(episode: Episode, model: str, images: int = 23) -> InferredGraph:
     """What controls what, after each step of an episode, in the eyes of a model by its name or folder.
 
     Raises:
         BusybotError: there is no such model, or its features cannot be computed.
     """
-    observed = observe(episode).first(images)
+    observed = observe_episode(episode).first(images)
     if model in GRAPHS:
         return infer(observed, model)
     reasoner = reasoner_of(model)
-    return reasoner.graph(sequence_of(observed, choose(reasoner.encoder).of(observed)))
+    return reasoner.graph(sequence_of(observed, make_extractor(reasoner.encoder).of(observed)))
 
 
-def foresee(episode: Episode, reasoner: Reasoner, images: int = 23) -> Foreseen:
+def explain(episode: Episode, reasoner: Reasoner, images: int = 23) -> Explanation:
     """Go through an episode.
 
     Args:
@@ -70,16 +70,16 @@ def foresee(episode: Episode, reasoner: Reasoner, images: int = 23) -> Foreseen:
     Raises:
         BusybotError: the features of the reasoner cannot be computed.
     """
-    observed = observe(episode)
-    sequence = sequence_of(observed, choose(reasoner.encoder).of_episode(episode))
+    observed = observe_episode(episode)
+    sequence = sequence_of(observed, make_extractor(reasoner.encoder).of_episode(episode))
     features, judged, truth = sequence.features, judged_objects(observed), states_of(episode)
     clusters = clusters_of(features, threshold_of(reasoner.encoder))
     states = clusters if truth is None else truth.states
-    judge = Nearest(features, clusters, states, judged)
+    judge = NearestState(features, clusters, states, judged)
     expected = np.full((sequence.steps, len(judged)), -1)
     for step in range(sequence.steps):
         now = slice(step, step + 1)
         seen = sequence.first(min(step + 1, images))
         looks = reasoner.predict(seen, features[now], sequence.actions[now], sequence.acted[now])
         expected[step] = judge.read(looks)[0]
-    return Foreseen(reasoner.graph(sequence.first(images)), states, expected, judged, truth is not None)
+    return Explanation(reasoner.graph(sequence.first(images)), states, expected, judged, truth is not None)

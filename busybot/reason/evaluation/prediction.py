@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from busybot.reason.evaluation.ground_truth import StateTruth
-from busybot.reason.evaluation.state_readout import Judge
+from busybot.reason.evaluation.state_readout import StateReadout
 from busybot.reason.evaluation.upper_bound import determined
-from busybot.reason.inputs.observation import Observed, acted_objects
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import Reasoner
 
 NEAREST, DECODED = "nearest", "decoded"
@@ -20,7 +20,7 @@ PERSISTENCE, BOUND, BOUND_KNOWING = "persistence", "bound", "bound_knowing"
 
 
 @dataclass(frozen=True)
-class Forecast:
+class JudgedPrediction:
     """What was predicted, and whether it came true. S predicted steps of T, N objects.
 
     Attributes:
@@ -44,7 +44,7 @@ class Forecast:
 
 
 @dataclass(frozen=True)
-class Watched:
+class EvaluatedBoard:
     """A board as evaluators have it. T steps, N objects.
 
     Attributes:
@@ -56,13 +56,15 @@ class Watched:
     """
 
     truth: StateTruth
-    observed: Observed
+    observed: ObservedEpisode
     judged: np.ndarray
-    sequence: Sequence | None
-    judges: Mapping[str, Judge]
+    sequence: BoardSequence | None
+    judges: Mapping[str, StateReadout]
 
 
-def forecast(watched: Watched, reasoner: Reasoner | None, images: int, curve: Iterable[int] = ()) -> Forecast:
+def judge_prediction(
+    watched: EvaluatedBoard, reasoner: Reasoner | None, images: int, curve: Iterable[int] = ()
+) -> JudgedPrediction:
     """Predict and judge every step after the first `images` images.
 
     Args:
@@ -86,7 +88,7 @@ def forecast(watched: Watched, reasoner: Reasoner | None, images: int, curve: It
         for number, judged in by_images.items():
             features = predicted if number == images else _predict(reasoner, watched.sequence, number, start)
             judged[NEAREST] = _judge(watched.judges[NEAREST], features, start)
-    return Forecast(
+    return JudgedPrediction(
         changed=truth.states[start:-1] != truth.states[start + 1 :],
         judged=watched.judged,
         successful=truth.success[start:],
@@ -97,18 +99,18 @@ def forecast(watched: Watched, reasoner: Reasoner | None, images: int, curve: It
     )
 
 
-def _bound(watched: Watched, observed: int, start: int, knowing: bool = False) -> np.ndarray:
+def _bound(watched: EvaluatedBoard, observed: int, start: int, knowing: bool = False) -> np.ndarray:
     """What the first `observed` steps determine of those from `start` on, bool (S, N)."""
     contacts = np.array([action.position for action in watched.observed.actions], float).reshape(-1, 3)
     return determined(watched.truth, contacts, acted_objects(watched.observed), observed, knowing)[start:]
 
 
-def _predict(reasoner: Reasoner, sequence: Sequence, images: int, start: int) -> np.ndarray:
+def _predict(reasoner: Reasoner, sequence: BoardSequence, images: int, start: int) -> np.ndarray:
     """Features after the steps from `start` on, (S, N, C), knowing the first `images` images."""
     return reasoner.predict(
         sequence.first(images), sequence.features[start:-1], sequence.actions[start:], sequence.acted[start:]
     )
 
 
-def _judge(judge: Judge, features: np.ndarray, start: int) -> np.ndarray:
+def _judge(judge: StateReadout, features: np.ndarray, start: int) -> np.ndarray:
     return np.asarray(judge.read(features) == judge.truth[start + 1 :])

@@ -8,10 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
-from busybot.reason.inputs.observation import Observed
+from busybot.reason.inputs.observation import ObservedEpisode
 
 
-class Judge(Protocol):
+class StateReadout(Protocol):
     """Reads features.
 
     Attributes:
@@ -27,7 +27,7 @@ class Judge(Protocol):
         ...
 
 
-class Nearest:
+class NearestState:
     """The nearest of the states that the same object showed on this board.
 
     The states are label-free clusters of the object's true features over all frames. Evaluator code alone knows which
@@ -65,7 +65,7 @@ def _commonest(values: np.ndarray) -> int:
     return int(found[times.argmax()])
 
 
-def judged_objects(observed: Observed) -> np.ndarray:
+def judged_objects(observed: ObservedEpisode) -> np.ndarray:
     """The responders that show in the first frame, bool (N,): only of them can a picture be expected."""
     left, top, right, bottom = np.asarray(observed.boxes).reshape(-1, 4).T
     return np.array([role == "responder" for role in observed.roles], bool) & (right > left) & (bottom > top)

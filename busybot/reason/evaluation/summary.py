@@ -17,12 +17,12 @@ from busybot.common.rng import generator
 from busybot.evaluation.bootstrap import LEVEL
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation.ground_truth import GraphTruth
-from busybot.reason.evaluation.prediction import BOUND, BOUND_KNOWING, DECODED, NEAREST, PERSISTENCE, Forecast
+from busybot.reason.evaluation.prediction import BOUND, BOUND_KNOWING, DECODED, NEAREST, PERSISTENCE, JudgedPrediction
 from busybot.reason.models import persistence as baselines
 from busybot.reason.models.base import InferredGraph
 
-Forecasts = Sequence[tuple[BoardSpec, Forecast]]
-Part = Callable[[BoardSpec, Forecast], np.ndarray]
+Forecasts = Sequence[tuple[BoardSpec, JudgedPrediction]]
+Part = Callable[[BoardSpec, JudgedPrediction], np.ndarray]
 """Which predicted steps (S,) or objects (N,) of a board belong to a part of the result, bool."""
 
 
@@ -127,7 +127,7 @@ def _by_kind(forecasts: Forecasts) -> dict[str, dict[str, Any]]:
     result = {}
     for kind in sorted({kind for _, one in forecasts for kind in one.kinds}):
 
-        def steps(_: BoardSpec, one: Forecast, kind: str = kind) -> np.ndarray:
+        def steps(_: BoardSpec, one: JudgedPrediction, kind: str = kind) -> np.ndarray:
             return np.array(one.kinds) == kind
 
         scores = m.prediction_scores(counted(forecasts, NEAREST, steps=steps))
@@ -143,7 +143,7 @@ def _by_category(forecasts: Forecasts) -> dict[str, dict[str, Any]]:
     found = {board.objects[index].category for board, one in forecasts for index in np.flatnonzero(one.judged)}
     for category in sorted(found):
 
-        def objects(board: BoardSpec, _: Forecast, category: str = category) -> np.ndarray:
+        def objects(board: BoardSpec, _: JudgedPrediction, category: str = category) -> np.ndarray:
             return np.array([placed.category == category for placed in board.objects])
 
         scores = _flat(m.prediction_scores(counted(forecasts, NEAREST, objects=objects)))
@@ -152,7 +152,7 @@ def _by_category(forecasts: Forecasts) -> dict[str, dict[str, Any]]:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedGraph:
     """One board's graph, predictions and truth.
 
     Attributes:
@@ -168,7 +168,7 @@ class Judged:
     steps: int
     policy: str
     oracle: bool
-    forecast: Forecast | None = None
+    forecast: JudgedPrediction | None = None
 
     def counts(self, steps: int) -> m.EdgeCounts:
         """Edges claimed after so many steps against the truth."""
@@ -176,7 +176,7 @@ class Judged:
         return m.count_edges(claimed, self.truth.edges, self.truth.candidates)
 
 
-def summarise(judged: Sequence[Judged], images: int, seed: int) -> dict[str, Any]:
+def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str, Any]:
     """All metrics over judged boards. Pred-A is null for what infers a graph alone."""
     steps = images - 1
     forecasts = [(one.board, one.forecast) for one in judged if one.forecast is not None]
@@ -215,13 +215,13 @@ def summarise(judged: Sequence[Judged], images: int, seed: int) -> dict[str, Any
     }
 
 
-def _calibration(judged: Sequence[Judged], probabilities: Sequence[np.ndarray]) -> m.Calibration:
+def _calibration(judged: Sequence[JudgedGraph], probabilities: Sequence[np.ndarray]) -> m.Calibration:
     said = [p[one.truth.candidates] for one, p in zip(judged, probabilities, strict=True)]
     true = [one.truth.edges[one.truth.candidates] for one in judged]
     return m.calibration(np.concatenate([np.zeros(0), *said]), np.concatenate([np.zeros(0), *true]))
 
 
-def _bound(judged: Sequence[Judged], steps: int) -> float | None:
+def _bound(judged: Sequence[JudgedGraph], steps: int) -> float | None:
     return m.shown_share([one.truth.edges for one in judged], [one.truth.shown for one in judged], steps)
 
 
@@ -229,7 +229,7 @@ def _totals(counts: Sequence[m.EdgeCounts]) -> dict[str, int]:
     return {name: sum(getattr(one, name) for one in counts) for name in ("hits", "claimed", "true", "correct", "pairs")}
 
 
-def _summary_by_kind(judged: Sequence[Judged], steps: int) -> dict[str, dict[str, Any]]:
+def _summary_by_kind(judged: Sequence[JudgedGraph], steps: int) -> dict[str, dict[str, Any]]:
     """Scores by kind of relation. A wrong edge has no kind: it counts for every kind that its trigger really has."""
     kinds = sorted({kind for one in judged for names in one.truth.kinds.values() for kind in names})
     result = {}
@@ -253,7 +253,7 @@ def _summary_by_kind(judged: Sequence[Judged], steps: int) -> dict[str, dict[str
     return result
 
 
-def _curve(judged: Sequence[Judged], forecasts: Forecasts, images: int) -> list[dict[str, Any]]:
+def _curve(judged: Sequence[JudgedGraph], forecasts: Forecasts, images: int) -> list[dict[str, Any]]:
     """Scores and bounds after 2, 3, ... images. Pred-A is that of the steps after `images` images throughout."""
     longest = min(images, 1 + max((one.steps for one in judged), default=0))
     curve = []
@@ -265,7 +265,7 @@ def _curve(judged: Sequence[Judged], forecasts: Forecasts, images: int) -> list[
     return curve
 
 
-def _baselines(judged: Sequence[Judged], seed: int) -> dict[str, dict[str, Any]]:
+def _baselines(judged: Sequence[JudgedGraph], seed: int) -> dict[str, dict[str, Any]]:
     graphs = [baselines.trivial_graphs(one.board, one.truth.candidates, seed) for one in judged]
     rows = {}
     for name in baselines.NAMES:

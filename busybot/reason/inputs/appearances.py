@@ -11,11 +11,11 @@ from typing import Protocol
 import numpy as np
 
 from busybot.reason.inputs.object_masks import Region
-from busybot.reason.inputs.observation import Frame, Observed
+from busybot.reason.inputs.observation import Frame, ObservedEpisode
 
 
 @dataclass(frozen=True)
-class Look:
+class Appearance:
     """One appearance of one object.
 
     Attributes:
@@ -27,7 +27,7 @@ class Look:
     own: np.ndarray
 
 
-class Masks(Protocol):
+class MaskSource(Protocol):
     """Tells objects from what else their boxes show: `OwnPixels`, or an oracle (`TruePixels`)."""
 
     @property
@@ -37,7 +37,7 @@ class Masks(Protocol):
 
 
 @dataclass(frozen=True)
-class Looks:
+class Appearances:
     """All looks of a board's responders.
 
     Attributes:
@@ -45,11 +45,11 @@ class Looks:
         of: int (T + 1, N), index into `looks` for every frame and object; -1 for triggers and objects without a box.
     """
 
-    looks: list[Look]
+    looks: list[Appearance]
     of: np.ndarray
 
 
-class Watched:
+class TrackedObject:
     """One object over the frames: what its box last showed, with what hid it taken away.
 
     Attributes:
@@ -61,7 +61,7 @@ class Watched:
         self._seen: tuple[np.ndarray, np.ndarray | None] | None = None
         self._rgb = np.zeros((*region.mine.shape, 3), np.uint8)
         self._own = np.zeros(region.mine.shape, bool)
-        self.look = Look(self._rgb, self._own)
+        self.look = Appearance(self._rgb, self._own)
         self._known: dict[tuple[bytes, bytes], int] = {}
 
     def unchanged(self, frame: Frame) -> bool:
@@ -78,16 +78,16 @@ class Watched:
         assert self._seen is not None
         self._rgb = np.where(hidden[..., None], self._rgb, self._seen[0])
         self._own = np.where(hidden, self._own, own)
-        self.look = Look(self._rgb, self._own)
+        self.look = Appearance(self._rgb, self._own)
         return self._known.setdefault((self._own.tobytes(), self._rgb[self._own].tobytes()), len(self._known))
 
 
-def looks_of(observed: Observed, pixels: Masks) -> Looks:
+def appearances_of(observed: ObservedEpisode, pixels: MaskSource) -> Appearances:
     """The looks of all responders that have a box in the first frame."""
     of = np.full((len(observed.image_of), len(observed.roles)), -1, int)
-    watched = {i: Watched(region) for i, region in pixels.regions.items() if observed.roles[i] == "responder"}
+    watched = {i: TrackedObject(region) for i, region in pixels.regions.items() if observed.roles[i] == "responder"}
     places: dict[int, list[int]] = {index: [] for index in watched}
-    looks: list[Look] = []
+    looks: list[Appearance] = []
     for number, picture in enumerate(observed.image_of):
         of[number] = of[max(0, number - 1)]
         if number and picture == observed.image_of[number - 1]:
@@ -101,4 +101,4 @@ def looks_of(observed: Observed, pixels: Masks) -> Looks:
                 places[index].append(len(looks))
                 looks.append(one.look)
             of[number, index] = places[index][look]
-    return Looks(looks, of)
+    return Appearances(looks, of)

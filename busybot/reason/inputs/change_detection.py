@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 from pydantic import Field
 
-from busybot.reason.inputs.object_masks import OwnConfig, OwnPixels
-from busybot.reason.inputs.observation import Observed
+from busybot.reason.inputs.object_masks import MaskConfig, ObjectMasks
+from busybot.reason.inputs.observation import ObservedEpisode
 
 
-class ChangeConfig(OwnConfig):
+class ChangeConfig(MaskConfig):
     """When an object counts as changed.
 
     Attributes:
@@ -26,7 +26,7 @@ class ChangeConfig(OwnConfig):
             90 does to the unchanged surroundings of a change.
         share: an object changed when more than this share of its pixels did.
         least: and more pixels than this.
-        elevation, margin, depth: see `OwnConfig`.
+        elevation, margin, depth: see `MaskConfig`.
     """
 
     tolerance: Annotated[int, Field(ge=0, le=254)] = 10
@@ -46,11 +46,11 @@ class Counts:
     area: np.ndarray
 
 
-def count_pixels(observed: Observed, config: ChangeConfig | None = None) -> Counts:
+def count_pixels(observed: ObservedEpisode, config: ChangeConfig | None = None) -> Counts:
     """Count changed pixels per object and step."""
     config = config or ChangeConfig()
     before = observed.frame(0)
-    pixels = OwnPixels(observed, config)
+    pixels = ObjectMasks(observed, config)
     changed = np.zeros((len(observed.actions), len(observed.roles)), int)
     area = np.zeros(len(observed.roles), int)
     for index in pixels.regions:
@@ -67,14 +67,14 @@ def count_pixels(observed: Observed, config: ChangeConfig | None = None) -> Coun
     return Counts(changed, area)
 
 
-def changes(observed: Observed, config: ChangeConfig | None = None) -> np.ndarray:
+def changes(observed: ObservedEpisode, config: ChangeConfig | None = None) -> np.ndarray:
     """Whether each object's appearance changed in each step, bool (T, N)."""
     config = config or ChangeConfig()
     counts = count_pixels(observed, config)
     return counts.changed > np.maximum(config.least, config.share * counts.area)
 
 
-def _count(pixels: OwnPixels, index: int, differs: np.ndarray, step: int) -> int:
+def _count(pixels: ObjectMasks, index: int, differs: np.ndarray, step: int) -> int:
     region = pixels.regions[index]
     changed = differs[region.rows, region.columns]
     if not changed.any():

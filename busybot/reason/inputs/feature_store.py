@@ -32,9 +32,9 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
 from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.cache import cache_folder
-from busybot.reason.encoders.registry import DEFAULT, choose
-from busybot.reason.inputs.observation import observe
-from busybot.reason.inputs.sequence import CHANNELS, Sequence, sequence_of
+from busybot.reason.encoders.registry import DEFAULT, make_extractor
+from busybot.reason.inputs.observation import observe_episode
+from busybot.reason.inputs.sequence import CHANNELS, BoardSequence, sequence_of
 
 EPISODES_PER_WORKER = 20
 """A process more costs about as much time as so many episodes."""
@@ -77,10 +77,10 @@ class Features(Mapping[int, np.ndarray]):
     def __len__(self) -> int:
         return len(self._files)
 
-    def sequence(self, episode: int) -> Sequence:
+    def sequence(self, episode: int) -> BoardSequence:
         """What models of relations see of the board; no picture is decoded."""
         recorded = read_episode(self._dataset.episode_path(episode), "lazy")
-        return sequence_of(observe(recorded), self[episode])
+        return sequence_of(observe_episode(recorded), self[episode])
 
 
 def features_of(
@@ -106,7 +106,7 @@ def features_of(
     Raises:
         BusybotError: no episode is finished, one is damaged, or there is no such encoder.
     """
-    chosen = choose(encoder, weights)
+    chosen = make_extractor(encoder, weights)
     digests = _digests(dataset, episodes)
     # a store that was named may be a link, as any folder that the user names; the one beside the dataset may not
     place = store or store_of(dataset)
@@ -153,7 +153,7 @@ def _digests(dataset: Dataset, episodes: Iterable[int] | None) -> dict[int, str]
 def _compute(encoder: str, weights: Path | None, root: Path, task: tuple[Path, Path]) -> None:
     recorded, file = task
     try:
-        values = choose(encoder, weights).of_episode(read_episode(recorded, "lazy"))
+        values = make_extractor(encoder, weights).of_episode(read_episode(recorded, "lazy"))
     except BusybotError as error:
         where = "" if str(recorded) in error.what else f"{recorded}: "
         raise BusybotError(f"{where}{error.what}", error.mend) from None

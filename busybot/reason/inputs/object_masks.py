@@ -14,18 +14,19 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode
-from busybot.reason.inputs.observation import Frame, Observed, observe
+from busybot.reason.inputs.observation import Frame, ObservedEpisode, observe_episode
 
 CERTAIN = 0.2
 """Share of the raised pixels of a box that must lie in no other box to place the object by them."""
 
 
-class OwnConfig(BaseModel):
+class MaskConfig(FrozenModel):
     """What counts as an object's own pixel.
 
     Attributes:
@@ -34,8 +35,6 @@ class OwnConfig(BaseModel):
         margin: points so far outside of an object's home still belong to it, board units.
         depth: use depth where it was recorded.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     least: Annotated[int, Field(ge=0)] = 16
     elevation: Annotated[float, Field(gt=0)] = 0.01
@@ -59,15 +58,15 @@ class Region:
     home: np.ndarray | None
 
 
-class OwnPixels:
+class ObjectMasks:
     """Tells the objects of one board from what else their boxes show, by what the first frame showed.
 
     Attributes:
         regions: of the visible objects, by object index.
     """
 
-    def __init__(self, observed: Observed, config: OwnConfig | None = None):
-        self._observed, self._config = observed, config or OwnConfig()
+    def __init__(self, observed: ObservedEpisode, config: MaskConfig | None = None):
+        self._observed, self._config = observed, config or MaskConfig()
         self._rays = Rays(observed.camera)
         first = observed.frame(0)
         height, width = first.rgb.shape[:2]
@@ -159,15 +158,15 @@ def _points(frame: Frame, rows: slice, columns: slice, rays: Rays) -> np.ndarray
     return points
 
 
-class TruePixels:
-    """Like `OwnPixels`, but the simulator says what each pixel shows. Privileged.
+class OracleMasks:
+    """Like `ObjectMasks`, but the simulator says what each pixel shows. Privileged.
 
     Attributes:
         regions: of the visible objects, by object index.
     """
 
     def __init__(self, episode: Episode):
-        self.regions = OwnPixels(observe(episode), OwnConfig(depth=False)).regions
+        self.regions = ObjectMasks(observe_episode(episode), MaskConfig(depth=False)).regions
         self._episode = episode
         self._owner = np.array([-1, *(link.object for link in episode.links)])
 

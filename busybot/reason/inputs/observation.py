@@ -35,7 +35,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Action:
+class ObservedAction:
     """One proposed action.
 
     Attributes:
@@ -50,7 +50,7 @@ class Action:
 
 
 @dataclass(frozen=True)
-class Observed:
+class ObservedEpisode:
     """A board watched for T steps.
 
     Attributes:
@@ -67,7 +67,7 @@ class Observed:
     roles: tuple[str, ...]
     boxes: np.ndarray
     positions: np.ndarray
-    actions: tuple[Action, ...]
+    actions: tuple[ObservedAction, ...]
     images: Sequence[Image]
     image_of: tuple[int, ...]
 
@@ -93,10 +93,10 @@ class Observed:
         image = self.images[self.image_of[index]]
         return Frame(image.rgb, image.depth)
 
-    def first(self, images: int) -> "Observed":
+    def first(self, images: int) -> "ObservedEpisode":
         """The same board watched for at most `images` frames (so many minus one actions)."""
         steps = max(0, images - 1)
-        return Observed(
+        return ObservedEpisode(
             self.camera,
             self.roles,
             self.boxes,
@@ -107,7 +107,7 @@ class Observed:
         )
 
 
-def observe(episode: Episode) -> Observed:
+def observe_episode(episode: Episode) -> ObservedEpisode:
     """Everything of the episode that a reasoner may read."""
     if isinstance(episode.images, LazyImages):
         images: Sequence[Image] = _without_truth(episode.images)
@@ -115,12 +115,12 @@ def observe(episode: Episode) -> Observed:
     else:
         images = [Image(image.rgb, image.depth, None, NO_BOXES) for image in episode.images]
         first_boxes = episode.images[episode.frame_of[0]].boxes
-    return Observed(
+    return ObservedEpisode(
         camera=episode.camera,
         roles=tuple(placed.role for placed in episode.board.objects),
         boxes=np.array(first_boxes, np.int16),
         positions=np.array(episode.positions, np.float32),
-        actions=tuple(Action(s.pixel, s.position, _vector(s.direction)) for s in episode.steps),
+        actions=tuple(ObservedAction(s.pixel, s.position, _vector(s.direction)) for s in episode.steps),
         images=images,
         image_of=tuple(episode.frame_of),
     )
@@ -143,7 +143,7 @@ def _vector(direction: int) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
-def acted_objects(observed: Observed) -> np.ndarray:
+def acted_objects(observed: ObservedEpisode) -> np.ndarray:
     """The trigger that each action took hold of as far as boxes tell, int (T,), -1 for none.
 
     It is the trigger whose first-frame box holds the action's pixel; of several the one with the smallest box, then the
@@ -152,7 +152,7 @@ def acted_objects(observed: Observed) -> np.ndarray:
     return np.array([trigger_at(observed, action.pixel) for action in observed.actions], int)
 
 
-def trigger_at(observed: Observed, pixel: tuple[int, int]) -> int:
+def trigger_at(observed: ObservedEpisode, pixel: tuple[int, int]) -> int:
     """The trigger at a pixel (u, v) by the rule of `acted_objects`, -1 for none."""
     best: tuple[float, float, float] | None = None
     found = -1

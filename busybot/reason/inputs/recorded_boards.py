@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.reason.inputs.feature_store import Features
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.training.splits import groups_apart
 
 
@@ -26,11 +26,11 @@ class Recorded:
     def __len__(self) -> int:
         return len(self.places)
 
-    def __getitem__(self, index: int) -> Sequence:
+    def __getitem__(self, index: int) -> BoardSequence:
         dataset, episode = self.places[index]
         return self.features[dataset].sequence(episode)
 
-    def __iter__(self) -> Iterator[Sequence]:
+    def __iter__(self) -> Iterator[BoardSequence]:
         return (self[index] for index in range(len(self)))
 
 

@@ -1,7 +1,7 @@
 """What models of relations see of one board: features, positions and actions as arrays.
 
-Made from `Observed` and the features of its pictures, so it holds nothing that a reasoner may not know (protocol "Who
-may read what"). Triggers have no features, as in the paper.
+Made from `ObservedEpisode` and the features of its pictures, so it holds nothing that a reasoner may not know (protocol
+"Who may read what"). Triggers have no features, as in the paper.
 """
 
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ import numpy as np
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
-    from busybot.reason.inputs.observation import Observed
+    from busybot.reason.inputs.observation import ObservedEpisode
 
 CHANNELS = 256
 """Numbers per object and frame (paper section 3.2)."""
 
 
 @dataclass(frozen=True)
-class Sequence:
+class BoardSequence:
     """A board watched for T steps, N objects.
 
     Attributes:
@@ -49,10 +49,10 @@ class Sequence:
         """bool (N, N), True where the row is a trigger and the column a responder."""
         return self.triggers[:, None] & self.responders[None]
 
-    def first(self, images: int) -> "Sequence":
+    def first(self, images: int) -> "BoardSequence":
         """The same board watched for at most `images` frames (so many minus one actions)."""
         steps = max(0, images - 1)
-        return Sequence(
+        return BoardSequence(
             self.features[: steps + 1],
             self.positions,
             self.actions[:steps],
@@ -62,7 +62,7 @@ class Sequence:
         )
 
 
-def sequence_of(observed: "Observed", features: np.ndarray) -> Sequence:
+def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSequence:
     """Put features beside what else a reasoner may read.
 
     Args:
@@ -83,7 +83,7 @@ def sequence_of(observed: "Observed", features: np.ndarray) -> Sequence:
     left, top, right, bottom = np.asarray(observed.boxes).reshape(-1, 4).T
     seen = (left >= 0) & (top >= 0) & (right > left) & (bottom > top) & (roles == "responder")
     actions = [(*action.position, *action.direction) for action in observed.actions]
-    return Sequence(
+    return BoardSequence(
         features=np.where(seen[None, :, None], features, 0).astype(np.float32),
         positions=np.nan_to_num(observed.positions, nan=0.0).astype(np.float32),
         actions=np.array(actions, np.float32).reshape(-1, 6),

@@ -25,9 +25,7 @@ def threshold_of(encoder: str) -> float:
     """
     if encoder not in THRESHOLDS:
         what = f"no threshold is known for the features of encoder {encoder!r}"
-        raise BusybotError(
-            what, "fit one on training boards (`busybot.reason.inputs.state_clusters.fit_threshold`)"
-        )
+        raise BusybotError(what, "fit one on training boards (`busybot.reason.inputs.state_clusters.fit_threshold`)")
     return THRESHOLDS[encoder]
 
 

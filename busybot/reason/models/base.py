@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ class Reasoner(Protocol):
     name: str
     encoder: str
 
-    def graph(self, seen: Sequence) -> InferredGraph:
+    def graph(self, seen: BoardSequence) -> InferredGraph:
         """Edge probabilities after each of the T steps of `seen`; one entry, the prior, if there is none."""
         ...
 
-    def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """Features after each of S steps that are not part of what was seen; every step is judged on its own.
 
         Args:

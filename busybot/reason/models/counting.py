@@ -12,17 +12,18 @@ A step after which *nothing* looks different says only that its action failed; i
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from scipy.special import betaln, softmax
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.reason.inputs.change_detection import ChangeConfig, changes
-from busybot.reason.inputs.observation import Observed, acted_objects
+from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
 from busybot.reason.models.base import InferredGraph
 
 Positive = Annotated[float, Field(gt=0)]
 
 
-class CountConfig(BaseModel):
+class CountConfig(FrozenModel):
     """Priors of the counting inference.
 
     Attributes:
@@ -34,15 +35,13 @@ class CountConfig(BaseModel):
         change: when a responder counts as changed.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     controlled: Annotated[float, Field(gt=0, lt=1)] = 0.5
     effect: tuple[Positive, Positive] = (1.5, 1.0)
     noise: tuple[Positive, Positive] = (1.0, 5000.0)
     change: ChangeConfig = ChangeConfig()
 
 
-def count(observed: Observed, config: CountConfig | None = None) -> InferredGraph:
+def count(observed: ObservedEpisode, config: CountConfig | None = None) -> InferredGraph:
     """Edge probabilities after each step.
 
     Without any step the graph has one entry: the prior.

@@ -9,9 +9,10 @@ change of that responder that began nearest to its present look. A past change c
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from busybot.reason.inputs.sequence import Sequence
+from busybot.common.frozen_model import FrozenModel
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.inputs.state_clusters import THRESHOLDS, threshold_of
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.counting import CountConfig, count_changes
@@ -19,7 +20,7 @@ from busybot.reason.models.counting import CountConfig, count_changes
 Positive = Annotated[float, Field(gt=0)]
 
 
-class LookupConfig(BaseModel):
+class LookupConfig(FrozenModel):
     """Constants of the lookup.
 
     Attributes:
@@ -30,8 +31,6 @@ class LookupConfig(BaseModel):
             equally near.
         counting: priors of the graph.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     changed: Positive = THRESHOLDS["embedded"]
     reach: Positive = 0.2
@@ -53,7 +52,7 @@ class Lookup:
     def __init__(self, encoder: str = "embedded", config: LookupConfig | None = None):
         self.encoder, self.config = encoder, config or LookupConfig(changed=threshold_of(encoder))
 
-    def graph(self, seen: Sequence) -> InferredGraph:
+    def graph(self, seen: BoardSequence) -> InferredGraph:
         """Counted, as `count` does it, with changes told by features."""
         triggers, responders = np.flatnonzero(seen.triggers), np.flatnonzero(seen.responders)
         changed = change_sizes(seen) > self.config.changed
@@ -61,7 +60,7 @@ class Lookup:
         prior = seen.candidates * self.config.counting.controlled / max(1, len(triggers))
         return InferredGraph(self.name, probabilities, prior=prior)
 
-    def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """See `Reasoner`."""
         sizes = change_sizes(seen)
         edges = self.graph(seen).claimed(seen.steps)
@@ -78,7 +77,7 @@ class Lookup:
                     result[step, responder] = look
         return result
 
-    def _responder(self, seen: Sequence, effective: np.ndarray, action: np.ndarray) -> int | None:
+    def _responder(self, seen: BoardSequence, effective: np.ndarray, action: np.ndarray) -> int | None:
         """What changed most when the nearest effective contact was made; effective is (T, N)."""
         steps = np.flatnonzero(effective.any(axis=1))
         if not len(steps):
@@ -88,7 +87,7 @@ class Lookup:
         return int(effective[steps[nearest]].argmax()) if apart[nearest] <= self.config.reach else None
 
     def _target(
-        self, seen: Sequence, sizes: np.ndarray, responder: int, look: np.ndarray, action: np.ndarray
+        self, seen: BoardSequence, sizes: np.ndarray, responder: int, look: np.ndarray, action: np.ndarray
     ) -> np.ndarray | None:
         """The copied look, (256,); sizes is (T,), 0 where the responder did not change."""
         steps = np.flatnonzero(sizes)
@@ -102,6 +101,6 @@ class Lookup:
         return np.asarray(ends[best]) if apart[best] <= self.config.fit else None
 
 
-def change_sizes(seen: Sequence) -> np.ndarray:
+def change_sizes(seen: BoardSequence) -> np.ndarray:
     """How far each object's features move in each step, float (T, N)."""
     return np.asarray(np.linalg.norm(np.diff(seen.features, axis=0), axis=-1))

@@ -13,7 +13,7 @@ from busybot.training.model_cards import INFO_FILE, WEIGHTS_FILE, ModelCard, fin
 from busybot.training.weights import drawing_nothing
 
 
-class ModelInfo(ModelCard):
+class ReasonerInfo(ModelCard):
     """What `model.json` says.
 
     Attributes:
@@ -34,7 +34,7 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
         BusybotError: there is no such model, or its files are damaged or do not belong together.
     """
     folder = find_folder(name_or_path, "reason")
-    info = read_info(folder, ModelInfo)
+    info = read_info(folder, ReasonerInfo)
     tensors = load_tensors(folder / WEIGHTS_FILE).tensors
     try:
         with drawing_nothing():
@@ -45,7 +45,7 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
         raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
 
 
-def _event(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
+def _event(info: ReasonerInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
     from busybot.reason.models.event.config import EventConfig
     from busybot.reason.models.event.networks import EventNet
     from busybot.reason.models.event.reasoner import EventReasoner
@@ -56,7 +56,7 @@ def _event(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
     return EventReasoner(network, info.encoder, config.loss.blur)
 
 
-def _paper(info: ModelInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
+def _paper(info: ReasonerInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
     from busybot.reason.models.paper.config import PaperReasonConfig
     from busybot.reason.models.paper.networks import PaperHistoryNetwork, PaperNetwork
     from busybot.reason.models.paper.reasoner import PaperHistoryReasoner, PaperReasoner

@@ -15,15 +15,16 @@ import warnings
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel
 from busybot.reason.inputs.change_detection import ChangeConfig, changes
-from busybot.reason.inputs.observation import Observed, acted_objects
+from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
 from busybot.reason.models.base import InferredGraph
 
 
-class PcConfig(BaseModel):
+class PcConfig(FrozenModel):
     """Parameters of PC.
 
     Attributes:
@@ -32,14 +33,12 @@ class PcConfig(BaseModel):
         change: when a responder counts as changed.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
     alpha: Annotated[float, Field(gt=0, lt=1)] = 0.2
     condition: Annotated[int, Field(ge=0)] | None = None
     change: ChangeConfig = ChangeConfig()
 
 
-def discover(observed: Observed, config: PcConfig | None = None) -> InferredGraph:
+def discover(observed: ObservedEpisode, config: PcConfig | None = None) -> InferredGraph:
     """Edges after each step.
 
     Raises:

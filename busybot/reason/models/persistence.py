@@ -4,7 +4,7 @@ import numpy as np
 
 from busybot.boards.spec import BoardSpec
 from busybot.common.rng import generator
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph
 
 NAMES = ("empty graph", "all-ones graph", "random trigger")
@@ -33,11 +33,11 @@ class Persistence:
     name = "persistence"
     encoder = "embedded"
 
-    def graph(self, seen: Sequence) -> InferredGraph:
+    def graph(self, seen: BoardSequence) -> InferredGraph:
         """No edges, float (max(T, 1), N, N)."""
         objects = len(seen.responders)
         return InferredGraph(self.name, np.zeros((max(seen.steps, 1), objects, objects)))
 
-    def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """The current features, (S, N, 256)."""
         return current.copy()

@@ -9,11 +9,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel
 
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.episode import Episode
-from busybot.reason.inputs.observation import Observed, observe
+from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.models.base import InferredGraph, Reasoner
 from busybot.reason.models.counting import CountConfig, count
 from busybot.reason.models.lookup import Lookup, LookupConfig
@@ -21,10 +22,8 @@ from busybot.reason.models.pc import PcConfig, discover
 from busybot.reason.models.persistence import Persistence
 
 
-class NoParameters(BaseModel):
+class NoParameters(FrozenModel):
     """Of models that have none to set."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 def _persistence(_: NoParameters) -> Reasoner:
@@ -37,11 +36,11 @@ def _lookup(config: LookupConfig) -> Reasoner:
 
 DEFAULT_REASONER = "event"
 """The shipped model that commands use when none is named."""
-GRAPHS: dict[str, tuple[Callable[[Observed, Any], InferredGraph], type[BaseModel]]] = {
+GRAPHS: dict[str, tuple[Callable[[ObservedEpisode, Any], InferredGraph], type[BaseModel]]] = {
     "count": (count, CountConfig),
     "pc": (discover, PcConfig),
 }
-"""What infers a graph from `Observed` alone, with its parameters."""
+"""What infers a graph from `ObservedEpisode` alone, with its parameters."""
 REASONERS: dict[str, tuple[Callable[[Any], Reasoner], type[BaseModel]]] = {
     "lookup": (_lookup, LookupConfig),
     "persistence": (_persistence, NoParameters),
@@ -82,7 +81,7 @@ def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
         raise BusybotError(error.what, f"{error.mend}; {without}") from None
 
 
-def infer(episode: Episode | Observed, model: str = "count", config: BaseModel | None = None) -> InferredGraph:
+def infer(episode: Episode | ObservedEpisode, model: str = "count", config: BaseModel | None = None) -> InferredGraph:
     """Which object controls which, after each step, from what a reasoner may read.
 
     Args:
@@ -95,4 +94,4 @@ def infer(episode: Episode | Observed, model: str = "count", config: BaseModel |
     if model not in GRAPHS:
         what = f"there is no model {model!r} that infers relations without features"
         raise BusybotError(what, f"choose one of: {', '.join(GRAPHS)}")
-    return GRAPHS[model][0](episode if isinstance(episode, Observed) else observe(episode), config)
+    return GRAPHS[model][0](episode if isinstance(episode, ObservedEpisode) else observe_episode(episode), config)

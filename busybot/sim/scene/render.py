@@ -11,14 +11,15 @@ from typing import Annotated, Any, Literal
 import cv2
 import numpy as np
 import sapien
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.episode import Camera
 
 Coordinate = Annotated[float, Field(ge=-100, le=100, allow_inf_nan=False)]
 
 
-class RenderConfig(BaseModel):
+class RenderConfig(FrozenModel):
     """How the board is looked at.
 
     Attributes:
@@ -28,8 +29,6 @@ class RenderConfig(BaseModel):
         fov_deg: horizontal field of view, degrees.
         near, far: clipping distances, board units; depth is exact to about 2e-5 units at the default.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     shader: Literal["busybot", "minimal", "default"] = "busybot"
     width: Annotated[int, Field(ge=16, le=4096)] = 640
@@ -51,7 +50,7 @@ class RenderConfig(BaseModel):
 
 
 @dataclass
-class Picture:
+class RenderedPicture:
     """What the camera sees.
 
     Attributes:
@@ -110,7 +109,7 @@ def add_camera(scene: sapien.Scene, config: RenderConfig) -> Any:
     return camera
 
 
-def read_picture(camera: Any, config: RenderConfig) -> Picture:
+def read_picture(camera: Any, config: RenderConfig) -> RenderedPicture:
     """Fetch the picture that `camera.take_picture()` asked for."""
     ours = config.shader == "busybot"
     color = camera.get_picture("Color")
@@ -121,7 +120,7 @@ def read_picture(camera: Any, config: RenderConfig) -> Picture:
         entities = cv2.extractChannel(camera.get_picture("Segmentation"), 1)
     else:
         entities = camera.get_picture("Segmentation")[..., 1].astype(np.uint16)
-    return Picture(rgb, _metric_depth(camera, config), entities)
+    return RenderedPicture(rgb, _metric_depth(camera, config), entities)
 
 
 def _metric_depth(camera: Any, config: RenderConfig) -> np.ndarray:

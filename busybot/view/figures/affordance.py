@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from busybot.episodes.episode import Episode
-from busybot.interact.policy.policy_trace import Thought
+from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.view.annotations import drawing_scale
 from busybot.view.figures.episode import WIDTH
 from busybot.view.figures.parts import draw_action, draw_image, draw_title, page, save
@@ -30,7 +30,7 @@ DOT = 26.0
 def affordance_figure(
     path: Path,
     episode: Episode,
-    thoughts: Sequence[Thought],
+    thoughts: Sequence[PolicyTrace],
     steps: Sequence[int] | None = None,
     columns: int = 5,
     root: Path | None = None,
@@ -67,7 +67,7 @@ def affordance_figure(
     return save(figure, path, root)
 
 
-def _draw_step(whole: Any, close: Any, episode: Episode, thought: Thought) -> None:
+def _draw_step(whole: Any, close: Any, episode: Episode, thought: PolicyTrace) -> None:
     """The board, and a close-up of where the action was."""
     step = episode.steps[thought.step]
     for axes in (whole, close):
@@ -104,7 +104,7 @@ def _draw_links(axes: Any, episode: Episode, links: np.ndarray) -> None:
         outline.set_path_effects([withStroke(linewidth=2.4, foreground=unit(PAPER))])
 
 
-def _draw_candidates(axes: Any, episode: Episode, thought: Thought) -> None:
+def _draw_candidates(axes: Any, episode: Episode, thought: PolicyTrace) -> None:
     """Dots, the larger the more success is expected."""
     found = thought.candidates
     promising = found.scores > LEAST_SCORE

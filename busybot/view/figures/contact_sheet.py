@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
 from busybot.objects.library import Library
-from busybot.sim.thumbnails import GROUND, portraits
+from busybot.sim.thumbnails import GROUND, thumbnails
 from busybot.view.palette import FAINT, INK, MUTED
 
 FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".webp": "WEBP"}
@@ -54,7 +54,7 @@ def sheet(path: Path, library: Library, cell: int = 150, columns: int = COLUMNS)
         )
     shown = groups(library)
     keys = [key for _, _, of_group in shown for key in of_group]
-    pictures = dict(zip(keys, portraits(library, keys, cell), strict=True))
+    pictures = dict(zip(keys, thumbnails(library, keys, cell), strict=True))
     for category in CATEGORIES:
         _trim({key: picture for key, picture in pictures.items() if key.startswith(f"{category}/")}, pictures)
     image = _Page(cell, columns, shown, pictures).draw(f"{library.name}: {len(keys)} objects")

@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
-from busybot.evaluation.reference_tables import Role, Row, Table
+from busybot.evaluation.reference_tables import ReferenceRow, Role, Table
 from busybot.view.figures.episode import WIDTH
 from busybot.view.figures.parts import draw_title, page, plain_axes, save
 from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MISSED, MUTED, PAPER, RESPONDER, TRUTH, Rgb, unit
@@ -73,7 +73,9 @@ def _plain(words: str) -> str:
     return words.replace("**", "").replace("`", "")
 
 
-def _draw_row(axes: Any, place: int, table: Table, row: Row, column: tuple[str, str], score: Score | None) -> None:
+def _draw_row(
+    axes: Any, place: int, table: Table, row: ReferenceRow, column: tuple[str, str], score: Score | None
+) -> None:
     gate = None if row.gate is None else table.at(table.gates[row.gate], *column)
     paper = None if row.paper is None else table.at(table.paper[row.paper], *column)
     if gate is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, Row, Table
+from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
 from busybot.view.report.page import Block, Entry, Grid, Items, Text, Tiles, Tone, number, spread
 from busybot.view.report.results import Results, Score
 
@@ -31,7 +31,7 @@ class Verdict:
     """
 
     table: Table
-    row: Row
+    row: ReferenceRow
     split: str
     key: str
     gate: float
@@ -41,7 +41,7 @@ class Verdict:
     by_bound: bool = False
 
 
-def judge(table: Table, row: Row, split: str, key: str, score: Score | None) -> Verdict | None:
+def judge(table: Table, row: ReferenceRow, split: str, key: str, score: Score | None) -> Verdict | None:
     """Compare a number, or the worst of several seeds, with its gate; None if there is no gate for it."""
     gate = None if row.gate is None else table.at(table.gates[row.gate], split, key)
     if gate is None:

@@ -252,12 +252,12 @@ def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Bloc
 def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
     from busybot.interact.policy.policy_factory import load_once, policy_config
     from busybot.interact.policy.policy_trace import retrace
-    from busybot.reason.evaluation.explain import believed
+    from busybot.reason.evaluation.explain import inferred_over_time
     from busybot.view.figures.affordance import affordance_figure
     from busybot.view.figures.episode import refinement_figure
 
     episode = read_episode(shown.episode, "lazy")
-    graph = believed(episode, shown.reasoner)
+    graph = inferred_over_time(episode, shown.reasoner)
     growing = f"How the graph that {graph.name} infers grows with the steps; true relations are framed."
     drawn = refinement_figure(figures / "refinement.png", episode, graph, root=figures.parent)
     found: dict[str, Block] = {"refinement": Picture(drawn, growing)}

@@ -22,13 +22,13 @@ MOST_PICTURES = 24
 """Of all given folders together: a report is one file."""
 
 
-class _File(BaseModel):
+class _ResultFile(BaseModel):
     """Files have more than a report shows."""
 
     model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True)
 
 
-class _Evaluation(_File):
+class _Evaluation(_ResultFile):
     """One of `busybot eval`, on a dataset."""
 
     dataset: dict[str, Any]
@@ -69,7 +69,7 @@ class ReasonResult(_Evaluation):
     persistence: dict[str, Any] | None = None
 
 
-class AgentScores(_File):
+class AgentScores(_ResultFile):
     """One agent on the tasks of a dataset; in a table the success of several seeds."""
 
     success: float | None
@@ -87,7 +87,7 @@ class PlanResult(_Evaluation):
     tasks: int
 
 
-class _Row(_File):
+class _Row(_ResultFile):
     """A row of a table, with its commands and trainings; Table 2 keeps a training and its cost beside each other."""
 
     commands: list[str] = []
@@ -106,7 +106,7 @@ class _InteractRow(_Row):
     object: InteractResult | None = Field(None, alias="novel-object")
 
 
-class _Seeds(_File):
+class _Seeds(_ResultFile):
     """One split of Table 2: scores over seeds."""
 
     mean: dict[str, float | None]
@@ -123,7 +123,7 @@ class _PlanRow(_Row):
     splits: dict[str, dict[str, AgentScores]] = {}
 
 
-class Scores(_File):
+class Scores(_ResultFile):
     """A model on disturbed recordings."""
 
     edge_p: float | None = None
@@ -132,7 +132,7 @@ class Scores(_File):
     pred_a: float | None = None
 
 
-class Disturbed(_File):
+class Disturbed(_ResultFile):
     """One strength of a disturbance: scores by model, and the share of steps that could be known in spite of it."""
 
     strength: float
@@ -141,7 +141,7 @@ class Disturbed(_File):
     models: dict[str, Scores]
 
 
-class Disturbance(_File):
+class Disturbance(_ResultFile):
     """What is done to recordings; older files have no title."""
 
     what: str
@@ -149,7 +149,7 @@ class Disturbance(_File):
     title: str = ""
 
 
-class Robustness(_File):
+class Robustness(_ResultFile):
     """Of `benchmarks.studies.reason_robustness`: trained models, and rows by disturbance in growing strength."""
 
     boards: int
@@ -158,14 +158,14 @@ class Robustness(_File):
     rows: dict[str, list[Disturbed]]
 
 
-class Stage(_File):
+class Stage(_ResultFile):
     """One stage of a pipeline."""
 
     seconds: float
     done: bool
 
 
-class Stages(_File):
+class Stages(_ResultFile):
     """What the stages of a run took, by their output."""
 
     machine: dict[str, Any] | None = None

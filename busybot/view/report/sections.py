@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, TABLES, Role, Row, Table
+from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, TABLES, ReferenceRow, Role, Table
 from busybot.evaluation.results import KINDS
 from busybot.view.figures.robustness import BASELINES, robustness_figure, strength_words, title_of
 from busybot.view.report.gates import judge
@@ -86,7 +86,7 @@ def table_grid(table: Table, rows: dict[str, RowFound], beside: bool = True) -> 
     return Grid(groups, tuple(table.keys.values()) * len(table.splits), tuple(lines), "percent")
 
 
-def _entries(table: Table, row: Row, found: RowFound | None, gated: bool) -> tuple[Entry, ...]:
+def _entries(table: Table, row: ReferenceRow, found: RowFound | None, gated: bool) -> tuple[Entry, ...]:
     """The cells of a row: numbers with their spread, marked where there is a gate."""
     if found is None:
         return (MISSING,) * len(table.columns())

@@ -13,7 +13,7 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.camera import project
 from busybot.episodes.codec import encode_plain, encode_rgb
 from busybot.episodes.episode import Episode
-from busybot.interact.policy.policy_trace import Thought
+from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.view.annotations import drawing_scale
 from busybot.view.palette import INK, TRIGGER, Rgb, mix
 from busybot.view.rerun.camera import ARROW_LENGTH, log_action
@@ -29,7 +29,7 @@ CANDIDATE_ARROW = 0.4
 """Length of a candidate's arrow, of the action's."""
 
 
-def log_thought(recording: rr.RecordingStream, episode: Episode, thought: Thought) -> None:
+def log_thought(recording: rr.RecordingStream, episode: Episode, thought: PolicyTrace) -> None:
     """Everything of one action; the step of the recording's clock is the caller's."""
     log_pale(recording, SPACE, episode.image(thought.step).rgb)
     layer = encode_plain(affordance_layer(thought.affordance))
@@ -72,7 +72,7 @@ def link_outlines(links: np.ndarray) -> list[np.ndarray]:
     return outlines
 
 
-def _log_candidates(recording: rr.RecordingStream, episode: Episode, thought: Thought, size: float) -> None:
+def _log_candidates(recording: rr.RecordingStream, episode: Episode, thought: PolicyTrace, size: float) -> None:
     found = thought.candidates.take(thought.candidates.scores > LEAST_SCORE)
     labels = [
         f"success {score:.2f}, {f'known link {region}' if region > 0 else 'new'}"

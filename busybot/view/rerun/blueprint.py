@@ -31,7 +31,7 @@ LEGEND_SHARE = 0.38
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownLayers:
     """Which of `rerun_log.Layers` a recording has."""
 
     affordance: bool = False
@@ -40,10 +40,10 @@ class Shown:
 
 
 def blueprint(
-    episode: Episode, inferred: list[InferredGraph], menus: bool = True, shown: Shown | None = None
+    episode: Episode, inferred: list[InferredGraph], menus: bool = True, shown: ShownLayers | None = None
 ) -> rrb.Blueprint:
     """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
-    shown = shown or Shown()
+    shown = shown or ShownLayers()
     names = [graph.name for graph in inferred]
     graphs = graph_views(episode, names)
     if has_choices(episode):
@@ -68,7 +68,7 @@ def blueprint(
     )
 
 
-def camera_views(episode: Episode, shown: Shown) -> Any:
+def camera_views(episode: Episode, shown: ShownLayers) -> Any:
     """The image, closely around the board, and depth behind it; in front of both what else was asked for."""
     spaces = {"camera": "Camera: boxes, action, change", "depth": "Depth"}
     if shown.affordance:

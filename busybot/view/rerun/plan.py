@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from busybot.episodes.episode import Episode
-from busybot.plan.decision_log import Offered, offered, reason
+from busybot.plan.decision_log import LoggedContact, offered, reason
 from busybot.view.annotations import board_bounds, drawing_scale, named, remaining_responders
 from busybot.view.palette import ACTION, INK, TRIGGER, WRONG, text_on_dark
 from busybot.view.rerun.affordance import Dots, log_dots, log_pale
@@ -54,7 +54,7 @@ def _log_reason(recording: rr.RecordingStream, episode: Episode, step: int) -> N
     recording.log(f"{SPACE}/reason", label)
 
 
-def _dots(told: list[Offered]) -> Dots:
+def _dots(told: list[LoggedContact]) -> Dots:
     return Dots(
         pixels=np.array([one.pixel for one in told], int),
         positions=np.array([one.position for one in told], float),
@@ -64,6 +64,6 @@ def _dots(told: list[Offered]) -> Dots:
     )
 
 
-def _label(one: Offered) -> str:
+def _label(one: LoggedContact) -> str:
     where = f"worked in step {one.step + 1} of the history" if one.step >= 0 else "proposed by the interaction model"
     return f"success {one.score:.2f}, {where}"

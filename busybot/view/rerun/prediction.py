@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from busybot.episodes.episode import Episode
-from busybot.reason.evaluation.explain import Foreseen
+from busybot.reason.evaluation.explain import Explanation
 from busybot.view.annotations import board_bounds, drawing_scale, object_names, visible
 from busybot.view.palette import CORRECT, MUTED, STATES, WRONG, Rgb, text_on_dark
 from busybot.view.rerun.affordance import log_pale
@@ -21,7 +21,7 @@ MISTAKE = "not "
 """Before an expected state that did not come."""
 
 
-def log_lanes(recording: rr.RecordingStream, episode: Episode, foreseen: Foreseen) -> None:
+def log_lanes(recording: rr.RecordingStream, episode: Episode, foreseen: Explanation) -> None:
     """Names and colours of the lanes: what a responder shows, and below it what was expected."""
     values = [str(state) for state in np.unique(foreseen.states[:, foreseen.judged])]
     colors = [STATES[int(value) % len(STATES)] for value in values]
@@ -35,7 +35,7 @@ def log_lanes(recording: rr.RecordingStream, episode: Episode, foreseen: Foresee
         recording.log(_lane(episode, int(index), "expected"), expected, static=True)
 
 
-def eventful(foreseen: Foreseen) -> np.ndarray:
+def eventful(foreseen: Explanation) -> np.ndarray:
     """Indices of the objects that ever changed, or were expected to."""
     steps = len(foreseen.expected)
     return np.unique(np.concatenate([np.zeros(0, int), *(foreseen.changed(step) for step in range(steps))]))
@@ -45,7 +45,7 @@ def _lane(episode: Episode, index: int, what: str) -> str:
     return f"{LANES}/{object_names(episode.board)[index].replace(' ', '_')}_{what}"
 
 
-def log_foreseen(recording: rr.RecordingStream, episode: Episode, foreseen: Foreseen, frame: int) -> None:
+def log_foreseen(recording: rr.RecordingStream, episode: Episode, foreseen: Explanation, frame: int) -> None:
     """Everything at one frame; the recording's clock is the caller's."""
     for index in eventful(foreseen):
         state = foreseen.states[frame, index]
@@ -61,7 +61,7 @@ def log_foreseen(recording: rr.RecordingStream, episode: Episode, foreseen: Fore
         recording.log(f"log/{SPACE}", text)
 
 
-def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Foreseen, frame: int) -> None:
+def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Explanation, frame: int) -> None:
     """The picture, paler, with a box and a word on every responder that changed or should have."""
     image = episode.image(frame)
     log_pale(recording, SPACE, image.rgb)
@@ -92,7 +92,7 @@ def label_places(episode: Episode, boxes: np.ndarray, labels: list[str]) -> np.n
     return np.stack([across, np.minimum(boxes[:, 3], high[1] - LINE * unit)], axis=1)
 
 
-def _mark(foreseen: Foreseen, frame: int, index: int) -> tuple[Rgb, str]:
+def _mark(foreseen: Explanation, frame: int, index: int) -> tuple[Rgb, str]:
     """Colour and word of a responder; no word where nothing happened, as expected."""
     if frame == 0 or index not in foreseen.changed(frame - 1):
         return MUTED, ""
@@ -106,7 +106,7 @@ def _mark(foreseen: Foreseen, frame: int, index: int) -> tuple[Rgb, str]:
     )
 
 
-def words(episode: Episode, foreseen: Foreseen, step: int) -> str:
+def words(episode: Episode, foreseen: Explanation, step: int) -> str:
     """ "expected: lamp 5 to become 1; so it did" in one line."""
     names = object_names(episode.board)
     changes = [

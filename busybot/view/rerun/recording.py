@@ -15,12 +15,12 @@ from rerun.error_utils import catch_and_log_exceptions
 from busybot.common.atomic_io import replacing_by_path
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
-from busybot.interact.policy.policy_trace import Thought
-from busybot.reason.evaluation.explain import Foreseen
+from busybot.interact.policy.policy_trace import PolicyTrace
+from busybot.reason.evaluation.explain import Explanation
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import check_inferred, judged_edges, pairs_ever, true_edges
 from busybot.view.rerun.affordance import log_thought
-from busybot.view.rerun.blueprint import Shown, blueprint
+from busybot.view.rerun.blueprint import ShownLayers, blueprint
 from busybot.view.rerun.board import BoardLogger
 from busybot.view.rerun.camera import log_camera_frame, log_goal, log_remaining
 from busybot.view.rerun.graph import edge_places, log_graph
@@ -42,7 +42,7 @@ _BATCHES = rr.ChunkBatcherConfig(flush_tick=3600.0)
 
 
 @dataclass(frozen=True)
-class Layers:
+class RecordingLayers:
     """What is shown beyond the recording; iterators are used up by one writing.
 
     Attributes:
@@ -51,9 +51,9 @@ class Layers:
         foreseen: what a reasoner expected, of `reason.foresee`.
     """
 
-    thoughts: Iterable[Thought] | None = None
+    thoughts: Iterable[PolicyTrace] | None = None
     replayed: Iterable[tuple[int, np.ndarray]] | None = None
-    foreseen: Foreseen | None = None
+    foreseen: Explanation | None = None
 
 
 def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Sequence[InferredGraph] = ()) -> None:
@@ -90,7 +90,7 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
             log_probabilities(recording, episode, graph, frame)
 
 
-def log_thoughts(recording: rr.RecordingStream, episode: Episode, thoughts: Iterable[Thought]) -> None:
+def log_thoughts(recording: rr.RecordingStream, episode: Episode, thoughts: Iterable[PolicyTrace]) -> None:
     """Log what a model makes of every action, where the action is shown."""
     for thought in thoughts:
         recording.set_time("step", sequence=thought.step + 1)
@@ -98,7 +98,7 @@ def log_thoughts(recording: rr.RecordingStream, episode: Episode, thoughts: Iter
         log_thought(recording, episode, thought)
 
 
-def log_expectations(recording: rr.RecordingStream, episode: Episode, foreseen: Foreseen) -> None:
+def log_expectations(recording: rr.RecordingStream, episode: Episode, foreseen: Explanation) -> None:
     """Log what a reasoner expected of every step, where its outcome is shown."""
     log_lanes(recording, episode, foreseen)
     for frame in range(len(episode.frame_of)):
@@ -120,10 +120,10 @@ def save_rrd(
     episode: Episode,
     inferred: Sequence[InferredGraph] = (),
     menus: bool = True,
-    layers: Layers | None = None,
+    layers: RecordingLayers | None = None,
 ) -> None:
     """Write an episode and its layout as an `.rrd` file for Rerun; without `menus` for a picture."""
-    layers = layers or Layers()
+    layers = layers or RecordingLayers()
     for graph in inferred:
         check_inferred(episode, graph)
     name = f"{episode.board.split} board {episode.board.index}, {episode.policy}"
@@ -135,7 +135,7 @@ def save_rrd(
             )
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
-            shown = Shown(layers.thoughts is not None, layers.replayed is not None, layers.foreseen is not None)
+            shown = ShownLayers(layers.thoughts is not None, layers.replayed is not None, layers.foreseen is not None)
             recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus, shown))
             recording.send_recording_name(name)
             log_episode(recording, episode, inferred)

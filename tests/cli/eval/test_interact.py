@@ -8,7 +8,7 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.datasets.dataset import Dataset
-from busybot.interact.affordance.fast import Model, ModelInfo
+from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
 from busybot.interact.affordance.fast_networks import KINDS, make_network
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -30,7 +30,7 @@ def dataset(tmp_path: Path) -> Path:
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("models") / "untrained"
-    Model(ModelInfo(), {kind: make_network(kind, "depth") for kind in KINDS}).save(folder)
+    AffordanceModel(AffordanceInfo(), {kind: make_network(kind, "depth") for kind in KINDS}).save(folder)
     return folder
 
 
@@ -96,7 +96,7 @@ def test_a_model_collects_and_another_is_refused(dataset: Path, model: Path, tmp
     assert data.info.collect.settings["chooser"]["model"]["name"] == "untrained"
     assert run("dataset", "verify", dataset).exit_code == 0
     other = tmp_path / "other"
-    Model(ModelInfo(), {kind: make_network(kind, "depth") for kind in KINDS}).save(other)
+    AffordanceModel(AffordanceInfo(), {kind: make_network(kind, "depth") for kind in KINDS}).save(other)
     result = run(*command, "--model", other)
     assert result.exit_code == 1 and "begun with other settings" in result.output
     for unused in (("--model", model), ("--set", "learned.explore=1")):

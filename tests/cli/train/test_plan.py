@@ -13,10 +13,10 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.policy.policy_factory import load_once
 from busybot.objects.resolve import find
-from busybot.plan.interfaces import Act, Briefing, Situation, Stop
-from busybot.plan.learning.board_graph import Explored, load_explored
+from busybot.plan.interfaces import Act, DecisionState, Stop, TaskContext
+from busybot.plan.learning.board_graph import ExploredBoard, load_explored
 from busybot.plan.learning.encoding import STOP, offer
-from busybot.plan.rollout import Player
+from busybot.plan.rollout import RolloutRunner
 from busybot.reason.models.persistence import Persistence
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
@@ -45,13 +45,13 @@ class Follower:
 
     name = "follower"
 
-    def __init__(self, board: Explored):
+    def __init__(self, board: ExploredBoard):
         self.graph, self.state, self.checked = board.graph, 0, 0
 
-    def start(self, briefing: Briefing) -> None:
+    def start(self, briefing: TaskContext) -> None:
         pass
 
-    def decide(self, situation: Situation) -> Act | Stop:
+    def decide(self, situation: DecisionState) -> Act | Stop:
         offered, choices = offer(situation.candidates)
         assert np.allclose(situation.features, self.graph.looks[self.state], atol=1e-2)
         if not self.state:
@@ -84,7 +84,7 @@ def test_from_tasks_to_an_agent_that_is_measured(tmp_path: Path) -> None:
     board = load_explored(out / "boards" / "00-000000.safetensors")
     follower = Follower(board)
     simulator = Simulator(find("procedural"), RenderConfig())
-    player = Player(simulator, Persistence(), load_once("procedural"))
+    player = RolloutRunner(simulator, Persistence(), load_once("procedural"))
     played = player.play(player.prepare(read_episode(Dataset.open(data).episode_path(0))), lambda _: follower)
     assert follower.checked > 0 and len(played.episode.steps) == follower.checked
     assert played.judged.success == pytest.approx(float(board.graph.success[follower.state]))

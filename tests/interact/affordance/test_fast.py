@@ -12,7 +12,7 @@ from busybot.boards.generate import generate_boards
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.affordance.fast import Model, ModelInfo
+from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
 from busybot.interact.affordance.fast_networks import KINDS, make_network
 from busybot.interact.affordance.load import find_model, load_model
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED
@@ -25,12 +25,12 @@ from tests.episodes.synthetic import make_episode
 NO_BOXES = np.empty((0, 4), np.int16)
 
 
-def untrained(inputs: str = "depth") -> Model:
-    info = ModelInfo(inputs=inputs, thresholds={"explore": 0.3})
+def untrained(inputs: str = "depth") -> AffordanceModel:
+    info = AffordanceInfo(inputs=inputs, thresholds={"explore": 0.3})
     networks = {kind: make_network(kind, info.inputs) for kind in KINDS}
     for network in networks.values():
         initialise(network, torch.Generator().manual_seed(3))
-    return Model(info, networks)
+    return AffordanceModel(info, networks)
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Observation
-from busybot.interact.policy.board_memory import Failure, Memory, moved_region
+from busybot.interact.policy.board_memory import BoardMemory, Failure, moved_region
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import PAIR_OF
 from tests.interact.scenes import BODY, BUTTON, PRESSED, RAYS, picture
@@ -27,11 +27,11 @@ def shown(left: float, right: float) -> Observation:
 BOTH_UP, LEFT_DOWN, BOTH_DOWN = shown(BUTTON, BUTTON), shown(PRESSED, BUTTON), shown(PRESSED, PRESSED)
 
 
-def fresh(**changed: object) -> Memory:
-    return Memory(RAYS.heights(BOTH_UP.depth), CONFIG.model_copy(update=changed))
+def fresh(**changed: object) -> BoardMemory:
+    return BoardMemory(RAYS.heights(BOTH_UP.depth), CONFIG.model_copy(update=changed))
 
 
-def logits_of(memory: Memory, *pixels: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+def logits_of(memory: BoardMemory, *pixels: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     return memory.doubted(np.array(pixels), np.full(len(pixels), 2.0), np.full((len(pixels), 9), 0.5))
 
 
@@ -127,8 +127,8 @@ def lit(left: float, box: tuple[int, int, int, int], level: int) -> Observation:
     return image
 
 
-def board() -> Memory:
-    return Memory(RAYS.heights(lit(BUTTON, LAMP, 0).depth), CONFIG)
+def board() -> BoardMemory:
+    return BoardMemory(RAYS.heights(lit(BUTTON, LAMP, 0).depth), CONFIG)
 
 
 def test_what_changed_its_colour_by_an_action_elsewhere_is_hardly_a_trigger() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Observation
-from busybot.interact.policy.board_memory import Memory
+from busybot.interact.policy.board_memory import BoardMemory
 from busybot.interact.policy.candidates import find_candidates
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import PAIR_OF, PAIRS, pair_scores
@@ -53,7 +53,7 @@ def test_a_pair_fails_only_when_both_directions_do() -> None:
 
 def test_a_moved_link_is_a_region_of_its_own() -> None:
     before, after = board(BUTTON, BUTTON, BUTTON), board(PRESSED, BUTTON, BUTTON)
-    memory = Memory(RAYS.heights(before.depth), PolicyConfig())
+    memory = BoardMemory(RAYS.heights(before.depth), PolicyConfig())
     memory.succeeded((49, 49), 12, before, after)
     found = find_candidates(MODEL, after, RAYS, memory)
     for pixel, region in zip(found.pixels, found.regions, strict=True):

@@ -7,7 +7,7 @@ import numpy as np
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.common.rng import generator
 from busybot.interact.policy.direction_pairs import PAIR_OF
-from busybot.interact.policy.exploration import ExploreConfig, GuidedExplorer, UnguidedExplorer
+from busybot.interact.policy.exploration import ExplorationConfig, GuidedExplorer, UnguidedExplorer
 from busybot.sim.policy import Action
 from tests.interact.scenes import BODY, BUTTON, PRESSED, RAYS, ButtonModel, picture
 
@@ -35,7 +35,7 @@ def test_small_things_are_visited_as_often_as_large_ones() -> None:
 def test_rare_heights_of_a_component_are_preferred() -> None:
     shares = []
     for stratified in (0.0, 1.0):
-        policy, draws = UnguidedExplorer(RAYS, ExploreConfig(stratified=stratified)), rng()
+        policy, draws = UnguidedExplorer(RAYS, ExplorationConfig(stratified=stratified)), rng()
         pixels = [policy.select_action(BOARD, draws).pixel for _ in range(200)]
         shares.append(np.mean([within(pixel, KNOB) for pixel in pixels]))
     assert shares[0] < 0.03 and shares[1] > 0.1
@@ -45,7 +45,7 @@ def test_every_pair_is_tried_once_in_an_order_of_its_own() -> None:
     policy, draws = UnguidedExplorer(RAYS), rng()
     first, second = (policy.select_action(BOARD, draws).directions for _ in range(2))
     assert sorted(PAIR_OF[list(first)]) == list(range(9)) and first != second
-    few = UnguidedExplorer(RAYS, ExploreConfig(pairs=2)).select_action(BOARD, rng()).directions
+    few = UnguidedExplorer(RAYS, ExplorationConfig(pairs=2)).select_action(BOARD, rng()).directions
     assert len(few) == 2 and OPPOSITE[few[0]] != few[1]
 
 
@@ -55,7 +55,7 @@ def test_an_empty_board_is_acted_on_anyway() -> None:
 
 
 def test_the_network_leads_to_the_knob_and_names_the_pair() -> None:
-    policy = GuidedExplorer(ButtonModel(), RAYS, ExploreConfig(best=1, by_network=1))
+    policy = GuidedExplorer(ButtonModel(), RAYS, ExplorationConfig(best=1, by_network=1))
     action = policy.select_action(BOARD, rng())
     assert within(action.pixel, KNOB)
     assert abs(DIRECTIONS[action.directions[0], 2]) == 1
@@ -64,7 +64,7 @@ def test_the_network_leads_to_the_knob_and_names_the_pair() -> None:
 def test_what_moved_and_what_failed_attract_less() -> None:
     other = (100, 60, 106, 66)
     boards = [picture((LARGE, BODY), (KNOB, height), (other, BUTTON)) for height in (BUTTON, PRESSED)]
-    policy, draws = GuidedExplorer(ButtonModel(), RAYS, ExploreConfig(best=1)), rng()
+    policy, draws = GuidedExplorer(ButtonModel(), RAYS, ExplorationConfig(best=1)), rng()
     policy.select_action(boards[0], draws)
     policy.observe(Action((62, 62), (0,)), (0, 17), 1, boards[1])
     assert all(within(policy.select_action(boards[1], draws).pixel, other) for _ in range(10))

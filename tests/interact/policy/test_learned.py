@@ -11,7 +11,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.episodes.episode import Observation
 from busybot.interact.metrics import micro
-from busybot.interact.outcomes import judge
+from busybot.interact.outcomes import judge_episode
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.learned import LearnedPolicy, Mode, mode_named
 from busybot.objects.library import Library
@@ -122,7 +122,7 @@ def shares(library: Library, boards: int, split: str, strict: bool = False) -> d
     simulator, interaction = Simulator(library, RenderConfig()), InteractionConfig(strict=strict)
     factory = TruthFactory(noise=1.0)
     judged = [
-        judge(record_episode(simulator, board, factory, 10, interaction, 0), annotated, interaction.delta)
+        judge_episode(record_episode(simulator, board, factory, 10, interaction, 0), annotated, interaction.delta)
         for board in generate_boards(config, library)
     ]
     return {name: value for name, value in micro(judged).items() if value is not None}

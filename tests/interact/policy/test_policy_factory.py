@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
-from busybot.interact.affordance.fast import Model, ModelInfo
+from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
 from busybot.interact.affordance.fast_networks import KINDS, make_network
 from busybot.interact.policy.exploration import GuidedExplorer, UnguidedExplorer
 from busybot.interact.policy.learned import LearnedPolicy, mode_named
@@ -22,12 +22,12 @@ from tests.episodes.synthetic import make_camera, make_episode
 def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("models") / "untrained"
     networks = {kind: make_network(kind, "depth") for kind in KINDS}
-    Model(ModelInfo(thresholds={"explore": 0.6}), networks).save(folder)
+    AffordanceModel(AffordanceInfo(thresholds={"explore": 0.6}), networks).save(folder)
     return folder
 
 
 def test_the_card_comes_before_the_defaults_and_overrides_before_the_card() -> None:
-    info = ModelInfo(prior=0.3, thresholds={"explore": 0.6, "collect": 0.7})
+    info = AffordanceInfo(prior=0.3, thresholds={"explore": 0.6, "collect": 0.7})
     config = policy_config(info, {"collect": 0.8})
     assert (config.prior, config.explore, config.collect, config.peak_radius) == (0.3, 0.6, 0.8, 3)
     with pytest.raises(BusybotError, match="parameter explor of the learned policy"):
@@ -36,13 +36,15 @@ def test_the_card_comes_before_the_defaults_and_overrides_before_the_card() -> N
 
 def test_constants_of_former_cards_are_known_with_the_value_that_they_have_now(model: Path) -> None:
     former = {"effect": 150, "failure_sigma": 6, "opening": 5, "same_link": 0.25, "explore": 0.6}
-    assert policy_config(ModelInfo(thresholds=former), {}) == policy_config(ModelInfo(thresholds={"explore": 0.6}), {})
+    assert policy_config(AffordanceInfo(thresholds=former), {}) == policy_config(
+        AffordanceInfo(thresholds={"explore": 0.6}), {}
+    )
     recorded = LearnedPolicyFactory(str(model)).provenance()["policy"]
     assert former.items() <= recorded.items()  # what was recorded before goes on
     with pytest.raises(ValidationError, match="effect: it is 150 in every model now, not 75"):
-        ModelInfo(thresholds={"effect": 75})
+        AffordanceInfo(thresholds={"effect": 75})
     with pytest.raises(BusybotError, match=r"parameter opening: it is 5 in every model now, not 9"):
-        policy_config(ModelInfo(), {"opening": 9})
+        policy_config(AffordanceInfo(), {"opening": 9})
 
 
 def test_constants_that_a_mode_does_not_read_are_refused(model: Path) -> None:

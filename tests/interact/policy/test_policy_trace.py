@@ -7,7 +7,7 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.affordance.fast import View
+from busybot.interact.affordance.fast import AffordanceView
 from busybot.interact.affordance.load import load_model
 from busybot.interact.policy.learned import LearnedPolicy
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL
@@ -39,7 +39,7 @@ def test_links_are_known_once_they_moved() -> None:
 def test_who_acted_by_the_model_thought_the_same() -> None:
     library, model, thought = find("procedural"), load_model(DEFAULT_MODEL), []
 
-    class Remembered(LearnedPolicy[View]):
+    class Remembered(LearnedPolicy[AffordanceView]):
         def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
             thought.append(self.candidates)
             super().observe(action, executed, reward, after)

@@ -20,7 +20,7 @@ from busybot.interact.policy.paper import PaperPolicy
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory, usual_mode
 from busybot.interact.training.paper import PaperAffordanceLearner, PaperTraining
 from busybot.interact.training.paper_config import PaperConfig
-from busybot.interact.training.round_recorder import Recorder, Told
+from busybot.interact.training.round_recorder import Recorder, RoundProgress
 from busybot.interact.training.sample_cache import Samples
 from busybot.training.metrics_file import read_metrics
 from tests.episodes.folders import make_dataset
@@ -53,7 +53,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def training(out: Path, rounds: Path | None = None, config: PaperConfig = CONFIG) -> PaperTraining:
-    told = Told(lambda text: None, lambda label: nullcontext(lambda done, total: None))
+    told = RoundProgress(lambda text: None, lambda label: nullcontext(lambda done, total: None))
     datasets = tuple(sorted(rounds.iterdir())) if rounds else ()
     return PaperTraining(out, config, Recorder(None, config, 0, 1, told), datasets)
 

@@ -5,7 +5,7 @@ import pytest
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.interact.training.config import Replay
+from busybot.interact.training.config import ReplayConfig
 from busybot.interact.training.prioritized_replay import Priorities
 
 REWARD = np.arange(100) < 10
@@ -17,7 +17,7 @@ def draws(priorities: Priorities, weights: np.ndarray | None = None, count: int 
 
 
 def fresh() -> Priorities:
-    priorities = Priorities(Replay())
+    priorities = Priorities(ReplayConfig())
     priorities.grow(100)
     return priorities
 

@@ -7,7 +7,7 @@ import pytest
 
 from busybot.common.errors import BusybotError
 from busybot.objects.importing.annotation_edits import Choices
-from busybot.objects.importing.auto_annotation import FACING, STANDING, Decision, decide
+from busybot.objects.importing.auto_annotation import FACING, STANDING, AutoAnnotation, decide
 from busybot.objects.importing.importer import annotate
 from busybot.objects.importing.raw import read_raw
 from busybot.objects.library import Library
@@ -18,7 +18,7 @@ DEEP = ((-0.1, -0.5, -0.6), (1.1, 0.5, 0.6))
 """A box of the same front as the plate, but as deep as it is high."""
 
 
-def decided(folder: Path, given: Choices | None = None) -> tuple[Decision, ObjectModel]:
+def decided(folder: Path, given: Choices | None = None) -> tuple[AutoAnnotation, ObjectModel]:
     raw = read_raw(folder)
     decision = decide(raw, given)
     return decision, annotate(raw, decision, given)[1]

@@ -14,12 +14,12 @@ from busybot.common.atomic_io import rename, unfinished, write_json
 from busybot.common.errors import BusybotError
 from busybot.objects.importing import importer as importing
 from busybot.objects.importing.annotation_edits import Choices, Overrides
-from busybot.objects.importing.importer import Outcome, import_objects, raw_folders
+from busybot.objects.importing.importer import ImportOutcome, import_objects, raw_folders
 from busybot.objects.library import Library
 from tests.objects.raw_objects import DRAWER, LEAF, LEVER, ROCKER, make_raw
 
 
-def put(out: Path | None, *folders: Path, **options: Any) -> list[Outcome]:
+def put(out: Path | None, *folders: Path, **options: Any) -> list[ImportOutcome]:
     return list(import_objects(folders, out, **options))
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.reason.encoders.registry import choose
-from busybot.reason.inputs.observation import observe
+from busybot.reason.encoders.registry import make_extractor
+from busybot.reason.inputs.observation import observe_episode
 from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.reason.inputs.test_observation import garbled
 
@@ -16,14 +16,18 @@ from tests.reason.inputs.test_observation import garbled
 @pytest.mark.parametrize("name", ["embedded", "embedded-box", "random"])
 def test_the_truth_makes_no_difference(name: str) -> None:
     episode = make_episode(steps=6)
-    np.testing.assert_array_equal(choose(name).of_episode(episode), choose(name).of_episode(garbled(episode)))
-    np.testing.assert_array_equal(choose(name).of_episode(episode), choose(name).of(observe(episode)))
+    np.testing.assert_array_equal(
+        make_extractor(name).of_episode(episode), make_extractor(name).of_episode(garbled(episode))
+    )
+    np.testing.assert_array_equal(
+        make_extractor(name).of_episode(episode), make_extractor(name).of(observe_episode(episode))
+    )
 
 
 def test_features_change_when_states_do() -> None:
     episode = make_episode(steps=12)
-    features = choose().of_episode(episode)
-    observed = observe(episode)
+    features = make_extractor().of_episode(episode)
+    observed = observe_episode(episode)
     assert features.shape == (13, len(observed.roles), 256) and features.dtype == np.float16
     assert not features[:, observed.triggers].any() and features[:, observed.responders].any((0, 2)).all()
     before, after = (
@@ -35,27 +39,29 @@ def test_features_change_when_states_do() -> None:
 
 def test_the_oracle_needs_the_episode_and_says_what_it_is() -> None:
     episode = make_episode(steps=2)
-    oracle = choose("embedded-mask")
-    assert oracle.oracle and not choose("embedded").oracle and not choose("embedded-box").oracle
+    oracle = make_extractor("embedded-mask")
+    assert oracle.oracle and not make_extractor("embedded").oracle and not make_extractor("embedded-box").oracle
     assert oracle.of_episode(episode).any()
     with pytest.raises(BusybotError, match="segmentation"):
-        oracle.of(observe(episode))
+        oracle.of(observe_episode(episode))
 
 
 def test_a_recording_without_depth_is_encoded_from_its_boxes() -> None:
     episode = make_episode(steps=4)
     episode.images = [replace(image, depth=None) for image in episode.images]
-    np.testing.assert_array_equal(choose("embedded").of_episode(episode), choose("embedded-box").of_episode(episode))
-    assert choose("embedded").of_episode(episode).any()
+    np.testing.assert_array_equal(
+        make_extractor("embedded").of_episode(episode), make_extractor("embedded-box").of_episode(episode)
+    )
+    assert make_extractor("embedded").of_episode(episode).any()
 
 
 def test_a_recording_without_boxes_has_no_features() -> None:
-    assert not choose("embedded").of_episode(make_real_episode()).any()
+    assert not make_extractor("embedded").of_episode(make_real_episode()).any()
 
 
 def test_keys_tell_encoders_apart() -> None:
     names = ["embedded", "embedded-box", "embedded-mask", "random", "random-box"]
-    keys = [choose(name).key for name in names]
+    keys = [make_extractor(name).key for name in names]
     assert len(set(keys)) == 5
     assert all(key.startswith(f"{name}-") for name, key in zip(names, keys, strict=True))
 
@@ -63,9 +69,9 @@ def test_keys_tell_encoders_apart() -> None:
 @pytest.mark.parametrize("name", ["ambedded", "embedded-", "embedded-all", "", "-box", "../embedded"])
 def test_other_names_are_refused(name: str) -> None:
     with pytest.raises(BusybotError, match="there is no encoder"):
-        choose(name)
+        make_extractor(name)
 
 
 def test_weights_go_with_resnet50_alone() -> None:
     with pytest.raises(BusybotError, match="takes no weights"):
-        choose("embedded", Path("w.pth"))
+        make_extractor("embedded", Path("w.pth"))

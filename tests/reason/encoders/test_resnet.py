@@ -13,16 +13,16 @@ import torch
 from busybot.common.errors import BusybotError
 from busybot.reason.encoders import resnet as weights
 from busybot.reason.encoders.resnet import FirstStage, drawn, pretrained
-from busybot.reason.inputs.appearances import Look
+from busybot.reason.inputs.appearances import Appearance
 
 KEYS = {"conv1.weight", "bn1.running_var", "layer1.0.downsample.0.weight", "layer1.2.bn3.bias", "layer1.1.conv2.weight"}
 
 
-def look(seed: int, size: int = 40) -> Look:
+def look(seed: int, size: int = 40) -> Appearance:
     rng = np.random.default_rng(seed)
     own = np.zeros((size, size), bool)
     own[5:30, 8:36] = True
-    return Look(rng.integers(0, 256, (size, size, 3), np.uint8), own)
+    return Appearance(rng.integers(0, 256, (size, size, 3), np.uint8), own)
 
 
 def stored(path: Path, **more: Any) -> Path:
@@ -57,7 +57,7 @@ def test_an_encoding_does_not_depend_on_its_batch() -> None:
 
 
 def test_where_nothing_shows_it_is_zero() -> None:
-    assert not drawn().encode([Look(look(1).rgb, np.zeros((40, 40), bool))]).any()
+    assert not drawn().encode([Appearance(look(1).rgb, np.zeros((40, 40), bool))]).any()
 
 
 def test_a_file_that_runs_code_is_refused_unread(tmp_path: Path) -> None:

@@ -12,9 +12,9 @@ from busybot.boards.spec import LinkRef, Relation
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.reason.evaluation.evaluate import Judging, evaluate_dataset, judge_episode
+from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset, judge_episode
 from busybot.reason.evaluation.ground_truth import truth_of
-from busybot.reason.evaluation.summary import Judged, summarise
+from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.models.base import InferredGraph
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode, make_real_episode
@@ -23,13 +23,13 @@ from tests.episodes.synthetic import make_episode, make_real_episode
 CANDIDATES = {(0, 1), (0, 2), (0, 4), (3, 1), (3, 2), (3, 4)}
 
 
-def judged(episode: Episode, *edges: tuple[int, int]) -> Judged:
+def judged(episode: Episode, *edges: tuple[int, int]) -> JudgedGraph:
     """A board for which someone claims these edges."""
     probabilities = np.zeros((len(episode.steps), 5, 5))
     for edge in edges:
         probabilities[(slice(None), *edge)] = 1.0
     graph = InferredGraph("claimed", probabilities)
-    return Judged(episode.board, graph, truth_of(episode), len(episode.steps), episode.policy, episode.oracle)
+    return JudgedGraph(episode.board, graph, truth_of(episode), len(episode.steps), episode.policy, episode.oracle)
 
 
 def test_truth_is_in_object_pairs() -> None:
@@ -64,10 +64,11 @@ def test_a_recording_without_states_has_no_bound() -> None:
 
 def test_only_the_first_images_are_used() -> None:
     episode = make_episode(steps=12)
-    assert judge_episode(episode, Judging(images=5)).steps == 4
+    assert judge_episode(episode, ReasonEvaluation(images=5)).steps == 4
     longer = make_episode(steps=4)
     np.testing.assert_allclose(
-        judge_episode(episode, Judging(images=5)).graph.probabilities, judge_episode(longer).graph.probabilities
+        judge_episode(episode, ReasonEvaluation(images=5)).graph.probabilities,
+        judge_episode(longer).graph.probabilities,
     )
 
 
@@ -139,12 +140,12 @@ def test_a_dataset_without_episodes_is_refused(tmp_path: Path) -> None:
 
 def test_one_image_shows_no_action(tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match="at least 2"):
-        evaluate_dataset(make_dataset(tmp_path / "toys"), Judging(images=1))
+        evaluate_dataset(make_dataset(tmp_path / "toys"), ReasonEvaluation(images=1))
 
 
 def test_who_expects_no_change_is_right_where_an_action_misses(tmp_path: Path) -> None:
     """The last of three predicted actions on each board takes hold of nothing, the others change something."""
-    result = evaluate_dataset(make_dataset(tmp_path / "toys"), Judging("persistence", images=4), workers=1)
+    result = evaluate_dataset(make_dataset(tmp_path / "toys"), ReasonEvaluation("persistence", images=4), workers=1)
     assert (result["predicted_boards"], result["predicted_steps"]) == (3, 9)
     assert result["pred_a"] == result["persistence"]["pred_a"] == result["failing"] == pytest.approx(1 / 3)
     assert (result["pred_a_successful"], result["pred_a_changed"], result["pred_a_unchanged"]) == (0.0, 0.0, 1.0)
@@ -156,21 +157,21 @@ def test_who_expects_no_change_is_right_where_an_action_misses(tmp_path: Path) -
 def test_looking_up_predicts_what_was_seen(tmp_path: Path) -> None:
     """It knows no more than the bound, and more than who expects no change."""
     dataset = make_dataset(tmp_path / "toys")
-    result = evaluate_dataset(dataset, Judging("lookup", images=4), workers=1)
+    result = evaluate_dataset(dataset, ReasonEvaluation("lookup", images=4), workers=1)
     assert result["bounds"]["knowing"]["pred_a_successful"] >= result["pred_a_successful"] > 0.5
-    assert result == evaluate_dataset(dataset, Judging("lookup", images=4), workers=2)
+    assert result == evaluate_dataset(dataset, ReasonEvaluation("lookup", images=4), workers=2)
 
 
 def test_boards_without_further_steps_or_known_states_have_no_pred_a(tmp_path: Path) -> None:
-    result = evaluate_dataset(make_dataset(tmp_path / "toys"), Judging("persistence", images=7), workers=1)
+    result = evaluate_dataset(make_dataset(tmp_path / "toys"), ReasonEvaluation("persistence", images=7), workers=1)
     assert result["predicted_boards"] == 0 and result["pred_a"] is None and result["pred_a_bound"] is None
-    assert judge_episode(make_real_episode(), Judging(images=2)).forecast is None
+    assert judge_episode(make_real_episode(), ReasonEvaluation(images=2)).forecast is None
 
 
 @pytest.mark.long
 def test_decoders_come_from_the_training_boards(tiny: Path, tmp_path: Path) -> None:
     boards = Dataset.open(shutil.copytree(tiny, tmp_path / "boards"))
-    result = evaluate_dataset(boards, Judging("persistence", images=12), boards, workers=1)
+    result = evaluate_dataset(boards, ReasonEvaluation("persistence", images=12), boards, workers=1)
     assert result["decoder_accuracy"]["decoded"]["all"] > 0.95
     assert result["decoded"]["pred_a_unchanged"] > 0.9
     assert result["decoders"]["content_hash"] == boards.hashes().content

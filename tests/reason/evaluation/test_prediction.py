@@ -8,11 +8,18 @@ import pytest
 
 from busybot.episodes.episode import Episode
 from busybot.reason.evaluation.ground_truth import NOTHING_HELD, StateTruth, states_of
-from busybot.reason.evaluation.prediction import BOUND, NEAREST, PERSISTENCE, Forecast, Watched, forecast
-from busybot.reason.evaluation.state_readout import Nearest
+from busybot.reason.evaluation.prediction import (
+    BOUND,
+    NEAREST,
+    PERSISTENCE,
+    EvaluatedBoard,
+    JudgedPrediction,
+    judge_prediction,
+)
+from busybot.reason.evaluation.state_readout import NearestState
 from busybot.reason.evaluation.summary import after_images, intervals, summarise_predictions
-from busybot.reason.inputs.observation import observe
-from busybot.reason.inputs.sequence import Sequence, sequence_of
+from busybot.reason.inputs.observation import observe_episode
+from busybot.reason.inputs.sequence import BoardSequence, sequence_of
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.persistence import Persistence
 from tests.episodes.synthetic import make_episode, make_real_episode
@@ -28,13 +35,17 @@ def features_of(truth: StateTruth) -> np.ndarray:
     return features
 
 
-def watched(episode: Episode) -> Watched:
+def watched(episode: Episode) -> EvaluatedBoard:
     truth = states_of(episode)
     assert truth is not None
-    observed = observe(episode)
+    observed = observe_episode(episode)
     sequence = sequence_of(observed, features_of(truth))
-    return Watched(
-        truth, observed, JUDGED, sequence, {NEAREST: Nearest(sequence.features, truth.states, truth.states, JUDGED)}
+    return EvaluatedBoard(
+        truth,
+        observed,
+        JUDGED,
+        sequence,
+        {NEAREST: NearestState(sequence.features, truth.states, truth.states, JUDGED)},
     )
 
 
@@ -47,10 +58,10 @@ class Knowing:
     name: str = "knowing"
     encoder: str = "embedded"
 
-    def graph(self, seen: Sequence) -> InferredGraph:
+    def graph(self, seen: BoardSequence) -> InferredGraph:
         return Persistence().graph(seen)
 
-    def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         assert len(current) == len(actions) == len(acted)
         self.given.append(len(seen.features))
         return features_of(self.truth)[-len(current) :]
@@ -70,7 +81,7 @@ def test_truth_of_states_by_hand() -> None:
 
 def test_persistence_is_right_where_nothing_changes() -> None:
     board = watched(make_episode(steps=12))
-    result = forecast(board, Persistence(), 7)
+    result = judge_prediction(board, Persistence(), 7)
     assert result.changed.shape == (6, 5)
     np.testing.assert_array_equal(result.right[NEAREST][:, JUDGED], ~result.changed[:, JUDGED])
     np.testing.assert_array_equal(result.right[PERSISTENCE], result.right[NEAREST])
@@ -79,7 +90,7 @@ def test_persistence_is_right_where_nothing_changes() -> None:
 
 def test_who_knows_the_future_is_always_right_and_sees_only_the_first_images() -> None:
     board, given = watched(make_episode(steps=12)), []
-    result = forecast(board, Knowing(board.truth, given), 7, curve=(2, 5, 7, 23))
+    result = judge_prediction(board, Knowing(board.truth, given), 7, curve=(2, 5, 7, 23))
     assert sorted(given) == [2, 5, 7]
     assert result.right[NEAREST][:, JUDGED].all()
     assert set(result.by_images) == {2, 5, 7}
@@ -89,21 +100,21 @@ def test_who_knows_the_future_is_always_right_and_sees_only_the_first_images() -
 
 def test_without_features_the_bounds_remain() -> None:
     board = replace(watched(make_episode(steps=12)), sequence=None, judges={})
-    result = forecast(board, None, 7, curve=(5,))
+    result = judge_prediction(board, None, 7, curve=(5,))
     assert set(result.right) == {"bound", "bound_knowing"} and not result.reads
     summary = summarise_predictions([(make_episode().board, result)])
     assert summary["pred_a"] is None and summary["decoded"] is None and summary["persistence"] is None
     assert summary["pred_a_bound"] is not None
 
 
-def by_hand() -> Forecast:
+def by_hand() -> JudgedPrediction:
     """Four steps; objects 1 and 2 are judged. Right as a whole: steps 0 and 3."""
     right, changed = np.ones((4, 5), bool), np.zeros((4, 5), bool)
     changed[0, 1] = changed[1, 2] = changed[2, 1] = True
     right[1, 2] = right[2, 2] = False
     right[3, 4] = False  # not judged
     none = np.zeros((4, 5), bool)
-    return Forecast(
+    return JudgedPrediction(
         changed=changed,
         judged=np.array([False, True, True, False, False]),
         successful=np.array([True, True, True, False]),

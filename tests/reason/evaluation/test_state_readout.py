@@ -3,8 +3,8 @@
 import numpy as np
 
 from busybot.objects.resolve import find
-from busybot.reason.evaluation.decoders import Decoded, Examples, appearances, examples, fit_decoders, fit_linear
-from busybot.reason.evaluation.state_readout import Nearest
+from busybot.reason.evaluation.decoders import DecodedState, Examples, appearances, examples, fit_decoders, fit_linear
+from busybot.reason.evaluation.state_readout import NearestState
 from tests.episodes.synthetic import make_board
 
 JUDGED = np.array([False, True, True])
@@ -17,12 +17,12 @@ def looks(*values: tuple[float, float]) -> np.ndarray:
     return features
 
 
-def nearest() -> Nearest:
+def nearest() -> NearestState:
     """Responder 1 shows 0 and 10 (states 0, 1), responder 2 shows 5 (state 2) throughout."""
     true = looks((0, 5), (0.2, 5), (10, 5))
     clusters = np.array([[-1, 0, 0], [-1, 0, 0], [-1, 1, 0]])
     states = np.array([[-1, 0, 2], [-1, 0, 2], [-1, 1, 2]])
-    return Nearest(true, clusters, states, JUDGED)
+    return NearestState(true, clusters, states, JUDGED)
 
 
 def test_the_nearest_shown_state_counts() -> None:
@@ -38,7 +38,7 @@ def test_true_features_are_read_as_they_are() -> None:
 def test_a_cluster_of_two_states_is_read_as_the_commoner_one() -> None:
     """The judge's own mistakes are seen: one of three frames is read wrongly."""
     states = np.array([[-1, 1, 2], [-1, 0, 2], [-1, 0, 2]])
-    judge = Nearest(looks((0, 5), (0, 5), (0, 5)), np.zeros((3, 3), int), states, JUDGED)
+    judge = NearestState(looks((0, 5), (0, 5), (0, 5)), np.zeros((3, 3), int), states, JUDGED)
     assert judge.read(looks((7, 7)))[0, 1] == 0
     assert (judge.read(looks((0, 5), (0, 5), (0, 5))) == judge.truth)[:, 1].tolist() == [False, True, True]
 
@@ -84,7 +84,7 @@ def test_each_thing_that_an_object_shows_is_one_example() -> None:
 def test_a_category_without_decoder_is_read_as_nothing() -> None:
     lamps = Examples(np.array([[0.0, 1.0], [1.0, 0.0]]), np.array(["Lamp"] * 2), np.array(["off", "#ff0000"]))
     truth = np.array([["", "off", "0"]])
-    judge = Decoded(fit_decoders([lamps]), make_board(), truth, JUDGED)
+    judge = DecodedState(fit_decoders([lamps]), make_board(), truth, JUDGED)
     read = judge.read(looks((1, 5)))
     assert read.tolist() == [["", "#ff0000", ""]]
     assert not (read == judge.truth)[0, JUDGED].any()

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.reason.inputs.appearances import Looks, looks_of
-from busybot.reason.inputs.object_masks import OwnConfig, OwnPixels, TruePixels
-from busybot.reason.inputs.observation import Observed, observe
+from busybot.reason.inputs.appearances import Appearances, appearances_of
+from busybot.reason.inputs.object_masks import MaskConfig, ObjectMasks, OracleMasks
+from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.reason.scenes import Patch, Scene
 
@@ -14,14 +14,14 @@ RED, GREEN, BROWN = (200, 20, 20), (20, 200, 20), (90, 60, 30)
 LEFT, RIGHT = (30, 40, 60, 70), (90, 40, 120, 70)
 
 
-def looks(observed: Observed, depth: bool = True) -> Looks:
-    return looks_of(observed, OwnPixels(observed, OwnConfig(depth=depth)))
+def looks(observed: ObservedEpisode, depth: bool = True) -> Appearances:
+    return appearances_of(observed, ObjectMasks(observed, MaskConfig(depth=depth)))
 
 
-class Asked(OwnPixels):
+class Asked(ObjectMasks):
     """Notes which object was looked at in which frame."""
 
-    def __init__(self, observed: Observed):
+    def __init__(self, observed: ObservedEpisode):
         super().__init__(observed)
         self.asked: list[tuple[int, int]] = []
 
@@ -50,14 +50,14 @@ def test_pictures_that_are_the_same_are_not_looked_at_again() -> None:
     observed = scene.observed()
     object.__setattr__(observed, "image_of", (0, 0, 1, 1))
     pixels = Asked(observed)
-    assert looks_of(observed, pixels).of[:, 0].tolist() == [0, 0, 1, 1]
+    assert appearances_of(observed, pixels).of[:, 0].tolist() == [0, 0, 1, 1]
     assert pixels.asked == [(0, 0), (0, 2)]
 
 
 def test_boxes_in_which_nothing_changed_are_not_looked_at_again() -> None:
     observed = Scene(("responder", "responder"), [LEFT, RIGHT], [two(RED, RED), two(RED, GREEN)]).observed()
     pixels = Asked(observed)
-    looks_of(observed, pixels)
+    appearances_of(observed, pixels)
     assert pixels.asked == [(0, 0), (1, 0), (1, 1)]
 
 
@@ -87,7 +87,7 @@ def test_triggers_and_objects_without_a_box_have_no_looks() -> None:
     frames = [two(RED, RED), two(GREEN, GREEN)]
     scene = Scene(("trigger", "responder", "responder"), [LEFT, RIGHT, (-1, -1, -1, -1)], frames)
     assert looks(scene.observed()).of.tolist() == [[-1, 0, -1], [-1, 1, -1]]
-    assert (looks(observe(make_real_episode())).of == -1).all()
+    assert (looks(observe_episode(make_real_episode())).of == -1).all()
 
 
 @pytest.mark.parametrize("box", [(200, 40, 230, 70), (30, 130, 60, 140), (60, 40, 30, 70), (-5, 40, 60, 70)])
@@ -104,10 +104,10 @@ def test_a_box_that_reaches_beyond_the_picture_ends_with_it() -> None:
 
 def test_the_oracle_sees_what_segmentation_names() -> None:
     episode = make_episode(steps=6)
-    found, pixels = looks(observe(episode)), TruePixels(episode)
-    for number, look in enumerate(looks_of(observe(episode), pixels).looks):
+    found, pixels = looks(observe_episode(episode)), OracleMasks(episode)
+    for number, look in enumerate(appearances_of(observe_episode(episode), pixels).looks):
         np.testing.assert_array_equal(look.own.shape, found.looks[number].own.shape)
-    index = int(observe(episode).responders[0])
+    index = int(observe_episode(episode).responders[0])
     segmentation = episode.image(3).segmentation
     assert segmentation is not None
     region = pixels.regions[index]
@@ -119,4 +119,4 @@ def test_the_oracle_needs_a_segmentation() -> None:
     for image in episode.images:
         image.segmentation = None
     with pytest.raises(BusybotError, match="no segmentation"):
-        TruePixels(episode).masks(int(observe(episode).responders[0]), 0)
+        OracleMasks(episode).masks(int(observe_episode(episode).responders[0]), 0)

@@ -7,7 +7,7 @@ import pytest
 from busybot.episodes.codec import decode_rgb, encode_rgb
 from busybot.episodes.episode import Image
 from busybot.reason.inputs.change_detection import ChangeConfig, changes, count_pixels
-from busybot.reason.inputs.observation import NO_BOXES, observe
+from busybot.reason.inputs.observation import NO_BOXES, observe_episode
 from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.reason.scenes import Patch, Scene
 
@@ -93,7 +93,7 @@ def test_an_object_that_does_not_show_never_changes() -> None:
 
 
 def test_a_recording_without_boxes_and_depth_shows_no_changes() -> None:
-    assert not changes(observe(make_real_episode())).any()
+    assert not changes(observe_episode(make_real_episode())).any()
 
 
 def test_no_steps_no_changes() -> None:
@@ -120,5 +120,5 @@ def test_synthetic_episodes_change_where_they_say() -> None:
     before, after = (
         np.array([getattr(s, f"responder_states_{when}") for s in episode.steps]) for when in ("before", "after")
     )
-    responders = observe(episode).responders
-    np.testing.assert_array_equal(changes(observe(episode))[:, responders], (before != after)[:, responders])
+    responders = observe_episode(episode).responders
+    np.testing.assert_array_equal(changes(observe_episode(episode))[:, responders], (before != after)[:, responders])

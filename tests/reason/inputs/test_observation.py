@@ -9,7 +9,7 @@ import pytest
 from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
-from busybot.reason.inputs.observation import Observed, acted_objects, goal_of, observe
+from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, goal_of, observe_episode
 from busybot.reason.models.registry import infer
 from tests.episodes.synthetic import make_episode, make_task_episode
 from tests.reason.scenes import Scene
@@ -88,13 +88,15 @@ def same(one: object, other: object) -> bool:
 def test_garbling_the_truth_changes_nothing_that_a_reasoner_sees() -> None:
     episode = make_episode(steps=12)
     wrong = garbled(episode)
-    assert same(observe(episode), observe(wrong))
+    assert same(observe_episode(episode), observe_episode(wrong))
     np.testing.assert_array_equal(infer(episode).probabilities, infer(wrong).probabilities)
 
 
 def test_of_a_goal_its_picture_alone_is_seen() -> None:
     episode = make_task_episode(steps=3)
-    assert same(goal_of(episode), goal_of(garbled(episode))) and same(observe(episode), observe(garbled(episode)))
+    assert same(goal_of(episode), goal_of(garbled(episode))) and same(
+        observe_episode(episode), observe_episode(garbled(episode))
+    )
     assert {f.name for f in fields(goal_of(episode))} == {"rgb", "depth"}  # type: ignore[arg-type]
     assert goal_of(make_episode()) is None
 
@@ -112,7 +114,7 @@ def test_a_goal_on_disk_shows_the_same(tmp_path: Path, decoding: str) -> None:
 def test_the_comparison_above_can_fail() -> None:
     episode = make_episode(steps=3)
     moved = [replace(episode.steps[0], pixel=(1, 1)), *episode.steps[1:]]
-    assert not same(observe(episode), observe(replace(episode, steps=moved)))
+    assert not same(observe_episode(episode), observe_episode(replace(episode, steps=moved)))
 
 
 def test_every_field_of_a_step_is_either_seen_or_garbled() -> None:
@@ -128,29 +130,29 @@ def test_a_recording_on_disk_shows_the_same(tmp_path: Path, decoding: str) -> No
     episode = make_episode(steps=6)
     path = tmp_path / "e.mcap"
     write_episode(path, episode, "png")
-    read = observe(read_episode(path, decoding))  # type: ignore[arg-type]
+    read = observe_episode(read_episode(path, decoding))  # type: ignore[arg-type]
     assert all(image.segmentation is None and not len(image.boxes) for image in read.images)
-    assert read.roles == observe(episode).roles
+    assert read.roles == observe_episode(episode).roles
     np.testing.assert_array_equal(read.boxes, episode.images[0].boxes)
     np.testing.assert_array_equal(read.frame(6).rgb, episode.image(6).rgb)
     np.testing.assert_allclose(infer(read).probabilities, infer(episode).probabilities)
 
 
 def test_the_first_images_leave_out_what_comes_later() -> None:
-    observed = observe(make_episode(steps=6)).first(3)
+    observed = observe_episode(make_episode(steps=6)).first(3)
     assert (len(observed.actions), len(observed.image_of)) == (2, 3)
-    assert len(observe(make_episode(steps=2)).first(23).actions) == 2
+    assert len(observe_episode(make_episode(steps=2)).first(23).actions) == 2
 
 
 def test_candidates_go_from_triggers_to_responders() -> None:
-    observed = observe(make_episode())
+    observed = observe_episode(make_episode())
     rows, columns = np.nonzero(observed.candidates)
     assert {(int(i), int(j)) for i, j in zip(rows, columns, strict=True)} == {(i, j) for i in (0, 3) for j in (1, 2, 4)}
 
 
 def acted(boxes: list[tuple[int, int, int, int]], pixel: tuple[int, int], roles: str = "tttr") -> int:
     names = tuple({"t": "trigger", "r": "responder"}[role] for role in roles[: len(boxes)])
-    observed: Observed = Scene(names, boxes, [[], []], [pixel]).observed()
+    observed: ObservedEpisode = Scene(names, boxes, [[], []], [pixel]).observed()
     return int(acted_objects(observed)[0])
 
 

@@ -11,9 +11,9 @@ from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
-from busybot.reason.encoders.registry import choose
+from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.feature_store import Features, features_of, store_of, write_table
-from busybot.reason.inputs.observation import observe
+from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.inputs.sequence import sequence_of
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
@@ -38,8 +38,8 @@ def test_every_episode_has_the_features_of_its_encoder(dataset: Dataset) -> None
     assert list(features) == [0, 1, 3] and features.new == 3
     for index in features:
         episode = read_episode(dataset.episode_path(index))
-        np.testing.assert_array_equal(features[index], choose().of_episode(episode))
-        assert same(features.sequence(index), sequence_of(observe(episode), features[index]))
+        np.testing.assert_array_equal(features[index], make_extractor().of_episode(episode))
+        assert same(features.sequence(index), sequence_of(observe_episode(episode), features[index]))
     assert isinstance(features[0], np.memmap)
 
 
@@ -173,7 +173,7 @@ def test_as_a_table_for_other_programs(dataset: Dataset, tmp_path: Path) -> None
     table = pq.read_table(tmp_path / "tables" / "features.parquet")
     assert table.schema.metadata[b"encoder"] == b"embedded"
     rows = table.to_pydict()
-    responders = observe(read_episode(dataset.episode_path(1))).responders
+    responders = observe_episode(read_episode(dataset.episode_path(1))).responders
     assert len(rows["episode"]) == sum(len(features[i]) * len(responders) for i in features)
     for number in (0, 17, len(rows["episode"]) - 1):
         expected = features[rows["episode"][number]][rows["frame"][number], rows["object"][number]]

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.reason.inputs.observation import acted_objects, observe
-from busybot.reason.inputs.sequence import CHANNELS, Sequence, sequence_of
+from busybot.reason.inputs.observation import acted_objects, observe_episode
+from busybot.reason.inputs.sequence import CHANNELS, BoardSequence, sequence_of
 from tests.episodes.synthetic import make_episode
 from tests.reason.inputs.test_observation import garbled, same
 from tests.reason.scenes import Patch, Scene
 
 
-def filled(episode_steps: int = 5) -> tuple[Sequence, np.ndarray]:
-    observed = observe(make_episode(steps=episode_steps))
+def filled(episode_steps: int = 5) -> tuple[BoardSequence, np.ndarray]:
+    observed = observe_episode(make_episode(steps=episode_steps))
     features = np.random.default_rng(0).normal(size=(episode_steps + 1, len(observed.roles), CHANNELS))
     return sequence_of(observed, features), features.astype(np.float32)
 
@@ -31,14 +31,16 @@ def test_actions_and_what_they_took_hold_of_are_the_observed_ones() -> None:
     sequence, _ = filled()
     assert sequence.steps == 5
     np.testing.assert_allclose(sequence.actions[:, :3], [step.position for step in episode.steps], rtol=1e-6)
-    np.testing.assert_array_equal(sequence.acted, acted_objects(observe(episode)))
+    np.testing.assert_array_equal(sequence.acted, acted_objects(observe_episode(episode)))
     np.testing.assert_allclose(np.linalg.norm(sequence.actions[:, 3:], axis=1), 1, rtol=1e-6)
 
 
 def test_the_truth_makes_no_difference() -> None:
     episode = make_episode(steps=6)
     features = np.ones((7, len(episode.board.objects), CHANNELS))
-    assert same(sequence_of(observe(episode), features), sequence_of(observe(garbled(episode)), features))
+    assert same(
+        sequence_of(observe_episode(episode), features), sequence_of(observe_episode(garbled(episode)), features)
+    )
 
 
 def test_an_object_that_does_not_show_has_no_features_and_no_position() -> None:
@@ -62,4 +64,4 @@ def test_fewer_images_are_fewer_steps() -> None:
 
 def test_features_of_another_episode_are_refused() -> None:
     with pytest.raises(BusybotError, match="where the episode has"):
-        sequence_of(observe(make_episode(steps=5)), np.zeros((5, 3, CHANNELS)))
+        sequence_of(observe_episode(make_episode(steps=5)), np.zeros((5, 3, CHANNELS)))

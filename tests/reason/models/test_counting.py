@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.reason.inputs.observation import observe
+from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.counting import CountConfig, count, count_changes
 from busybot.reason.models.registry import infer
@@ -98,11 +98,11 @@ def test_an_episode_gives_one_graph_per_step() -> None:
     graph = infer(episode)
     assert (graph.name, graph.probabilities.shape) == ("count", (12, 5, 5))
     assert edges(graph.probabilities) == {(0, 1), (3, 2)}
-    assert not graph.probabilities[:, ~observe(episode).candidates].any()
+    assert not graph.probabilities[:, ~observe_episode(episode).candidates].any()
 
 
 def test_nothing_is_claimed_where_nothing_can_be_seen() -> None:
-    assert not edges(count(observe(make_real_episode())).probabilities)
+    assert not edges(count(observe_episode(make_real_episode())).probabilities)
 
 
 def test_an_unknown_model_is_refused_by_name() -> None:
@@ -121,7 +121,7 @@ def test_nothing_is_claimed_without_evidence(triggers: int) -> None:
 
 
 def test_before_the_first_step_the_prior_is_believed() -> None:
-    observed = observe(make_episode(0))
+    observed = observe_episode(make_episode(0))
     prior = infer(observed).after(0)
     pairs = np.ix_(observed.triggers, observed.responders)
     assert prior[pairs] == pytest.approx(0.5 / len(observed.triggers))

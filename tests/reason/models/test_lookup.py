@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from busybot.reason.inputs.sequence import CHANNELS, Sequence
+from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
 from busybot.reason.models.lookup import Lookup, LookupConfig
 from tests.reason.boards import make_boards
 from tests.reason.judging import score
@@ -11,11 +11,11 @@ from tests.reason.judging import score
 OFF, ON, RED = (np.full(CHANNELS, value, np.float32) for value in (1.0, 2.0, 3.0))
 
 
-def sequence(looks: list[np.ndarray], contacts: list[float], acted: list[int] | None = None) -> Sequence:
+def sequence(looks: list[np.ndarray], contacts: list[float], acted: list[int] | None = None) -> BoardSequence:
     """Trigger 0 and lamp 1; contacts at these places along x, pulled along z."""
     features = np.stack([np.stack([np.zeros(CHANNELS, np.float32), look]) for look in looks])
     actions = np.array([[x, 0, 0, 0, 0, 1] for x in contacts], np.float32)
-    return Sequence(
+    return BoardSequence(
         features,
         np.zeros((2, 3), np.float32),
         actions,
@@ -25,7 +25,7 @@ def sequence(looks: list[np.ndarray], contacts: list[float], acted: list[int] | 
     )
 
 
-def expected(seen: Sequence, look: np.ndarray, contact: float, trigger: int = 0) -> np.ndarray:
+def expected(seen: BoardSequence, look: np.ndarray, contact: float, trigger: int = 0) -> np.ndarray:
     """What the lamp looks like after a step."""
     current = np.stack([np.zeros(CHANNELS, np.float32), look])[None]
     action = np.array([[contact, 0, 0, 0, 0, 1]], np.float32)

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from busybot.reason.models.event.config import NetConfig
+from busybot.reason.models.event.config import EventNetConfig
 from busybot.reason.models.event.networks import EventNet
 from busybot.reason.models.message_passing import GraphModule
 from busybot.reason.models.paper.config import PaperNetworkConfig
@@ -61,7 +61,7 @@ def test_sums_are_equal_bit_by_bit_in_every_run(threads: None, sort: bool) -> No
 def test_no_source_is_generated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     PaperNetwork(SMALL)
-    EventNet(NetConfig())
+    EventNet(EventNetConfig())
     Sum()(torch.zeros(2, 1, dtype=torch.int64), torch.ones(1, 1))
     assert not list(tmp_path.iterdir())
 
@@ -69,7 +69,7 @@ def test_no_source_is_generated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.parametrize(
     ("network", "count", "digest"),
     [
-        (lambda: EventNet(NetConfig()), 30, "caa9dc81c1b8cd3b"),
+        (lambda: EventNet(EventNetConfig()), 30, "caa9dc81c1b8cd3b"),
         (lambda: PaperNetwork(PaperNetworkConfig()), 348, "e608a0343168e024"),
         (lambda: PaperHistoryNetwork(PaperNetworkConfig()), 171, "0772006e89e20b6c"),
     ],

@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.reason.models.event.config import EventConfig, NetConfig
+from busybot.reason.models.event.config import EventConfig, EventNetConfig
 from busybot.reason.models.event.networks import EventNet
 from busybot.reason.models.event.reasoner import EventReasoner
-from busybot.reason.models.model_folder import ModelInfo, load_reasoner
+from busybot.reason.models.model_folder import ReasonerInfo, load_reasoner
 from busybot.training.checkpoint import save_model
 from tests.reason.boards import make_boards
 
-CONFIG = EventConfig(net=NetConfig(width=8, heads=2))
+CONFIG = EventConfig(net=EventNetConfig(width=8, heads=2))
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     network = EventNet(CONFIG.net, 2.5)
-    info = ModelInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"), training={"seed": 3})
+    info = ReasonerInfo(model="event", encoder="random", config=CONFIG.model_dump(mode="json"), training={"seed": 3})
     save_model(tmp_path / "model", info, network.state_dict())
     return tmp_path
 

@@ -10,7 +10,7 @@ from PIL import Image
 from busybot.common.errors import BusybotError
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.sim.thumbnails import GROUND, portraits
+from busybot.sim.thumbnails import GROUND, thumbnails
 from busybot.view.figures.contact_sheet import groups, sheet
 
 KEYS = ("Door/hatch-01", "Lamp/star-01", "Lamp/tulip-01", "Switch/bolt-01", "Switch/fader-01", "Switch/slider-01")
@@ -40,7 +40,7 @@ def test_every_object_of_a_whole_library_is_in_one_group() -> None:
 
 
 def test_portraits_hold_the_whole_object_on_a_plain_ground(few: Library) -> None:
-    for key, picture in zip(KEYS, portraits(few, KEYS, 64), strict=True):
+    for key, picture in zip(KEYS, thumbnails(few, KEYS, 64), strict=True):
         assert picture.shape == (64, 64, 3) and picture.dtype == np.uint8
         differs = np.abs(picture.astype(int) - GROUND).max(axis=2) > 40
         assert 0.05 < differs.mean() < 0.7, key
@@ -49,7 +49,7 @@ def test_portraits_hold_the_whole_object_on_a_plain_ground(few: Library) -> None
 
 
 def test_lamps_are_lit(few: Library) -> None:
-    (picture,) = portraits(few, ["Lamp/star-01"], 64)
+    (picture,) = thumbnails(few, ["Lamp/star-01"], 64)
     saturation = picture.max(axis=2).astype(int) - picture.min(axis=2)
     assert (saturation > 150).mean() > 0.03
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from busybot.cli.main import app
 from busybot.interact.policy.policy_trace import retrace
 from busybot.view.rerun.affordance import affordance_layer, link_outlines
-from busybot.view.rerun.recording import Layers, save_rrd
+from busybot.view.rerun.recording import RecordingLayers, save_rrd
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
 from tests.interact.scenes import ButtonModel
@@ -20,7 +20,7 @@ from tests.view.rerun.test_recording import entities, rows
 
 def test_beliefs_stand_at_the_step_that_shows_their_action(tmp_path: Path) -> None:
     episode, path = make_episode(steps=4), tmp_path / "e.rrd"
-    save_rrd(path, episode, layers=Layers(retrace(episode, ButtonModel())))
+    save_rrd(path, episode, layers=RecordingLayers(retrace(episode, ButtonModel())))
     assert [row["step"] for row in rows(path, "/affordance/map")] == [1, 2, 3, 4]
     places = {row["step"]: row["Points2D:positions"][0] for row in rows(path, "/affordance/action/pixel")}
     for index, step in enumerate(episode.steps):

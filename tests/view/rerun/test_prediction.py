@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from busybot.reason.evaluation.explain import Foreseen, foresee
+from busybot.reason.evaluation.explain import Explanation, explain
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.lookup import Lookup
 from busybot.view.annotations import board_bounds
 from busybot.view.palette import CORRECT, WRONG
 from busybot.view.rerun.camera import VIEW_MARGIN
 from busybot.view.rerun.prediction import LETTER, LINE, eventful, label_places, words
-from busybot.view.rerun.recording import Layers, save_rrd
+from busybot.view.rerun.recording import RecordingLayers, save_rrd
 from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.view.rerun.test_recording import entities, rows
 
@@ -19,23 +19,23 @@ EPISODE = make_episode(steps=2)
 JUDGED = np.array([False, True, True, False, True])
 
 
-def foreseen() -> Foreseen:
+def foreseen() -> Explanation:
     """Lamp 1 changes in step 0 as expected; in step 1 door 2 is expected to and lamp 1 does instead."""
     states = np.array([[-1, 0, 0, -1, 0], [-1, 1, 0, -1, 0], [-1, 0, 0, -1, 0]])
     expected = np.array([[-1, 1, 0, -1, 0], [-1, 1, 1, -1, 0]])
-    return Foreseen(InferredGraph("hand", np.zeros((2, 5, 5))), states, expected, JUDGED, True)
+    return Explanation(InferredGraph("hand", np.zeros((2, 5, 5))), states, expected, JUDGED, True)
 
 
 def test_expectations_in_words() -> None:
     assert words(EPISODE, foreseen(), 0) == "expected lamp 1 to become 1: right"
     assert words(EPISODE, foreseen(), 1) == "expected door 2 to become 1: but lamp 1 is 0 and door 2 is 0"
-    nothing = Foreseen(foreseen().graph, foreseen().states, foreseen().states[:2], JUDGED, True)
+    nothing = Explanation(foreseen().graph, foreseen().states, foreseen().states[:2], JUDGED, True)
     assert words(EPISODE, nothing, 0) == "expected no change: but lamp 1 is 1"
 
 
 def test_hits_are_green_and_errors_red_on_the_picture_and_in_the_lanes(tmp_path: Path) -> None:
     path = tmp_path / "e.rrd"
-    save_rrd(path, EPISODE, [foreseen().graph], layers=Layers(foreseen=foreseen()))
+    save_rrd(path, EPISODE, [foreseen().graph], layers=RecordingLayers(foreseen=foreseen()))
     lanes = {name for name in entities(path) if name.startswith("/expectations/")}
     assert lanes == {f"/expectations/{name}_{what}" for name in ("lamp_1", "door_2") for what in ("is", "expected")}
     texts = {row["step"]: row["Points2D:labels"] for row in rows(path, "/expected/words")}
@@ -58,8 +58,8 @@ def test_what_never_happened_nor_was_expected_has_no_lane() -> None:
 
 def test_a_board_without_boxes_can_be_looked_at(tmp_path: Path) -> None:
     episode = make_real_episode()
-    expected = foresee(episode, Lookup())
-    save_rrd(tmp_path / "e.rrd", episode, [expected.graph], layers=Layers(foreseen=expected))
+    expected = explain(episode, Lookup())
+    save_rrd(tmp_path / "e.rrd", episode, [expected.graph], layers=RecordingLayers(foreseen=expected))
     assert "/expected/picture" in entities(tmp_path / "e.rrd")
 
 

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from busybot.cli.main import app
-from busybot.view.rerun.recording import Layers, save_rrd
+from busybot.view.rerun.recording import RecordingLayers, save_rrd
 from busybot.view.rerun.resim import difference_layer
 from tests.episodes.synthetic import make_episode
 from tests.view.rerun.test_recording import entities, rows
@@ -25,7 +25,7 @@ def test_what_differs_is_marked_and_nothing_else(tmp_path: Path) -> None:
     episode, path = make_episode(steps=2), tmp_path / "e.rrd"
     changed = episode.image(1).rgb.copy()
     changed[3:5, 7:11] ^= 0x80
-    save_rrd(path, episode, layers=Layers(replayed=[(0, episode.image(0).rgb), (1, changed)]))
+    save_rrd(path, episode, layers=RecordingLayers(replayed=[(0, episode.image(0).rgb), (1, changed)]))
     marked = {row["step"]: blob(row)[..., 3] > 0 for row in rows(path, "/simulator/differences")}
     assert not marked[0].any()
     assert marked[1].sum() == 8 and marked[1][3:5, 7:11].all()

@@ -2,19 +2,16 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.training.loop import LoopConfig
 
 Positive = Annotated[float, Field(gt=0)]
 Weight = Annotated[float, Field(ge=0)]
 
 
-class _Plain(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class NetConfig(_Plain):
+class EventNetConfig(FrozenModel):
     """Size and structure of the networks.
 
     Attributes:
@@ -31,7 +28,7 @@ class NetConfig(_Plain):
     inference: bool = True
 
 
-class LossConfig(_Plain):
+class LossConfig(FrozenModel):
     """What is minimised (`event_loss`). Distances are in units of the smallest change.
 
     Attributes:
@@ -49,7 +46,7 @@ class LossConfig(_Plain):
     divergence: Weight = 0.001
 
 
-class EventConfig(_Plain):
+class EventConfig(FrozenModel):
     """Training the `event` model.
 
     Attributes:
@@ -77,6 +74,6 @@ class EventConfig(_Plain):
     images: Annotated[int, Field(ge=2)] = 23
     questions: Annotated[int, Field(ge=1)] = 8
     noise: Weight = 0.2
-    net: NetConfig = NetConfig()
+    net: EventNetConfig = EventNetConfig()
     loss: LossConfig = LossConfig()
     loop: LoopConfig = LoopConfig()

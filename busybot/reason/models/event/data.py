@@ -14,10 +14,10 @@ from torch.nn.functional import pad
 from torch_geometric.data import Batch, HeteroData
 
 from busybot.reason.inputs.board_dataset import step_targets, touches
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 
 
-def board_graph(sequence: Sequence) -> HeteroData:
+def board_graph(sequence: BoardSequence) -> HeteroData:
     """One episode.
 
     | nodes and edges | attribute | shape | meaning |
@@ -74,7 +74,7 @@ def _pad(board: HeteroData, missing: int) -> HeteroData:
 
 
 @dataclass(frozen=True)
-class Seen:
+class Context:
     """What is known of B boards after L steps: K triggers, R responders and E pairs of them on all boards together.
 
     Attributes:
@@ -108,7 +108,7 @@ class Seen:
         """Whether each step acted on each trigger, bool (K, L)."""
         return self.acted[self.owner] == torch.arange(len(self.owner), device=self.owner.device)[:, None]
 
-    def first(self, steps: int) -> "Seen":
+    def first(self, steps: int) -> "Context":
         """What was known after so many steps."""
         return replace(
             self,
@@ -120,7 +120,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Asked:
+class Queries:
     """Q steps on each board whose outcome is wanted.
 
     Attributes:
@@ -135,7 +135,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class ObservedOutcome:
     """What really followed.
 
     Attributes:
@@ -149,10 +149,10 @@ class Outcome:
     real: Tensor
 
 
-def seen_of(batch: Batch, scale: Tensor | float) -> Seen:
+def context_of(batch: Batch, scale: Tensor | float) -> Context:
     """All steps of a batch of boards; distances are divided by the scale."""
     boards, steps = batch.num_graphs, batch["step"].num_nodes // batch.num_graphs
-    return Seen(
+    return Context(
         distances=batch["responder"].distances / scale,
         actions=batch["step"].action.view(boards, steps, 6),
         acted=step_targets(batch, "trigger"),
@@ -164,10 +164,14 @@ def seen_of(batch: Batch, scale: Tensor | float) -> Seen:
     )
 
 
-def split(seen: Seen, steps: int, most: int) -> tuple[Seen, Asked, Outcome]:
+def split(seen: Context, steps: int, most: int) -> tuple[Context, Queries, ObservedOutcome]:
     """The first steps as what is known, at most so many of the following ones as questions with their answers."""
     until = min(steps + most, seen.actions.shape[1])
     before, after = slice(steps, until), slice(steps + 1, until + 1)
-    asked = Asked(seen.distances[:, before, : steps + 1], seen.actions[:, before], seen.acted[:, before])
+    asked = Queries(seen.distances[:, before, : steps + 1], seen.actions[:, before], seen.acted[:, before])
     moved = seen.distances.diagonal(offset=1, dim1=1, dim2=2)[:, before]
-    return seen.first(steps), asked, Outcome(seen.distances[:, after, : steps + 1], moved, seen.known[:, before])
+    return (
+        seen.first(steps),
+        asked,
+        ObservedOutcome(seen.distances[:, after, : steps + 1], moved, seen.known[:, before]),
+    )

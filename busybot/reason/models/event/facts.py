@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from busybot.reason.models.event.data import Asked, Seen
+from busybot.reason.models.event.data import Context, Queries
 
 SMALL = 0.05
 """Added to distances before logarithms, in units of the smallest change."""
@@ -140,7 +140,7 @@ touched elsewhere |
     step: Tensor
 
 
-def contacts_of(seen: Seen, asked: Asked) -> Contacts:
+def contacts_of(seen: Context, asked: Queries) -> Contacts:
     """Compare contacts."""
     there, here = seen.actions[:, None], asked.actions[:, :, None]
     offset = there[..., :3] - here[..., :3]  # (B, Q, L, 3)
@@ -153,7 +153,7 @@ def contacts_of(seen: Seen, asked: Asked) -> Contacts:
     return Contacts(torch.stack(facts, -1), distance, same, _step_facts(seen, asked, distance, same))
 
 
-def _step_facts(seen: Seen, asked: Asked, distance: Tensor, same: Tensor) -> Tensor:
+def _step_facts(seen: Context, asked: Queries, distance: Tensor, same: Tensor) -> Tensor:
     """`Contacts.step`."""
     nowhere = distance.new_full((*distance.shape[:2], 1), FAR)
     closest = torch.cat([distance.masked_fill(~same, FAR), nowhere], -1).amin(-1)

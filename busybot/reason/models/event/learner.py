@@ -12,12 +12,12 @@ from torch_geometric.utils import scatter
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.reason.inputs.board_dataset import BoardDataset, batches_of, in_turn
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.event.config import EventConfig
-from busybot.reason.models.event.data import Asked, Outcome, Seen, board_graph, padded, seen_of, split
+from busybot.reason.models.event.data import Context, ObservedOutcome, Queries, board_graph, context_of, padded, split
 from busybot.reason.models.event.loss import loss_of
 from busybot.reason.models.event.networks import EventNet
-from busybot.reason.models.event.reasoner import choose
+from busybot.reason.models.event.reasoner import likeliest_outcome
 from busybot.training.loop import Learner, cosine_rate, descend
 from busybot.training.weights import initialise
 
@@ -36,7 +36,9 @@ class EventLearner(Learner):
     name = "event"
     network: EventNet
 
-    def __init__(self, config: EventConfig, boards: Iterable[Sequence], held_out: Iterable[Sequence], seed: int):
+    def __init__(
+        self, config: EventConfig, boards: Iterable[BoardSequence], held_out: Iterable[BoardSequence], seed: int
+    ):
         torch.set_num_threads(1)
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards = BoardDataset(padded(board_graph(board) for board in boards))
@@ -56,7 +58,7 @@ class EventLearner(Learner):
         config = self.config
         rng = generator(self.seed, "train", iteration, "reason/event")
         chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
-        everything = seen_of(next(batches_of(self.boards, [chosen])), self.network.scale)
+        everything = context_of(next(batches_of(self.boards, [chosen])), self.network.scale)
         everything = _noisy(everything, config.noise, rng)
         seen, asked, outcome = split(everything, self._images(everything, rng) - 1, config.questions)
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, self.iterations)
@@ -65,7 +67,7 @@ class EventLearner(Learner):
         descend(self.optimizer, loss, rate, config.clip)
         return float(loss.detach()), rate
 
-    def _images(self, seen: Seen, rng: np.random.Generator) -> int:
+    def _images(self, seen: Context, rng: np.random.Generator) -> int:
         """How many images are seen; at least one step remains to be predicted.
 
         Drawn numbers are spread evenly on a logarithmic scale: what to claim is hardest to tell when little was seen.
@@ -95,23 +97,25 @@ class EventLearner(Learner):
         figures = {"loss": totals["surprise"] / totals["answers"], "right": totals["right"] / totals["steps"]}
         return figures | ({"right_changes": totals["right_changes"] / totals["changes"]} if totals["changes"] else {})
 
-    def _questions(self) -> Iterator[tuple[Seen, Asked, Outcome]]:
+    def _questions(self) -> Iterator[tuple[Context, Queries, ObservedOutcome]]:
         for batch in batches_of(self.held_out, in_turn(len(self.held_out), JUDGED_AT_ONCE)):
-            everything = seen_of(batch, self.network.scale)
+            everything = context_of(batch, self.network.scale)
             steps = min(self.config.images, everything.actions.shape[1]) - 1
             yield split(everything, steps, self.config.questions)
 
 
-def _noisy(seen: Seen, most: float, rng: np.random.Generator) -> Seen:
+def _noisy(seen: Context, most: float, rng: np.random.Generator) -> Context:
     """Looks of different frames lie farther apart, as independent noise in all frames would have them."""
     level = torch.from_numpy(rng.uniform(0, most, (len(seen.board), 1, 1)).astype(np.float32))
     between = 1 - torch.eye(seen.distances.shape[1])
     return replace(seen, distances=torch.sqrt(seen.distances**2 + level**2 * between))
 
 
-def _right(network: EventNet, seen: Seen, asked: Asked, outcome: Outcome, blur: float) -> tuple[Tensor, Tensor]:
+def _right(
+    network: EventNet, seen: Context, asked: Queries, outcome: ObservedOutcome, blur: float
+) -> tuple[Tensor, Tensor]:
     """Whether all responders of a board look as predicted, and whether any changed, bool (B, Q)."""
-    choice = choose(network, seen, asked, blur)
+    choice = likeliest_outcome(network, seen, asked, blur)
     copied = outcome.look.gather(2, choice.frame.clamp(min=0).unsqueeze(-1))[..., 0]
     error = torch.where(choice.frame >= 0, copied, outcome.moved)
     boards = len(seen.actions)

@@ -14,7 +14,7 @@ from torch.nn import functional
 from torch_geometric.utils import scatter
 
 from busybot.reason.models.event.config import LossConfig
-from busybot.reason.models.event.data import Asked, Outcome, Seen
+from busybot.reason.models.event.data import Context, ObservedOutcome, Queries
 from busybot.reason.models.event.networks import Effects, EventNet, log_sum
 
 
@@ -33,7 +33,7 @@ class Loss:
     divergence: Tensor
 
 
-def loss_of(net: EventNet, seen: Seen, asked: Asked, outcome: Outcome, config: LossConfig) -> Loss:
+def loss_of(net: EventNet, seen: Context, asked: Queries, outcome: ObservedOutcome, config: LossConfig) -> Loss:
     """Loss of the steps asked for, given the known ones."""
     log_edges, log_none = net.log_edges(seen)
     controlled, idle = log_likelihoods(net.effects(seen, asked), outcome, config)  # (R, Q) each
@@ -51,7 +51,7 @@ def loss_of(net: EventNet, seen: Seen, asked: Asked, outcome: Outcome, config: L
     return Loss(surprise + config.divergence * apart, surprise, apart)
 
 
-def log_likelihoods(effects: Effects, outcome: Outcome, config: LossConfig) -> tuple[Tensor, Tensor]:
+def log_likelihoods(effects: Effects, outcome: ObservedOutcome, config: LossConfig) -> tuple[Tensor, Tensor]:
     """Of what each responder looks like afterwards, (R, Q): if its trigger was acted on, and if not."""
 
     def bell(distance: Tensor) -> Tensor:

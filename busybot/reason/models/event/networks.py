@@ -14,8 +14,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 from torch_geometric.utils import scatter, softmax
 
-from busybot.reason.models.event.config import NetConfig
-from busybot.reason.models.event.data import Asked, Seen
+from busybot.reason.models.event.config import EventNetConfig
+from busybot.reason.models.event.data import Context, Queries
 from busybot.reason.models.event.facts import (
     CHANGE_FACTS,
     CONTACT_FACTS,
@@ -74,7 +74,7 @@ class EdgeHead(GraphModule):
         z_ij = MLP(mean and max of t_il over l on j, mean and max of t_il over l not on j, numbers of steps)
 
     Shapes:
-        input: see `Seen`; triggers are the edges' sources, responders their targets.
+        input: see `Context`; triggers are the edges' sources, responders their targets.
         output: (E,).
     """
 
@@ -83,7 +83,7 @@ class EdgeHead(GraphModule):
         self.token = mlp(CHANGE_FACTS, width, width)
         self.pair = mlp(4 * width + COUNT_FACTS, 2 * width, 1)
 
-    def forward(self, seen: Seen) -> Tensor:
+    def forward(self, seen: Context) -> Tensor:
         """Logits (E,)."""
         sizes, known = seen.sizes, seen.known[seen.board]
         largest = scatter(sizes, seen.board, dim_size=len(seen.actions), reduce="max")[seen.board]  # (R, L)
@@ -123,11 +123,11 @@ class EffectHead(GraphModule):
     where v is what the first head says of `did`. What it changes to is told by scores of its past looks (`_choice`).
 
     Shapes:
-        input: see `Seen` and `Asked`.
+        input: see `Context` and `Queries`.
         output: see `Effects`.
     """
 
-    def __init__(self, config: NetConfig):
+    def __init__(self, config: EventNetConfig):
         super().__init__()
         width, heads = config.width, config.heads
         self.place = nn.Linear(CONTACT_FACTS, width)
@@ -148,13 +148,13 @@ class EffectHead(GraphModule):
             for parameter in layers[-1].parameters():
                 nn.init.zeros_(parameter)
 
-    def forward(self, seen: Seen, asked: Asked) -> Effects:
+    def forward(self, seen: Context, asked: Queries) -> Effects:
         """See `Effects`."""
         contacts = contacts_of(seen, asked)
         choice, frames, fit = self._choice(seen, asked, contacts)
         return Effects(self._change(seen, asked, contacts, fit), choice, frames)
 
-    def _change(self, seen: Seen, asked: Asked, contacts: Contacts, fit: Tensor) -> Tensor:
+    def _change(self, seen: Context, asked: Queries, contacts: Contacts, fit: Tensor) -> Tensor:
         """Logits that responders change, (R, Q)."""
         board, sizes = seen.board, seen.sizes
         rows, queries, steps = asked.current.shape[0], asked.current.shape[1], sizes.shape[1]
@@ -191,7 +191,7 @@ class EffectHead(GraphModule):
         weights = softmax(logits, index, num_nodes=size_i)
         return weights[..., None] * torch.cat([tokens, did[:, None]], -1)[:, None]
 
-    def _choice(self, seen: Seen, asked: Asked, contacts: Contacts) -> tuple[Tensor, Tensor, Tensor]:
+    def _choice(self, seen: Context, asked: Queries, contacts: Contacts) -> tuple[Tensor, Tensor, Tensor]:
         """Log probabilities and frames as in `Effects`, and how well the best candidate begins where j is, (R, Q)."""
         sizes = seen.sizes
         most = max(1, int((changed(sizes) > 0.5).sum(1).max())) if sizes.numel() else 0
@@ -210,7 +210,7 @@ class EffectHead(GraphModule):
         return torch.log_softmax(torch.cat([scores, unknown], -1), -1), frames, fit
 
 
-def _places(seen: Seen, contacts: Contacts, step: Tensor) -> Tensor:
+def _places(seen: Context, contacts: Contacts, step: Tensor) -> Tensor:
     """Contact facts of repeating and of undoing what responders did in known steps (R, K): (R, Q, 2K, 8)."""
     place = contacts.facts[seen.board]  # (R, Q, L, 8)
     repeated = place.gather(2, step[:, None, :, None].expand(-1, place.shape[1], -1, CONTACT_FACTS))
@@ -227,13 +227,13 @@ class EventNet(nn.Module):
 
     scale: Tensor
 
-    def __init__(self, config: NetConfig, scale: float = 1.0):
+    def __init__(self, config: EventNetConfig, scale: float = 1.0):
         super().__init__()
         self.edges, self.effects = EdgeHead(config.width), EffectHead(config)
         self.inference, self.exclusive = config.inference, config.exclusive and config.inference
         self.register_buffer("scale", torch.tensor(float(scale)))
 
-    def log_edges(self, seen: Seen) -> tuple[Tensor, Tensor]:
+    def log_edges(self, seen: Context) -> tuple[Tensor, Tensor]:
         """Log probability that each pair is an edge, (E,), and that a responder has no trigger, (R,).
 
         At most one trigger per responder: a softmax over the triggers and "none". Otherwise each pair has a

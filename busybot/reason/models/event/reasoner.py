@@ -8,9 +8,9 @@ from torch import Tensor
 from torch_geometric.data import Batch
 from torch_geometric.utils import scatter
 
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph
-from busybot.reason.models.event.data import Asked, Seen, apart, board_graph, seen_of, trigger_rows
+from busybot.reason.models.event.data import Context, Queries, apart, board_graph, context_of, trigger_rows
 from busybot.reason.models.event.networks import Effects, EventNet
 from busybot.training.device import threads
 
@@ -31,7 +31,7 @@ class EventReasoner:
 
     @threads(1)
     @torch.no_grad()
-    def graph(self, seen: Sequence) -> InferredGraph:
+    def graph(self, seen: BoardSequence) -> InferredGraph:
         """Edge probabilities after each step, and before the first: the prior. Zeros but for candidates.
 
         A network without inference claims no relation.
@@ -47,7 +47,7 @@ class EventReasoner:
 
     @threads(1)
     @torch.no_grad()
-    def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """Features after each of S steps, as `Reasoner.predict`: each is a copy, of the current ones or of earlier."""
         result = np.array(current, np.float32)
         responders = np.flatnonzero(seen.responders)
@@ -56,22 +56,22 @@ class EventReasoner:
         known = self._known(seen)
         looks = torch.from_numpy(np.ascontiguousarray(seen.features[:, responders].swapaxes(0, 1)))
         now = torch.from_numpy(np.ascontiguousarray(result[:, responders].swapaxes(0, 1)))
-        asked = Asked(
+        asked = Queries(
             apart(now, looks) / self.network.scale,
             torch.from_numpy(np.asarray(actions, np.float32))[None],
             torch.from_numpy(trigger_rows(seen.triggers, np.asarray(acted, np.int64)))[None],
         )
-        choice = choose(self.network, known, asked, self.blur)
+        choice = likeliest_outcome(self.network, known, asked, self.blur)
         for row, step in torch.nonzero(choice.frame >= 0).tolist():
             result[step, responders[row]] = seen.features[int(choice.frame[row, step]), responders[row]]
         return result
 
-    def _known(self, seen: Sequence) -> Seen:
-        return seen_of(Batch.from_data_list([board_graph(seen)]), self.network.scale)
+    def _known(self, seen: BoardSequence) -> Context:
+        return context_of(Batch.from_data_list([board_graph(seen)]), self.network.scale)
 
 
 @dataclass(frozen=True)
-class Choice:
+class LikeliestOutcome:
     """What is expected of each step.
 
     Attributes:
@@ -83,7 +83,7 @@ class Choice:
     change: Tensor
 
 
-def choose(network: EventNet, seen: Seen, asked: Asked, blur: float) -> Choice:
+def likeliest_outcome(network: EventNet, seen: Context, asked: Queries, blur: float) -> LikeliestOutcome:
     """The likeliest look of every responder after every step: the present one or an earlier one."""
     effects = network.effects(seen, asked)
     log_edges, _ = network.log_edges(seen)
@@ -92,13 +92,13 @@ def choose(network: EventNet, seen: Seen, asked: Asked, blur: float) -> Choice:
     edge = scatter(log_edges.exp()[:, None] * on, row, dim_size=len(seen.board), reduce="sum")
     change = edge * torch.sigmoid(effects.change)
     if not effects.frames.shape[1]:
-        return Choice(torch.full(change.shape, -1), change)
+        return LikeliestOutcome(torch.full(change.shape, -1), change)
     likely, best = (change.unsqueeze(-1) * _mass(effects, seen, blur)).max(-1)
     frame = effects.frames[:, None].expand(-1, change.shape[1], -1).gather(2, best.unsqueeze(-1))[..., 0]
-    return Choice(torch.where(likely > 1 - change, frame, -1), change)
+    return LikeliestOutcome(torch.where(likely > 1 - change, frame, -1), change)
 
 
-def _mass(effects: Effects, seen: Seen, blur: float) -> Tensor:
+def _mass(effects: Effects, seen: Context, blur: float) -> Tensor:
     """Probability of the look of each candidate, (R, Q, 2K): candidates that look alike support each other."""
     frames = effects.frames
     rows = seen.distances.gather(1, frames[:, :, None].expand(-1, -1, seen.distances.shape[2]))

@@ -16,14 +16,15 @@ The paper's schedule in figures: 10,000 boards, 200 epochs of 157 batches.
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import Field, field_validator
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.training.loop import LoopConfig
 
 Width = Annotated[int, Field(ge=1, le=65_536)]
 
 
-class PaperNetworkConfig(BaseModel):
+class PaperNetworkConfig(FrozenModel):
     """The graph networks.
 
     Attributes:
@@ -44,8 +45,6 @@ class PaperNetworkConfig(BaseModel):
         temperature: of the Gumbel-softmax.
         residual: predict the change of the features instead of the features. Not the paper's.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     objects: Annotated[int, Field(ge=0, le=1000)] = 10
     pairs: Literal["all", "candidates"] = "all"
@@ -83,7 +82,7 @@ class PaperLoopConfig(LoopConfig):
     patience: Annotated[int, Field(ge=0)] = 0
 
 
-class PaperReasonConfig(BaseModel):
+class PaperReasonConfig(FrozenModel):
     """A whole training of the `paper` model.
 
     Attributes:
@@ -101,8 +100,6 @@ class PaperReasonConfig(BaseModel):
         prior_weight: of the edges' divergence from that prior, beside the mean squared error; 0 in the paper.
         bfloat16: multiply matrices in bfloat16.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     model: Literal["paper"] = "paper"
     encoder: str = "embedded"

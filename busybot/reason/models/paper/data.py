@@ -17,14 +17,14 @@ from torch.nn import functional
 from torch_geometric.data import Batch, HeteroData
 
 from busybot.reason.inputs.board_dataset import BoardDataset, batches_of, step_targets, touches
-from busybot.reason.inputs.sequence import CHANNELS, Sequence
+from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
 from busybot.reason.models.paper.config import PaperNetworkConfig
 
 STATE = CHANNELS + 3
 ACTION = 6
 
 
-def board_graph(seen: Sequence, config: PaperNetworkConfig) -> HeteroData:
+def board_graph(seen: BoardSequence, config: PaperNetworkConfig) -> HeteroData:
     """One board of N nodes, vacant ones last, watched for T steps.
 
     | nodes and edges | attribute | shape | meaning |
@@ -149,7 +149,7 @@ def read_batch(batch: Batch) -> Boards:
     )
 
 
-def boards_of(sequences: Several[Sequence], config: PaperNetworkConfig) -> Boards:
+def boards_of(sequences: Several[BoardSequence], config: PaperNetworkConfig) -> Boards:
     """Join boards; see `BoardDataset` for the errors."""
     dataset = BoardDataset(sequences, partial(board_graph, config=config))
     return read_batch(next(batches_of(dataset, [range(len(sequences))])))

@@ -25,7 +25,7 @@ from torch.nn import functional
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.reason.inputs.board_dataset import BoardDataset, BoardSource, batches_of, in_turn
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import Boards, board_graph, read_batch
 from busybot.reason.models.paper.networks import PaperHistoryNetwork, PaperNetwork, Relations
@@ -38,7 +38,7 @@ Network = PaperNetwork | PaperHistoryNetwork
 
 
 @dataclass(frozen=True)
-class Outcome:
+class IterationOutcome:
     """What an iteration did.
 
     Attributes:
@@ -78,7 +78,7 @@ def iterate(
     config: PaperReasonConfig,
     rng: np.random.Generator,
     last: float = np.inf,
-) -> Outcome:
+) -> IterationOutcome:
     """One iteration.
 
     Args:
@@ -98,7 +98,7 @@ def iterate(
     taken = bool(loss < config.explosion * last)  # False for what is not a number, too
     if taken:
         descend(optimizer, loss)
-    return Outcome(float(loss.detach()), float(error.detach()), float(divergence.detach()), taken)
+    return IterationOutcome(float(loss.detach()), float(error.detach()), float(divergence.detach()), taken)
 
 
 def losses(
@@ -134,7 +134,11 @@ class PaperLearner(Learner):
     network: Network
 
     def __init__(
-        self, config: PaperReasonConfig, boards: BoardSource[Sequence], held_out: BoardSource[Sequence], seed: int
+        self,
+        config: PaperReasonConfig,
+        boards: BoardSource[BoardSequence],
+        held_out: BoardSource[BoardSequence],
+        seed: int,
     ):
         torch.set_num_threads(config.threads)
         repeat_exactly()

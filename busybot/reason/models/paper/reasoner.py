@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.paper.config import PaperNetworkConfig
 from busybot.reason.models.paper.data import Boards, Frames, boards_of, states_of
@@ -29,7 +29,7 @@ class PaperReasoner:
         self.network, self.encoder, self.threshold = network.eval(), encoder, threshold
 
     @torch.no_grad()
-    def graph(self, seen: Sequence) -> InferredGraph:
+    def graph(self, seen: BoardSequence) -> InferredGraph:
         """Edge probabilities after each step, and from the first frame alone: the prior. Zeros but for candidates."""
         boards = board_of(seen, self.network)
         beliefs = np.zeros((seen.steps + 1, *seen.candidates.shape))
@@ -45,9 +45,9 @@ class PaperReasoner:
         return InferredGraph(self.name, beliefs[1:] if seen.steps else beliefs, self.threshold, beliefs[0])
 
     @torch.no_grad()
-    def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """Features after each of S steps, as `Reasoner.predict`; what is no responder stays as it is."""
-        return foreseen(self.network, seen, current, actions, acted)
+        return predicted_features(self.network, seen, current, actions, acted)
 
 
 class PaperHistoryReasoner:
@@ -63,17 +63,17 @@ class PaperHistoryReasoner:
     def __init__(self, network: PaperHistoryNetwork, encoder: str):
         self.network, self.encoder = network.eval(), encoder
 
-    def graph(self, seen: Sequence) -> InferredGraph:
+    def graph(self, seen: BoardSequence) -> InferredGraph:
         """No relations."""
         return InferredGraph(self.name, np.zeros((max(1, seen.steps), *seen.candidates.shape)))
 
     @torch.no_grad()
-    def predict(self, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """Features after each of S steps, as `Reasoner.predict`; what is no responder stays as it is."""
-        return foreseen(self.network, seen, current, actions, acted)
+        return predicted_features(self.network, seen, current, actions, acted)
 
 
-class Foreseeing(Protocol):
+class StepPredictor(Protocol):
     """A network that predicts steps (S of them on one board) from what was observed and the frames before them."""
 
     config: PaperNetworkConfig
@@ -87,8 +87,8 @@ class Foreseeing(Protocol):
         ...
 
 
-def foreseen(
-    network: Foreseeing, seen: Sequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray
+def predicted_features(
+    network: StepPredictor, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray
 ) -> np.ndarray:
     """What `Reasoner.predict` returns: predictions for responders, everything else as it is in `current`."""
     after = np.array(current, np.float32)
@@ -101,7 +101,7 @@ def foreseen(
     return after
 
 
-def board_of(seen: Sequence, network: Foreseeing) -> Boards:
+def board_of(seen: BoardSequence, network: StepPredictor) -> Boards:
     """One board, where the network is."""
     return boards_of([seen], network.config).to(next(network.parameters()).device)
 
@@ -118,7 +118,7 @@ def imagined(boards: Boards, current: np.ndarray, actions: np.ndarray, acted: np
     )
 
 
-def _matrix(boards: Boards, values: Tensor, seen: Sequence) -> np.ndarray:
+def _matrix(boards: Boards, values: Tensor, seen: BoardSequence) -> np.ndarray:
     """(P,) of one board as (N, N), trigger in the row and responder in the column; zeros but for candidates."""
     count = len(seen.positions)
     matrix = np.zeros((len(boards.positions), len(boards.positions)))

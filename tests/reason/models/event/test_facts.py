@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from busybot.reason.models.event import facts as event_facts
-from busybot.reason.models.event.data import Asked, Seen, trigger_rows
+from busybot.reason.models.event.data import Context, Queries, trigger_rows
 from busybot.reason.models.event.facts import (
     change_facts,
     changed,
@@ -63,12 +63,12 @@ def test_what_copying_a_look_would_mean() -> None:
     assert row(facts[0, 0, 1]) == pytest.approx([math.log(0.5), 0.9, math.log(4), 7.9, math.log(0.5), 1])
 
 
-def board() -> tuple[Seen, Asked]:
+def board() -> tuple[Context, Queries]:
     """Two known contacts, one on either of two triggers; asked is one 0.05 beside the first, and a miss."""
     up, aside = [0.0, 0.0, 1.0], [0.6, 0.0, -0.8]
     actions = torch.tensor([[[1.05, 0.0, 0.2, *up], [1.0, 5.0, 0.2, *up]]])
     asked = torch.tensor([[[1.0, 0.0, 0.2, *aside], [1.0, 0.0, 0.2, *aside]]])
-    seen = Seen(
+    seen = Context(
         distances=torch.zeros(1, 3, 3),
         actions=actions,
         acted=torch.tensor([[1, 0]]),
@@ -78,7 +78,7 @@ def board() -> tuple[Seen, Asked]:
         pos=torch.tensor([[9.0, 9.0, 9.0], [0.5, 0.0, 0.1]]),
         owner=torch.tensor([0, 0]),
     )
-    return seen, Asked(torch.zeros(1, 2, 3), asked, torch.tensor([[1, -1]]))
+    return seen, Queries(torch.zeros(1, 2, 3), asked, torch.tensor([[1, -1]]))
 
 
 def test_contacts_seen_from_another() -> None:

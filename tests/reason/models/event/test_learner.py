@@ -11,15 +11,15 @@ import torch
 from torch import Tensor
 
 from busybot.common.errors import BusybotError
-from busybot.reason.inputs.sequence import Sequence
-from busybot.reason.models.event.config import EventConfig, LossConfig, NetConfig
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.models.event.config import EventConfig, EventNetConfig, LossConfig
 from busybot.reason.models.event.data import board_graph
 from busybot.reason.models.event.learner import EventLearner, smallest_change
 from busybot.reason.models.event.reasoner import EventReasoner
 from busybot.training.loop import LoopConfig, fit
 from tests.reason.boards import make_boards
 
-SMALL = EventConfig(iterations=8, batch=4, net=NetConfig(width=8, heads=2))
+SMALL = EventConfig(iterations=8, batch=4, net=EventNetConfig(width=8, heads=2))
 LOOP = LoopConfig(judge=2, report=2, patience=0)
 
 
@@ -117,7 +117,7 @@ def test_it_learns() -> None:
 
 @pytest.mark.parametrize("exclusive", [True, False])
 def test_with_several_triggers_per_responder_allowed_it_learns_too(exclusive: bool) -> None:
-    config = SMALL.model_copy(update={"net": NetConfig(width=8, heads=2, exclusive=exclusive)})
+    config = SMALL.model_copy(update={"net": EventNetConfig(width=8, heads=2, exclusive=exclusive)})
     student = learner(config)
     losses = [student.iterate(iteration)[0] for iteration in range(8)]
     assert all(np.isfinite(losses)) and min(losses) >= 0
@@ -125,7 +125,7 @@ def test_with_several_triggers_per_responder_allowed_it_learns_too(exclusive: bo
 
 def test_without_inference_it_learns_effects_and_claims_no_relation(tmp_path: Path) -> None:
     config = SMALL.model_copy(
-        update={"net": NetConfig(width=8, heads=2, inference=False), "iterations": 60, "batch": 8}
+        update={"net": EventNetConfig(width=8, heads=2, inference=False), "iterations": 60, "batch": 8}
     )
     student = learner(config)
     edges = {name: value for name, value in weights(student).items() if name.startswith("edges.")}
@@ -142,7 +142,7 @@ def test_without_inference_it_learns_effects_and_claims_no_relation(tmp_path: Pa
 
 
 def test_boards_of_different_lengths_are_trained_on_together() -> None:
-    boards: list[Sequence] = [make_boards(1, 3, steps=steps)[0].seen for steps in (2, 9, 30)]
+    boards: list[BoardSequence] = [make_boards(1, 3, steps=steps)[0].seen for steps in (2, 9, 30)]
     student = EventLearner(SMALL, boards, boards, 0)
     assert all(np.isfinite(student.iterate(iteration)[0]) for iteration in range(4))
     assert np.isfinite(student.judge()["loss"])

@@ -6,17 +6,17 @@ from torch import Tensor
 from torch_geometric.data import Batch
 from torch_geometric.utils import scatter
 
-from busybot.reason.models.event.config import NetConfig
-from busybot.reason.models.event.data import Asked, Outcome, Seen, board_graph, padded, seen_of, split
+from busybot.reason.models.event.config import EventNetConfig
+from busybot.reason.models.event.data import Context, ObservedOutcome, Queries, board_graph, context_of, padded, split
 from busybot.reason.models.event.facts import FAR, NEAR, changed, contacts_of, past_facts
 from busybot.reason.models.event.networks import NEVER, UNSEEN, EventNet
 from tests.reason.boards import Board, make_boards
 
-CONFIG = NetConfig(width=8, heads=3)
+CONFIG = EventNetConfig(width=8, heads=3)
 KNOWN, ASKED = 14, 5
 
 
-def trained(config: NetConfig = CONFIG) -> EventNet:
+def trained(config: EventNetConfig = CONFIG) -> EventNet:
     """A network none of whose weights is zero."""
     torch.manual_seed(0)
     network = EventNet(config, 3.0).double()
@@ -26,11 +26,11 @@ def trained(config: NetConfig = CONFIG) -> EventNet:
     return network
 
 
-def questions(boards: list[Board]) -> tuple[Seen, Asked, Outcome]:
+def questions(boards: list[Board]) -> tuple[Context, Queries, ObservedOutcome]:
     batch = Batch.from_data_list(padded(board_graph(board.seen) for board in boards))
-    seen = seen_of(batch, 3.0)
+    seen = context_of(batch, 3.0)
     as_double = {name: getattr(seen, name).double() for name in ("distances", "actions", "pos")}
-    return split(Seen(**{**vars(seen), **as_double}), KNOWN, ASKED)
+    return split(Context(**{**vars(seen), **as_double}), KNOWN, ASKED)
 
 
 def mixed() -> list[Board]:
@@ -38,7 +38,7 @@ def mixed() -> list[Board]:
     return [*make_boards(2, 1, steps=20), *make_boards(1, 2, triggers=4, responders=9, steps=9)]
 
 
-def attention_on_arrays(network: EventNet, seen: Seen, asked: Asked) -> Tensor:
+def attention_on_arrays(network: EventNet, seen: Context, asked: Queries) -> Tensor:
     """Logits of change (R, Q) as `EffectHead` has them, with an axis of all known steps and a mask."""
     head, contacts, sizes, board = network.effects, contacts_of(seen, asked), seen.sizes, seen.board
     largest = scatter(sizes, board, dim_size=len(seen.actions), reduce="max")[board]
@@ -90,7 +90,7 @@ def test_shapes() -> None:
 
 @pytest.mark.parametrize("exclusive", [True, False])
 def test_a_board_is_judged_alike_alone_and_among_others_in_any_order(exclusive: bool) -> None:
-    network, boards = trained(NetConfig(width=8, heads=3, exclusive=exclusive)), make_boards(3, 1, steps=20)
+    network, boards = trained(EventNetConfig(width=8, heads=3, exclusive=exclusive)), make_boards(3, 1, steps=20)
     alone = [(network.log_edges(s)[0], network.effects(s, a).change) for s, a, _ in (questions([b]) for b in boards)]
     for order in ([0, 1, 2], [2, 0, 1]):
         seen, asked, _ = questions([boards[number] for number in order])
@@ -108,6 +108,6 @@ def test_what_was_not_recorded_does_not_matter() -> None:
         graph = short.clone()
         graph["step"].action[9:] = filling
         graph["responder"].distances[:, 10:] = filling
-        seen = seen_of(Batch.from_data_list([graph]), 3.0)
+        seen = context_of(Batch.from_data_list([graph]), 3.0)
         results.append(network.float().log_edges(seen)[0])
     assert torch.equal(*results)

@@ -8,9 +8,9 @@ import pytest
 import torch
 from torch_geometric.data import Batch
 
-from busybot.reason.inputs.sequence import Sequence
-from busybot.reason.models.event.config import EventConfig, NetConfig
-from busybot.reason.models.event.data import board_graph, padded, seen_of
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.models.event.config import EventConfig, EventNetConfig
+from busybot.reason.models.event.data import board_graph, context_of, padded
 from busybot.reason.models.event.learner import EventLearner
 from busybot.reason.models.event.networks import EventNet
 from busybot.reason.models.event.reasoner import EventReasoner
@@ -24,7 +24,7 @@ FRESH = 500
 @pytest.fixture(scope="module")
 def trained() -> Iterator[EventReasoner]:
     threads = torch.get_num_threads()
-    config = EventConfig(iterations=160, batch=24, learning_rate=6e-3, net=NetConfig(width=16, heads=2))
+    config = EventConfig(iterations=160, batch=24, learning_rate=6e-3, net=EventNetConfig(width=16, heads=2))
     learner = EventLearner(config, [board.seen for board in make_boards(200)], [], 0)
     for iteration in range(config.iterations):
         learner.iterate(iteration)
@@ -32,7 +32,7 @@ def trained() -> Iterator[EventReasoner]:
     torch.set_num_threads(threads)
 
 
-def predicted(reasoner: EventReasoner, sequence: Sequence, images: int = 23) -> np.ndarray:
+def predicted(reasoner: EventReasoner, sequence: BoardSequence, images: int = 23) -> np.ndarray:
     seen = sequence.first(images)
     later = slice(seen.steps, None)
     return reasoner.predict(seen, sequence.features[seen.steps : -1], sequence.actions[later], sequence.acted[later])
@@ -95,7 +95,7 @@ def test_the_order_of_objects_does_not_matter(trained: EventReasoner) -> None:
         seen, count = board.seen, len(board.seen.triggers)
         order = np.random.default_rng(1).permutation(count)
         place = np.argsort(order)
-        shuffled = Sequence(
+        shuffled = BoardSequence(
             seen.features[:, order],
             seen.positions[order],
             seen.actions,
@@ -144,9 +144,9 @@ def test_boards_without_triggers_or_responders_are_no_error(trained: EventReason
 
 def test_boards_of_different_sizes_and_lengths_share_a_batch() -> None:
     boards = [*make_boards(2, 1), *make_boards(1, 2, triggers=4, responders=9, steps=12)]
-    network = EventNet(NetConfig(), 2.0).eval()
+    network = EventNet(EventNetConfig(), 2.0).eval()
     torch.nn.init.normal_(network.edges.pair[-1].weight)
-    alone = [network.log_edges(seen_of(Batch.from_data_list([board_graph(b.seen)]), 2.0))[0] for b in boards]
-    together = network.log_edges(seen_of(Batch.from_data_list(padded(board_graph(b.seen) for b in boards)), 2.0))[0]
+    alone = [network.log_edges(context_of(Batch.from_data_list([board_graph(b.seen)]), 2.0))[0] for b in boards]
+    together = network.log_edges(context_of(Batch.from_data_list(padded(board_graph(b.seen) for b in boards)), 2.0))[0]
     assert [len(one) for one in alone][2] == 36
     torch.testing.assert_close(together, torch.cat(alone), atol=1e-4, rtol=1e-4)

@@ -5,7 +5,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperNetworkConfig
 from busybot.reason.models.paper.data import Boards, boards_of
 from busybot.reason.models.paper.networks import PaperNetwork, Relations, drawn
@@ -184,7 +184,7 @@ def test_the_first_23_images_infer_and_the_steps_after_them_are_predicted() -> N
 
 def test_inference_knows_nothing_of_what_follows_the_23_images() -> None:
     network, seen = PaperNetwork(SMALL).eval(), watched(steps=30)
-    other = Sequence(**{name: value.copy() for name, value in vars(seen).items()})
+    other = BoardSequence(**{name: value.copy() for name, value in vars(seen).items()})
     other.features[23:], other.actions[22:], other.acted[22:] = 7, 7, 1
     first, second = (network(boards_of([each], SMALL), 23)[1].logits for each in (seen, other))
     assert torch.equal(first, second)

@@ -13,8 +13,8 @@ from busybot.common.rng import generator
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import Boards, boards_of
 from busybot.reason.models.paper.learner import (
+    IterationOutcome,
     Network,
-    Outcome,
     batches,
     divergence_from,
     iterate,
@@ -37,7 +37,9 @@ def weights(network: Network) -> dict[str, Tensor]:
     return {name: value.clone() for name, value in network.state_dict().items()}
 
 
-def step(network: Network, config: PaperReasonConfig = QUICK, number: int = 0, last: float = math.inf) -> Outcome:
+def step(
+    network: Network, config: PaperReasonConfig = QUICK, number: int = 0, last: float = math.inf
+) -> IterationOutcome:
     optimizer = make_optimizer(network, config)
     return iterate(network, optimizer, boards(), config, generator(0, "train", number, "test"), last)
 

@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from busybot.common.errors import BusybotError
-from busybot.reason.inputs.sequence import Sequence
-from busybot.reason.models.model_folder import ModelInfo, load_reasoner
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.models.model_folder import ReasonerInfo, load_reasoner
 from busybot.reason.models.paper.config import PaperLoopConfig, PaperReasonConfig
 from busybot.reason.models.paper.learner import PaperLearner
 from busybot.reason.models.paper.reasoner import PaperHistoryReasoner, PaperReasoner
@@ -53,10 +53,10 @@ def test_the_schedule_is_200_epochs_over_all_boards() -> None:
     assert PaperReasonConfig().loop.patience == PaperReasonConfig().loop.held_out == 0
 
 
-class Watching(list[Sequence]):
+class Watching(list[BoardSequence]):
     """Boards that note which of them are read."""
 
-    def __init__(self, boards: Iterable[Sequence]):
+    def __init__(self, boards: Iterable[BoardSequence]):
         super().__init__(boards)
         self.read: list[int] = []
 
@@ -107,7 +107,7 @@ def test_a_saved_model_is_loaded_again(tmp_path: Path, inference: bool, kind: ty
     config = CONFIG.model_copy(update={"inference": inference})
     learner = PaperLearner(config, BOARDS, [], 0)
     learner.iterate(0)
-    info = ModelInfo(model="paper", encoder="random", config=config.model_dump(mode="json"))
+    info = ReasonerInfo(model="paper", encoder="random", config=config.model_dump(mode="json"))
     save_model(tmp_path / "model", info, learner.network.state_dict())
     reasoner = load_reasoner(tmp_path)
     assert isinstance(reasoner, kind) and reasoner.encoder == "random"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from busybot.reason.inputs.sequence import Sequence
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import Reasoner
 from busybot.reason.models.paper.config import PaperNetworkConfig
 from busybot.reason.models.paper.networks import PaperNetwork
@@ -21,7 +21,7 @@ def reasoner(request: pytest.FixtureRequest) -> PaperReasoner:
     return PaperReasoner(PaperNetwork(config), "embedded")
 
 
-def ahead(seen: Sequence, images: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def ahead(seen: BoardSequence, images: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Frames before, and actions, of the steps after so many images."""
     return seen.features[images - 1 : -1], seen.actions[images - 1 :], seen.acted[images - 1 :]
 
@@ -91,7 +91,7 @@ def test_any_number_of_objects_will_do(reasoner: PaperReasoner, triggers: int, r
     kept = [
         i for i in range(len(seen.positions)) if (seen.triggers[i] and triggers) or (seen.responders[i] and responders)
     ]
-    seen = Sequence(
+    seen = BoardSequence(
         seen.features[:, kept],
         seen.positions[kept],
         seen.actions,

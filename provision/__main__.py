@@ -34,7 +34,7 @@ def main() -> int:
         line = set_up(log)
     except SetupError as error:
         say(f"error: {error.what}")
-        print(error.mend, file=sys.stderr)
+        print(error.hint, file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         say("interrupted; `make setup` goes on from here")

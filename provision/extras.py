@@ -15,7 +15,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from provision.packages import REGISTRY_MEND, STAMP
+from provision.packages import REGISTRY_HINT, STAMP
 from provision.steps import Log, SetupError, say
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -38,7 +38,7 @@ def main() -> int:
             ways[name]()
     except SetupError as error:
         say(f"error: {error.what}")
-        print(error.mend, file=sys.stderr)
+        print(error.hint, file=sys.stderr)
         return 1
     return 0
 
@@ -55,7 +55,7 @@ def install_dvc() -> None:
     made = "the environment for DVC could not be made"
     log.must([*uv, "venv", "--quiet", "--python", sys.executable, str(DVC_FOLDER)], made, SETUP_FIRST)
     packages = ["pip", "install", "--python", str(DVC_FOLDER / "bin" / "python"), "--require-hashes"]
-    log.must([*uv, *packages, "-r", str(DVC_LOCK)], "DVC could not be installed", REGISTRY_MEND)
+    log.must([*uv, *packages, "-r", str(DVC_LOCK)], "DVC could not be installed", REGISTRY_HINT)
     stamp.write_text(key, encoding="utf-8")
 
 
@@ -71,7 +71,7 @@ def install_packages() -> None:
     say("installing the optional packages (Ray, causal-learn, Stable-Baselines3)")
     pip = [str(BASE / "bin" / "python"), "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar", "off"]
     exact = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(PACKAGES_LOCK)]
-    Log(ROOT / ".setup.log").must([*pip, *exact], "the optional packages could not be installed", REGISTRY_MEND)
+    Log(ROOT / ".setup.log").must([*pip, *exact], "the optional packages could not be installed", REGISTRY_HINT)
     stamp.write_text(key, encoding="utf-8")
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from provision.steps import Log, SetupError, clean_environment, say
 
 STAMP = "busybot-setup.json"
-REGISTRY_MEND = (
+REGISTRY_HINT = (
     "Check that the package registry can be reached (`python3 -m pip download six`), then run `make setup` again."
 )
 READ_TORCH = (
@@ -145,7 +145,7 @@ def install(environment: Environment, log: Log) -> None:
     log.must(
         [*pip, "--require-hashes", "--only-binary", ":all:", "-r", str(environment.lock)],
         "the pinned packages could not be installed",
-        REGISTRY_MEND,
+        REGISTRY_HINT,
     )
     install_torch(environment, log)
     log.must(
@@ -169,5 +169,5 @@ def install_torch(environment: Environment, log: Log) -> None:
         if log.run(command, extra={"UV_HTTP_RETRIES": "1"}):
             return
     raise SetupError(
-        f"torch {version} could not be installed; the last lines of {log.path}:\n{log.tail()}", REGISTRY_MEND
+        f"torch {version} could not be installed; the last lines of {log.path}:\n{log.tail()}", REGISTRY_HINT
     )

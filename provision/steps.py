@@ -16,9 +16,9 @@ LINE_LENGTH_SHOWN = 200
 class SetupError(Exception):
     """The set-up cannot go on: what is wrong, and what a person can do about it."""
 
-    def __init__(self, what: str, mend: str):
-        self.what, self.mend = what, mend
-        super().__init__(f"{what}\n{mend}")
+    def __init__(self, what: str, hint: str):
+        self.what, self.hint = what, hint
+        super().__init__(f"{what}\n{hint}")
 
 
 def say(message: str) -> None:
@@ -69,10 +69,10 @@ class Log:
             log.write(f"[exit {code} after {time.monotonic() - start:.1f} s]\n")
         return code == 0
 
-    def must(self, argv: Sequence[str], what: str, mend: str, stdin: str | None = None) -> None:
-        """Run, and fail loudly with `what` and `mend` when the command does."""
+    def must(self, argv: Sequence[str], what: str, hint: str, stdin: str | None = None) -> None:
+        """Run, and fail loudly with `what` and `hint` when the command does."""
         if not self.run(argv, stdin):
-            raise SetupError(f"{what}; the last lines of {self.path}:\n{self.tail()}", mend)
+            raise SetupError(f"{what}; the last lines of {self.path}:\n{self.tail()}", hint)
 
     def tail(self) -> str:
         """The last lines of the log that say something, indented."""

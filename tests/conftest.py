@@ -136,7 +136,7 @@ def run_tasks_here(
             work = work or make_work(*arguments)
             result = pickle.loads(pickle.dumps(work(task)))
         except BusybotError as error:
-            raise BusybotError(*pickle.loads(pickle.dumps((error.what, error.mend)))) from None
+            raise BusybotError(*pickle.loads(pickle.dumps((error.what, error.hint)))) from None
         except Exception as error:
             raise BusybotError(f"task {task}: {type(error).__name__}: {error}") from error
         yield task, result

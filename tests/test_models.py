@@ -117,7 +117,7 @@ def test_other_weights_of_the_same_network_are_found_out(folder: Path) -> None:
     shutil.copy(other / "weights.safetensors", folder / "weights.safetensors")
     done = run("models", "verify", str(folder))
     assert done.exit_code == 1
-    assert "weights.safetensors: its SHA-256 is" in done.stderr and "mend: " in done.stderr
+    assert "weights.safetensors: its SHA-256 is" in done.stderr and "hint: " in done.stderr
 
 
 def test_an_older_folder_without_hashes_is_loaded_all_the_same(folder: Path) -> None:
@@ -164,4 +164,4 @@ def test_what_is_no_model_is_told_by_name(tmp_path: Path) -> None:
     assert run("models", "list", str(tmp_path / "empty")).exit_code == 1
     done = run("models", "info", "nonesuch", "--json")
     assert done.exit_code == 1 and "nonesuch: no model of that name" in json.loads(done.stdout)["error"]
-    assert all(name in json.loads(done.stdout)["mend"] for name in ("event", "procedural"))
+    assert all(name in json.loads(done.stdout)["hint"] for name in ("event", "procedural"))

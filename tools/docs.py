@@ -78,7 +78,7 @@ def written(page: str, text: str) -> str:
         try:
             text = with_part(text, name, make())
         except BusybotError as error:
-            raise BusybotError(f"{page}: {error.what}", error.mend) from None
+            raise BusybotError(f"{page}: {error.what}", error.hint) from None
     return text
 
 

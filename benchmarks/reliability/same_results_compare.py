@@ -27,7 +27,7 @@ UNCOMPARED = {
     "figures": "names of pictures in a report; of a model, what its hash tells already",
     "html": "where a report lies",
     "markdown": "where a report lies",
-    "mend": "advice in an error",
+    "mend": "advice in an error, as it was called before",
     "hint": "advice in an error",
 }
 """Keys that are neither recorded nor compared, with the reason."""

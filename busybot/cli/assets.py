@@ -65,7 +65,7 @@ def check(
         print_json({"ok": not bad, "checked": checked, "problems": bad})
     else:
         for finding in bad:
-            print(f"{finding.name}: {finding.problem} (mend: {finding.mend or 'see the documentation'})")
+            print(f"{finding.name}: {finding.problem} (hint: {finding.hint or 'see the documentation'})")
         names = len({finding.name for finding in bad})
         print(f"{folder}: {checked} checked, {f'{names} bad' if bad else 'nothing is wrong'}")
     if bad:
@@ -181,7 +181,7 @@ def _write_review(review: Path, outcomes: "list[ImportOutcome]") -> None:
 
 def _reason(outcome: "ImportOutcome") -> str:
     if outcome.problem:
-        return f": {outcome.problem}{f' (mend: {outcome.mend})' if outcome.mend else ''}"
+        return f": {outcome.problem}{f' (hint: {outcome.hint})' if outcome.hint else ''}"
     return "".join(f"\n  {note}" for note in outcome.notes)
 
 

@@ -85,12 +85,12 @@ def _policy_factory(
 ) -> "tuple[AnyPolicyFactory | None, dict[str, Any] | None]":
     """What makes the policies, and what it is made of; None for the built-in ones."""
     if policy != "learned":
-        mend = "leave it out, or say --policy learned"
+        hint = "leave it out, or say --policy learned"
         if model is not None:
-            raise BusybotError(f"--model {model} goes with --policy learned, not with {policy}", mend)
+            raise BusybotError(f"--model {model} goes with --policy learned, not with {policy}", hint)
         if learned:
             what = f"--set learned.{next(iter(learned))} goes with --policy learned, not with {policy}"
-            raise BusybotError(what, mend)
+            raise BusybotError(what, hint)
         return None, None
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory
 

@@ -120,7 +120,7 @@ def report_errors(context: typer.Context) -> Iterator[None]:
 def _report(context: typer.Context, error: BusybotError) -> NoReturn:
     say(f"error: {error}")
     if context.meta.get(JSON_WANTED):
-        print_json({"error": error.what, "mend": error.mend})
+        print_json({"error": error.what, "hint": error.hint})
     raise typer.Exit(1) from None
 
 

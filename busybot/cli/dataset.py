@@ -46,7 +46,7 @@ def verify(
     with episode_progress("verifying") as progress:
         report = verify_dataset(dataset, _workers(workers), progress, assets)
     for problem in report.problems:
-        say(f"{problem.file}: {problem.what}\n  mend: {problem.mend}")
+        say(f"{problem.file}: {problem.what}\n  hint: {problem.hint}")
     if json:
         print_json({"ok": report.ok, **vars(report)})
     else:
@@ -81,7 +81,7 @@ def freeze(
         try:
             library = library_of(target, assets)
         except BusybotError as error:
-            raise BusybotError(error.what, f"{error.mend}; or --no-objects freezes without them") from None
+            raise BusybotError(error.what, f"{error.hint}; or --no-objects freezes without them") from None
     with episode_progress("verifying") as progress:
         done = freeze_dataset(dataset, library, objects, licence, _workers(workers), progress)
     carried = sum(entry.carried for entry in done.manifest.assets.values())

@@ -31,12 +31,12 @@ CATEGORIES = ("Switch", "Door", "Lamp", "Toy")
 
 @dataclass(frozen=True)
 class Check:
-    """One row: `value` is what was found, `mend` the command or sentence that mends a failure (None when ok)."""
+    """One row: `value` is what was found, `hint` the command or sentence that mends a failure (None when ok)."""
 
     name: str
     ok: bool
     value: str
-    mend: str | None = None
+    hint: str | None = None
 
 
 def doctor(as_json: JsonOption = False) -> None:
@@ -120,18 +120,18 @@ def vulkan() -> list[Check]:
     cure = (
         f"unset {chosen} (it names another driver)" if chosen else f"{SETUP} (installs a driver, or says what to run)"
     )
-    mend = None if found["renders"] else cure
+    hint = None if found["renders"] else cure
     return [
         Check(
-            "Vulkan device", found["device"] is not None, found["device"] or "none", None if found["device"] else mend
+            "Vulkan device", found["device"] is not None, found["device"] or "none", None if found["device"] else hint
         ),
         Check(
             "Vulkan driver",
             found["device"] is not None,
             found["driver"] or "unknown",
-            None if found["device"] else mend,
+            None if found["device"] else hint,
         ),
-        Check("rendering", found["renders"], "a test image is right" if found["renders"] else found["error"], mend),
+        Check("rendering", found["renders"], "a test image is right" if found["renders"] else found["error"], hint),
     ]
 
 
@@ -155,24 +155,24 @@ def assets() -> list[Check]:
     cache = cache_folder()
     existing = next(folder for folder in (cache, *cache.absolute().parents) if folder.is_dir())
     writable = os.access(existing, os.W_OK | os.X_OK)
-    mend = None if writable else "export BUSYBOT_CACHE=FOLDER (one that can be written)"
-    rows = [Check("procedural objects", writable, f"cache {cache}{'' if writable else ' cannot be written'}", mend)]
+    hint = None if writable else "export BUSYBOT_CACHE=FOLDER (one that can be written)"
+    rows = [Check("procedural objects", writable, f"cache {cache}{'' if writable else ' cannot be written'}", hint)]
     named = os.environ.get("BUSYBOT_PARTNET_DIR")
     if not named:
         return [*rows, Check("PartNet-Mobility objects", True, "none (BUSYBOT_PARTNET_DIR can name their folder)")]
     found = [name for name in CATEGORIES if (Path(named) / name).is_dir()]
     counts = [f"{sum(1 for _ in (Path(named) / name).iterdir())} {name}" for name in found]
     value = f"{named}: {', '.join(counts) or 'no folder Switch, Door, Lamp or Toy'}"
-    mend = None if found else "export BUSYBOT_PARTNET_DIR=FOLDER (the folder of Switch, Door, Lamp, Toy), or unset it"
-    return [*rows, Check("PartNet-Mobility objects", bool(found), value, mend)]
+    hint = None if found else "export BUSYBOT_PARTNET_DIR=FOLDER (the folder of Switch, Door, Lamp, Toy), or unset it"
+    return [*rows, Check("PartNet-Mobility objects", bool(found), value, hint)]
 
 
 def disk() -> list[Check]:
     """Free space where commands write by default."""
     free = shutil.disk_usage(Path.cwd()).free
     ok = free >= LEAST_FREE_BYTES
-    mend = None if ok else f"free at least {LEAST_FREE_BYTES >> 30} GiB, or work in another folder"
-    return [Check("disk", ok, f"{free / (1 << 30):.1f} GiB free in {Path.cwd()}", mend)]
+    hint = None if ok else f"free at least {LEAST_FREE_BYTES >> 30} GiB, or work in another folder"
+    return [Check("disk", ok, f"{free / (1 << 30):.1f} GiB free in {Path.cwd()}", hint)]
 
 
 def _ask(argv: list[str]) -> tuple[str, str | None]:
@@ -194,10 +194,10 @@ def _show(checks: list[Check], ok: bool) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table("", "check", "found", "mend")
+    table = Table("", "check", "found", "hint")
     for check in checks:
         mark = Text("ok", "green") if check.ok else Text("FAIL", "bold red")
-        table.add_row(mark, check.name, Text(check.value), Text(check.mend or ""))
+        table.add_row(mark, check.name, Text(check.value), Text(check.hint or ""))
     console = Console()
     console.print(table)
     console.print("Everything is in order." if ok else "Something needs mending: see the last column.")

@@ -80,7 +80,7 @@ def verify(
     verdicts = [verify_model(folder) for folder in folders]
     for verdict in verdicts:
         for problem in verdict.problems:
-            say(f"{problem}\n  mend: copy the model again, or train it again")
+            say(f"{problem}\n  hint: copy the model again, or train it again")
     if json:
         entries = [{"ok": verdict.ok, **vars(verdict)} for verdict in verdicts]
         print_json({"ok": all(verdict.ok for verdict in verdicts), "models": entries})

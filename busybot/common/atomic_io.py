@@ -342,8 +342,8 @@ def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
     except FileNotFoundError:
         raise BusybotError(f"{path}: there is no such file") from None
     except (ValueError, RecursionError) as error:  # of decoding, of JSON, and of numbers with thousands of digits
-        mend = "restore it from a copy, or make it again with the command that wrote it"
-        raise BusybotError(f"{path}: not valid JSON: {error}", mend) from None
+        hint = "restore it from a copy, or make it again with the command that wrote it"
+        raise BusybotError(f"{path}: not valid JSON: {error}", hint) from None
     except OSError as error:
         raise BusybotError(f"{path}: cannot be read: {error.strerror}") from None
 

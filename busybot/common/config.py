@@ -48,8 +48,8 @@ def build(
         return model.model_validate(values)
     except ValidationError as error:
         where = f"{file}: " if file else ""
-        what, mend = _explained(model, error.errors()[0], options)
-        raise BusybotError(f"{where}{what}", mend) from None
+        what, hint = _explained(model, error.errors()[0], options)
+        raise BusybotError(f"{where}{what}", hint) from None
 
 
 def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -12,12 +12,12 @@ class BusybotError(Exception):
 
     Args:
         what: the fault, naming the file, episode or place.
-        mend: what the user can do about it, as a command or a sentence.
+        hint: what the user can do about it, as a command or a sentence.
     """
 
-    def __init__(self, what: str, mend: str | None = None):
-        self.what, self.mend = _readable(what), mend
-        super().__init__(self.what if mend is None else f"{self.what}\n  mend: {mend}")
+    def __init__(self, what: str, hint: str | None = None):
+        self.what, self.hint = _readable(what), hint
+        super().__init__(self.what if hint is None else f"{self.what}\n  hint: {hint}")
 
 
 def _readable(text: str) -> str:
@@ -33,7 +33,7 @@ def naming(place: object) -> Iterator[None]:
     except BusybotError as error:
         if str(place) in error.what:
             raise
-        raise BusybotError(f"{place}: {error.what}", error.mend) from None
+        raise BusybotError(f"{place}: {error.what}", error.hint) from None
 
 
 def without_name(error: BusybotError, place: object) -> str:

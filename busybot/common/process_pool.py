@@ -241,7 +241,7 @@ def _main(
             work = work or make_work(*arguments)
             pipe.send(("done", work(task)))
         except BusybotError as error:
-            pipe.send(("fault", (error.what, error.mend)))
+            pipe.send(("fault", (error.what, error.hint)))
         except Exception as error:  # told to the parent, which ends the work; trying again would not help
             traceback.print_exc()
             pipe.send(("fault", (f"task {task}: {type(error).__name__}: {error}", None)))

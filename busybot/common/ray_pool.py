@@ -25,12 +25,12 @@ class _Actor:
         self._work: Callable[[int], Any] | None = None
 
     def run(self, task: int) -> tuple[str, Any]:
-        """(`done`, result) or (`fault`, what and mend)."""
+        """(`done`, result) or (`fault`, what and hint)."""
         try:
             self._work = self._work or self._make_work(*self._arguments)
             return "done", self._work(task)
         except BusybotError as error:
-            return "fault", (error.what, error.mend)
+            return "fault", (error.what, error.hint)
 
 
 def run_on_ray(

@@ -129,19 +129,19 @@ def read_pointer(pointer: Path, name: str) -> _Out:
         raise BusybotError(
             f"{pointer}: there is no such pointer", "`busybot dataset push` writes it where it is sent from"
         )
-    mend = "get it anew from who shared the dataset"
+    hint = "get it anew from who shared the dataset"
     if pointer.stat().st_size > LARGEST_POINTER:
-        raise BusybotError(f"{pointer}: too large for a pointer", mend)
+        raise BusybotError(f"{pointer}: too large for a pointer", hint)
     try:
         out = _Pointer.model_validate(parse_yaml(pointer.read_text(encoding="utf-8"), str(pointer))).outs[0]
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
-        raise BusybotError(f"{pointer}: {place or 'the file'}: {first['msg']}", mend) from None
+        raise BusybotError(f"{pointer}: {place or 'the file'}: {first['msg']}", hint) from None
     except UnicodeDecodeError as error:
-        raise BusybotError(f"{pointer}: not UTF-8: {error.reason}", mend) from None
+        raise BusybotError(f"{pointer}: not UTF-8: {error.reason}", hint) from None
     if out.path != name:
-        raise BusybotError(f"{pointer}: it points to {out.path!r} instead of {name!r} beside it", mend)
+        raise BusybotError(f"{pointer}: it points to {out.path!r} instead of {name!r} beside it", hint)
     return out
 
 
@@ -151,23 +151,23 @@ def check_listing(listing: Path) -> None:
     Raises:
         BusybotError: it does, or it is damaged.
     """
-    mend = "the storage holds something else: ask who shared the dataset"
+    hint = "the storage holds something else: ask who shared the dataset"
     if listing.stat().st_size > LARGEST_LISTING:
-        raise BusybotError(f"{listing}: too large for a list of files", mend)
+        raise BusybotError(f"{listing}: too large for a list of files", hint)
     try:
         entries = json.loads(listing.read_bytes())
         names = [str(entry["relpath"]) for entry in entries]
     except (ValueError, TypeError, KeyError, RecursionError):
-        raise BusybotError(f"{listing}: not a list of files", mend) from None
+        raise BusybotError(f"{listing}: not a list of files", hint) from None
     for name in names:
         parts = PurePosixPath(name).parts
         if not parts or name.startswith("/") or ".." in parts or "\\" in name or "\0" in name:
-            raise BusybotError(f"{listing}: it names {name!r}, outside of the dataset", mend)
+            raise BusybotError(f"{listing}: it names {name!r}, outside of the dataset", hint)
 
 
 def _must_be_whole(dataset: Path) -> None:
-    for name, fault, mend in unlike_manifest(dataset, read_manifest(dataset)):
-        raise BusybotError(f"{dataset / name}: {fault}", mend)
+    for name, fault, hint in unlike_manifest(dataset, read_manifest(dataset)):
+        raise BusybotError(f"{dataset / name}: {fault}", hint)
 
 
 class _Repository:

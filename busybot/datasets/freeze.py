@@ -110,11 +110,11 @@ def _refuse_strangers(dataset: Dataset, assets: Assets) -> None:
     if not strangers:
         return
     first = strangers[0].split("/")[0]
-    mend = {
+    hint = {
         DAMAGED_FOLDER: "move the folder `damaged`, which `repair` left, out of the dataset",
         OBJECTS_FOLDER: "remove the folder `objects`; freezing makes it again if the licences allow it",
     }.get(first, "move what does not belong to the dataset out of it")
-    raise BusybotError(f"{dataset.path / strangers[0]}: not part of a dataset, {len(strangers)} such files", mend)
+    raise BusybotError(f"{dataset.path / strangers[0]}: not part of a dataset, {len(strangers)} such files", hint)
 
 
 def _scan(path: Path) -> Scan:

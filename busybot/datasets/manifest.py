@@ -119,8 +119,8 @@ def is_frozen(path: Path) -> bool:
 def refuse_frozen(path: Path) -> None:
     """Refuse to write into a frozen dataset."""
     if is_frozen(path):
-        mend = "work on a copy without manifest.json (`chmod -R u+w COPY` first), or collect into another dataset"
-        raise BusybotError(f"{path}: the dataset is frozen", mend)
+        hint = "work on a copy without manifest.json (`chmod -R u+w COPY` first), or collect into another dataset"
+        raise BusybotError(f"{path}: the dataset is frozen", hint)
 
 
 def read_manifest(path: Path) -> Manifest:
@@ -154,7 +154,7 @@ def _entry(file: Path) -> FileEntry:
 
 
 def unlike_manifest(path: Path, manifest: Manifest, workers: int = 1) -> Iterator[tuple[str, str, str]]:
-    """Files that are missing, changed or not in the manifest: (path in the dataset, fault, mend).
+    """Files that are missing, changed or not in the manifest: (path in the dataset, fault, hint).
 
     Hidden files are passed over: version control and download tools put theirs beside the data.
     """

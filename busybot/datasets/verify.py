@@ -31,7 +31,7 @@ class Problem:
 
     file: str
     what: str
-    mend: str
+    hint: str
 
 
 @dataclass(frozen=True)
@@ -112,11 +112,11 @@ def _manifest(dataset: Dataset, workers: int, sound: bool) -> Iterator[Problem]:
         manifest = read_manifest(dataset.path)
     except BusybotError as error:
         file = dataset.path / MANIFEST_FILE
-        yield Problem(str(file), without_name(error, file), error.mend or MEND_FETCH)
+        yield Problem(str(file), without_name(error, file), error.hint or MEND_FETCH)
         return
-    for name, fault, mend in unlike_manifest(dataset.path, manifest, workers):
+    for name, fault, hint in unlike_manifest(dataset.path, manifest, workers):
         sound = False
-        yield Problem(str(dataset.path / name), fault, mend)
+        yield Problem(str(dataset.path / name), fault, hint)
     if sound and vars(dataset.hashes()) != manifest.hashes.model_dump():
         yield Problem(str(dataset.path / MANIFEST_FILE), "its hashes are not those of the dataset", MEND_FETCH)
 
@@ -129,7 +129,7 @@ def _objects(dataset: Dataset, assets: str | None) -> tuple[int | None, list[Pro
         if assets is None and not (dataset.path / OBJECTS_FOLDER).exists():
             return None, []
         place = assets or str(dataset.path / OBJECTS_FOLDER)
-        return None, [Problem(place, error.what, error.mend or MEND_FETCH)]
+        return None, [Problem(place, error.what, error.hint or MEND_FETCH)]
     return len(recorded), []
 
 
@@ -159,7 +159,7 @@ def _boards(dataset: Dataset) -> tuple[dict[int, str], list[Problem]]:
     try:
         boards = dataset.boards()
     except BusybotError as error:
-        return {}, [Problem(str(dataset.path / "boards"), error.what, error.mend or "generate the dataset again")]
+        return {}, [Problem(str(dataset.path / "boards"), error.what, error.hint or "generate the dataset again")]
     info, problems = dataset.info, []
     for board in boards:
         if (board.seed, board.split) != (info.seed, info.split):

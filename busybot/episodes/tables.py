@@ -189,7 +189,7 @@ def read_shard(path: Path, table: str, columns: list[str] | None = None) -> pa.T
     Raises:
         BusybotError: naming the file, if it is no Parquet file or its columns are not the schema's.
     """
-    mend = "remove it; `busybot collect` on the dataset makes tables again from the episodes"
+    hint = "remove it; `busybot collect` on the dataset makes tables again from the episodes"
     try:
         file = pq.ParquetFile(io.BytesIO(path.read_bytes()))
         found = {field.name: field.type for field in file.schema_arrow}
@@ -198,9 +198,9 @@ def read_shard(path: Path, table: str, columns: list[str] | None = None) -> pa.T
         if rows is not None:
             rows.validate(full=True)  # text that is no UTF-8 would only be noticed when it is used
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
-        raise BusybotError(f"{path}: not a readable Parquet file: {error}", mend) from None
+        raise BusybotError(f"{path}: not a readable Parquet file: {error}", hint) from None
     if rows is None:
-        raise BusybotError(f"{path}: not table {table!r} of this schema version: {', '.join(wrong)}", mend)
+        raise BusybotError(f"{path}: not table {table!r} of this schema version: {', '.join(wrong)}", hint)
     return rows.cast(pa.schema([arrow_schema(table).field(name) for name in rows.column_names]))
 
 

@@ -124,17 +124,17 @@ def read_split_file(path: Path) -> dict[str, Counter[str]]:
     """How often each key stands in each split."""
     if path.is_symlink() or not path.is_file():
         raise BusybotError(f"{path}: not a regular file", "copy the file itself")
-    mend = f"write it like {_SHAPE}"
+    hint = f"write it like {_SHAPE}"
     value = read_json(path, max_bytes=1 << 20)
     section = value.get("Reason") if isinstance(value, dict) else None
     if not isinstance(section, dict):
-        raise BusybotError(f"{path}: has no section 'Reason'", mend)
+        raise BusybotError(f"{path}: has no section 'Reason'", hint)
     counts: dict[str, Counter[str]] = {}
     for category, lists in section.items():
         for split, name in (("train", "train"), ("novel", "test")):
             ids = lists.get(name, []) if isinstance(lists, dict) else None
             if not isinstance(ids, list) or not all(isinstance(instance, str) for instance in ids):
-                raise BusybotError(f"{path}: Reason.{category}.{name} is not a list of ids", mend)
+                raise BusybotError(f"{path}: Reason.{category}.{name} is not a list of ids", hint)
             for instance in ids:
                 counts.setdefault(f"{category}/{instance}", Counter())[split] += 1
     return counts

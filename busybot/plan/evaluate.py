@@ -114,8 +114,8 @@ def _tasks(dataset: Dataset, config: PlanConfig) -> list[int]:
     boards, recorded = dataset.boards(), dataset.finished()
     for index in range(count):
         if boards[index].task is None:
-            mend = "make a dataset with tasks: busybot generate OUT --tasks one-to-one"
-            raise BusybotError(f"{dataset.path}: board {index} has no task", mend)
+            hint = "make a dataset with tasks: busybot generate OUT --tasks one-to-one"
+            raise BusybotError(f"{dataset.path}: board {index} has no task", hint)
         if index not in recorded:
             what = f"{dataset.path}: board {index} has no recorded interactions"
             raise BusybotError(what, collect_command(dataset.path, dataset.info))

@@ -70,8 +70,8 @@ def fetch(instance: str, out: Path, token: str, time_limit_s: float = TIME_LIMIT
     with unfinished(out, _WORK) as quarantine:
         fault = _download(instance, quarantine, token, time_limit_s)
         if fault is not None:
-            what, mend = _FAULTS[fault]
-            raise BusybotError(f"object {instance}: {what}", mend)
+            what, hint = _FAULTS[fault]
+            raise BusybotError(f"object {instance}: {what}", hint)
         came = quarantine / instance
         if came.is_symlink() or not came.is_dir():
             raise BusybotError(f"object {instance}: the archive has no folder {instance}", "try again later")

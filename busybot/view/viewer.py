@@ -142,8 +142,8 @@ def episode_file(source: Path, number: int | None = None) -> Path:
     if number is None:
         number = min(finished)
     elif number not in finished:
-        mend = f"{collect_command(source, dataset.info)}, or another number"
-        raise BusybotError(f"{source}: episode {number} is not there", mend)
+        hint = f"{collect_command(source, dataset.info)}, or another number"
+        raise BusybotError(f"{source}: episode {number} is not there", hint)
     return dataset.episode_path(number)
 
 

@@ -66,7 +66,7 @@ def test_the_sheet_shows_every_object(made: Path, tmp_path: Path) -> None:
     assert code == 0 and json.loads(out) == {"sheet": str(picture), "objects": 2}
     assert picture.read_bytes().startswith(b"\x89PNG")
     code, _, err = run("sheet", str(tmp_path / "library"), "--out", str(tmp_path / "sheet.bmp"))
-    assert code == 1 and "mend:" in err
+    assert code == 1 and "hint:" in err
 
 
 def test_real_objects_are_fine(partnet: Path) -> None:
@@ -89,7 +89,7 @@ def test_check_names_every_bad_object(made: Path, tmp_path: Path) -> None:
     assert {line.split(":")[0] for line in lines} == {"Door/hatch-01", "Lamp/star-01"}
     for field in ("Category", "Scale", "Orientation"):
         assert any(line.startswith("Door/hatch-01") and f": {field}:" in line for line in lines), "every fault is told"
-    assert all("mend" in line for line in lines)
+    assert all("hint" in line for line in lines)
     code, out, _ = run("check", str(folder), "--json")
     report = json.loads(out)
     assert code == 1 and not report["ok"]
@@ -119,10 +119,10 @@ def test_check_says_what_is_raw_and_how_to_import_it(tmp_path: Path) -> None:
     (tmp_path / "raw" / "78" / "mobility.urdf").write_text("<robot")
     for folder in (raw, tmp_path / "raw"):
         code, out, _ = run("check", str(folder), "--json")
-        problems = {row["problem"]: row["mend"] for row in json.loads(out)["problems"]}
+        problems = {row["problem"]: row["hint"] for row in json.loads(out)["problems"]}
         assert code == 1
         command = f"busybot assets import {raw} --out LIBRARY"
-        assert any("is raw" in what and mend == command for what, mend in problems.items())
+        assert any("is raw" in what and hint == command for what, hint in problems.items())
     assert any("78/mobility.urdf" in what for what in problems)
     shutil.copytree(raw, tmp_path / "library" / "Switch" / "77")
     code, out, _ = run("check", str(tmp_path / "library"))
@@ -146,7 +146,7 @@ def test_import_review_edit_import(tmp_path: Path) -> None:
     assert json.loads((out / "Switch" / "77" / "object_meta_info.json").read_text())["Scale"] == 0.25
     assert run("check", str(out))[0] == 0
     code, _, err = run("import", str(raw), "--review", str(review))
-    assert code == 1 and "mend:" in err and review.read_text().startswith(edited), "a reviewed file is not overwritten"
+    assert code == 1 and "hint:" in err and review.read_text().startswith(edited), "a reviewed file is not overwritten"
     assert run("import", str(raw))[0] == run("import", str(raw), "--out", "x", "--split", "test")[0] == 2
 
 
@@ -209,7 +209,7 @@ def test_fetch_asks_for_the_token_without_showing_it(tmp_path: Path) -> None:
     shown = os.read(terminal, 10_000)
     os.close(terminal)
     assert code == 1
-    assert b"the server refused" in shown and b"mend" in shown, shown
+    assert b"the server refused" in shown and b"hint" in shown, shown
     assert token.encode() not in shown
 
 
@@ -217,8 +217,8 @@ def test_check_reads_a_single_object(made: Path) -> None:
     assert run("check", str(made / "Switch" / "bolt-01"))[0] == 0
 
 
-def test_faults_exit_with_1_and_a_mend(made: Path, tmp_path: Path) -> None:
+def test_faults_exit_with_1_and_a_hint(made: Path, tmp_path: Path) -> None:
     for arguments in (("list", str(tmp_path / "none")), ("check", str(tmp_path)), ("make", str(made))):
         code, _, err = run(*arguments)
-        assert code == 1 and "mend:" in err
+        assert code == 1 and "hint:" in err
     assert run("list", "--nonsense")[0] == 2

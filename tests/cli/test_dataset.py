@@ -63,7 +63,7 @@ def test_verify_exits_with_1_and_names_the_fault(dataset: Path) -> None:
     assert broken.exit_code == 1
     report = json.loads(broken.stdout)
     assert report["ok"] is False
-    assert report["problems"][0]["file"].endswith("000001.mcap") and report["problems"][0]["mend"]
+    assert report["problems"][0]["file"].endswith("000001.mcap") and report["problems"][0]["hint"]
     assert "000001.mcap" in run("verify", dataset).stderr
 
 

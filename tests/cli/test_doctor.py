@@ -33,9 +33,9 @@ def test_json_has_the_documented_keys_and_agrees_with_the_exit_code() -> None:
     done = busybot("doctor", "--json")
     code, report = done.returncode, json.loads(done.stdout)
     assert set(report) == {"ok", "checks"}
-    assert all(set(check) == {"name", "ok", "value", "mend"} for check in report["checks"])
+    assert all(set(check) == {"name", "ok", "value", "hint"} for check in report["checks"])
     assert report["ok"] == all(check["ok"] for check in report["checks"]) == (code == 0)
-    assert all(check["mend"] for check in report["checks"] if not check["ok"])
+    assert all(check["hint"] for check in report["checks"] if not check["ok"])
 
 
 def test_works_when_sapien_and_torch_cannot_be_imported(tmp_path: Path) -> None:
@@ -46,7 +46,7 @@ def test_works_when_sapien_and_torch_cannot_be_imported(tmp_path: Path) -> None:
     for name in ("import sapien", "import torch", "rendering"):
         assert not row(report, name)["ok"]
         assert "libGL.so.1" in row(report, name)["value"]
-        assert "make setup" in row(report, name)["mend"]
+        assert "make setup" in row(report, name)["hint"]
     assert row(report, "packages")["ok"], "they are installed all the same"
 
 
@@ -54,14 +54,14 @@ def test_a_driver_that_cannot_render_is_named(tmp_path: Path) -> None:
     code, report = run(VK_DRIVER_FILES=str(tmp_path / "none.json"))
     assert code == 1
     assert not row(report, "rendering")["ok"]
-    assert row(report, "rendering")["mend"].startswith("unset VK_DRIVER_FILES")
+    assert row(report, "rendering")["hint"].startswith("unset VK_DRIVER_FILES")
     assert row(report, "import sapien")["ok"]
 
 
 def test_a_named_folder_without_objects_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BUSYBOT_PARTNET_DIR", str(tmp_path))
     real = doctor.assets()[-1]
-    assert not real.ok and str(tmp_path) in real.value and real.mend is not None
+    assert not real.ok and str(tmp_path) in real.value and real.hint is not None
     (tmp_path / "Lamp" / "13491").mkdir(parents=True)
     real = doctor.assets()[-1]
     assert real.ok and real.value.endswith(": 1 Lamp")
@@ -85,7 +85,7 @@ def test_packages_that_differ_have_a_row_each(monkeypatch: pytest.MonkeyPatch) -
 def test_a_full_disk_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "LEAST_FREE_BYTES", 1 << 60)
     (check,) = doctor.disk()
-    assert not check.ok and check.mend is not None
+    assert not check.ok and check.hint is not None
 
 
 def test_an_unforeseen_failure_is_a_row() -> None:

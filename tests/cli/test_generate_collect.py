@@ -30,7 +30,7 @@ def test_from_nothing_to_episodes(tmp_path: Path) -> None:
     assert info["board_hash"] == told["board_hash"]
     again = busybot("collect", out, "--policy", "random", *SMALL)
     assert again.returncode == 1
-    assert "policy 'scripted', now 'random'" in again.stderr and "mend:" in again.stderr
+    assert "policy 'scripted', now 'random'" in again.stderr and "hint:" in again.stderr
 
 
 def test_tasks_are_recorded_with_their_goals_by_the_learned_policy(tmp_path: Path) -> None:
@@ -79,7 +79,7 @@ def test_recorded_frozen_and_made_again(tmp_path: Path) -> None:
     assert differs.returncode == 1 and "NOT as recorded" in differs.stdout
 
 
-def test_faults_name_the_place_and_the_mend(tmp_path: Path) -> None:
+def test_faults_name_the_place_and_the_hint(tmp_path: Path) -> None:
     full = tmp_path / "full"
     full.mkdir()
     (full / "file").touch()
@@ -92,7 +92,7 @@ def test_faults_name_the_place_and_the_mend(tmp_path: Path) -> None:
     ):
         result = busybot(*arguments)
         assert result.returncode == 1, arguments
-        assert message in result.stderr and "mend:" in result.stderr and "Traceback" not in result.stderr
+        assert message in result.stderr and "hint:" in result.stderr and "Traceback" not in result.stderr
     assert not (tmp_path / "a").exists() and not (tmp_path / "b").exists()
 
 
@@ -105,7 +105,7 @@ def test_faults_of_the_file_system_are_told_without_traceback(tmp_path: Path) ->
     for arguments in (("generate", "/dev/null/x", "--boards", "1", "--json"), ("generate", "/proc/nowhere/x")):
         result = busybot(*arguments)
         assert result.returncode == 1 and "Traceback" not in result.stderr
-        assert "mend:" in result.stderr
+        assert "hint:" in result.stderr
     assert "error" in json.loads(busybot("generate", "/dev/null/x", "--json").stdout)
 
 
@@ -134,7 +134,7 @@ def test_generating_again_changes_nothing_and_refuses_anything_else(tmp_path: Pa
     assert again.returncode == 0 and json.loads(again.stdout)["boards"] == 2
     assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     other = busybot("generate", str(folder), "--boards", "2", "--seed", "1")
-    assert other.returncode == 1 and "seed differ" in other.stderr and "mend:" in other.stderr
+    assert other.returncode == 1 and "seed differ" in other.stderr and "hint:" in other.stderr
 
 
 def test_a_killed_generate_is_made_again_but_nothing_else_is_overwritten(tmp_path: Path) -> None:

@@ -46,17 +46,17 @@ def test_done_is_0(stand_in: None) -> None:
     assert json.loads(result.stdout) == {"how": "well"}
 
 
-def test_fault_of_the_input_is_1_with_message_and_mend(stand_in: None) -> None:
+def test_fault_of_the_input_is_1_with_message_and_hint(stand_in: None) -> None:
     result = invoke("doctor", "--how", "badly")
     assert result.exit_code == 1
     assert result.stdout == ""
-    assert result.stderr == "error: board 7: no lamp\n  mend: add a lamp\n"
+    assert result.stderr == "error: board 7: no lamp\n  hint: add a lamp\n"
 
 
 def test_fault_with_json_is_one_object_too(stand_in: None) -> None:
     result = invoke("doctor", "--json", "--how", "badly")
     assert result.exit_code == 1
-    assert json.loads(result.stdout) == {"error": "board 7: no lamp", "mend": "add a lamp"}
+    assert json.loads(result.stdout) == {"error": "board 7: no lamp", "hint": "add a lamp"}
 
 
 def test_ctrl_c_is_130(stand_in: None) -> None:
@@ -152,7 +152,7 @@ def test_json_knows_our_types(capsys: pytest.CaptureFixture[str]) -> None:
     print_json({"path": Path("a/b"), "check": Check("x", True, "y"), "n": np.int64(3), "v": np.zeros(2), "s": {2, 1}})
     assert json.loads(capsys.readouterr().out) == {
         "path": "a/b",
-        "check": {"name": "x", "ok": True, "value": "y", "mend": None},
+        "check": {"name": "x", "ok": True, "value": "y", "hint": None},
         "n": 3,
         "v": [0.0, 0.0],
         "s": [1, 2],

@@ -73,14 +73,14 @@ def test_episodes_are_chosen_by_number_or_by_file(dataset: Path, tmp_path: Path)
         (["toys/dataset.json", "--save", "e.rrd"], "dataset.json"),
     ],
 )
-def test_faults_of_input_are_named_with_their_mend(
+def test_faults_of_input_are_named_with_their_hint(
     arguments: list[str], said: str, dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("DISPLAY", ":0")
     result = run(*arguments)
     assert result.exit_code == 1
-    assert said in result.stderr and "mend:" in result.stderr
+    assert said in result.stderr and "hint:" in result.stderr
     assert not list(tmp_path.glob("*.rrd"))
 
 

@@ -90,7 +90,7 @@ def test_no_folder_below_the_root_may_be_a_link(tmp_path: Path, outside: Path, w
     link.symlink_to(outside)
     with pytest.raises(BusybotError, match="link") as error:
         WAYS[way](path, root)
-    assert str(link) in error.value.what and error.value.mend
+    assert str(link) in error.value.what and error.value.hint
     assert everything(outside) == before
 
 

@@ -69,7 +69,7 @@ def test_yaml_that_would_take_long_is_refused_at_once(text: str, tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("settings", "options", "what", "mend"),
+    ("settings", "options", "what", "hint"),
     [
         ([], {"split": "novel"}, "--split 'novel' is none of its values", "'novel-config'"),
         (["lamps=many"], {}, "parameter lamps: Input should be a valid tuple (given: 'many')", "the default is [3, 5]"),
@@ -77,9 +77,9 @@ def test_yaml_that_would_take_long_is_refused_at_once(text: str, tmp_path: Path)
     ],
 )
 def test_a_refused_value_names_its_option_and_what_may_stand_there(
-    settings: list[str], options: dict[str, str], what: str, mend: str
+    settings: list[str], options: dict[str, str], what: str, hint: str
 ) -> None:
     with pytest.raises(BusybotError) as caught:
         build(BoardConfig, None, settings, options)
     assert what in caught.value.what
-    assert mend in (caught.value.mend or "")
+    assert hint in (caught.value.hint or "")

@@ -73,7 +73,7 @@ def test_a_worker_that_dies_is_replaced(tmp_path: Path) -> None:
 def test_faults_are_told_as_they_are() -> None:
     with pytest.raises(BusybotError, match="is broken") as error:
         list(run_on_ray(range(2), faulty, (), workers=1))
-    assert error.value.mend == "mend it"
+    assert error.value.hint == "mend it"
 
 
 def test_it_records_what_the_local_engine_records(tmp_path: Path) -> None:

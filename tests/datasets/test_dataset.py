@@ -53,7 +53,7 @@ def test_a_folder_with_something_in_it_is_not_overwritten(tmp_path: Path) -> Non
     for path in (tmp_path / "d", tmp_path / "d/dataset.json"):
         with pytest.raises(BusybotError, match="not an empty folder") as error:
             Dataset.create(path, info, [])
-        assert error.value.mend
+        assert error.value.hint
     (tmp_path / "empty").mkdir()
     Dataset.create(tmp_path / "empty", info.model_copy(update={"boards": 0}))
     with pytest.raises(BusybotError, match="1 boards where 4 were announced"):

@@ -73,7 +73,7 @@ def test_only_frozen_datasets_are_shared(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "toys", boards=1, finished=(0,))
     with pytest.raises(BusybotError, match="frozen") as error:
         push(dataset.path, str(tmp_path / "remote"))
-    assert "busybot dataset freeze" in str(error.value.mend)
+    assert "busybot dataset freeze" in str(error.value.hint)
 
 
 def test_a_changed_dataset_is_not_sent(frozen: Path, tmp_path: Path) -> None:

@@ -117,7 +117,7 @@ def test_a_damaged_manifest_is_refused_and_nothing_outside_is_read(dataset: Data
     file.write_text(json.dumps(json.loads(file.read_text()) | edit))
     with pytest.raises(BusybotError, match="manifest.json") as error:
         read_manifest(dataset.path)
-    assert error.value.mend
+    assert error.value.hint
     assert [name for name, _ in faults(dataset.path)] == ["manifest.json"]
 
 
@@ -126,7 +126,7 @@ def test_unfinished_and_damaged_datasets_are_refused(tmp_path: Path) -> None:
         path = make_dataset(tmp_path / str(len(finished)), finished=finished).path
         with pytest.raises(BusybotError, match=text) as error:
             freeze(path, None)
-        assert "busybot collect" in str(error.value.mend) and not is_frozen(path)
+        assert "busybot collect" in str(error.value.hint) and not is_frozen(path)
     dataset = make_dataset(tmp_path / "damaged", boards=2, finished=range(2))
     dataset.episode_path(1).write_bytes(dataset.episode_path(1).read_bytes()[:-9])
     with pytest.raises(BusybotError, match=r"000001\.mcap"):
@@ -140,7 +140,7 @@ def test_strangers_are_refused_by_name(dataset: Dataset, name: str) -> None:
     (dataset.path / name).write_text("mine")
     with pytest.raises(BusybotError, match=name) as error:
         freeze(dataset.path, None)
-    assert error.value.mend and (dataset.path / name).read_text() == "mine" and not is_frozen(dataset.path)
+    assert error.value.hint and (dataset.path / name).read_text() == "mine" and not is_frozen(dataset.path)
 
 
 def test_links_are_refused_and_not_followed(dataset: Dataset, tmp_path: Path) -> None:

@@ -216,7 +216,7 @@ def test_a_frozen_dataset_is_repaired_elsewhere(tmp_path: Path) -> None:
     freeze(dataset.path, None)
     with pytest.raises(BusybotError, match="frozen") as error:
         repair(dataset.path)
-    assert "--out" in str(error.value.mend)
+    assert "--out" in str(error.value.hint)
     assert repair(dataset.path, tmp_path / "out").sound == 2
     assert Dataset.open(tmp_path / "out").hashes() == dataset.hashes()
 

@@ -22,7 +22,7 @@ def dataset(tmp_path: Path) -> Dataset:
 
 
 def faults(report: VerifyReport) -> list[tuple[str, str]]:
-    assert all(problem.mend for problem in report.problems)
+    assert all(problem.hint for problem in report.problems)
     return [(Path(problem.file).name, problem.what) for problem in report.problems]
 
 

@@ -30,7 +30,7 @@ def test_a_truncated_file_is_refused(file: Path, share: float) -> None:
     file.write_bytes(data[: int(share * len(data))])
     with pytest.raises(BusybotError, match="000000.mcap") as error:
         read_episode(file)
-    assert error.value.mend
+    assert error.value.hint
 
 
 def test_any_flipped_bit_is_noticed_or_harmless(file: Path) -> None:
@@ -79,7 +79,7 @@ def test_a_newer_minor_version_is_read_and_a_newer_major_refused(file: Path) -> 
     rewrite(file, metadata=lambda values: {**values, "schema_version": "2.0"})
     with pytest.raises(BusybotError, match="episode schema 2.0") as error:
         read_episode(file)
-    assert "version" in str(error.value.mend)
+    assert "version" in str(error.value.hint)
 
 
 def edit_image(topic: str, data: bytes) -> bytes:

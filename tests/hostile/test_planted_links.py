@@ -131,7 +131,7 @@ def attack(
         command(path)
     except BusybotError as fault:
         error = fault
-        assert fault.mend, fault
+        assert fault.hint, fault
     assert everything(outside) == before
     return error
 

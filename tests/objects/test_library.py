@@ -45,11 +45,11 @@ def test_without_a_split_file_the_catalogue_decides(partnet: Path, tmp_path: Pat
     assert Library.load(tmp_path).weights("train", "Switch") == [("Switch/100934", 1.0)]
 
 
-def test_unknown_ids_are_refused_with_a_mend(small: Path) -> None:
+def test_unknown_ids_are_refused_with_a_hint(small: Path) -> None:
     (small / "data.json").unlink()
     with pytest.raises(BusybotError, match="Lamp/globe-01") as caught:
         Library.load(small)
-    assert "data.json" in str(caught.value.mend)
+    assert "data.json" in str(caught.value.hint)
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"Reason": 3}', '{"Reason": {"Lamp": {"train": "globe-01"}}}', "9" * 9999])

@@ -151,4 +151,4 @@ def test_a_failing_step_names_the_log_and_shows_its_end(tmp_path: Path) -> None:
     assert (
         "it broke" in caught.value.what and "disk is full" in caught.value.what and str(log.path) in caught.value.what
     )
-    assert caught.value.mend == "buy a disk"
+    assert caught.value.hint == "buy a disk"

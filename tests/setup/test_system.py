@@ -26,7 +26,7 @@ def test_without_root_and_sudo_the_commands_are_told(monkeypatch: pytest.MonkeyP
     with pytest.raises(SetupError) as caught:
         system.apply(PLAN, "no driver", log)
     assert caught.value.what == "no driver"
-    assert caught.value.mend.splitlines() == [
+    assert caught.value.hint.splitlines() == [
         "Run these commands as root, then `make setup` again:",
         "    printf '%s\\n' 'deb m bookworm-backports main' | tee /etc/apt/own.list > /dev/null",
         "    apt-get update",
@@ -40,7 +40,7 @@ def test_where_sudo_asks_for_a_password_the_commands_have_sudo(monkeypatch: pyte
     monkeypatch.setattr(system.shutil, "which", lambda name: f"/usr/bin/{name}")
     with pytest.raises(SetupError) as caught:
         system.apply(PLAN, "no driver", log)
-    lines = caught.value.mend.splitlines()
+    lines = caught.value.hint.splitlines()
     assert "| sudo tee" in lines[1]
     assert lines[2].strip() == "sudo apt-get update"
 
@@ -63,7 +63,7 @@ def test_a_failing_command_is_named(monkeypatch: pytest.MonkeyPatch, log: Log) -
 def test_advice_is_passed_on(log: Log) -> None:
     with pytest.raises(SetupError) as caught:
         system.apply(driver.Plan(advice="buy a GPU"), "no driver", log)
-    assert caught.value.mend == "buy a GPU"
+    assert caught.value.hint == "buy a GPU"
 
 
 def test_a_library_that_nobody_has_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -111,7 +111,7 @@ def test_faults_are_told_without_the_token(
         fetch("77", tmp_path / "out", TOKEN)
     shown = capfd.readouterr()
     assert TOKEN not in str(caught.value) + repr(caught.value.__dict__) + shown.out + shown.err
-    assert caught.value.mend and caught.value.__cause__ is None
+    assert caught.value.hint and caught.value.__cause__ is None
     assert list((tmp_path / "out").iterdir()) == []
 
 

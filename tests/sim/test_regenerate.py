@@ -101,4 +101,4 @@ def test_what_cannot_be_made_again_is_said(copy: Dataset, tmp_path: Path) -> Non
     edit(copy, generator={**copy.info.generator.model_dump(), "config": {"walls": 4}})
     with pytest.raises(BusybotError, match="walls") as error:
         regenerate(copy.path, tmp_path / "out", find("procedural"), workers=0)
-    assert error.value.mend
+    assert error.value.hint

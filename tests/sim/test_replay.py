@@ -102,7 +102,7 @@ def test_what_cannot_be_put_back_is_said(small_simulator: Simulator, tmp_path: P
     for step in (-1, 3):
         with pytest.raises(BusybotError, match="no step") as error:
             replay.put_back(step)
-        assert "0 (the start) to 2" in str(error.value.mend)
+        assert "0 (the start) to 2" in str(error.value.hint)
     with pytest.raises(BusybotError, match="no states"):
         EpisodeReplay(small_simulator, make_real_episode())
     with pytest.raises(BusybotError, match="no object"):

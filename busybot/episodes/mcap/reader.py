@@ -16,7 +16,7 @@ from busybot.episodes.episode import Camera, Episode, Link, Step
 from busybot.episodes.lazy_images import EncodedImage, LazyImages
 from busybot.episodes.mcap import topics
 from busybot.episodes.mcap.messages import PACKAGE, compressed_image_class, message_class
-from busybot.episodes.mcap.records import Records, mend_of, read_records
+from busybot.episodes.mcap.records import Records, hint_of, read_records
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
 from busybot.episodes.validation import check_camera, check_episode
 
@@ -186,4 +186,4 @@ def _pictures(records: Records, topic: str, count: int, camera: Camera) -> list[
 
 
 def _refuse(where: str, what: str) -> NoReturn:
-    raise BusybotError(f"{where}: {what}", mend_of(where))
+    raise BusybotError(f"{where}: {what}", hint_of(where))

@@ -56,17 +56,17 @@ def read_records(path: Path) -> Records:
 def parse_records(data: bytes, where: str) -> Records:
     """All records in a file's bytes; `where` names it in messages, see `read_records`."""
     if data and not data.startswith(MAGIC[: len(data)]):
-        raise BusybotError(f"{where}: not an MCAP file", mend_of(where))
+        raise BusybotError(f"{where}: not an MCAP file", hint_of(where))
     try:
         return _parse(data)
     except BusybotError as error:
-        raise BusybotError(f"{where}: {error.what}", mend_of(where)) from None
+        raise BusybotError(f"{where}: {error.what}", hint_of(where)) from None
     except (McapError, ValueError, struct.error, zstandard.ZstdError, KeyError, OverflowError, MemoryError) as error:
         reason = str(error) or "it ends too early"
-        raise BusybotError(f"{where}: not a whole MCAP file: {reason}", mend_of(where)) from None
+        raise BusybotError(f"{where}: not a whole MCAP file: {reason}", hint_of(where)) from None
 
 
-def mend_of(where: str) -> str:
+def hint_of(where: str) -> str:
     """What to do about a damaged episode; names its dataset where the path tells it."""
     folder = Path(where).parent
     dataset = shlex.quote(str(folder.parent)) if folder.name == "episodes" else "DATASET"

@@ -114,8 +114,8 @@ def finished(dataset: Dataset, config: RecordConfig, offline: bool = False) -> D
     recorded = len(dataset.finished())
     if recorded < dataset.info.boards or not recorded:
         what = f"{dataset.path}: {recorded} of {dataset.info.boards} episodes are recorded"
-        mend = collect_command(dataset.path, dataset.info)
-        raise BusybotError(what, "record the others: the same command without --offline" if offline else mend)
+        hint = collect_command(dataset.path, dataset.info)
+        raise BusybotError(what, "record the others: the same command without --offline" if offline else hint)
     wanted = config.model_dump(mode="json", include={"responders", "interaction", "render"})
     collect, asked = dataset.info.collect, flat(wanted)
     assert collect is not None  # else nothing were recorded
@@ -124,8 +124,8 @@ def finished(dataset: Dataset, config: RecordConfig, offline: bool = False) -> D
         if known[name] != asked[name]:
             what = f"{dataset.path}: recorded with {name} {json.dumps(known[name])}, not {json.dumps(asked[name])}"
             vetoed = name == "interaction.strict" and asked[name]
-            mend = "train without --strict" if vetoed else f"train with --set {name}={json.dumps(known[name])}"
-            raise BusybotError(what, mend)
+            hint = "train without --strict" if vetoed else f"train with --set {name}={json.dumps(known[name])}"
+            raise BusybotError(what, hint)
     return dataset
 
 

@@ -95,7 +95,7 @@ class Choices(FrozenModel):
 
 
 MAX_BYTES = 1 << 20
-_MEND = "compare with what `busybot assets import RAW --review FILE` writes"
+_HINT = "compare with what `busybot assets import RAW --review FILE` writes"
 _HEADER = """\
 # How `busybot assets import` would annotate these objects. Edit, then import them with --overrides and this file.
 # A field that you delete is left to the rules; `use: false` leaves an object out.
@@ -156,7 +156,7 @@ def read_overrides(path: Path) -> Overrides:
         if not path.is_file():
             raise BusybotError(f"{path}: there is no such file", "write one with `busybot assets import RAW --review`")
         if path.stat().st_size > MAX_BYTES:
-            raise BusybotError(f"{path}: more than the {MAX_BYTES} bytes allowed", _MEND)
+            raise BusybotError(f"{path}: more than the {MAX_BYTES} bytes allowed", _HINT)
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise BusybotError(f"{path}: cannot be read as text: {error}", "make it readable, as UTF-8") from None
@@ -167,11 +167,11 @@ def read_overrides(path: Path) -> Overrides:
         lines = _lines(path, node)
         value: Any = loader.construct_document(node) if node is not None else None
     except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise BusybotError(f"{path}{describe(error)}", _MEND) from None
+        raise BusybotError(f"{path}{describe(error)}", _HINT) from None
     found = Overrides(path, {}, lines)
     objects = value.get("objects") if isinstance(value, dict) else None
     if not isinstance(objects, dict) or set(value) != {"objects"}:
-        raise BusybotError(f"{found.where()}: is not a mapping with the one key `objects`", _MEND)
+        raise BusybotError(f"{found.where()}: is not a mapping with the one key `objects`", _HINT)
     for instance, entry in objects.items():
         found.choices[str(instance)] = _choices(found, str(instance), entry)
     return found
@@ -184,7 +184,7 @@ def _choices(found: Overrides, instance: str, entry: Any) -> Choices:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ("objects", instance, *(str(part)[:64] for part in first["loc"]))
         message = first["msg"].removeprefix("Value error, ")[:300]
-        raise BusybotError(f"{found.where(*place)}: {message}", _MEND) from None
+        raise BusybotError(f"{found.where(*place)}: {message}", _HINT) from None
 
 
 def _lines(path: Path, root: yaml.Node | None) -> dict[tuple[str, ...], int]:

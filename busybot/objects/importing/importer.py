@@ -51,7 +51,7 @@ class ImportOutcome:
         notes: why the rules decided so.
         split: where it was put; None when nothing was written.
         done: `imported`, `unchanged`, `proposed`, `left out` or `refused`.
-        problem, mend: why it is refused.
+        problem, hint: why it is refused.
     """
 
     name: str
@@ -61,7 +61,7 @@ class ImportOutcome:
     notes: tuple[str, ...] = ()
     split: str | None = None
     problem: str | None = None
-    mend: str | None = None
+    hint: str | None = None
 
 
 def raw_folders(paths: Sequence[Path]) -> list[Path]:
@@ -122,7 +122,7 @@ def import_objects(
         try:
             yield _import(folder, out, overrides or _NO_OVERRIDES, split, replace)
         except BusybotError as error:
-            yield ImportOutcome(folder.name, "refused", problem=error.what, mend=error.mend)
+            yield ImportOutcome(folder.name, "refused", problem=error.what, hint=error.hint)
 
 
 def _check_library(out: Path) -> None:

@@ -39,7 +39,7 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0)
 _INSTANCE = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
 _CATEGORY = re.compile(r"[A-Za-z0-9_-]{1,64}")
 _WORD = re.compile(r"[^\x00-\x1f\x7f]{1,64}")
-_MEND = "download the object again, or remove the file: the rules do without it"
+_HINT = "download the object again, or remove the file: the rules do without it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def read_raw(folder: Path) -> RawObject:
     """Read a raw folder; it may itself be reached through a link, nothing in it may be one.
 
     Raises:
-        BusybotError: a file is missing, malformed, monstrous or leads out of the folder; names file and mend.
+        BusybotError: a file is missing, malformed, monstrous or leads out of the folder; names file and hint.
     """
     snapshot = read_snapshot(folder.absolute())
     if not _INSTANCE.fullmatch(snapshot.folder.name):
@@ -117,7 +117,7 @@ def read_raw(folder: Path) -> RawObject:
 
 
 def _refuse(snapshot: Snapshot, name: str, what: str) -> NoReturn:
-    raise BusybotError(f"{snapshot.folder / name}: {what}", _MEND)
+    raise BusybotError(f"{snapshot.folder / name}: {what}", _HINT)
 
 
 def _text(snapshot: Snapshot, name: str) -> str | None:

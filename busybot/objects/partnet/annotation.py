@@ -20,7 +20,7 @@ from busybot.objects.partnet.folder_snapshot import Snapshot
 FILE_NAME = "object_meta_info.json"
 MAX_BYTES = 1 << 20
 MAX_FAULTS = 20
-_MEND = "compare with an annotated object of PartNet-Mobility, or annotate the object again"
+_HINT = "compare with an annotated object of PartNet-Mobility, or annotate the object again"
 
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e4, le=1e4, strict=True)]
 Vector3 = tuple[Number, Number, Number]
@@ -123,7 +123,7 @@ class ObjectAnnotation(_Part):
 
 
 def parse_annotation(snapshot: Snapshot) -> ObjectAnnotation:
-    """Read and check the annotation; errors name the file, the field and the mend."""
+    """Read and check the annotation; errors name the file, the field and the hint."""
     value = _read(snapshot)
     try:
         return ObjectAnnotation.model_validate(value)
@@ -146,11 +146,11 @@ def _read(snapshot: Snapshot) -> Any:
     path = snapshot.folder / FILE_NAME
     data = snapshot.require(FILE_NAME)
     if len(data) > MAX_BYTES:
-        raise BusybotError(f"{path}: {len(data)} bytes are more than the {MAX_BYTES} allowed", _MEND)
+        raise BusybotError(f"{path}: {len(data)} bytes are more than the {MAX_BYTES} allowed", _HINT)
     try:
         return json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise BusybotError(f"{path}: not valid JSON: {str(error)[:200]}", _MEND) from None
+        raise BusybotError(f"{path}: not valid JSON: {str(error)[:200]}", _HINT) from None
 
 
 def _described(snapshot: Snapshot, error: ValidationError) -> list[BusybotError]:
@@ -158,5 +158,5 @@ def _described(snapshot: Snapshot, error: ValidationError) -> list[BusybotError]
     faults = []
     for fault in error.errors(include_url=False, include_input=False)[:MAX_FAULTS]:
         place = ".".join(str(part)[:40] for part in fault["loc"]) or "the object"
-        faults.append(BusybotError(f"{snapshot.folder / FILE_NAME}: {place}: {fault['msg'][:300]}", _MEND))
+        faults.append(BusybotError(f"{snapshot.folder / FILE_NAME}: {place}: {fault['msg'][:300]}", _HINT))
     return faults

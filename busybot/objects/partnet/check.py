@@ -28,7 +28,7 @@ class Finding:
 
     name: str
     problem: str | None = None
-    mend: str | None = None
+    hint: str | None = None
 
     @property
     def ok(self) -> bool:
@@ -51,7 +51,7 @@ def check_objects(path: Path) -> list[Finding]:
         read_splits(path, {key: folder for key, folder in folders.items() if not is_raw(folder)})
         listed = set(read_split_file(path / SPLIT_FILE)) if (path / SPLIT_FILE).exists() else set()
     except BusybotError as error:
-        return [*findings, Finding(SPLIT_FILE, error.what, error.mend)]
+        return [*findings, Finding(SPLIT_FILE, error.what, error.hint)]
     findings += [
         Finding(key, f"{path / SPLIT_FILE}: lists it, but there is no such folder", "add the folder or drop the id")
         for key in sorted(listed - set(folders))
@@ -77,7 +77,7 @@ def _verdict(name: str, key: str | None, folder: Path) -> list[Finding]:
             load_as(key, folder)
     except BusybotError as error:
         others = {fault.what: fault for fault in _faults(folder) if fault.what != error.what}
-        return [Finding(name, fault.what, fault.mend) for fault in (error, *others.values())]
+        return [Finding(name, fault.what, fault.hint) for fault in (error, *others.values())]
     return [Finding(name)]
 
 

@@ -29,7 +29,7 @@ def load_object(folder: Path) -> ObjectModel:
         folder: holds `object_meta_info.json`, `mobility.urdf` and the meshes. It may itself be reached through a link.
 
     Raises:
-        BusybotError: something is missing, malformed, monstrous or leads out of the folder; names file, place and mend.
+        BusybotError: something is missing, malformed, monstrous or leads out of the folder; names file, place and hint.
     """
     return _parse(_Hashed(read_snapshot(folder.absolute())))
 

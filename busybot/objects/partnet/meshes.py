@@ -51,8 +51,8 @@ class _File:
         """The text with every line beginning after a line feed, without indentation."""
         return re.sub(rb"\n[ \t]+", b"\n", b"\n" + self.raw + b"\n")
 
-    def refuse(self, what: str, mend: str) -> NoReturn:
-        raise BusybotError(f"{self.snapshot.folder / self.name}: {what}", mend)
+    def refuse(self, what: str, hint: str) -> NoReturn:
+        raise BusybotError(f"{self.snapshot.folder / self.name}: {what}", hint)
 
     def check_text(self) -> None:
         breaks = np.flatnonzero(np.frombuffer(self.data, np.uint8) == ord("\n"))
@@ -74,7 +74,7 @@ class _File:
 
 
 def check_meshes(snapshot: Snapshot, meshes: tuple[str, ...], textures: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
-    """Check meshes and all that they refer to; errors name the file and the mend.
+    """Check meshes and all that they refer to; errors name the file and the hint.
 
     Returns:
         Vertices by mesh, (n, 3), mesh units.

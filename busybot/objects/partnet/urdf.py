@@ -130,8 +130,8 @@ class _Reader:
         self.snapshot = snapshot
         self.path = snapshot.folder / FILE_NAME
 
-    def refuse(self, what: str, mend: str = "correct the document") -> NoReturn:
-        raise BusybotError(f"{self.path}: {what}", mend)
+    def refuse(self, what: str, hint: str = "correct the document") -> NoReturn:
+        raise BusybotError(f"{self.path}: {what}", hint)
 
     def document(self) -> Element:
         data = self.snapshot.require(FILE_NAME)
@@ -276,7 +276,7 @@ class _Reader:
 
 
 def parse_urdf(snapshot: Snapshot) -> Urdf:
-    """Read and check `mobility.urdf`; errors name the file, the place and the mend."""
+    """Read and check `mobility.urdf`; errors name the file, the place and the hint."""
     reader = _Reader(snapshot)
     root = reader.document()
     if FILE_NAME[:-4] + "srdf" in snapshot.files:

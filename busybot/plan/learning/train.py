@@ -125,8 +125,8 @@ def _of_training(dataset: Dataset) -> Dataset:
         what = f"{dataset.path}: boards of split {dataset.info.split}, agents are trained on training boards only"
         raise BusybotError(what, "busybot generate OUT --split train --tasks one-to-one")
     if any(board.task is None for board in dataset.boards()):
-        mend = "busybot generate OUT --split train --tasks one-to-one"
-        raise BusybotError(f"{dataset.path}: its boards have no tasks", mend)
+        hint = "busybot generate OUT --split train --tasks one-to-one"
+        raise BusybotError(f"{dataset.path}: its boards have no tasks", hint)
     return dataset
 
 

@@ -162,16 +162,16 @@ def pretrained(file: Path | None) -> ResNetEncoder:
     """
     path, checksum = resnet50_file(file)
     network = FirstStage()
-    mend = "name a file with the weights of torchvision's ResNet-50 (`--weights FILE`)"
+    hint = "name a file with the weights of torchvision's ResNet-50 (`--weights FILE`)"
     try:
         stored = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # whatever a file that is none makes the reader raise
-        raise BusybotError(f"{path}: cannot be read as weights: {type(error).__name__}", mend) from None
+        raise BusybotError(f"{path}: cannot be read as weights: {type(error).__name__}", hint) from None
     expected = network.state_dict()
     given = {name: stored[name] for name in expected if name in stored} if isinstance(stored, dict) else {}
     unlike = [name for name, value in expected.items() if getattr(given.get(name), "shape", None) != value.shape]
     if unlike:
-        raise BusybotError(f"{path}: no weights of a ResNet-50: {unlike[0]} is missing or of another shape", mend)
+        raise BusybotError(f"{path}: no weights of a ResNet-50: {unlike[0]} is missing or of another shape", hint)
     network.load_state_dict(given)
     return ResNetEncoder(network, checksum[:8])
 

@@ -156,7 +156,7 @@ def _compute(encoder: str, weights: Path | None, root: Path, task: tuple[Path, P
         values = make_extractor(encoder, weights).of_episode(read_episode(recorded, "lazy"))
     except BusybotError as error:
         where = "" if str(recorded) in error.what else f"{recorded}: "
-        raise BusybotError(f"{where}{error.what}", error.mend) from None
+        raise BusybotError(f"{where}{error.what}", error.hint) from None
     data = BytesIO()
     np.save(data, values, allow_pickle=False)
     write_atomically(file, data.getvalue(), root)

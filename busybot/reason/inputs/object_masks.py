@@ -175,7 +175,7 @@ class OracleMasks:
         region = self.regions[index]
         segmentation = self._episode.image(number).segmentation
         if segmentation is None:
-            mend = "choose an encoder without `-mask`"
-            raise BusybotError("the recording has no segmentation to tell the objects' pixels by", mend)
+            hint = "choose an encoder without `-mask`"
+            raise BusybotError("the recording has no segmentation to tell the objects' pixels by", hint)
         owner = self._owner[segmentation[region.rows, region.columns]]
         return owner == index, (owner >= 0) & (owner != index)

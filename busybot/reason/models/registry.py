@@ -78,7 +78,7 @@ def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
         if Path(model).exists():
             raise
         without = f"without training: {', '.join(REASONERS)}; for relations alone {', '.join(GRAPHS)}"
-        raise BusybotError(error.what, f"{error.mend}; {without}") from None
+        raise BusybotError(error.what, f"{error.hint}; {without}") from None
 
 
 def infer(episode: Episode | ObservedEpisode, model: str = "count", config: BaseModel | None = None) -> InferredGraph:

@@ -36,4 +36,4 @@ def test_what_is_at_fault_is_told(tmp_path: Path) -> None:
     assert run("generate", data, "--boards", 1).exit_code == 0
     result = run("eval", "plan", data, "--agents", "search", "--json")
     assert result.exit_code == 1 and "has no task" in json.loads(result.stdout)["error"]
-    assert "--tasks" in json.loads(result.stdout)["mend"]
+    assert "--tasks" in json.loads(result.stdout)["hint"]

@@ -189,7 +189,7 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path: Path, rounds: list[P
 def test_a_file_in_place_of_the_folder_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     result = run("train", "interact", "--out", str(tmp_path / "file"), *SETTINGS)
-    assert result.exit_code == 1 and "it is a file" in result.stderr and "mend:" in result.stderr
+    assert result.exit_code == 1 and "it is a file" in result.stderr and "hint:" in result.stderr
 
 
 def test_variants_are_known_by_name(tmp_path: Path) -> None:

@@ -156,7 +156,7 @@ def test_what_cannot_be_used_is_refused_with_the_reason(
 ) -> None:
     with pytest.raises(BusybotError, match=reason) as caught:
         decided(make_raw(tmp_path / "77", category, *links))
-    assert "77" in caught.value.what and caught.value.mend
+    assert "77" in caught.value.what and caught.value.hint
 
 
 def test_a_box_that_disagrees_with_the_meshes_is_noted(tmp_path: Path) -> None:

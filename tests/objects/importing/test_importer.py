@@ -76,7 +76,7 @@ def test_one_bad_object_does_not_stop_the_others(raw: Path, tmp_path: Path) -> N
     (raw / "2" / "mobility.urdf").write_text("<robot")
     done = put(tmp_path / "library", *raw_folders([raw]))
     assert [outcome.done for outcome in done] == ["imported", "refused", "imported"]
-    assert "mobility.urdf" in (done[1].problem or "") and done[1].mend
+    assert "mobility.urdf" in (done[1].problem or "") and done[1].hint
     assert "Switch/2" not in Library.load(tmp_path / "library").objects
 
 
@@ -109,7 +109,7 @@ def test_another_object_of_the_same_name_is_replaced_only_when_asked(raw: Path, 
     before = everything(out)
     larger = given(id1=Choices(scale=0.4))
     (done,) = put(out, raw / "1", overrides=larger)
-    assert done.done == "refused" and "--replace" in (done.mend or "") and everything(out) == before
+    assert done.done == "refused" and "--replace" in (done.hint or "") and everything(out) == before
     assert put(out, raw / "1", overrides=larger, replace=True)[0].done == "imported"
     assert Library.load(out).get("Switch/1").scale == 0.4
     # with another category it moves

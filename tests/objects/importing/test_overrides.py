@@ -65,7 +65,7 @@ def test_faults_are_named_by_file_line_and_place(tmp_path: Path, name: str) -> N
     with pytest.raises(BusybotError) as caught:
         read_overrides(file)
     assert str(file) in caught.value.what and told in caught.value.what
-    assert caught.value.mend and time.process_time() - began < 30
+    assert caught.value.hint and time.process_time() - began < 30
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
@@ -89,4 +89,4 @@ def test_names_that_the_object_lacks_are_refused(tmp_path: Path, entry: str, tol
     file.write_text(f"objects:\n  '1':\n    {entry}\n")
     (done,) = import_objects([folder], None, read_overrides(file))
     assert done.done == "refused" and told in (done.problem or ""), done.problem
-    assert done.mend and ("link_0" in done.mend or "joint_0" in done.mend)
+    assert done.hint and ("link_0" in done.hint or "joint_0" in done.hint)

@@ -237,7 +237,7 @@ def test_damage_is_refused_by_name(name: str, thing: Path) -> None:
         load_object(thing)
     assert hint in caught.value.what
     assert str(thing.name) in caught.value.what, "the message names the place"
-    assert caught.value.mend, "the message says what to do"
+    assert caught.value.hint, "the message says what to do"
 
 
 def test_a_small_texture_is_fine(thing: Path) -> None:

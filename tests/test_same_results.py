@@ -9,13 +9,14 @@ import pytest
 
 from benchmarks.reliability import same_results_cases as cases
 from benchmarks.reliability.same_results import Runner, weights
-from benchmarks.reliability.same_results_compare import ROUNDING, compare, tell
+from benchmarks.reliability.same_results_compare import FAILED, ROUNDING, compare, tell
 from busybot.cli.main import load_command
 
 FACTS: dict[str, Any] = {
     "eval/plan": {"success": {"search": 0.9}, "tasks": 2, "timing": {"search": 3.0}},
     "straight/reason-event": {"weights": {"net": {"largest": 2.0, "sample": [0.001, 2.0], "shape": [2]}}},
     "old model/reason-event": {"ece": 0.125},
+    "other/tiny, regenerate": {"failed": {}, "ok": True},
     "straight/bc": {"weights": {"weights.safetensors": "ab"}, "budget": {"rollouts": 4}},
     "continued/bc": {"weights": {"weights.safetensors": "ab"}, "budget": {"rollouts": 6}},
 }
@@ -44,7 +45,7 @@ def test_what_is_the_same_passes_whatever_time_it_took() -> None:
         changed("old model/reason-event", "ece", to=0.12500000001),
         changed("straight/reason-event", "weights", "net", "shape", to=[3]),
         {name: facts for name, facts in FACTS.items() if name != "eval/plan"},
-        FACTS | {"eval/plan": {"failed": "exit 1"}},
+        FACTS | {"eval/plan": {FAILED: "exit 1"}},
     ],
 )
 def test_any_difference_is_found(other: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:

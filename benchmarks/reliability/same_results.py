@@ -40,7 +40,7 @@ import pyarrow.parquet as pq
 from safetensors.numpy import load_file
 
 from benchmarks.reliability.same_results_cases import BOARDS, DATASETS, EVALUATIONS, OTHERS, WORKS, Work
-from benchmarks.reliability.same_results_compare import Facts, compare, may_round, stripped, within
+from benchmarks.reliability.same_results_compare import FAILED, Facts, compare, may_round, stripped, within
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLE = 4
@@ -276,7 +276,7 @@ def run(runner: Runner, old: Path | None, only: Sequence[str], out: Path) -> dic
         try:
             facts = work()
         except (CommandError, OSError) as error:
-            facts = {"failed": str(error)}
+            facts = {FAILED: str(error)}
             print(f"{name}: {error}", file=sys.stderr, flush=True)
         if facts is not None:
             found[name] = runner.portable(stripped(facts))

@@ -35,6 +35,8 @@ ROUNDED = ("*/reason-event", "*/reason-paper")
 """Cases whose floats may differ by rounding, because graph networks are trained in them, but not in `old model/...`."""
 ROUNDING = 1e-5
 """Relative to the number, for weights to the largest of their tensor."""
+FAILED = "the command failed"
+"""Key of what a command said that failed."""
 TWICE = [
     ("data/random", "data/random, 2 workers"),
     ("data/learned", "data/learned, 2 workers"),
@@ -94,7 +96,7 @@ def tell(case: str, first: Facts, second: Facts) -> int:
 
 def within(facts: dict[str, Facts]) -> int:
     """Print what is wrong in one file: commands that failed, and pairs that are not the same; returns how much."""
-    failed = {case: one["failed"] for case, one in facts.items() if "failed" in one}
+    failed = {case: one[FAILED] for case, one in facts.items() if FAILED in one}
     for case, said in failed.items():
         print(f"{case}: failed: {said[:1000]}")
     wrong = len(failed)

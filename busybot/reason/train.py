@@ -17,8 +17,8 @@ from pathlib import Path
 
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.dataset_stats import origin_of
+from busybot.reason.inputs.board_dataset import Recorded, held_apart
 from busybot.reason.inputs.feature_store import Progress, features_of
-from busybot.reason.inputs.recorded_boards import Recorded, held_apart
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.model_folder import ReasonerInfo
 from busybot.reason.models.paper.config import PaperReasonConfig

@@ -1,12 +1,12 @@
 """Boards as a PyTorch Geometric dataset, over stored features or in memory, and batches of them from its `DataLoader`.
 
-A model says what graph it makes of a board (`event_data.board_graph`, `paper_boards.board_graph`). Which boards an
-iteration sees is drawn by the learner, so that a training that was stopped goes on with the same batches.
+A model says what graph it makes of a board (`board_graph` in its `data`). Which boards an iteration sees is drawn by
+the learner, so that a training that was stopped goes on with the same batches.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from collections.abc import Sequence as Several
-from typing import Any, Protocol, TypeVar
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -14,16 +14,72 @@ from torch_geometric.data import Batch, Dataset, HeteroData
 from torch_geometric.loader import DataLoader
 
 from busybot.common.errors import BusybotError
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.training.splits import groups_apart
+
+if TYPE_CHECKING:
+    from busybot.datasets.dataset import Dataset as Recordings
+    from busybot.reason.inputs.feature_store import Features
 
 Board_co = TypeVar("Board_co", covariant=True)
 
 
 class BoardSource(Protocol[Board_co]):
-    """Boards in memory, or stored ones that are read one by one when they are asked for (`recorded.Recorded`)."""
+    """Boards in memory, or stored ones that are read one by one when they are asked for (`RecordedBoards`)."""
 
     def __len__(self) -> int: ...
 
     def __getitem__(self, index: int, /) -> Board_co: ...
+
+
+@dataclass(frozen=True)
+class RecordedBoards:
+    """Boards that are read when they are asked for.
+
+    Attributes:
+        features: of each dataset.
+        places: for each board the number of its dataset and its episode.
+    """
+
+    features: tuple["Features", ...]
+    places: tuple[tuple[int, int], ...]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __getitem__(self, index: int) -> BoardSequence:
+        dataset, episode = self.places[index]
+        return self.features[dataset].sequence(episode)
+
+    def __iter__(self) -> Iterator[BoardSequence]:
+        return (self[index] for index in range(len(self)))
+
+
+def held_apart(
+    datasets: Sequence["Recordings"], features: Iterable["Features"], share: float, seed: int, most: int | None = None
+) -> tuple[RecordedBoards, RecordedBoards]:
+    """Boards to train on, and boards of other appearance groups to judge by.
+
+    Args:
+        share: of the groups that is held out, rounded up; 0 for none. With a single group none is.
+        most: train on the first so many of the other boards; None for all.
+
+    Raises:
+        BusybotError: there is no recorded board.
+    """
+    known = tuple(features)
+    group_of = {}
+    for number, (dataset, found) in enumerate(zip(datasets, known, strict=True)):
+        boards = dataset.boards()
+        for episode in found:
+            board = boards[episode]
+            group_of[number, episode] = (board.seed, board.split, board.appearance_group)
+    if not group_of:
+        raise BusybotError("no board has an episode to train on", "busybot collect DATASET")
+    held = groups_apart(set(group_of.values()), share, seed, "reason/held out")
+    train = tuple(place for place, group in group_of.items() if group not in held)
+    judge = tuple(place for place, group in group_of.items() if group in held)
+    return RecordedBoards(known, train[:most]), RecordedBoards(known, judge)
 
 
 class BoardDataset(Dataset):
@@ -60,7 +116,7 @@ class BoardDataset(Dataset):
         return graphs
 
 
-def batches_of(dataset: BoardDataset, chosen: Iterable[Several[int] | np.ndarray]) -> Iterator[Batch]:
+def batches_of(dataset: BoardDataset, chosen: Iterable[Sequence[int] | np.ndarray]) -> Iterator[Batch]:
     """The chosen boards of each batch as one graph."""
     generator = torch.Generator()  # the loader draws a seed for its workers; not from the numbers of the whole process
     return iter(DataLoader(dataset, batch_sampler=chosen, generator=generator))

@@ -29,7 +29,7 @@ class EventNetConfig(FrozenModel):
 
 
 class LossConfig(FrozenModel):
-    """What is minimised (`event_loss`). Distances are in units of the smallest change.
+    """What is minimised (`loss`). Distances are in units of the smallest change.
 
     Attributes:
         blur: standard deviation of the bell around a look that is copied.

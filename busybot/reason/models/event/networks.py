@@ -2,7 +2,7 @@
 
 Two stages (protocol "Why the paper falls short"): does responder j change with this contact, and if so, to what. The
 answer to the second is a look that j has had before, or something new: past changes are repeated or undone. All that
-the networks read stands in `event_facts`.
+the networks read stands in `facts`.
 
 Letters: B boards, R responders and E candidate pairs of all boards, L known steps, Q steps asked for.
 """

@@ -10,7 +10,7 @@ Inference, from the first frames and the actions between them:
 Dynamics, from one frame, the action and the edges: a graph network embeds nodes and edges of related pairs, a recurrent
 network takes in the action, and a last graph network decodes the features after the action.
 
-What the paper leaves open, and what is chosen here (see also `paper_config`):
+What the paper leaves open, and what is chosen here (see also `config`):
 
 - An edge is a pair of two nodes: none leads from a node to itself.
 - The second graph network propagates twice, the others once; only node outputs of the last one and edge outputs of the
@@ -25,7 +25,7 @@ Without inference (the paper's ablation) all that was seen goes into predicting 
 the spatial graph network embeds the observed frames and the one that the action changes, which comes last; the
 convolution over time, the recurrent network and the last graph network are those of the full model, without edge types.
 
-Every network computes its edge functions in one of two forms that give the same numbers (`paper_parts.EdgeFunction`).
+Every network computes its edge functions in one of two forms that give the same numbers (`parts.EdgeFunction`).
 """
 
 from dataclasses import dataclass

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.dataset_stats import origin_of
-from busybot.reason.inputs.board_dataset import Recorded, held_apart
+from busybot.reason.inputs.board_dataset import RecordedBoards, held_apart
 from busybot.reason.inputs.feature_store import Progress, features_of
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.model_folder import ReasonerInfo
@@ -88,7 +88,7 @@ def train_reason(
     return info
 
 
-def make_learner(config: Config, boards: Recorded, held_out: Recorded, seed: int) -> Learner:
+def make_learner(config: Config, boards: RecordedBoards, held_out: RecordedBoards, seed: int) -> Learner:
     """The learner of the model whose parameters these are."""
     if isinstance(config, PaperReasonConfig):
         from busybot.reason.models.paper.learner import PaperLearner

@@ -10,22 +10,31 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import torch
 
 from busybot.boards.config import BoardConfig
+from busybot.common.atomic_io import append_line
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import continue_or_create, create_dataset
 from busybot.datasets.dataset import Dataset
+from busybot.datasets.dvc_remote import pull
 from busybot.datasets.freeze import freeze
 from busybot.datasets.repair import repair
 from busybot.datasets.verify import verify
+from busybot.interact.training.sample_cache import cache_samples
 from busybot.objects.resolve import find
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.feature_store import features_of
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.scene.render import RenderConfig
+from busybot.training.checkpoint import save_tensors
+from busybot.training.run_folder import begin_folder
+from busybot.view.report.report import write_report
 from tests.episodes.folders import make_dataset
 
 SMALL = CollectConfig(policy="scripted", steps=2, render=RenderConfig(width=160, height=120))
+TABLE1 = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "table1.json"
+POINTER = f"outs:\n- md5: {'0' * 32}.dir\n  size: 10\n  nfiles: 2\n  hash: md5\n  path: toys\n"
 PROCESSES = 1000
 """Temporary names once held the process's number and nothing else: links lie at those of so many."""
 
@@ -198,6 +207,57 @@ def test_a_store_that_is_a_link_is_refused_by_name(pristine: Path, tmp_path: Pat
     shutil.copytree(pristine, tmp_path / "toys")
     error = attack(tmp_path / "toys", tmp_path / "outside", PLANTS[name], COMMANDS["features"])
     assert error is not None and f"{tmp_path / name}: a link" in error.what
+
+
+def report(folder: Path) -> None:
+    write_report([TABLE1], folder)
+
+
+def train(folder: Path) -> None:
+    """Begin a training as all of them do."""
+    begin_folder(folder, SMALL, 0, before=("rounds", "validation"))
+
+
+def save_weights(folder: Path) -> None:
+    save_tensors(folder / "checkpoints" / "position.safetensors", {"weight": torch.zeros(3)})
+
+
+def cache(folder: Path) -> None:
+    dataset = make_dataset(folder.with_name("recorded"), boards=1, finished=(0,))
+    cache_samples(dataset, folder / "cache", "depth")
+
+
+def evaluate(folder: Path) -> None:
+    append_line(folder / "boards.jsonl", "{}", folder)
+
+
+@pytest.mark.parametrize(
+    ("command", "names"),
+    [
+        (report, ["figures"]),
+        (train, ["rounds", "validation", "rounds/000"]),
+        (save_weights, ["checkpoints"]),
+        (cache, ["cache"]),
+        (evaluate, ["boards.jsonl"]),
+        (lambda folder: pull(folder.parent / "toys", "remote"), ["../.toys.pull", "../.toys.pull/toys.dvc"]),
+    ],
+    ids=["report", "training", "checkpoint", "sample cache", "evaluation", "pull"],
+)
+def test_other_folders_are_not_left_either(tmp_path: Path, command: Callable[[Path], object], names: list[str]) -> None:
+    for number, name in enumerate(names):
+        place = tmp_path / str(number)
+        (place / "out").mkdir(parents=True)
+        (place / "toys.dvc").write_text(POINTER)
+        outside, planted = place / "outside", place / "out" / name
+        outside.mkdir()
+        (outside / "precious").write_bytes(b"precious")
+        planted.parent.mkdir(exist_ok=True)
+        planted.symlink_to(outside / "precious" if planted.suffix in (".jsonl", ".dvc") else outside)
+        before = everything(outside)
+        with pytest.raises(BusybotError, match="link") as error:
+            command(place / "out")
+        assert Path(name).name in error.value.what and error.value.hint
+        assert everything(outside) == before
 
 
 def test_the_user_s_own_links_are_followed(pristine: Path, tmp_path: Path) -> None:

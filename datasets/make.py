@@ -13,19 +13,18 @@ import shutil
 import sys
 from pathlib import Path
 
-from busybot.episodes.carried import library_of
-from busybot.episodes.create import create_dataset
-from busybot.episodes.dataset import Dataset
-from busybot.episodes.freeze import freeze
-from busybot.episodes.manifest import is_frozen
-from busybot.episodes.verify import verify
-from busybot.errors import BusybotError
-from busybot.files import scan, write_json
-from busybot.objects.snapshot import read_snapshot
-
 from busybot.boards.config import BoardConfig
+from busybot.common.atomic_io import scan, write_json
+from busybot.common.errors import BusybotError
+from busybot.datasets.bundled_assets import library_of
+from busybot.datasets.create import create_dataset
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.freeze import freeze
+from busybot.datasets.manifest import is_frozen
+from busybot.datasets.verify import verify
 from busybot.objects.catalogue import kinds
 from busybot.objects.library import SPLIT_FILE, Library
+from busybot.objects.partnet.folder_snapshot import read_snapshot
 from busybot.objects.resolve import find
 from busybot.sim.collect import CollectConfig, collect
 

@@ -150,18 +150,17 @@ def test_a_stop_at_the_worst_moment_leaves_a_readable_library(
 
 KILLED = """
 import os, pathlib, sys
-from busybot.objects.importing.annotation_edits import Choices
+from busybot.objects.importing import importer
+from busybot.objects.importing.annotation_edits import Choices, Overrides
 from busybot.objects.importing.importer import import_objects
-from busybot.objects.importing.annotation_edits import Overrides
-from busybot.objects import importing
-real, call = importing.rename, int(sys.argv[3])
+real, call = importer.rename, int(sys.argv[3])
 def killing(source, target, root=None):
     global call
     call -= 1
     if not call:
         os.kill(os.getpid(), 9)
     real(source, target, root)
-importing.rename = killing
+importer.rename = killing
 raw, out = map(pathlib.Path, sys.argv[1:3])
 list(import_objects([raw], out, Overrides(None, {raw.name: Choices(scale=0.4)}, {}), replace=True))
 """

@@ -1,7 +1,7 @@
 """Trained models as files: which there are, what their folders say about them, and whether they are whole.
 
 A model is a folder with `model.json` and weights as safetensors, whatever the skill; `interact.affordance.load` and
-`reason.models` load them. Here only `verify` needs torch: it loads the weights into the networks.
+`reason.models.model_folder` load them. Here only `verify` needs torch: it loads the weights into the networks.
 """
 
 from collections.abc import Callable

@@ -185,7 +185,7 @@ def read_profile(name: str, folder: Path = FOLDER) -> Profile:
 
 
 def _check_agents(file: Path, tasks: Tasks) -> None:
-    from busybot.plan.rollout import kind_of
+    from busybot.plan.agents.registry import kind_of
 
     for name in ("agents", "shown"):
         with naming(f"{file}: parameter tasks.{name}"):

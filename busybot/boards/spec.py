@@ -97,7 +97,7 @@ class BoardSpec(FrozenModel):
     Attributes:
         index: number of the board in its dataset; with `seed` and `split` it determines all else.
         appearance_group: boards of one group share everything but their relations.
-        texture: name of one of `boards.surface.TEXTURES`.
+        texture: name of one of `boards.textures.TEXTURES`.
         color: RGB tint of the texture, 0..1.
         task: a goal to be reached, or None. A board without one has no such key in JSON: it is written, and hashed, as
             before there were tasks.

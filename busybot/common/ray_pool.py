@@ -1,4 +1,4 @@
-"""Tasks on a Ray cluster, with the contract of `workers.run_tasks`: for many machines that share a file system.
+"""Tasks on a Ray cluster, with the contract of `process_pool.run_tasks`: for many machines that share a file system.
 
 On one machine the local engine is quicker to start and as fast. Without `RAY_ADDRESS` in the environment Ray is started
 here, on the loopback interface alone and without its dashboard, and ends with the work.
@@ -41,7 +41,7 @@ def run_on_ray(
     recycle: int = 300,
     task_seconds: float = TASK_SECONDS,
 ) -> Iterator[tuple[int, Any]]:
-    """As `workers.run_tasks`; `workers` are actors with one processor each, wherever the cluster has room for them.
+    """As `process_pool.run_tasks`; `workers` are actors with a processor each, wherever the cluster has room for them.
 
     Raises:
         BusybotError: Ray is not installed or its cluster cannot be reached, a task was at fault, or it killed its actor

@@ -1,6 +1,6 @@
 """A dataset is a folder; nothing in it is read through a link that leaves it, nothing written through any link.
 
-dataset.json                      what it is (`dataset_info.DatasetInfo`)
+dataset.json                      what it is (`datasets.info.DatasetInfo`)
 boards/boards-00000.jsonl         one board per line, 1,000 a file
 episodes/000000.mcap              one file per board, there whole or not at all
 tables/{episodes,steps,objects}/part-00000.parquet      500 episodes a file, derived from the episodes

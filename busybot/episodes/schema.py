@@ -130,7 +130,7 @@ class StepField:
         columns: of table `steps`; meaning, type, unit, frame and privilege of the value are theirs.
         wire: in message `Step`, or `StepTruth` if privileged; None for what follows from another value.
         hashed: None for what follows from other values, and for the order of images, which is hashed by itself.
-        compared: what differs when it differs, see `compare.Difference`; how many joints there are counts as state.
+        compared: what differs when it differs, see `episode_diff.Difference`; the number of joints counts as state.
         shape: () for a scalar; else how many components there are, or of what there is one each.
         unknown: null in the table, likewise privileged scalars of a recording without truth.
         tolerance: differences up to here do not count.

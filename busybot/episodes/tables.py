@@ -39,7 +39,7 @@ def episode_rows(path: Path, index: int, data: bytes | None = None) -> dict[str,
         data: the file's bytes, if it is not to be read.
 
     Raises:
-        BusybotError: if the file cannot be read; see `mcap_reader.read_episode`.
+        BusybotError: if the file cannot be read; see `episodes.mcap.reader.read_episode`.
     """
     records = read_records(path) if data is None else parse_records(data, str(path))
     episode = decode_episode(records, str(path), "lazy")

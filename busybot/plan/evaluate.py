@@ -20,7 +20,8 @@ from busybot.evaluation.results import stamp
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
-from busybot.plan.rollout import TRAINED, PlanConfig, RolloutRunner, kind_of, name_of
+from busybot.plan.agents.registry import TRAINED, kind_of, name_of
+from busybot.plan.rollout import PlanConfig, RolloutRunner
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.registry import REASONERS, config_class, reasoner_of
 from busybot.sim.scene.board_scene import Simulator
@@ -44,7 +45,7 @@ def evaluate_agents(
 
     Args:
         dataset: with tasks and recorded histories.
-        agents: as `player.kind_of` takes them.
+        agents: as `plan.rollout.kind_of` takes them.
         reasoner: one without training by its name, or a trained model's name or folder.
         policy_model: interaction model, whose candidates agents choose from.
         seed: of the agents' draws.

@@ -59,7 +59,7 @@ class Contact:
         region: positive: number of a link that was seen moving there; negative: affordance of which nothing has moved.
         belief: probability that something can be moved there.
         directions: float (18,), probability that each direction works where something can be moved.
-        pairs: float (9,), the same of direction pairs (`interact.beliefs.PAIRS`).
+        pairs: float (9,), the same of direction pairs (`interact.policy.direction_pairs.PAIRS`).
         step: the step of the history that held this pixel and worked, -1 if the interaction model proposes the contact.
     """
 
@@ -166,5 +166,5 @@ class Agent(Protocol):
         ...
 
     def decide(self, situation: DecisionState) -> Act | Stop:
-        """The next action. Called at most `briefing.steps` times."""
+        """The next action. Called at most `TaskContext.steps` times."""
         ...

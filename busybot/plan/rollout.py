@@ -1,14 +1,11 @@
-"""Agents on the task of a recorded board: who they are by name, and letting one of them play."""
+"""Letting an agent play the task of a recorded board, in one simulator."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from busybot.boards.task import MAX_STEPS, task_of
-from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
@@ -17,15 +14,11 @@ from busybot.interact.policy.board_memory import BoardMemory
 from busybot.interact.policy.candidates import ActionModel
 from busybot.interact.policy.config import PolicyConfig
 from busybot.plan.agent_policy import AgentPolicy, OnlineFeatures
-from busybot.plan.agents.learned import learned
 from busybot.plan.agents.oracle import OracleAgent, OracleProposals, OracleRelations
-from busybot.plan.agents.paper import BusyBotAgent, PredictiveAgent, RelationAgent
-from busybot.plan.agents.search import SearchAgent
-from busybot.plan.agents.simple import NoopAgent, RandomAgent
+from busybot.plan.agents.registry import AgentSpec, MakeAgent, kind_of, name_of
 from busybot.plan.contact_proposals import ContactProposals, LearnedProposals, memory_of, successful_actions
 from busybot.plan.decision_log import notes
 from busybot.plan.interfaces import Agent, TaskContext
-from busybot.plan.learning.network import Name, load_policy
 from busybot.plan.metrics import JudgedRollout
 from busybot.plan.outcomes import judge_rollout
 from busybot.plan.task_context import task_context
@@ -50,69 +43,6 @@ class PlanConfig(FrozenModel):
     learned: dict[str, Any] = {}
     interaction: InteractionConfig = InteractionConfig()
     render: RenderConfig = RenderConfig()
-
-
-MakeAgent = Callable[[Reasoner], Agent]
-
-
-@dataclass(frozen=True)
-class AgentSpec:
-    """An agent by name.
-
-    Attributes:
-        make: None for the oracle, which is made of the truth.
-        relations, contacts: whether it is told the true ones.
-    """
-
-    make: MakeAgent | None
-    relations: bool = False
-    contacts: bool = False
-
-    @property
-    def oracle(self) -> bool:
-        """Whether it knows what only the simulator knows."""
-        return self.relations or self.contacts
-
-
-AGENTS: dict[str, AgentSpec] = {
-    "noop": AgentSpec(lambda reasoner: NoopAgent()),
-    "random": AgentSpec(lambda reasoner: RandomAgent()),
-    "relation": AgentSpec(RelationAgent),
-    "predictive": AgentSpec(PredictiveAgent),
-    "busybot": AgentSpec(BusyBotAgent),
-    "search": AgentSpec(SearchAgent),
-    "search-true-relations": AgentSpec(SearchAgent, relations=True),
-    "search-true-contacts": AgentSpec(SearchAgent, contacts=True),
-    "search-true-both": AgentSpec(SearchAgent, relations=True, contacts=True),
-    "oracle": AgentSpec(None, contacts=True),
-}
-"""The rows of Table 3 and those that attribute failures; trained agents are named with their models (`kind_of`)."""
-TRAINED: tuple[Name, ...] = ("bc", "ppo")
-
-
-def name_of(agent: str) -> str:
-    """An agent's name in tables: `bc` of `bc=runs/bc`."""
-    return agent.partition("=")[0]
-
-
-def kind_of(agent: str) -> AgentSpec:
-    """The agent of that name; of those in `TRAINED`, with its model: `bc=runs/bc`.
-
-    Raises:
-        BusybotError: there is none, or there is no such model.
-    """
-    name, given, model = agent.partition("=")
-    for trained in TRAINED:
-        if name == trained:
-            if not model:
-                what = f"agent {name} plays a trained policy, none was named"
-                raise BusybotError(what, f"--agents {name}=DIR; `busybot train {name} --out DIR` makes one")
-            load_policy(model, trained)
-            return AgentSpec(partial(learned, trained, model))
-    if name not in AGENTS or given:
-        known = ", ".join([*AGENTS, *(f"{trained}=DIR" for trained in TRAINED)])
-        raise BusybotError(f"there is no agent {agent!r}", f"choose from {known}")
-    return AGENTS[name]
 
 
 @dataclass(frozen=True)

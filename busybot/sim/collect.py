@@ -82,7 +82,7 @@ def collect(
     Args:
         factory: makes the policies; by default the built-in one that the configuration names.
         provenance: what else decides the policies' actions, JSON values; recorded, and another is refused later.
-        engine: runs the workers: `workers.run_tasks` here, `cluster.run_on_ray` on many machines.
+        engine: runs the workers: `common.process_pool.run_tasks` here, `common.ray_pool.run_on_ray` on many machines.
 
     Raises:
         BusybotError: the dataset's episodes were begun with other settings, the policy is unknown, or a worker is at

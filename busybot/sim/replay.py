@@ -47,7 +47,7 @@ class Compared:
         states: whether all discrete states, of triggers and responders, are equal.
         joints: the largest difference of a joint's position, radians or board units.
         image: how the picture differs from the recorded one, both through the file's codecs.
-        rule: which pictures are equal enough: `equal` or `close`; see `episodes.compare`.
+        rule: which pictures are equal enough: `equal` or `close`; see `episodes.episode_diff`.
     """
 
     step: int

@@ -12,6 +12,7 @@ from torch import Tensor
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.plan.agents.learned import LearnedAgent, learned
+from busybot.plan.agents.registry import kind_of, name_of
 from busybot.plan.learning.bc import BcLearner, demonstrate
 from busybot.plan.learning.config import BcConfig, PpoConfig
 from busybot.plan.learning.encoding import STOP
@@ -27,7 +28,6 @@ from busybot.plan.learning.network import (
 from busybot.plan.learning.ppo import PpoLearner
 from busybot.plan.learning.practice import PracticeRollout
 from busybot.plan.learning.train import make_learner
-from busybot.plan.rollout import kind_of, name_of
 from busybot.reason.models.persistence import Persistence
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import Learner, LoopConfig, fit

@@ -1,6 +1,6 @@
 """A trained model: a folder with two files of weights and `model.json`, which says what they are.
 
-Here is the `fast` variant; `interact.paper_model` has the `paper` variant. `interact.affordance.load` loads both.
+Here is the `fast` variant; `interact.affordance.paper` has the `paper` variant. `interact.affordance.load` loads both.
 """
 
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class AffordanceInfo(ModelCard):
         variant: which networks.
         inputs: what they see; the height is always known to the policy.
         prior: share of elevated pixels that work, as training batches (half of each) do not show it.
-        after_failure: what to try where a direction failed, see `interact.redirection`.
+        after_failure: what to try where a direction failed, see `interact.training.direction_prior`.
         thresholds: constants of the policy that go with this model.
     """
 

@@ -3,7 +3,7 @@
 The paper concatenates the depth image with normals from neighbouring world coordinates. Here the first channel is the
 height above the board instead of the distance from the camera, so that a shape looks the same all over the board. The
 camera looks almost straight down: moving right in the picture is +x, moving down is -y of the board frame, and that is
-how pictures are turned and mirrored for training (`interact.batches`).
+how pictures are turned and mirrored for training (`interact.training.augmentation`).
 
 One function computes the channels for whole pictures and for crops: a crop knows the pixels that it consists of.
 

@@ -1,4 +1,4 @@
-"""A trained model of the `paper` variant: the same folder and the same questions as `interact.model`."""
+"""A trained model of the `paper` variant: the same folder and the same questions as `interact.affordance.fast`."""
 
 from typing import Any
 

@@ -41,7 +41,7 @@ V = TypeVar("V", bound=ModelView)
 
 
 class ActionModel(Protocol[V]):
-    """What the policy needs of a model; `interact.model.Model` is one."""
+    """What the policy needs of a model; `interact.affordance.fast.AffordanceModel` is one."""
 
     def look(self, seen: Observation, rays: Rays, earlier: V | None = None) -> V:
         """Affordance of every pixel; what an earlier look at the same board found may save work."""

@@ -35,7 +35,7 @@ class LearnedPolicyFactory:
 
     Attributes:
         model: name of a shipped model, or a folder.
-        mode: see `interact.policy`.
+        mode: see `interact.policy.learned`.
         overrides: values of `PolicyConfig` that take precedence over those on the model's card.
     """
 

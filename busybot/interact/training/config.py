@@ -39,7 +39,7 @@ class Augmentation(FrozenModel):
 
 
 class ReplayConfig(FrozenModel):
-    """Which samples are shown (`interact.replay`).
+    """Which samples are shown (`interact.training.prioritized_replay`).
 
     Attributes:
         positives: share of a batch with reward.

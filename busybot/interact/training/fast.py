@@ -150,7 +150,7 @@ class FastAffordanceLearner(Learner):
         return float(loss.detach()), losses.detach().cpu().numpy()
 
     def judge(self) -> dict[str, float | None]:
-        """How well the network ranks what was tried on boards that it is never trained on (`interact.ranking`)."""
+        """How well the network ranks what was tried on boards that it is never trained on (`interact.metrics`)."""
         return validate(self.job, self.network)
 
     def state(self) -> Checkpoint:
@@ -182,7 +182,7 @@ def make_fit(jobs: list[FitJob]) -> Callable[[int], dict[str, float | None]]:
 
 
 def validate(job: FitJob, network: nn.Module) -> dict[str, float | None]:
-    """How well the network ranks what was tried on boards that it is never trained on (`interact.ranking`)."""
+    """How well the network ranks what was tried on boards that it is never trained on (`interact.metrics`)."""
     if job.validation is None:
         return {}
     samples = open_samples((job.validation,), job.inputs, sys.maxsize)

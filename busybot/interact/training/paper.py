@@ -1,6 +1,6 @@
 """Training of the `paper` variant: collect an epoch's data, then train on the replay buffer (paper appendix A.1).
 
-The folder is that of the `fast` variant (`interact.train`), but for
+The folder is that of the `fast` variant (`interact.training.fast`), but for
 
 rounds/000, 001, ...          an ordinary dataset for each epoch
 current/                      the model with which the next epoch is collected; there is none per epoch

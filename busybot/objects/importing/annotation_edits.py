@@ -5,12 +5,12 @@
         category: Door
         scale: 0.49
 
-Fields are those of `choices.Choices`; a field that is absent (or null) is left to the rules. Aliases are refused: they
+Fields are those of `Choices`; a field that is absent (or null) is left to the rules. Aliases are refused: they
 let a short text stand for a monstrous one.
 
 What an annotation decides about an object, as a reviewer sees and edits it.
 
-The rules of `objects.rules` fill in what is left out. Quaternions are (x, y, z, w) as in the annotation; the rest has
+The rules of `auto_annotation` fill in what is left out. Quaternions are (x, y, z, w) as in the annotation; the rest has
 the units of `objects.model`.
 """
 

@@ -29,7 +29,7 @@ quarter turn, `folder.UNLIMITED_RANGE`; a sliding one without limits does not co
 | height | the lowest point at rest stands on the board |
 
 Refused: nothing moves (Switch, Door, Toy), nothing to paint (a Lamp with a single link), a joint of another type than
-`urdf.JOINT_TYPES`, and whatever `objects.folder` refuses.
+`urdf.JOINT_TYPES`, and whatever `objects.partnet.loader` refuses.
 """
 
 import re

@@ -78,7 +78,7 @@ def travel(motion: np.ndarray) -> float:
 
 
 def ways(moving: Moving, motion: np.ndarray) -> list[tuple[float, float, float]]:
-    """Directions that move the link, upright frame, each with its opposite; the rule is in `objects.rules`."""
+    """Directions that move the link, upright frame, each with its opposite; the rule is in `auto_annotation`."""
     x, y = _axis(motion)
     along = travel(motion)
     if not along:

@@ -44,7 +44,7 @@ _HINT = "download the object again, or remove the file: the rules do without it"
 
 @dataclass(frozen=True, eq=False)
 class RawObject:
-    """What the rules of `objects.rules` work on.
+    """What the rules of `objects.importing.auto_annotation` work on.
 
     Attributes:
         snapshot: the folder's files.

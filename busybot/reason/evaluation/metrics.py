@@ -242,7 +242,7 @@ def shown_share(edges: Sequence[np.ndarray], shown: Sequence[np.ndarray | None],
 
     Args:
         edges: bool (N, N) per board.
-        shown: int (N, N) per board as in `truth.GraphTruth`; None if a recording does not know.
+        shown: int (N, N) per board as in `ground_truth.GraphTruth`; None if a recording does not know.
     """
     known = [when for when in shown if when is not None]
     if len(known) < len(shown):

@@ -1,7 +1,7 @@
 """Which objects look different after a step: changed pixels, each given to the object that it shows.
 
 A changed pixel of an object's box counts when it shows the object before or after, and no intruder at all (see
-`own_pixels`).
+`reason.inputs.object_masks`).
 
 The constants were chosen on training objects, on boards as they are generated and on crowded ones without margins:
 there at most 2 % of an unchanged object's pixels count, and at least 14 % of a changed one's.

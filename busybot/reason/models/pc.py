@@ -54,7 +54,7 @@ def discover(observed: ObservedEpisode, config: PcConfig | None = None) -> Infer
 def discover_changes(
     changed: np.ndarray, acted: np.ndarray, triggers: np.ndarray, responders: np.ndarray, config: PcConfig
 ) -> np.ndarray:
-    """The discovery itself; arguments and result as of `count.count_changes`."""
+    """The discovery itself; arguments and result as of `reason.models.counting.count_changes`."""
     steps, objects = changed.shape
     edges = np.zeros((max(steps, 1), objects, objects))
     informative = np.asarray(changed.any(axis=1))

@@ -1,6 +1,6 @@
 """A board made physical: a SAPIEN scene from a BoardSpec (paper section 3).
 
-A `Simulator` belongs to one process and one way of looking: it caches loaded objects (`sim.builders`) and keeps one
+A `Simulator` belongs to one process and one way of looking: it caches loaded objects (`asset_cache`) and keeps one
 scene alive, because SAPIEN compiles its shaders again when the last scene of a process goes. A `BoardScene` is one
 board: it can be looked at, acted on (`sim.interaction`), saved and restored.
 

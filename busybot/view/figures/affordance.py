@@ -39,7 +39,7 @@ def affordance_figure(
     outlined, candidates as dots, the action chosen.
 
     Args:
-        thoughts: of `interact.trace.retrace`, one for each step to be drawn at the least.
+        thoughts: of `interact.policy.policy_trace.retrace`, one for each step to be drawn at the least.
         steps: indices from 0; by default the first ones, two rows of them.
         root: the folder that the user named, if it is not the one the picture lies in; see `files`.
     """

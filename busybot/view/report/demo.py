@@ -38,7 +38,7 @@ class Story:
 
     Attributes:
         chosen: index of the episode that is shown in detail.
-        result: of `reason.evaluate.evaluate_dataset`.
+        result: of `reason.evaluation.evaluate.evaluate_dataset`.
         pictures: by name.
         early: the step of the early picture of the viewer.
         rollout: of the agent that reaches for a goal.

@@ -32,7 +32,7 @@ LEGEND_SHARE = 0.38
 
 @dataclass(frozen=True)
 class ShownLayers:
-    """Which of `rerun_log.Layers` a recording has."""
+    """Which of `view.rerun.recording.RecordingLayers` a recording has."""
 
     affordance: bool = False
     replayed: bool = False

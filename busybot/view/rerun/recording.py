@@ -46,9 +46,9 @@ class RecordingLayers:
     """What is shown beyond the recording; iterators are used up by one writing.
 
     Attributes:
-        thoughts: what a model believed, of `interact.trace.retrace`.
+        thoughts: what a model believed, of `interact.policy.policy_trace.retrace`.
         replayed: steps and the simulator's pictures of them, of `sim.replay.pictures_again`.
-        foreseen: what a reasoner expected, of `reason.foresee`.
+        foreseen: what a reasoner expected, of `reason.evaluation.explain`.
     """
 
     thoughts: Iterable[PolicyTrace] | None = None

@@ -1,6 +1,6 @@
 """The paper's networks, in both of their forms, compute what the paper's formulas say: outputs and gradients.
 
-The formulas stand in `paper_dense`, with a board axis and two node axes.
+The formulas stand in `tests.reason.paper_dense`, with a board axis and two node axes.
 """
 
 from collections.abc import Callable

@@ -37,7 +37,7 @@ MODELS = {
     "final.save",
     "model.save",
     "self._model({'epochs': epoch}).save",
-    "Model(info, {job.kind: network_of(job) for job in jobs}).save",
+    "AffordanceModel(info, {job.kind: network_of(job) for job in jobs}).save",
 }
 """Methods of ours with a name that others have: they write with `save_tensors`."""
 

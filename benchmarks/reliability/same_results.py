@@ -41,6 +41,7 @@ from safetensors.numpy import load_file
 
 from benchmarks.reliability.same_results_cases import BOARDS, DATASETS, EVALUATIONS, OTHERS, WORKS, Work
 from benchmarks.reliability.same_results_compare import FAILED, Facts, compare, may_round, stripped, within
+from busybot.evaluation.results import stamp
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLE = 4
@@ -288,13 +289,17 @@ def run(runner: Runner, old: Path | None, only: Sequence[str], out: Path) -> dic
 
 
 def write(file: Path, checkout: Path, facts: dict[str, Facts]) -> None:
-    """Commit (with a plus sign if tracked files were changed) and cases, one per line."""
+    """What every result says of itself, with the checkout's commit (and a plus sign if tracked files were changed), and
+    the cases, one per line."""
     git = ["git", "-C", str(checkout)]
     commit = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True).stdout.strip()
     changed = subprocess.run([*git, "status", "--porcelain", "-uno"], capture_output=True, text=True).stdout
     lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(value, sort_keys=True)}" for name, value in facts.items())
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(f'{{\n "commit": "{commit}{"+" if changed else ""}",\n "cases": {{\n{lines}\n }}\n}}\n')
+    command = "python -m benchmarks.reliability.same_results --checkout CHECKOUT --work WORK --out OUT"
+    told = stamp("same-results", command=command) | {"commit": commit + ("+" if changed else "")}
+    head = json.dumps(told, indent=1).removesuffix("\n}")
+    file.write_text(f'{head},\n "cases": {{\n{lines}\n }}\n}}\n')
 
 
 def read(file: Path) -> dict[str, Facts]:

@@ -64,6 +64,7 @@ KINDS = {
     "hostile": "python -m tests.hostile.run",
     "kills": "python -m benchmarks.reliability.kills",
     "s3": "python -m benchmarks.reliability.s3",
+    "same-results": "python -m benchmarks.reliability.same_results",
 }
 """Every kind with the command that makes it."""
 

@@ -71,7 +71,7 @@ def test_the_whole_process_group_ends_with_the_block(
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process with its parent")
 def test_the_viewer_dies_with_a_parent_that_is_killed(stubborn: Path, tmp_path: Path) -> None:
     script = (
-        "import sys, time\nfrom pathlib import Path\nfrom busybot.view import process\n"
+        "import sys, time\nfrom pathlib import Path\nfrom busybot.view import viewer_process as process\n"
         f"process.viewer_binary = lambda: Path({str(stubborn)!r})\n"
         f"with process.viewer_process([], Path({str(tmp_path)!r})):\n    time.sleep(600)\n"
     )

@@ -23,6 +23,7 @@ UNCOMPARED = {
     "folder": "where a model or a store of features lies",
     "card": "of a model: prose, and parameters that its hash tells already",
     "README.md": "hash of a model's card",
+    "hashes": "of models, tasks, histories and data: results say more of themselves than they did",
     "provenance": "policy parameters and hashes of cards; what they do is what the figures say",
     "figures": "names of pictures in a report; of a model, what its hash tells already",
     "html": "where a report lies",

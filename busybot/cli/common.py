@@ -6,6 +6,7 @@ progress and logs go to standard error. After wrong usage or Ctrl-C standard out
 
 import json
 import os
+import shlex
 import shutil
 import sys
 import time
@@ -192,3 +193,13 @@ class _LinePrinter:
         self._last = now
         rate = (done - self._first) / max(now - self._began, 1e-9)
         say(f"{self._label}: {done} of {total}, {rate:.2f}/s, {(total - done) / rate:.0f} s left")
+
+
+def command_again(skill: str, dataset: Path, settings: list[str] | None, config: Path | None, **options: Any) -> str:
+    """The command that gives the same result; options that are None or False were not given."""
+    words = ["busybot", "eval", skill, str(dataset)]
+    for name, value in options.items():
+        if value is not None and value is not False:
+            words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    words += [word for setting in settings or [] for word in ("--set", setting)]
+    return shlex.join([*words, *(["--config", str(config)] if config else [])])

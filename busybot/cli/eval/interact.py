@@ -1,10 +1,20 @@
-"""What `busybot eval interact` does and prints."""
+"""`busybot eval interact`: how often a policy's actions succeed, and how many links they find."""
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from busybot.cli.common import counted
+import typer
+
+from busybot.cli.common import (
+    JsonOption,
+    SeedOption,
+    WorkersOption,
+    command_again,
+    counted,
+    episode_progress,
+    print_json,
+)
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -12,6 +22,55 @@ if TYPE_CHECKING:
     from busybot.interact.evaluate import InteractEvaluation
 
 BUILT_IN = ("random", "scripted")
+
+
+def interact(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset; only its boards are used.")],
+    model: Annotated[
+        str | None,
+        typer.Option(help="Shipped model (by default procedural) or folder; or random, scripted (an oracle)."),
+    ] = None,
+    mode: Annotated[
+        str | None,
+        typer.Option(help="How a model chooses: evaluate, greedy, ucb or collect; evaluate, for paper models ucb."),
+    ] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones; by default all.")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse moves far off the annotated directions.")] = False,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")] = None,
+    record: Annotated[Path | None, typer.Option(help="Record the episodes as a dataset in this folder.")] = None,
+    figures: Annotated[int, typer.Option(min=0, help="Draw so many of the recorded boards into OUT/figures.")] = 0,
+    assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of EvaluateConfig.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """How often actions succeed, and how many of the movable links they find: ten actions on each board.
+
+    Shares in JSON lie between 0 and 1, in the table they are percent.
+    """
+    from busybot.common.config import build
+    from busybot.datasets.dataset import Dataset
+    from busybot.evaluation.folder import RESULT
+    from busybot.evaluation.results import write_result
+    from busybot.interact.evaluate import InteractEvaluation
+
+    check_figures(figures, model, out, record)
+    parameters = build(InteractEvaluation, config, set_ or [], {"boards": boards, "interaction.strict": strict or None})
+    with episode_progress("acting") as progress:
+        target = Dataset.open(dataset)
+        result = evaluate_model(target, model, mode, parameters, assets, seed, workers, progress, out, record)
+    if figures and out is not None and record is not None:
+        draw_figures(out / "figures", record, model, parameters, figures)
+    given = {"model": model, "mode": mode, "seed": seed, "strict": strict, "boards": boards}
+    result["command"] = command_again("interact", dataset, set_, config, **given)
+    if out is not None:
+        write_result(out / RESULT, result)
+    if json:
+        print_json(result)
+    else:
+        print_table(result)
 
 
 def evaluate_model(

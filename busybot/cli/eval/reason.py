@@ -1,13 +1,86 @@
-"""What `busybot eval reason` prints."""
+"""`busybot eval reason`: which trigger controls which responder, compared with the truth."""
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
-from busybot.cli.common import counted
+import typer
+
+from busybot.cli.common import (
+    JsonOption,
+    SeedOption,
+    WorkersOption,
+    check_file,
+    command_again,
+    counted,
+    episode_progress,
+    print_json,
+    say,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 PREDICTIONS = ("pred_a", "pred_a_successful", "pred_a_responder", "pred_a_changed", "pred_a_unchanged")
+
+
+def reason(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
+    model: Annotated[
+        str, typer.Option(help="Who infers relations: count, pc, lookup, persistence, or a trained model.")
+    ] = "event",
+    images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
+    decoders: Annotated[
+        Path | None, typer.Option(help="Judge predictions by decoders trained on this training dataset, too.")
+    ] = None,
+    assets: Annotated[str | None, typer.Option(help="Objects for --decoders, if they are not found by hash.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the result as JSON to this file.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw the scores against the number of images into this file, F.png.")
+    ] = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of the model.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as change.tolerance=5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Which trigger controls which responder, and what the next action does: compared with the truth.
+
+    Models see pictures, boxes and actions. Shares in JSON lie between 0 and 1, in the table they are percent. Pred-A is
+    null for count and pc: they predict no states.
+    """
+    from busybot.common.config import build
+    from busybot.datasets.dataset import Dataset
+    from busybot.evaluation.results import write_result
+    from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
+    from busybot.reason.models.registry import config_class
+
+    check_file("--out", out, "reason.json")
+    check_file("--figure", figure, "reason.png")
+    parameters = build(config_class(model), config, set_ or [], {})
+    training = Dataset.open(decoders) if decoders else None
+    with episode_progress("inferring") as progress:
+        result = evaluate_dataset(
+            Dataset.open(dataset),
+            ReasonEvaluation(model, images, parameters),
+            training,
+            assets,
+            seed,
+            workers,
+            progress,
+        )
+    options = {"model": model, "images": images, "seed": seed, "decoders": decoders}
+    result["command"] = command_again("reason", dataset, set_, config, **options)
+    if out is not None:
+        write_result(out, result)
+        say(f"wrote {out}")
+    if figure is not None:
+        from busybot.view.figures.curves import images_figure
+
+        say(f"wrote {images_figure(figure, result)}")
+    if json:
+        print_json(result)
+    else:
+        print_tables(result)
 
 
 def print_tables(result: dict[str, Any]) -> None:

@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli import dataset_share
-from busybot.cli import dataset_tell as tell
 from busybot.cli.common import JsonOption, WorkersOption, counted, episode_progress, print_json, say
+from busybot.cli.dataset import printing, share
 from busybot.common.errors import BusybotError
 
 app = typer.Typer(
@@ -27,7 +26,7 @@ def info(dataset: DatasetArgument, json: JsonOption = False) -> None:
     if json:
         print_json(summary)
     else:
-        tell.summary(dataset, summary)
+        printing.summary(dataset, summary)
 
 
 @app.command()
@@ -111,7 +110,7 @@ def diff(
     if json:
         print_json({"equal": found.equal, **vars(found)})
     else:
-        tell.difference(first, second, found)
+        printing.difference(first, second, found)
     if not found.equal:
         raise typer.Exit(1)
 
@@ -137,7 +136,7 @@ def repair(
     if json:
         print_json(done)
     else:
-        tell.repaired(done)
+        printing.repaired(done)
 
 
 @app.command()
@@ -163,13 +162,13 @@ def regenerate(
     if json:
         print_json({"ok": found.ok, **vars(found)})
     else:
-        tell.regenerated(found)
+        printing.regenerated(found)
     if not found.ok:
         raise typer.Exit(1)
 
 
-push = app.command()(dataset_share.push)
-pull = app.command()(dataset_share.pull)
+push = app.command()(share.push)
+pull = app.command()(share.pull)
 
 
 def _workers(wanted: int | None) -> int:

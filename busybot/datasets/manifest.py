@@ -22,7 +22,7 @@ MAX_MANIFEST_BYTES = 512 << 20
 """A million files need about 150 MB."""
 
 _FILE_NAME = re.compile(r"^(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*$")
-MEND_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
+HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
 
 
 class FileEntry(FrozenModel):
@@ -140,7 +140,7 @@ def read_manifest(path: Path) -> Manifest:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part)[:80] for part in first["loc"])
-        raise BusybotError(f"{file}: {place}: {first['msg'].removeprefix('Value error, ')}", MEND_FETCH) from None
+        raise BusybotError(f"{file}: {place}: {first['msg'].removeprefix('Value error, ')}", HINT_FETCH) from None
 
 
 def file_entries(path: Path, names: list[str], workers: int = 1) -> dict[str, FileEntry]:
@@ -160,15 +160,15 @@ def unlike_manifest(path: Path, manifest: Manifest, workers: int = 1) -> Iterato
     """
     found = scan(path).files
     for name in sorted(manifest.files.keys() - found.keys()):
-        yield name, "missing; the manifest lists it", MEND_FETCH
+        yield name, "missing; the manifest lists it", HINT_FETCH
     shared = sorted(manifest.files.keys() & found.keys())
     same_size = [name for name in shared if found[name] == manifest.files[name].bytes]
     entries = file_entries(path, same_size, workers)
     for name in shared:
         if name not in entries:
-            yield name, f"{found[name]} bytes, the manifest says {manifest.files[name].bytes}", MEND_FETCH
+            yield name, f"{found[name]} bytes, the manifest says {manifest.files[name].bytes}", HINT_FETCH
         elif entries[name] != manifest.files[name]:
-            yield name, "its content changed after freezing: another SHA-256 than the manifest's", MEND_FETCH
+            yield name, "its content changed after freezing: another SHA-256 than the manifest's", HINT_FETCH
     for name in sorted(found.keys() - manifest.files.keys() - {MANIFEST_FILE}):
         if not any(part.startswith(".") for part in name.split("/")):
             yield name, "not in the manifest", "move it out of the dataset"

@@ -10,16 +10,16 @@ from busybot.common.process_pool import share
 from busybot.datasets.bundled_assets import OBJECTS_FOLDER, library_of
 from busybot.datasets.dataset import BOARDS_PER_SHARD, INFO_FILE, Dataset
 from busybot.datasets.info import CollectInfo
-from busybot.datasets.manifest import CARD_FILE, MANIFEST_FILE, MEND_FETCH, is_frozen, read_manifest, unlike_manifest
+from busybot.datasets.manifest import CARD_FILE, HINT_FETCH, MANIFEST_FILE, is_frozen, read_manifest, unlike_manifest
 from busybot.datasets.membership import faults_of
 from busybot.datasets.repair import DAMAGED_FOLDER
 from busybot.episodes.schema import TABLES
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode
 
-MEND_TABLES = "remove the file; `busybot collect` on the dataset makes it again from the episodes"
+HINT_TABLES = "remove the file; `busybot collect` on the dataset makes it again from the episodes"
 LINK = "a link where a file or folder is expected"
-MEND_STRAY = "move it out of the dataset"
-MEND_EPISODE = "`busybot dataset repair` saves what can be saved; or remove the file and collect again"
+HINT_STRAY = "move it out of the dataset"
+HINT_EPISODE = "`busybot dataset repair` saves what can be saved; or remove the file and collect again"
 
 Progress = Callable[[int, int], None]
 """Told after each episode: those that are done, and all."""
@@ -112,13 +112,13 @@ def _manifest(dataset: Dataset, workers: int, sound: bool) -> Iterator[Problem]:
         manifest = read_manifest(dataset.path)
     except BusybotError as error:
         file = dataset.path / MANIFEST_FILE
-        yield Problem(str(file), without_name(error, file), error.hint or MEND_FETCH)
+        yield Problem(str(file), without_name(error, file), error.hint or HINT_FETCH)
         return
     for name, fault, hint in unlike_manifest(dataset.path, manifest, workers):
         sound = False
         yield Problem(str(dataset.path / name), fault, hint)
     if sound and vars(dataset.hashes()) != manifest.hashes.model_dump():
-        yield Problem(str(dataset.path / MANIFEST_FILE), "its hashes are not those of the dataset", MEND_FETCH)
+        yield Problem(str(dataset.path / MANIFEST_FILE), "its hashes are not those of the dataset", HINT_FETCH)
 
 
 def _objects(dataset: Dataset, assets: str | None) -> tuple[int | None, list[Problem]]:
@@ -129,7 +129,7 @@ def _objects(dataset: Dataset, assets: str | None) -> tuple[int | None, list[Pro
         if assets is None and not (dataset.path / OBJECTS_FOLDER).exists():
             return None, []
         place = assets or str(dataset.path / OBJECTS_FOLDER)
-        return None, [Problem(place, error.what, error.hint or MEND_FETCH)]
+        return None, [Problem(place, error.what, error.hint or HINT_FETCH)]
     return len(recorded), []
 
 
@@ -149,9 +149,9 @@ def _strangers(dataset: Dataset) -> Iterator[Problem]:
             continue
         for entry in sorted(place.iterdir()):
             if entry.is_symlink():
-                yield Problem(str(entry), LINK, MEND_STRAY)
+                yield Problem(str(entry), LINK, HINT_STRAY)
             elif entry.name not in names and not entry.name.startswith("."):
-                yield Problem(str(entry), "not part of a dataset", MEND_STRAY)
+                yield Problem(str(entry), "not part of a dataset", HINT_STRAY)
 
 
 def _boards(dataset: Dataset) -> tuple[dict[int, str], list[Problem]]:
@@ -193,9 +193,9 @@ def _check_episode(task: _VerifyTask) -> _Checked:
     try:
         rows = episode_rows(task.path, task.index)
     except BusybotError as error:
-        return _Checked(None, (Problem(str(task.path), without_name(error, task.path), MEND_EPISODE),))
+        return _Checked(None, (Problem(str(task.path), without_name(error, task.path), HINT_EPISODE),))
     faults = faults_of(rows, task.index, task.board_digest, task.collect)
-    return _Checked(rows, tuple(Problem(str(task.path), fault, MEND_EPISODE) for fault in faults))
+    return _Checked(rows, tuple(Problem(str(task.path), fault, HINT_EPISODE) for fault in faults))
 
 
 def _table_shards(dataset: Dataset) -> set[int]:
@@ -212,15 +212,15 @@ def _tables(dataset: Dataset, shard: int, derived: dict[int, Rows], finished: se
         try:
             stored = split_by_episode(read_shard(path, name))
         except BusybotError as error:
-            yield Problem(str(path), without_name(error, path), MEND_TABLES)
+            yield Problem(str(path), without_name(error, path), HINT_TABLES)
             continue
         for index in sorted(finished | set(stored)):
             if index not in finished:
-                yield Problem(str(path), f"holds episode {index}, which is not there", MEND_TABLES)
+                yield Problem(str(path), f"holds episode {index}, which is not there", HINT_TABLES)
             elif index in derived:
                 fault = _difference(derived[index], stored, name, index)
                 if fault:
-                    yield Problem(str(path), fault, MEND_TABLES)
+                    yield Problem(str(path), fault, HINT_TABLES)
 
 
 def _difference(derived: Rows, stored: dict, name: str, index: int) -> str | None:

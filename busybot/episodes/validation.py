@@ -19,7 +19,7 @@ _BEFORE_AND_AFTER = [
     for one in STEP_FIELDS
     if one.name.endswith("_before") and one.shape
 ]
-MEND = "record the episode again"
+HINT = "record the episode again"
 
 
 def check_episode(episode: Episode, where: str) -> None:
@@ -111,4 +111,4 @@ def _fault_of_truth(step: Step, objects: int, triggers: int) -> str | None:
 
 
 def _refuse(where: str, what: str) -> None:
-    raise BusybotError(f"{where}: {what}", MEND)
+    raise BusybotError(f"{where}: {what}", HINT)

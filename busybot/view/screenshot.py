@@ -23,7 +23,7 @@ SIZE = (1600, 900)
 """Of a picture, pixels."""
 TITLE_BAR = 36
 """Height of the window's empty title bar, which a headless viewer draws too; pixels."""
-MEND = "busybot doctor (it checks the Vulkan driver), or use --save and look at the file elsewhere"
+HINT = "busybot doctor (it checks the Vulkan driver), or use --save and look at the file elsewhere"
 FAULTS = (RuntimeError, ConnectionError, TimeoutError, ValueError)
 """What `ViewerClient` and the waiting here raise."""
 
@@ -44,7 +44,7 @@ def save_screenshot(rrd: Path, picture: Path, step: int) -> None:
                 png = _without_title_bar(_settled_picture(client))
             except FAULTS as error:
                 said = last_words(folder)
-                raise BusybotError(f"the headless viewer made no picture: {error}\n{said}".rstrip(), MEND) from None
+                raise BusybotError(f"the headless viewer made no picture: {error}\n{said}".rstrip(), HINT) from None
     write_atomically(picture, png)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from busybot.common.errors import BusybotError
 from busybot.interact.training.config import ReplayConfig
 
-MEND = {
+HINT = {
     "succeeded": "or lower the reward's threshold: --set interaction.delta=500",
     "failed": "with a policy that fails, too: both kinds are learned from",
 }
@@ -59,6 +59,6 @@ def _draw(weights: np.ndarray, count: int, rng: np.random.Generator, kind: str) 
     """`count` indices, with replacement, by weight."""
     total = np.cumsum(weights)
     if not len(total) or total[-1] <= 0:
-        raise BusybotError(f"no recorded action {kind}", f"record more boards, {MEND[kind]}")
+        raise BusybotError(f"no recorded action {kind}", f"record more boards, {HINT[kind]}")
     drawn = np.searchsorted(total, rng.random(count) * total[-1], side="right")
     return np.minimum(drawn, np.flatnonzero(weights)[-1])

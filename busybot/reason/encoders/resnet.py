@@ -35,7 +35,7 @@ BYTES = 102_530_333
 TIME_LIMIT_S = 60.0
 """Without any byte for so long the download counts as failed."""
 PIECE = 1 << 20
-MEND = "download it elsewhere and name it (`--weights FILE`), or use `--encoder embedded`, which needs none"
+HINT = "download it elsewhere and name it (`--weights FILE`), or use `--encoder embedded`, which needs none"
 
 
 def resnet50_file(file: Path | None) -> tuple[Path, str]:
@@ -49,7 +49,7 @@ def resnet50_file(file: Path | None) -> tuple[Path, str]:
     """
     if file is not None:
         if not file.is_file():
-            raise BusybotError(f"{file}: there is no such file with weights", MEND)
+            raise BusybotError(f"{file}: there is no such file with weights", HINT)
         return file, sha256_of(file)
     place = cache_folder() / "weights" / ADDRESS.rpartition("/")[2]
     if not (place.is_file() and sha256_of(place) == SHA256):
@@ -67,9 +67,9 @@ def _download(place: Path) -> None:
                 digest.update(piece)
                 out.write(piece)
             if digest.hexdigest() != SHA256:
-                raise BusybotError(f"{ADDRESS}: what came has another SHA-256 than the file that is known", MEND)
+                raise BusybotError(f"{ADDRESS}: what came has another SHA-256 than the file that is known", HINT)
     except OSError as error:  # no network, refused, too slow, or no room
-        raise BusybotError(f"{ADDRESS}: cannot be downloaded: {error}", MEND) from None
+        raise BusybotError(f"{ADDRESS}: cannot be downloaded: {error}", HINT) from None
 
 
 SIDE, CELLS = 64, 16

@@ -1,4 +1,4 @@
-"""What all benchmarks share: their options, the commands that they run, the cost of these, and their result files."""
+"""Options, child commands, their cost, and result files: the parts that all benchmarks share."""
 
 import argparse
 import json

@@ -1,4 +1,4 @@
-"""What `same_results` runs: commands of `busybot` by name, and work that is interrupted.
+"""Lists the commands and interrupted works that `same_results` runs, by name.
 
 In commands `data/NAME` is a dataset of `DATASETS`, `tiny` a copy of the one that the repository ships, and `{real}` the
 folder of the annotated PartNet-Mobility objects.

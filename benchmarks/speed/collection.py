@@ -1,4 +1,4 @@
-"""What a recorded interaction costs, in CPU time, against one frame of SAPIEN's `minimal` shader pack.
+"""Measures the CPU time of a recorded interaction against one frame of SAPIEN's `minimal` shader pack.
 
     python -m benchmarks.speed.collection [--assets DIR] [--boards 5] [--out FILE]
     python -m benchmarks.speed.collection --memory 500 [--assets DIR]

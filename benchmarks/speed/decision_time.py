@@ -1,4 +1,4 @@
-"""What a decision costs: processor time of every agent besides simulation and rendering.
+"""Measures the processor time of every agent's decision besides simulation and rendering.
 
     python -m benchmarks.speed.decision_time --work FOLDER --out benchmarks/results/decision_time.json
 

@@ -1,4 +1,4 @@
-"""How fast features are computed: frames a second by the clock and by processor time, into a store of their own.
+"""Measures how many frames a second are turned into features, by the clock and by processor time, into a new store.
 
 python -m benchmarks.speed.features --data DATASET [--encoder NAME] [--workers 2] [--out FILE]
 """

@@ -1,4 +1,4 @@
-"""What learning to interact costs: an iteration of training, a decision, a recorded action.
+"""Measures the cost of learning to interact: an iteration of training, a decision, a recorded action.
 
     python -m benchmarks.speed.interact [--assets DIR] [--boards 12] [--iterations 30] [--out FILE]
 

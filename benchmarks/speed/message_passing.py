@@ -1,4 +1,4 @@
-"""What multiplying nodes before they are joined to edges saves in the paper's training of relations.
+"""Measures the gain of multiplying nodes before they are joined to edges, in the paper's training of relations.
 
     python -m benchmarks.speed.message_passing [--iterations 3] [--boards 8] [--out FILE]
 

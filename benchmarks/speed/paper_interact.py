@@ -1,4 +1,4 @@
-"""What the paper's training of the interaction policy costs on this machine (`busybot train interact --model paper`).
+"""Measures the paper's training of the interaction policy on this machine (`train interact --model paper`).
 
     python -m benchmarks.speed.paper_interact [--iterations 50] [--assets procedural] [--threads 1] [--out FILE]
 

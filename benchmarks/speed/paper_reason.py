@@ -1,4 +1,4 @@
-"""What the paper's training of relations costs on this machine (`busybot train reason --model paper`).
+"""Measures the paper's training of relations on this machine (`busybot train reason --model paper`).
 
     python -m benchmarks.speed.paper_reason [--iterations 3] [--boards 64] [--threads 1] [--out FILE]
 

@@ -1,4 +1,4 @@
-"""How many pixels change when a link moves: with responders, and by the trigger's own motion alone.
+"""Counts the pixels that change when a link moves: with responders, and by the trigger's own motion alone.
 
     python -m benchmarks.studies.changed_pixels --assets DIR [--boards 100] --out FILE
 

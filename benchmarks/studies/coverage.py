@@ -1,4 +1,4 @@
-"""How many links the learned policy would touch when it collects, by the least promise that it accepts.
+"""Counts the links that the learned policy would touch when it collects, by the least promise that it accepts.
 
     python -m benchmarks.studies.coverage --data DATASET --model MODEL --out benchmarks/results/coverage.json
 

@@ -1,4 +1,4 @@
-"""What can go wrong with a recorded episode, done to it on purpose (`reason_robustness.py`), and how strongly.
+"""Disturbances of a recorded episode, made on purpose for `reason_robustness.py`, each with a strength.
 
 Every disturbance takes a recording, a strength and a generator. It changes what a reasoner is given (`ObservedEpisode`)
 and leaves the truth alone. Only additional failing actions have steps of their own in the truth: what would have been

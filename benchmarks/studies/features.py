@@ -1,4 +1,4 @@
-"""How well features tell states apart.
+"""Measures how well features tell states apart.
 
     python -m benchmarks.studies.features --train DATASET --novel DATASET... --out FILE [--encoders a,b]
         [--weights FILE] [--assets DIR]

@@ -1,4 +1,4 @@
-"""How often the rules of `objects.importing.auto_annotation` agree with the authors' annotation of the paper's objects.
+"""Compares the rules of `objects.importing.auto_annotation` with the authors' annotation of the paper's objects.
 
     python -m benchmarks.studies.import_rules --assets DIR --out benchmarks/results/import_rules.json
 

@@ -1,4 +1,4 @@
-"""How well relations are found and steps predicted when what is seen is not what it should be.
+"""Measures how well relations are found and steps predicted when observations are disturbed.
 
     python -m benchmarks.studies.reason_robustness --data DATASET --model event=FOLDER --out FILE
         [--png DATASET] [--boards 150] [--only boxes,jpeg] [--figure F.png]

@@ -1,4 +1,4 @@
-"""How boards are drawn: every number of protocol "Boards" that the paper leaves open, with its default."""
+"""Parameters of drawing boards: every number of protocol "Boards" that the paper leaves open, with its default."""
 
 from typing import Annotated, Any, Literal
 

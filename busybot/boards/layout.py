@@ -1,4 +1,4 @@
-"""Where objects stand: random positions without overlap (paper appendix "Board Generation")."""
+"""Places objects at random positions without overlap (paper appendix "Board Generation")."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""What a board's task asks for, and drawing one (paper section 5.3, protocol "Planning").
+"""Goals of boards, and drawing them (paper section 5.3, protocol "Planning").
 
 Relations decide which responders a task is about: those that some link controls, the *affectable* ones. Success is the
 share of them in their goal state; what the triggers look like does not count.

@@ -1,4 +1,4 @@
-"""What all subcommands share: options with one meaning, output for machines, errors for people.
+"""Options with one meaning, output for machines, and errors for people: shared by all subcommands.
 
 With `--json` a command prints exactly one JSON object on standard output, also when input or environment are at fault;
 progress and logs go to standard error. After wrong usage or Ctrl-C standard output stays empty.

@@ -1,4 +1,4 @@
-"""What differs between two datasets: what they say of themselves, then boards, actions, states and images."""
+"""Compares two datasets: their descriptions, then boards, actions, states and images."""
 
 import json
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""What `dataset.json` says: one typed description of what lies in a dataset's folder."""
+"""The typed content of `dataset.json`, which describes the files in a dataset's folder."""
 
 import json
 import shlex

@@ -1,4 +1,4 @@
-"""What a frozen dataset says of itself: every file with its hash, and all that decided their content.
+"""The manifest of a frozen dataset: every file with its hash, and all that decided their content.
 
 A dataset is frozen from the moment its manifest is there under its final name: nothing is collected into it any more.
 """

@@ -1,4 +1,4 @@
-"""Whether a recording belongs where it lies: to its board, and to the collection that its dataset describes."""
+"""Checks that a recording belongs to its board and to the collection that its dataset describes."""
 
 import json
 from typing import Any

@@ -1,4 +1,4 @@
-"""Does a dataset hold what it says? Structure, checksums, boards, and tables against the episodes themselves."""
+"""Verifies a dataset: structure, checksums, boards, and tables against the episodes themselves."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What an episode is, as three hashes over decoded values in a fixed order.
+"""Digests of an episode: three hashes over decoded values in a fixed order.
 
 - board: the `BoardSpec` alone.
 - trace: what was done and what came of it in discrete states. It holds no pixels, so the image format does not matter;

@@ -1,4 +1,4 @@
-"""What happened in one episode, as plain data: the common tongue of recording, training and viewing.
+"""The record of one episode as plain data: the common tongue of recording, training and viewing.
 
 Frames: the board frame of `boards.spec`; pixels are (column u, row v) from the upper left corner. The camera frame is
 OpenCV's: x right, y down, z forward; depth is the distance along z in board units.

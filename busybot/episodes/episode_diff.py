@@ -1,4 +1,4 @@
-"""How two recordings of one episode differ: board, actions, states, images.
+"""Differences between two recordings of one episode: board, actions, states, images.
 
 Two images are *equal* when all of their values are. They are *close* when at most 0.1 % of the pixels differ by more
 than 2/255 in a colour channel, at most as many show another link, and at most as many lie more than 0.001 board units

@@ -1,4 +1,4 @@
-"""Whether an episode contradicts itself. The writer refuses to write one that does, the reader to return one."""
+"""Refuses episodes that contradict themselves, before they are written and after they are read."""
 
 from collections.abc import Sequence
 

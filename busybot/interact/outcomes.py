@@ -1,4 +1,4 @@
-"""What came of an episode's actions, in the terms of the metrics. Reads what only the simulator knows."""
+"""Judges an episode's actions by the simulator's states, in the terms of the metrics."""
 
 from collections.abc import Mapping, Sequence
 

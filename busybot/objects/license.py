@@ -1,4 +1,4 @@
-"""Who may pass an object's files on.
+"""Licences of objects: who may pass an object's files on.
 
 What this project generates is known by its hash and goes under the project's licence. The paper's objects and all that
 look like downloads from PartNet-Mobility (numeric ids) are never copied. Of others only their owner can tell.

@@ -1,4 +1,4 @@
-"""What can stand on a board, as plain data: no simulator, no meshes.
+"""Objects that can stand on a board, as plain data: no simulator, no meshes.
 
 An object is a folder in PartNet-Mobility's layout with an annotation (`object_meta_info.json`). This module holds the
 types; `folder` reads them defensively, `library` keeps many of them, `procedural` makes new ones.

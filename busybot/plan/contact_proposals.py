@@ -1,4 +1,4 @@
-"""Where an agent may act: what worked in the history, and what the interaction model proposes on a picture."""
+"""Proposes contacts to agents: those that worked in the history, and those of the interaction model on a picture."""
 
 import time
 from collections.abc import Sequence as Several

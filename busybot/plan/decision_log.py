@@ -1,4 +1,4 @@
-"""What a rollout tells about its decisions: the agent's words, and what it could choose from.
+"""Logs a rollout's decisions: the agent's words, and the contacts that it could choose from.
 
 Notes are among an episode's settings, one entry for each action and then perhaps one for the decision to stop.
 """

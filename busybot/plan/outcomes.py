@@ -1,4 +1,4 @@
-"""What came of a rollout, beside the truth. For evaluators only."""
+"""Judges rollouts by the true states. For evaluators only."""
 
 from collections.abc import Sequence
 

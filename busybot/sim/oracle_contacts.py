@@ -1,4 +1,4 @@
-"""Where and how every trigger link can truly be moved: for oracles only."""
+"""True contacts of every trigger link and the directions that move it: for oracles only."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Is a dataset what it says? Its boards are made again from the recorded configuration, its actions executed again.
+"""Regenerates a dataset: boards from the recorded configuration, actions executed again, hashes compared.
 
 Boards and discrete states must be equal, joints within 1e-5, images equal where the renderer's fingerprint is the
 recorded one, else close (`episodes.episode_diff`). The result is a dataset of its own; a stopped call continues.

@@ -1,4 +1,4 @@
-"""Does SAPIEN render here? `python -m busybot.sim.vulkan_check` renders a tiny image and prints one JSON object.
+"""Checks that SAPIEN renders here: `python -m busybot.sim.vulkan_check` renders a tiny image and prints a JSON object.
 
 A bad Vulkan driver can crash the process, at exit too, or hang: so `run` asks in a process of its own with a time
 limit. Importing this module imports nothing but the standard library: the set-up runs it from outside of `.venv`.

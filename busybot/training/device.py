@@ -1,4 +1,4 @@
-"""Where networks run: on a GPU if there is one, and in how many threads on a CPU."""
+"""Chooses the device of networks: a GPU if there is one, and the number of threads on a CPU."""
 
 import os
 from collections.abc import Iterator

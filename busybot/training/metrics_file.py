@@ -1,4 +1,4 @@
-"""What a training tells while it runs: lines of JSON in a file, lines of text on standard error."""
+"""Metrics of a running training: lines of JSON in a file, lines of text on standard error."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""Which boards a training holds back to judge by.
+"""Holds boards of a training back to judge by.
 
 Boards of one appearance group look alike, so a group is trained on or held out as a whole.
 """

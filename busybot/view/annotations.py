@@ -1,4 +1,4 @@
-"""What all pictures say about an episode: names, places, what changed, which edges are right. No drawing here."""
+"""Annotations shared by all pictures of an episode: names, places, changes, right and wrong edges. No drawing here."""
 
 import re
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What `busybot dataset` prints for people."""
+"""Prints the answers of `busybot dataset` for people."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any

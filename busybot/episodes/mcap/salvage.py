@@ -1,4 +1,4 @@
-"""What can be saved of an MCAP file that was cut off or damaged.
+"""Recovers the readable part of an MCAP file that was cut off or damaged.
 
 Whole chunks are taken if their checksum fits. Of the chunk in which a file was cut off, all that decompresses is taken:
 there no checksum vouches for it, so the caller compares with what else is known. A damaged chunk is not taken, because

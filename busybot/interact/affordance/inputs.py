@@ -1,4 +1,4 @@
-"""What the interaction networks see (paper appendix A.1, "Network detail"): height above the board and surface normals.
+"""Inputs of the interaction networks (paper appendix A.1, "Network detail"): height above the board, surface normals.
 
 The paper concatenates the depth image with normals from neighbouring world coordinates. Here the first channel is the
 height above the board instead of the distance from the camera, so that a shape looks the same all over the board. The

@@ -1,4 +1,4 @@
-"""What the `paper` variant's networks see: whole pictures (paper appendix A.1 "Network detail").
+"""Inputs of the `paper` variant's networks: whole pictures (paper appendix A.1 "Network detail").
 
 Four channels: the depth image and the surface normals from the cross product of neighbouring world coordinates; or
 three of colours. For the direction network one more, a 2-D Gaussian at the selected position.

@@ -1,4 +1,4 @@
-"""What the agent remembers of one board: the links that it saw moving, what responded, and what failed where.
+"""The policy's memory of one board: the links that it saw moving, what responded, and what failed where.
 
 The paper keeps a count of picks per window (UCB, section 3.1). Here what moved around a rewarded action becomes one
 link, so that neighbouring buttons stay apart, and a failure lowers the belief in what lies near it. An object that

@@ -1,4 +1,4 @@
-"""Where something can be held, direction pairs and probabilities (paper section 3.1)."""
+"""Direction pairs, their scores and probabilities, and what is elevated enough to be held (paper section 3.1)."""
 
 import numpy as np
 

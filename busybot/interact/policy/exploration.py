@@ -1,4 +1,4 @@
-"""Who collects the data of a training round: many places, and at each one direction pair after the other.
+"""Policies that collect a training round: many places, and at each one direction pair after the other.
 
 Round 0 knows nothing: it visits the elevated connected components evenly and inside of one half of the time its rarer
 heights and slopes, because small movable parts are a small share of all pixels. Later rounds look with the network of

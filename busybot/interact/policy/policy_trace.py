@@ -1,4 +1,4 @@
-"""What a model makes of a recorded episode, for pictures: affordance, candidates and known links before every action.
+"""Traces a model through a recorded episode: affordance, candidates and known links before every action.
 
 A function of the episode and the model: whoever acted, the memory is told what the recorded actions led to.
 """

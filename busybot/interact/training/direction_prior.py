@@ -1,4 +1,4 @@
-"""What to try where a direction failed, from experience.
+"""Learns from experience which direction pairs to try after one failed.
 
 The direction network has an opinion on every pair of directions by itself. That some of them are right or wrong
 together (what is not pressed is pulled sideways) it cannot say. Recorded training does: where pair i failed and another

@@ -1,4 +1,4 @@
-"""Which links of a raw object move, how far, and which way: measured on the vertices at both ends of each joint."""
+"""Measures which links of a raw object move, how far and which way, on the vertices at both ends of each joint."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

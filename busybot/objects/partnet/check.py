@@ -1,4 +1,4 @@
-"""What is wrong with each object of a library: every object is read, however many are bad.
+"""Checks every object of a library and lists its faults, however many are bad.
 
 Of a bad object everything is told that can be found separately: each field of the annotation, the first fault of the
 URDF, each mesh.

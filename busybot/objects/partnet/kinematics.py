@@ -1,4 +1,4 @@
-"""Where an object's parts are, for given joint positions: forward kinematics over mesh vertices. No simulator.
+"""Forward kinematics over mesh vertices: an object's parts for given joint positions. No simulator.
 
 The annotation's boxes cannot be trusted for placing: on most of the 58 objects y is mirrored (on lamps x too), the
 toys' boxes are too small. The layout of a board needs what the object really occupies.

@@ -1,4 +1,4 @@
-"""What training switches stand on: bases of many outlines and thicknesses, and clutter that does not move.
+"""Bases of training switches, of many outlines and thicknesses, and clutter that does not move.
 
 Clutter keeps a policy from taking everything that stands out for a switch: screws, labels, vents, bumps, pegs, jewels.
 It is small, low, and has no gap around it.

@@ -1,4 +1,4 @@
-"""What a procedural object is made of, before it is written: materials, parts, links, annotation.
+"""The design of a procedural object before it is written: materials, parts, links, annotation.
 
 Designs are in board units, upright: x right, y up in the picture, z to the camera, the board's surface at z = 0.
 """

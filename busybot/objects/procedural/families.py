@@ -1,4 +1,4 @@
-"""Which procedural objects there are: families, how many of each, and their split.
+"""The families of procedural objects, how many of each there are, and their split.
 
 Novel families have shapes that no training family has, in every role: two-state, small-displacement, multi-link and
 multi-direction triggers, lamps, doors and toys.

@@ -1,4 +1,4 @@
-"""What hands take hold of, in many shapes: caps to press, grips to slide, heads of levers. Made of one solid or a few.
+"""Grips in many shapes: caps to press, grips to slide, heads of levers. Made of one solid or a few.
 
 Everything stands around the z axis. Caps have their upper rim at z = 0 and a skirt below; grips and heads stand on it.
 """

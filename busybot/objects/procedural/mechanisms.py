@@ -1,4 +1,4 @@
-"""How links of training switches move: pressed, swung, hinged at an end, slid along x, turned about z.
+"""Joints of training switches: pressed, swung, hinged at an end, slid along x, turned about z.
 
 Parts are given around the origin, or around the hinge; `at` says where that is on the object.
 """

@@ -1,4 +1,4 @@
-"""What actions on this board are known to have done: the history's and the rollout's, told from features alone.
+"""Remembers what actions on this board did, in the history and the rollout, told from features alone.
 
 Every link of these boards drives one responder, so the place that was touched names the responder, and a responder's
 look names the state of its link. Looks of a responder are numbered; a look that differs by less than the threshold, or

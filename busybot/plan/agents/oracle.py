@@ -1,4 +1,4 @@
-"""What knows the truth, for rows that are marked as oracles: nothing here is offered to any other agent.
+"""Oracles, for rows that are marked as such: nothing here is offered to any other agent.
 
 - `OracleAgent`: brings every trigger link to its goal state, by contacts that work.
 - `OracleProposals`: in place of the interaction model's candidates, one that works for every link ("true candidates").

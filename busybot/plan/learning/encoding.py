@@ -1,4 +1,4 @@
-"""What learned agents see at every decision, as arrays of one size (paper appendix "Planning module").
+"""Encodes learned agents' observations as arrays of one size (paper appendix "Planning module").
 
 The paper gives its agents BC and PPO the present observation, the goal's, the action candidates, and the interaction
 history through an LSTM, and asks for the index of an action. A rollout is therefore a row of observations: those of the

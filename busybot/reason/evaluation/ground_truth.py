@@ -1,4 +1,4 @@
-"""What really controls what and which states objects have, for evaluators only.
+"""True relations and states of a recorded board, for evaluators only.
 
 Nothing in `busybot.reason` that infers or predicts may import this module.
 """

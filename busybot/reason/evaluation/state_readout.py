@@ -1,4 +1,4 @@
-"""Which state a predicted feature shows (protocol "Reasoning", Pred-A); for evaluators only.
+"""Reads the state that a predicted feature shows (protocol "Reasoning", Pred-A); for evaluators only.
 
 Judges read features of one board's objects into states and hold what they should read. The primary judge takes the
 nearest of the states that the same object showed on this board. The other one uses decoders, see `decoders`.

@@ -1,4 +1,4 @@
-"""What each object looks like in each frame: its own pixels within its first-frame box, every look once.
+"""Appearances of each object in each frame: its own pixels within its first-frame box, each appearance once.
 
 A place of the box that an intruder hides keeps what it showed before, so that a neighbour's door that swings in front
 of a lamp does not change the lamp. Pictures that did not change are not looked at again, and neither are boxes in which

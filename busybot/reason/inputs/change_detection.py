@@ -1,4 +1,4 @@
-"""Which objects look different after a step: changed pixels, each given to the object that it shows.
+"""Detects which objects look different after a step: changed pixels, each given to the object that it shows.
 
 A changed pixel of an object's box counts when it shows the object before or after, and no intruder at all (see
 `reason.inputs.object_masks`).

@@ -1,4 +1,4 @@
-"""What models of relations see of one board: features, positions and actions as arrays.
+"""One board as arrays for models of relations: features, positions and actions.
 
 Made from `ObservedEpisode` and the features of its pictures, so it holds nothing that a reasoner may not know (protocol
 "Who may read what"). Triggers have no features, as in the paper.

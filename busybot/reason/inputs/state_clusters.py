@@ -1,4 +1,4 @@
-"""Which states an object showed on a board, told from its features alone, without labels.
+"""Clusters an object's features on a board into the states that it showed, without labels.
 
 Frames in which an object looks alike form a cluster. Two looks are alike when they lie nearer than a threshold, which
 is fixed once on training objects: between the distances of looks of one state (JPEG, a neighbour in front) and those of

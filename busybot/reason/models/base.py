@@ -1,4 +1,4 @@
-"""What a model of relations and effects has to offer, whatever is inside.
+"""The interface of reasoners: the graph that they infer and the predictions that they make.
 
 What a reasoner says about one episode, as plain data: metrics, tables and pictures read it alike.
 """

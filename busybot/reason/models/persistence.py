@@ -1,4 +1,4 @@
-"""What needs no look at the board, to stand beside every result: it says what a number is worth."""
+"""Trivial predictions that need no look at the board and stand beside every result: they say what a number is worth."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Who infers relations: by name or folder, and from what was recorded to a graph for whoever only wants the answer.
+"""Reasoners by name or folder, and inference from a recorded episode to a graph in one call.
 
 `count` and `pc` read what was observed and infer a graph alone. The others are reasoners: they read features and
 predict, too.

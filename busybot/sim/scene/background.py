@@ -1,4 +1,4 @@
-"""What every board stands on: the slab with its texture and colour, and the table beneath. Looks only."""
+"""The slab with its texture and colour, and the table beneath: the background of every board, for looks only."""
 
 from typing import Any
 

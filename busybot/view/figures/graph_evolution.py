@@ -1,4 +1,4 @@
-"""How a reasoner's graph grows over a board, step by step, beside its scores on the board.
+"""Draws how a reasoner's graph grows over a board, step by step, beside its scores on the board.
 
 The paper's figures of step-by-step refinement (section 4.2): the graph over the picture after a few numbers of steps.
 """

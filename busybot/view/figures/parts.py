@@ -1,4 +1,4 @@
-"""What figures are made of: a page, a picture cut to the board, names, arrows, arcs. Matplotlib without pyplot."""
+"""Parts of figures: a page, a picture cut to the board, names, arrows, arcs. Matplotlib without pyplot."""
 
 import io
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""Which gates are reached, missed, or not measured; each missed one with how much it is missed by."""
+"""Verdicts on gates: reached, missed and by how much, or not measured."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

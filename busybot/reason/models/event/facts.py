@@ -1,4 +1,4 @@
-"""What the networks of the `event` model read: one table of columns for every vector of facts.
+"""Fact vectors of the `event` model's networks: one table of columns for each.
 
 Distances between looks are in units of the smallest change, those between contacts in board units. Nothing depends on
 what objects look like, where a board stands or which way it is turned about its normal.

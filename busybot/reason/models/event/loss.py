@@ -1,4 +1,4 @@
-"""How likely the event model finds what happened: the loss, and how the two stages and the edges enter it.
+"""The event model's loss: the likelihood of what happened, by its two stages and the edges.
 
 After a step a responder looks as before, or, if its trigger was acted on, as before or after a past change of it, or
 like nothing seen yet. Around each known look there is a bell, so a step has a likelihood; a responder's steps together

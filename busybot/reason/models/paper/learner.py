@@ -1,4 +1,4 @@
-"""What the training loop asks of the `paper` model: the schedule of its iterations, and its judgements.
+"""The `paper` model's side of the training loop: the schedule of its iterations, and its judgements.
 
 Training of the `paper` model: one iteration, and the order of the boards (paper section 3.2, appendix A.1).
 

@@ -1,4 +1,4 @@
-"""What the paper's graph networks are built of (paper appendix A.1 "Reasoning module", "Network details").
+"""Parts of the paper's graph networks (paper appendix A.1 "Reasoning module", "Network details").
 
 An edge leads from a sender j to a receiver i. Nodes and edges have any number of frames, each computed on its own but
 for the convolution over time. Letters: M nodes, P edges, F frames, D and E numbers of a node and of an edge.

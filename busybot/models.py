@@ -44,7 +44,7 @@ class Card(BaseModel):
 
 
 @dataclass(frozen=True)
-class ModelCard:
+class ModelDescription:
     """What a model's folder tells.
 
     Attributes:
@@ -124,7 +124,7 @@ def find(name_or_path: str) -> Path:
     return find_folder(name_or_path, *SHIPPED)
 
 
-def model_card(folder: Path) -> ModelCard:
+def describe_model(folder: Path) -> ModelDescription:
     """Read what a model's folder says about it.
 
     Raises:
@@ -134,7 +134,7 @@ def model_card(folder: Path) -> ModelCard:
     training, shipped = card.training, _is_shipped(folder)
     told = {key: value for key, value in training.items() if key not in NOT_FIGURES}
     licence = training.get("licence")
-    return ModelCard(
+    return ModelDescription(
         name=_name(folder),
         skill=skill,
         kind=kind,

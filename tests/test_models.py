@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 from busybot.cli.main import app
 from busybot.common.errors import BusybotError
 from busybot.interact.affordance.load import load_model
-from busybot.models import find, model_card, models_below, shipped_models, verify
+from busybot.models import describe_model, find, models_below, shipped_models, verify
 from busybot.plan.learning.network import PolicyInfo, PolicyNetwork, read_policy
 from busybot.reason.models.event.config import EventConfig, EventNetConfig
 from busybot.reason.models.event.networks import EventNet
@@ -68,7 +68,7 @@ def test_policies_that_plan_are_models_like_others(tmp_path: Path) -> None:
     folder = tmp_path / "bc" / "model"
     info = PolicyInfo(agent="bc", encoder="embedded", training={"seed": 5})
     save_model(folder, info, PolicyNetwork(info.net).state_dict())
-    told = model_card(find(str(folder.parent)))
+    told = describe_model(find(str(folder.parent)))
     assert (told.skill, told.kind, told.seed, list(told.hashes)) == ("plan", "bc", 5, ["weights.safetensors"])
     assert verify(folder).ok
     with (folder / "weights.safetensors").open("r+b") as file:
@@ -94,7 +94,7 @@ def test_every_shipped_model_has_a_card_a_licence_and_its_data() -> None:
 
 
 def test_what_is_told_of_a_model_of_ones_own(folder: Path) -> None:
-    told = model_card(find(str(folder.parent)))
+    told = describe_model(find(str(folder.parent)))
     assert (told.skill, told.kind, told.seed, told.licence, told.shipped) == ("reason", "event", 3, None, False)
     assert told.parameters == sum(value.numel() for value in EventNet(CONFIG.net).state_dict().values())
     assert told.bytes == sum(path.stat().st_size for path in folder.iterdir())
@@ -159,7 +159,7 @@ def test_a_card_cannot_lead_out_of_its_folder(folder: Path) -> None:
 def test_what_is_no_model_is_told_by_name(tmp_path: Path) -> None:
     (tmp_path / "model.json").write_text('{"surprise": 1}')
     with pytest.raises(BusybotError, match="not a model's card"):
-        model_card(tmp_path)
+        describe_model(tmp_path)
     (tmp_path / "empty").mkdir()
     assert run("models", "list", str(tmp_path / "empty")).exit_code == 1
     done = run("models", "info", "nonesuch", "--json")

@@ -8,7 +8,7 @@ import typer
 from busybot.cli.common import CONTEXT, JsonOption, counted, print_json, say
 
 if TYPE_CHECKING:
-    from busybot.models import ModelCard, ModelVerdict
+    from busybot.models import ModelDescription, ModelVerdict
 
 app = typer.Typer(
     add_completion=False,
@@ -33,9 +33,9 @@ def list_(
     from rich.console import Console
     from rich.table import Table
 
-    from busybot.models import model_card, models_below, shipped_models
+    from busybot.models import describe_model, models_below, shipped_models
 
-    found = [model_card(path) for path in (shipped_models() if folder is None else models_below(folder))]
+    found = [describe_model(path) for path in (shipped_models() if folder is None else models_below(folder))]
     if json:
         print_json({"models": found})
         return
@@ -56,9 +56,9 @@ def list_(
 @app.command()
 def info(model: ModelArgument, json: JsonOption = False) -> None:
     """Tell what a model is, which data it was trained on, and how well it did in training."""
-    from busybot.models import find, model_card
+    from busybot.models import describe_model, find
 
-    told = model_card(find(model))
+    told = describe_model(find(model))
     if json:
         print_json(told)
     else:
@@ -99,7 +99,7 @@ def _found(verdict: "ModelVerdict") -> str:
     return f"{verdict.name}: {verdict.skill}, {verdict.kind}, {hashes}, {loads}: {found}"
 
 
-def _lines(told: "ModelCard") -> list[str]:
+def _lines(told: "ModelDescription") -> list[str]:
     """What `info` prints."""
     lines = [
         f"{told.name}: {told.skill}, {told.kind}, {told.parameters:,} trained values, {told.bytes / 1e6:.1f} MB",

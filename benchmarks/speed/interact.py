@@ -40,7 +40,7 @@ from busybot.interact.policy.policy_factory import (
     fingerprint,
 )
 from busybot.interact.training.config import TrainConfig
-from busybot.interact.training.fast import FastAffordanceLearner, FitJob
+from busybot.interact.training.fast_learner import FastAffordanceLearner, FitJob
 from busybot.interact.training.sample_cache import cache_samples
 from busybot.objects.library import Library
 from busybot.objects.resolve import find

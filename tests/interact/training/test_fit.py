@@ -7,7 +7,7 @@ import pytest
 
 from busybot.interact.affordance.fast_networks import KINDS, Kind
 from busybot.interact.training.config import DirectionFitConfig, FitConfig
-from busybot.interact.training.fast import FastAffordanceLearner, FitJob, fit
+from busybot.interact.training.fast_learner import FastAffordanceLearner, FitJob, fit
 from busybot.interact.training.sample_cache import cache_samples
 from busybot.training.metrics_file import read_metrics
 from tests.episodes.folders import make_dataset

@@ -50,7 +50,6 @@ from busybot.training.model_cards import INFO_FILE as MODEL_FILE
 from busybot.training.plots import Panel, draw, judgements
 from busybot.training.run_folder import begin_folder, learner_versions
 
-
 FIT_SECONDS = 7 * 86400.0
 """One network may be trained for so long in one round."""
 

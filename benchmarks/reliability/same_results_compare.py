@@ -29,6 +29,7 @@ UNCOMPARED = {
     "html": "where a report lies",
     "markdown": "where a report lies",
     "mend": "advice in an error, as it was called before",
+    "exploring_cpu_minutes": "a time",
     "hint": "advice in an error",
 }
 """Keys that are neither recorded nor compared, with the reason."""

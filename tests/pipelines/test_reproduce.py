@@ -68,7 +68,7 @@ def kill_after_episodes(project: Path, count: int) -> dict[Path, int]:
 
 def walk(project: Path, elsewhere: Path, remote: Path) -> None:
     """The way from a run to a training from pulled files, by the commands of the docs; all but the run itself."""
-    page = (ROOT / "docs" / "reproduce.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "guides" / "reproduce.md").read_text(encoding="utf-8")
     here, there = re.findall(r"(?:^    .+\n)+", page.split("## From a run to data")[1].split("\n## ")[0], re.MULTILINE)
     path = f"{DVC.parent}:{Path(sys.executable).parent}:{os.environ['PATH']}"
     known = {f"GIT_{who}_{what}": "a@b.org" for who in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}

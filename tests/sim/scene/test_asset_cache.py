@@ -16,7 +16,7 @@ from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
 
 SMALL = RenderConfig(width=160, height=120)
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_the_least_recently_used_objects_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:

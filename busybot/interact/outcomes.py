@@ -8,13 +8,13 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.interact.metrics import JudgedAction, JudgedBoard, JudgedLink, Target
 
-Annotated = Mapping[str, Sequence[Sequence[float]]]
+AnnotatedDirections = Mapping[str, Sequence[Sequence[float]]]
 """Object key to its annotated effective directions, not normalised, board frame."""
 OFF_AXIS_DEG = 30.0
 """`off_axis_share` counts successes farther off, whatever angle a veto has (protocol "Interaction")."""
 
 
-def judge_episode(episode: Episode, annotated: Annotated, delta: int) -> JudgedBoard:
+def judge_episode(episode: Episode, annotated: AnnotatedDirections, delta: int) -> JudgedBoard:
     """Put the truth beside every action.
 
     Args:

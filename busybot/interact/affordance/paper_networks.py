@@ -23,7 +23,7 @@ from busybot.interact.affordance.inputs import CHANNELS, Inputs
 
 DOWN_WIDTHS = (32, 64, 128, 256)
 UP_WIDTHS = (128, 64, 32, 2)
-DIRECTION_WIDTHS = (32, 64, 128, 256, 512, 512, 512)
+PAPER_DIRECTION_WIDTHS = (32, 64, 128, 256, 512, 512, 512)
 EMBEDDING_WIDTHS = (256, 256)
 SCORE_WIDTHS = (1024, 1024, 1024, DIRECTION_COUNT)
 SIZE = (480, 640)
@@ -78,13 +78,13 @@ class PaperDirectionNet(nn.Module):
         super().__init__()
         self.register_buffer("size", torch.tensor(size))
         layers: list[nn.Module] = []
-        for number, (a, b) in enumerate(zip((channels + 1, *DIRECTION_WIDTHS), DIRECTION_WIDTHS, strict=False)):
+        for number, (a, b) in enumerate(zip((channels + 1, *PAPER_DIRECTION_WIDTHS), PAPER_DIRECTION_WIDTHS, strict=False)):
             layers += [nn.MaxPool2d(2)] if number else []
             layers += [nn.Conv2d(a, b, 3, padding=1), nn.ReLU(inplace=True)]
         self.convolutions = nn.Sequential(*layers)
-        shrink = 2 ** (len(DIRECTION_WIDTHS) - 1)
+        shrink = 2 ** (len(PAPER_DIRECTION_WIDTHS) - 1)
         cells = (size[0] // shrink) * (size[1] // shrink)
-        self.embed = nn.Sequential(nn.Flatten(), *_perceptron(DIRECTION_WIDTHS[-1] * cells, EMBEDDING_WIDTHS))
+        self.embed = nn.Sequential(nn.Flatten(), *_perceptron(PAPER_DIRECTION_WIDTHS[-1] * cells, EMBEDDING_WIDTHS))
         self.score = nn.Sequential(*_perceptron(EMBEDDING_WIDTHS[-1], SCORE_WIDTHS)[:-1])  # the last are logits
 
     def forward(self, features: Tensor) -> Tensor:

@@ -28,7 +28,7 @@ from busybot.view.figures.parts import (
 )
 from busybot.view.palette import ACTION, CORRECT, INK, MUTED, WRONG, unit
 
-COLUMNS = 6
+PICTURES_PER_ROW = 6
 FEWEST = 3
 """Pictures are not larger than with so many in a row."""
 WORDS_HEIGHT = 0.52
@@ -39,7 +39,7 @@ LINES = 4
 
 
 def sequence_figure(path: Path, episode: Episode, root: Path | None = None) -> Path:
-    """A rollout as a row of pictures, in several rows if there are more than `COLUMNS`.
+    """A rollout as a row of pictures, in several rows if there are more than `PICTURES_PER_ROW`.
 
     Raises:
         BusybotError: the episode has no goal.
@@ -49,7 +49,7 @@ def sequence_figure(path: Path, episode: Episode, root: Path | None = None) -> P
         what = f"board {episode.board.index}: the episode has no goal, so there is no planning sequence"
         raise BusybotError(what, "record rollouts: busybot eval plan DATASET --record DIR")
     pictures = steps + 2
-    rows = -(-pictures // COLUMNS)
+    rows = -(-pictures // PICTURES_PER_ROW)
     columns = -(-pictures // rows)  # rows of about equal length
     side = WIDTH / max(columns, FEWEST)
     figure = page(side * columns, rows * (side + 0.18 + WORDS_HEIGHT) + 0.3)

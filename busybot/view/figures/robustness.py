@@ -9,7 +9,7 @@ from matplotlib.ticker import PercentFormatter
 from busybot.view.figures.parts import page, plain_axes, save
 from busybot.view.palette import ACTION, INK, MUTED, RESPONDER, TRIGGER, Rgb, unit
 
-WIDTH, HEIGHT, COLUMNS = 9.6, 7.6, 5
+PAGE_INCHES, DISTURBANCES_PER_ROW = (9.6, 7.6), 5
 """Inches, and disturbances side by side."""
 OTHERS: tuple[Rgb, ...] = ((25, 180, 120), (150, 115, 245))
 """Of trained models after the first."""
@@ -32,12 +32,12 @@ def robustness_figure(path: Path, result: dict[str, Any], root: Path | None = No
         root: the folder that the user named, if it is not the one the picture lies in; see `files`.
     """
     names = [name for name in result["disturbances"] if name in result["rows"]]
-    bands = -(-len(names) // COLUMNS)
-    figure = page(WIDTH, HEIGHT * bands / 2 + 0.3)
-    grid = figure.subplots(2 * bands, COLUMNS, squeeze=False, sharey=True)
+    bands = -(-len(names) // DISTURBANCES_PER_ROW)
+    figure = page(PAGE_INCHES[0], PAGE_INCHES[1] * bands / 2 + 0.3)
+    grid = figure.subplots(2 * bands, DISTURBANCES_PER_ROW, squeeze=False, sharey=True)
     styles = _styles(list(result["models"]))
-    for place in range(bands * COLUMNS):
-        band, column = divmod(place, COLUMNS)
+    for place in range(bands * DISTURBANCES_PER_ROW):
+        band, column = divmod(place, DISTURBANCES_PER_ROW)
         for half, score in enumerate(SCORES):
             axes = grid[2 * band + half, column]
             if place < len(names):

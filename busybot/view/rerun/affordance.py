@@ -18,7 +18,7 @@ from busybot.view.annotations import drawing_scale
 from busybot.view.palette import INK, TRIGGER, Rgb, mix
 from busybot.view.rerun.camera import ARROW_LENGTH, log_action
 
-SPACE = "affordance"
+AFFORDANCE = "affordance"
 PALE = 0.5
 """How much of the picture under the affordance is white."""
 OPAQUE = 230
@@ -31,14 +31,14 @@ CANDIDATE_ARROW = 0.4
 
 def log_thought(recording: rr.RecordingStream, episode: Episode, thought: PolicyTrace) -> None:
     """Everything of one action; the step of the recording's clock is the caller's."""
-    log_pale(recording, SPACE, episode.image(thought.step).rgb)
+    log_pale(recording, AFFORDANCE, episode.image(thought.step).rgb)
     layer = encode_plain(affordance_layer(thought.affordance))
-    recording.log(f"{SPACE}/map", rr.EncodedImage(contents=layer, media_type="image/png", draw_order=0))
+    recording.log(f"{AFFORDANCE}/map", rr.EncodedImage(contents=layer, media_type="image/png", draw_order=0))
     size = 1 / drawing_scale(episode)
     outlines = rr.LineStrips2D(link_outlines(thought.links), colors=INK, radii=1.2 * size, draw_order=10)
-    recording.log(f"{SPACE}/links", outlines)
+    recording.log(f"{AFFORDANCE}/links", outlines)
     _log_candidates(recording, episode, thought, size)
-    log_action(recording, episode, thought.step, SPACE)
+    log_action(recording, episode, thought.step, AFFORDANCE)
 
 
 def log_pale(recording: rr.RecordingStream, space: str, rgb: np.ndarray) -> None:
@@ -79,7 +79,7 @@ def _log_candidates(recording: rr.RecordingStream, episode: Episode, thought: Po
         for score, region in zip(found.scores, found.regions, strict=True)
     ]
     dots = Dots(found.pixels, found.positions, found.best_directions, found.scores, labels)
-    log_dots(recording, f"{SPACE}/candidates", episode, dots, size)
+    log_dots(recording, f"{AFFORDANCE}/candidates", episode, dots, size)
 
 
 @dataclass(frozen=True)

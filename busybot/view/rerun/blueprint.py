@@ -9,15 +9,15 @@ import rerun.blueprint as rrb
 from busybot.episodes.episode import Episode
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import board_bounds
-from busybot.view.rerun.affordance import SPACE as AFFORDANCE
-from busybot.view.rerun.camera import SPACE as GOAL
+from busybot.view.rerun.affordance import AFFORDANCE
+from busybot.view.rerun.camera import GOAL
 from busybot.view.rerun.camera import VIEW_MARGIN
 from busybot.view.rerun.graph import graph_positions
-from busybot.view.rerun.plan import SPACE as CHOICE
+from busybot.view.rerun.plan import CHOICE
 from busybot.view.rerun.plan import has_choices
 from busybot.view.rerun.prediction import LANES
-from busybot.view.rerun.prediction import SPACE as EXPECTED
-from busybot.view.rerun.resim import SPACE as SIMULATOR
+from busybot.view.rerun.prediction import EXPECTED
+from busybot.view.rerun.resim import SIMULATOR
 from busybot.view.rerun.series import relation_states
 
 BACKGROUND = (13, 16, 17)

@@ -101,16 +101,16 @@ def log_action(recording: rr.RecordingStream, episode: Episode, step: int, space
     recording.log(f"{space}/action/direction", arrow)
 
 
-SPACE = "goal"
+GOAL = "goal"
 
 
 def log_goal(recording: rr.RecordingStream, episode: Episode) -> None:
     """The goal image, for the whole episode."""
-    recording.log(f"{SPACE}/image", stored_picture(episode.goals, 0), static=True)
+    recording.log(f"{GOAL}/image", stored_picture(episode.goals, 0), static=True)
 
 
 def log_remaining(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
     """A box around every responder that looks different in the frame."""
     if episode.goal is not None and (frame == 0 or episode.frame_of[frame] != episode.frame_of[frame - 1]):
         boxes = episode.goal.boxes[remaining_responders(episode, frame)]
-        recording.log(f"{SPACE}/remaining", marks(episode, boxes, WRONG))
+        recording.log(f"{GOAL}/remaining", marks(episode, boxes, WRONG))

@@ -15,7 +15,7 @@ from busybot.view.palette import ACTION, INK, TRIGGER, WRONG, text_on_dark
 from busybot.view.rerun.affordance import Dots, log_dots, log_pale
 from busybot.view.rerun.camera import log_action, marks
 
-SPACE = "choice"
+CHOICE = "choice"
 DOTS = 2.0
 """Dots are so much larger than among affordances: they are fewer, and the picture is one of four."""
 LETTERS, LINES = 44, 3
@@ -32,13 +32,13 @@ def has_choices(episode: Episode) -> bool:
 def log_choice(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
     """Everything of the decision for one action; the recording's clock is the caller's."""
     image, size = episode.image(step), 1 / drawing_scale(episode)
-    log_pale(recording, SPACE, image.rgb)
-    recording.log(f"{SPACE}/remaining", marks(episode, image.boxes[remaining_responders(episode, step)], WRONG))
+    log_pale(recording, CHOICE, image.rgb)
+    recording.log(f"{CHOICE}/remaining", marks(episode, image.boxes[remaining_responders(episode, step)], WRONG))
     told = offered(episode, step)
     for name, color in (("proposed", INK), ("repeats", TRIGGER)):
         dots = _dots([one for one in told if (one.step >= 0) == (name == "repeats")])
-        log_dots(recording, f"{SPACE}/{name}", episode, dots, DOTS * size, color)
-    log_action(recording, episode, step, SPACE)
+        log_dots(recording, f"{CHOICE}/{name}", episode, dots, DOTS * size, color)
+    log_action(recording, episode, step, CHOICE)
     _log_reason(recording, episode, step)
 
 
@@ -51,7 +51,7 @@ def _log_reason(recording: rr.RecordingStream, episode: Episode, step: int) -> N
     label = rr.Points2D(
         [place], labels=["\n".join(lines)], colors=text_on_dark(ACTION), radii=0.0, show_labels=bool(lines)
     )
-    recording.log(f"{SPACE}/reason", label)
+    recording.log(f"{CHOICE}/reason", label)
 
 
 def _dots(told: list[LoggedContact]) -> Dots:

@@ -13,7 +13,7 @@ from busybot.view.palette import CORRECT, MUTED, STATES, WRONG, Rgb, text_on_dar
 from busybot.view.rerun.affordance import log_pale
 from busybot.view.rerun.camera import VIEW_MARGIN, log_action
 
-SPACE = "expected"
+EXPECTED = "expected"
 LANES = "expectations"
 LETTER, LINE = 6.4, 26.0
 """Width of a label's letter and height of a label with its distance, drawing units, in a picture of the usual size."""
@@ -58,13 +58,13 @@ def log_foreseen(recording: rr.RecordingStream, episode: Episode, foreseen: Expl
     if frame > 0:
         right = not len(foreseen.wrong(frame - 1))
         text = rr.TextLog(words(episode, foreseen, frame - 1), level="INFO", color=CORRECT if right else WRONG)
-        recording.log(f"log/{SPACE}", text)
+        recording.log(f"log/{EXPECTED}", text)
 
 
 def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Explanation, frame: int) -> None:
     """The picture, paler, with a box and a word on every responder that changed or should have."""
     image = episode.image(frame)
-    log_pale(recording, SPACE, image.rgb)
+    log_pale(recording, EXPECTED, image.rgb)
     seen = [int(index) for index in visible(image) if foreseen.judged[index]]
     marks = [_mark(foreseen, frame, index) for index in seen]
     boxes, size = image.boxes[seen].astype(float).reshape(-1, 4), 1 / drawing_scale(episode)
@@ -72,14 +72,14 @@ def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Expl
     outlines = rr.Boxes2D(
         mins=boxes[:, :2], sizes=boxes[:, 2:] - boxes[:, :2], colors=[color for color, _ in marks], radii=radii
     )
-    recording.log(f"{SPACE}/objects", outlines)
+    recording.log(f"{EXPECTED}/objects", outlines)
     names, told = object_names(episode.board), [number for number, (_, text) in enumerate(marks) if text]
     labels = [f"{names[seen[number]]}: {marks[number][1]}" for number in told]
     below = label_places(episode, boxes[told], labels)
     tinted = [text_on_dark(marks[number][0]) for number in told]
-    recording.log(f"{SPACE}/words", rr.Points2D(below, labels=labels, colors=tinted, radii=0.0, show_labels=True))
+    recording.log(f"{EXPECTED}/words", rr.Points2D(below, labels=labels, colors=tinted, radii=0.0, show_labels=True))
     if frame > 0:
-        log_action(recording, episode, frame - 1, SPACE)
+        log_action(recording, episode, frame - 1, EXPECTED)
 
 
 def label_places(episode: Episode, boxes: np.ndarray, labels: list[str]) -> np.ndarray:

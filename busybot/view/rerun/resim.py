@@ -7,7 +7,7 @@ from busybot.episodes.codec import encode_plain, encode_rgb
 from busybot.episodes.episode import Episode
 from busybot.episodes.episode_diff import COLOUR_TOLERANCE
 
-SPACE = "simulator"
+SIMULATOR = "simulator"
 MARK = (140, 30, 240)
 """Of pixels that differ, in the order of OpenCV."""
 
@@ -15,9 +15,9 @@ MARK = (140, 30, 240)
 def log_replayed(recording: rr.RecordingStream, episode: Episode, step: int, picture: np.ndarray) -> None:
     """One step; the recording's clock is the caller's. `picture` is uint8 (H, W, 3)."""
     encoded = rr.EncodedImage(contents=encode_rgb(picture, "jpeg"), media_type="image/jpeg", draw_order=-10)
-    recording.log(f"{SPACE}/picture", encoded)
+    recording.log(f"{SIMULATOR}/picture", encoded)
     layer = encode_plain(difference_layer(episode.image(step).rgb, picture))
-    recording.log(f"{SPACE}/differences", rr.EncodedImage(contents=layer, media_type="image/png", draw_order=0))
+    recording.log(f"{SIMULATOR}/differences", rr.EncodedImage(contents=layer, media_type="image/png", draw_order=0))
 
 
 def difference_layer(recorded: np.ndarray, picture: np.ndarray) -> np.ndarray:

@@ -221,7 +221,7 @@ def _load_interact(folder: Path, _: str) -> None:
 
 
 def _load_reason(folder: Path, _: str) -> None:
-    from busybot.reason.models.model_folder import load_reasoner
+    from busybot.reason.models.registry import load_reasoner
 
     load_reasoner(folder)
 

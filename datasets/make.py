@@ -13,6 +13,8 @@ import shutil
 import sys
 from pathlib import Path
 
+from busybot.objects.catalogue import kinds
+
 from busybot.boards.config import BoardConfig
 from busybot.common.atomic_io import scan, write_json
 from busybot.common.errors import BusybotError
@@ -22,7 +24,6 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
 from busybot.datasets.manifest import is_frozen
 from busybot.datasets.verify import verify
-from busybot.objects.catalogue import kinds
 from busybot.objects.library import SPLIT_FILE, Library
 from busybot.objects.partnet.folder_snapshot import read_snapshot
 from busybot.objects.resolve import find

@@ -195,8 +195,7 @@ def _check_agents(file: Path, tasks: Tasks) -> None:
 
 def stage_configs(profile: Profile) -> dict[str, type[BaseModel]]:
     """What the other files of a profile are read as, by name; PyTorch is imported only here."""
-    from busybot.interact.training.config import TrainConfig
-    from busybot.interact.training.paper_config import PaperConfig
+    from busybot.interact.training.config import PaperConfig, TrainConfig
     from busybot.reason.train import CONFIGS
 
     interact = PaperConfig if profile.interact.model == "paper" else TrainConfig

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from busybot.common.atomic_io import read_json, write_atomically
-from busybot.interact.affordance.fast_networks import KINDS
-from busybot.training.metrics_file import read_metrics
+from busybot.interact.affordance.networks import KINDS
+from busybot.training.run_folder import read_metrics
 
 SHOWN = {
     "interact": ("judged/{}/result.json", ("precision", "recall", "precision_exploring", "boards")),

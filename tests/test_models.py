@@ -17,7 +17,7 @@ from busybot.models import describe_model, find, models_below, shipped_models, v
 from busybot.plan.learning.network import PolicyInfo, PolicyNetwork, read_policy
 from busybot.reason.models.event.config import EventConfig, EventNetConfig
 from busybot.reason.models.event.networks import EventNet
-from busybot.reason.models.model_folder import ReasonerInfo, load_reasoner
+from busybot.reason.models.registry import ReasonerInfo, load_reasoner
 from busybot.training.checkpoint import save_model
 from busybot.training.device import threads
 from tests.reason.boards import make_boards

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from busybot.cli.main import COMMANDS, load_command
-from busybot.episodes.mcap import topics
+from busybot.episodes.mcap import messages as topics
 from busybot.episodes.mcap.messages import PACKAGE
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS, TABLES, Column, StepField
 from busybot.view.report.page import Block, Heading, Text, markdown, plain_grid

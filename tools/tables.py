@@ -8,7 +8,7 @@ from typing import Any
 from benchmarks.studies.disturbances import DISTURBANCES
 from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, REASONING, TABLES, Table
 from busybot.evaluation.results import read_result
-from busybot.view.figures.robustness import BASELINES, strength_words
+from busybot.view.figures.curves import BASELINES, strength_words
 from busybot.view.report.page import Entry, Grid, Items, Text, markdown, number, plain_grid, spread
 from busybot.view.report.results import Results, RowFound, read_results, rows_of
 from busybot.view.report.sections import table_grid

@@ -38,9 +38,8 @@ from busybot.sim.builtin_policies import RandomPolicy, ScriptedFactory, Scripted
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.policy import Policy, oracle_observation
 from busybot.sim.recorder import grasp_at, record_episode
-from busybot.sim.scene.background import Surroundings
 from busybot.sim.scene.board_scene import BoardScene, Simulator
-from busybot.sim.scene.render import RenderConfig
+from busybot.sim.scene.render import RenderConfig, Surroundings
 
 STEPS = 30
 SEED = 1

@@ -31,8 +31,8 @@ from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.camera import Rays
 from busybot.episodes.mcap.writer import write_episode
-from busybot.interact.affordance.fast_networks import KINDS, Kind
 from busybot.interact.affordance.load import load_model
+from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.policy.policy_factory import (
     DEFAULT_MODEL,
     ExplorePolicyFactory,

@@ -27,15 +27,15 @@ import torch
 
 from benchmarks.runner import finish, parser, timed
 from busybot.common.rng import generator
-from busybot.interact.affordance.fast_networks import KINDS, Kind
+from busybot.interact.affordance.networks import KINDS, Kind
+from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import PaperTraining
-from busybot.interact.training.paper_config import PaperConfig
 from busybot.interact.training.round_recorder import Recorder, RoundProgress
 from busybot.interact.training.sample_cache import Samples
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
+from busybot.training.checkpoint import parameters_of
 from busybot.training.device import device
-from busybot.training.weights import parameters_of
 
 WARM_UP = 2
 

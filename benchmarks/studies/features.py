@@ -32,7 +32,7 @@ from busybot.objects.library import Library
 from busybot.reason.evaluation.decoders import DecodedState, Linear, appearances, examples, fit_decoders
 from busybot.reason.evaluation.ground_truth import states_of
 from busybot.reason.inputs.feature_store import Features, features_of
-from busybot.reason.inputs.state_clusters import THRESHOLDS, clusters_of, fit_threshold
+from busybot.reason.inputs.sequence import THRESHOLDS, clusters_of, fit_threshold
 
 ENCODERS = "embedded,embedded-box,embedded-mask,random"
 

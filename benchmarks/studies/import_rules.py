@@ -21,12 +21,11 @@ import numpy as np
 from benchmarks.runner import finish, parser
 from busybot.common.errors import BusybotError
 from busybot.evaluation.results import package_versions
-from busybot.objects.catalogue import catalogue
 from busybot.objects.importing.auto_annotation import RULES_VERSION, decide
 from busybot.objects.importing.importer import annotate
 from busybot.objects.importing.raw import read_raw
 from busybot.objects.library import Library
-from busybot.objects.model import Effect, ObjectModel
+from busybot.objects.model import Effect, ObjectModel, catalogue
 
 ANGLE_DEG = 30.0
 TURN_DEG = 5.0

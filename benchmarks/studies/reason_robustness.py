@@ -30,19 +30,18 @@ from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.encoders.registry import make_extractor
+from busybot.reason.evaluation.decoders import NearestState, judged_objects
 from busybot.reason.evaluation.evaluate import IMAGES, origin
 from busybot.reason.evaluation.ground_truth import truth_of
 from busybot.reason.evaluation.prediction import BOUND, NEAREST, EvaluatedBoard, JudgedPrediction, judge_prediction
-from busybot.reason.evaluation.state_readout import NearestState, judged_objects
 from busybot.reason.evaluation.summary import JudgedGraph, summarise
-from busybot.reason.inputs.change_detection import ChangeConfig, changes
+from busybot.reason.inputs.object_masks import ChangeConfig, changes
 from busybot.reason.inputs.observation import acted_objects
 from busybot.reason.inputs.sequence import sequence_of
 from busybot.reason.models.base import InferredGraph, Reasoner
 from busybot.reason.models.counting import CountConfig, count_changes
 from busybot.reason.models.lookup import Lookup, LookupConfig
-from busybot.reason.models.model_folder import ReasonerInfo
-from busybot.reason.models.registry import reasoner_of
+from busybot.reason.models.registry import ReasonerInfo, reasoner_of
 from busybot.training.model_cards import WEIGHTS_FILE, find_folder, read_info
 
 KIND, ENCODER = "reason-robustness", "embedded"
@@ -250,7 +249,7 @@ def main() -> None:
     data = {one["name"]: one["content_hash"] for one in (figures["dataset"], figures["png"]) if one}
     finish(KIND, arguments, figures, hashes={"models": models, "data": data})
     if arguments.figure:
-        from busybot.view.figures.robustness import robustness_figure
+        from busybot.view.figures.curves import robustness_figure
 
         robustness_figure(arguments.figure, figures)
 

@@ -208,7 +208,7 @@ def sheet(
 
 
 def _rows(library: "Library") -> list[dict[str, Any]]:
-    from busybot.objects.catalogue import kinds
+    from busybot.objects.model import kinds
 
     rows = []
     for key, model in library.objects.items():

@@ -19,7 +19,7 @@ from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
 from busybot.episodes.digests import Digests, episode_digests
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap import topics
+from busybot.episodes.mcap import messages as topics
 from busybot.episodes.mcap.reader import decode_episode
 from busybot.episodes.mcap.records import parse_records, read_records
 from busybot.episodes.schema import STEP_FIELDS, arrow_schema

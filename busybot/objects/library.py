@@ -12,8 +12,7 @@ from typing import Any
 
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
-from busybot.objects.catalogue import SPLITS, catalogue
-from busybot.objects.model import CATEGORIES, ObjectModel
+from busybot.objects.model import CATEGORIES, SPLITS, ObjectModel, catalogue
 from busybot.objects.partnet.loader import load_object
 
 SPLIT_FILE = "data.json"

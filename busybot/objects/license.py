@@ -8,8 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from busybot.objects import cache
-from busybot.objects.catalogue import catalogue
-from busybot.objects.model import ObjectModel
+from busybot.objects.model import ObjectModel, catalogue
 
 PROCEDURAL = "MIT"
 PARTNET = "PartNet-Mobility terms of use (research; not to be redistributed)"

@@ -1,11 +1,19 @@
-"""Letting an agent play the task of a recorded board, in one simulator."""
+"""Letting an agent play the task of a recorded board, in one simulator.
 
+From a recorded history with a goal picture to what an agent is told before it starts.
+
+Judges rollouts by the true states. For evaluators only.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from busybot.boards.task import MAX_STEPS, task_of
+from busybot.boards.spec import Relation
+from busybot.boards.task import MAX_STEPS, affectable, reached, responder_states, start_states, task_of
+from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
@@ -13,22 +21,132 @@ from busybot.episodes.episode import Episode
 from busybot.interact.policy.board_memory import BoardMemory
 from busybot.interact.policy.candidates import ActionModel
 from busybot.interact.policy.config import PolicyConfig
-from busybot.plan.agent_policy import AgentPolicy, OnlineFeatures
+from busybot.plan.agent_policy import AgentPolicy, Decision, OnlineFeatures
 from busybot.plan.agents.oracle import OracleAgent, OracleProposals, OracleRelations
 from busybot.plan.agents.registry import AgentSpec, MakeAgent, kind_of, name_of
 from busybot.plan.contact_proposals import ContactProposals, LearnedProposals, memory_of, successful_actions
 from busybot.plan.decision_log import notes
-from busybot.plan.interfaces import Agent, TaskContext
-from busybot.plan.metrics import JudgedRollout
-from busybot.plan.outcomes import judge_rollout
-from busybot.plan.task_context import task_context
+from busybot.plan.interfaces import Act, Agent, Stop, TaskContext
+from busybot.plan.metrics import Cause, JudgedResponder, JudgedRollout
 from busybot.reason.encoders.registry import make_extractor
-from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
+from busybot.reason.inputs.observation import ObservedEpisode, goal_of, observe_episode
+from busybot.reason.inputs.sequence import sequence_of, threshold_of
 from busybot.reason.models.base import Reasoner
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import BoardScene, Simulator
 from busybot.sim.scene.render import RenderConfig
+
+
+def task_context(
+    history: Episode, steps: int, encoder: str = "embedded", features: np.ndarray | None = None
+) -> TaskContext:
+    """What agents are told of a task.
+
+    Args:
+        history: the recorded interactions, with a goal.
+        steps: so many actions are allowed.
+        encoder: of the features.
+        features: of the history, (T + 1, N, 256), if they are known already.
+
+    Raises:
+        BusybotError: the history has no goal, or there is no such encoder.
+    """
+    observed, goal, chosen = observe_episode(history), goal_of(history), make_extractor(encoder)
+    if goal is None:
+        what = f"board {history.board.index} has no goal"
+        raise BusybotError(
+            what, "make a dataset with tasks: busybot generate OUT --tasks one-to-one, busybot collect OUT"
+        )
+    worked = np.full(len(history.steps), -1)
+    for one in successful_actions(history):
+        worked[one.step] = one.direction
+    return TaskContext(
+        history=sequence_of(observed, chosen.of(observed) if features is None else features),
+        pixels=np.array([step.pixel for step in history.steps], int).reshape(-1, 2),
+        worked=worked,
+        goal=OnlineFeatures(observed, chosen).see(goal),
+        threshold=threshold_of(encoder),
+        steps=steps,
+    )
+
+
+def judge_rollout(rollout: Episode, policy: AgentPolicy, briefing: TaskContext, edges: np.ndarray) -> JudgedRollout:
+    """Put the truth beside what an agent did.
+
+    Args:
+        rollout: on a board with a task, with segmentation.
+        policy: that acted.
+        edges: bool (N, N), relations that the reasoner claims.
+    """
+    board, steps = rollout.board, rollout.steps
+    start = responder_states(board, start_states(board))
+    right = reached(board, steps[-1].responder_states_after if steps else start)
+    asked = reached(board, start)
+    differing = set(briefing.differing(policy.features).tolist())
+    relations = {relation.responder: relation for relation in board.relations}
+    last = policy.decisions[-1].answer if policy.decisions else None
+    responders = []
+    for index in affectable(board):
+        cause: Cause = ""
+        if not right[index]:
+            cause = _cause(rollout, policy.decisions, relations[index], edges, index not in differing)
+        responders.append(
+            JudgedResponder(
+                object=index,
+                key=board.objects[index].key,
+                kind=relations[index].kind,
+                asked=not asked[index],
+                reached=right[index],
+                looks_reached=index not in differing,
+                cause=cause,
+            )
+        )
+    return JudgedRollout(
+        agent=policy.name,
+        steps=len(steps),
+        succeeded=sum(step.success for step in steps),
+        stopped=last.why if isinstance(last, Stop) else "",
+        responders=tuple(responders),
+        cpu_ms=tuple(round(one.cpu_ms, 3) for one in policy.decisions),
+        model_ms=tuple(round(one.model_ms, 3) for one in policy.decisions),
+        start_ms=round(policy.start_ms, 3),
+    )
+
+
+def _cause(
+    rollout: Episode, decisions: Sequence[Decision], relation: Relation, edges: np.ndarray, looks_reached: bool
+) -> Cause:
+    """Why a responder is not in its goal state; the first of the reasons that applies."""
+    link = (relation.triggers[0].object, relation.triggers[0].link)
+    responder = relation.responder
+    steps = rollout.steps
+    meant = [isinstance(one.answer, Act) and one.answer.responder == responder for one in decisions[: len(steps)]]
+    if any(step.success and (step.acted_object, step.acted_link) == link for step in steps):
+        return "not noticed" if looks_reached else "wrong prediction"
+    if not edges[link[0], responder]:
+        return "wrong relation"
+    if any(one and step.success for one, step in zip(meant, steps, strict=True)):
+        return "wrong prediction"
+    on_link = [(step.acted_object, step.acted_link) == link for step in steps]
+    if any(one or on for one, on in zip(meant, on_link, strict=True)):
+        return "physical failure"
+    if looks_reached:
+        return "not noticed"
+    return "not tried" if _offered(rollout, decisions, link) else "no candidate"
+
+
+def _offered(rollout: Episode, decisions: Sequence[Decision], link: tuple[int, str]) -> bool:
+    """Whether the interaction model proposed a contact on a link, or was not even asked."""
+    codes = [number + 1 for number, one in enumerate(rollout.links) if (one.object, one.name) == link]
+    for number, decision in enumerate(decisions):
+        segmentation = rollout.image(number).segmentation
+        assert segmentation is not None
+        if decision.proposed is None:
+            return True
+        if any(int(segmentation[v, u]) in codes for u, v in (contact.pixel for contact in decision.proposed)):
+            return True
+    return False
 
 
 class PlanConfig(FrozenModel):

@@ -20,14 +20,12 @@ from busybot.datasets.dataset_stats import origin_of
 from busybot.reason.inputs.board_dataset import RecordedBoards, held_apart
 from busybot.reason.inputs.feature_store import Progress, features_of
 from busybot.reason.models.event.config import EventConfig
-from busybot.reason.models.model_folder import ReasonerInfo
 from busybot.reason.models.paper.config import PaperReasonConfig
+from busybot.reason.models.registry import ReasonerInfo
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import Learner, fit
-from busybot.training.metrics_file import read_metrics
 from busybot.training.model_cards import INFO_FILE, read_info
-from busybot.training.plots import Panel, draw, judgements, losses
-from busybot.training.run_folder import begin_folder, learner_versions
+from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, losses, read_metrics
 
 Config = EventConfig | PaperReasonConfig
 CONFIGS: dict[str, type[EventConfig] | type[PaperReasonConfig]] = {"event": EventConfig, "paper": PaperReasonConfig}

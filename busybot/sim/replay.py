@@ -23,10 +23,9 @@ from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError, naming
 from busybot.common.process_pool import run_tasks
 from busybot.episodes.camera import Rays
-from busybot.episodes.codec import encode_rgb
+from busybot.episodes.codec import LazyImages, encode_rgb
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.episode_diff import JOINT_TOLERANCE, ImageDifference, Rule, compare_images, rule_for
-from busybot.episodes.lazy_images import LazyImages
 from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
 from busybot.sim.interaction import Grasp, InteractionConfig, interact

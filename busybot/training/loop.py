@@ -9,6 +9,10 @@ Files of a network NAME in the folder of `fit`:
 checkpoints/NAME.safetensors   weights, optimizer, the best weights so far; and where the training stands (`Progress`)
 metrics/NAME.jsonl             see `metrics_file`
 metrics.csv, metrics.json      the same as a table, and the figures on held-out boards
+
+Holds boards of a training back to judge by.
+
+Boards of one appearance group look alike, so a group is trained on or held out as a whole.
 """
 
 import csv
@@ -26,8 +30,23 @@ from torch import Tensor, nn
 
 from busybot.common.atomic_io import write_atomically, write_json
 from busybot.common.frozen_model import FrozenModel
+from busybot.common.rng import generator
 from busybot.training.checkpoint import Checkpoint, load_weights, restore_training, save_tensors, training_tensors
-from busybot.training.metrics_file import Metrics, read_metrics
+from busybot.training.run_folder import Metrics, read_metrics
+
+
+def groups_apart(groups: set[Any], share: float, seed: int, purpose: str) -> set[Any]:
+    """The groups that are held out.
+
+    Args:
+        share: of them, rounded up; 0 for none. Of a single group none is.
+        purpose: of the draw.
+    """
+    known = sorted(groups)
+    order = generator(seed, "train", 0, purpose).permutation(len(known))
+    count = math.ceil(share * len(known)) if len(known) > 1 else 0
+    return {known[place] for place in order[:count]}
+
 
 BEST = "best."
 """Begins the names of the best weights in a checkpoint."""

@@ -1,14 +1,24 @@
-"""A training's folder: what was asked for, so that the same command continues and another one is refused."""
+"""A training's folder: what was asked for, so that the same command continues and another one is refused.
 
-from collections.abc import Collection
+Metrics of a running training: lines of JSON in a file, lines of text on standard error.
+
+The course of a training as a picture, drawn without a display from its lines of metrics (`metrics_file`).
+"""
+
+import json
+import sys
+import time
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel
 
 from busybot import __version__
-from busybot.common.atomic_io import read_json, scan, write_json
+from busybot.common.atomic_io import read_json, scan, write_atomically, write_json
 from busybot.common.errors import BusybotError
 
 TRAIN_FILE = "train.json"
@@ -52,3 +62,136 @@ def _differences(recorded: Any, wanted: Any, place: str) -> list[str]:
 def learner_versions() -> dict[str, str]:
     """Versions of what decides the weights."""
     return {"busybot": __version__, **{name: version(name) for name in ("torch", "numpy")}}
+
+
+PROGRESS_SECONDS = 15.0
+
+
+class Metrics:
+    """The metrics file of one network: one JSON object per line, in the order of iterations.
+
+    Lines with `loss` hold its mean since the line before, lines with `validation` the figures at a round's end.
+
+    Args:
+        resumed: lines after this iteration are dropped: the training repeats them.
+    """
+
+    def __init__(self, path: Path, name: str, resumed: int, start: int, until: int, every: int):
+        self._path, self._name, self._start, self._until, self._every = path, name, start, until, every
+        kept = (line for line in read_metrics(path) if line["iteration"] <= resumed)
+        self._lines: list[dict[str, Any]] = [line for line in kept if "loss" in line or line["iteration"] < until]
+        self._losses: list[float] = []
+        self._began, self._first, self._told = time.monotonic(), resumed, time.monotonic()
+
+    def add(self, iteration: int, loss: float, rate: float) -> None:
+        """Enter an iteration's loss and learning rate."""
+        self._losses.append(loss)
+        if iteration % self._every == 0 or iteration == self._until:
+            mean = sum(self._losses) / len(self._losses)
+            self._lines.append({"iteration": iteration, "loss": mean, "learning_rate": rate})
+            self._losses = []
+            now = time.monotonic()
+            if now - self._told >= PROGRESS_SECONDS or iteration == self._until:
+                self._told = now
+                self._tell(iteration, mean, (now - self._began) / (iteration - self._first))
+
+    def _tell(self, iteration: int, loss: float, seconds: float) -> None:
+        done, total = iteration - self._start, self._until - self._start
+        left = seconds * (self._until - iteration)
+        text = f"{self._name}: {done} of {total}, loss {loss:.3f}, {1e3 * seconds:.0f} ms each, {left:.0f} s left"
+        print(text, file=sys.stderr, flush=True)
+
+    def end(self, iteration: int, figures: Mapping[str, float | None]) -> None:
+        """Enter the figures of a round's end."""
+        self._lines.append({"iteration": iteration, "validation": dict(figures)})
+        self.write()
+        shown = ", ".join(f"{name} {value:.4f}" for name, value in figures.items() if value is not None)
+        print(f"{self._name}: {shown}", file=sys.stderr, flush=True)
+
+    def write(self) -> None:
+        """Bring the file up to date."""
+        text = "".join(json.dumps(line, sort_keys=True) + "\n" for line in self._lines)
+        write_atomically(self._path, text.encode(), self._path.parent.parent)
+
+
+def read_metrics(path: Path) -> list[dict[str, Any]]:
+    """The lines of a metrics file, none if it does not exist."""
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+
+WIDTH_INCHES, ROW_INCHES = 11.0, 3.25
+MARKED = 60
+"""Curves of fewer points show each of them."""
+
+Lines = Sequence[Mapping[str, Any]]
+Points = Sequence[tuple[float, float | None]]
+"""A value of None is left out."""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One of a picture's panels.
+
+    Attributes:
+        curves: points by label; labels of no points are left out.
+        along: what the x axis counts.
+        logarithmic: the y axis, where there is a curve.
+        shares: the y axis goes from 0 to 1.
+    """
+
+    title: str
+    curves: Mapping[str, Points]
+    along: str = "iteration"
+    logarithmic: bool = False
+    shares: bool = False
+
+
+def losses(lines: Lines) -> Points:
+    """Mean losses of what was trained on."""
+    return [(line["iteration"], line["loss"]) for line in lines if "loss" in line]
+
+
+def judgements(lines: Lines, labels: Mapping[str, str] | None = None) -> dict[str, Points]:
+    """Figures on held-out boards by label.
+
+    Args:
+        labels: of the figures that are wanted, by name; by default all by their names, in alphabetical order.
+    """
+    judged = [line for line in lines if line.get("validation")]
+    if labels is None:
+        labels = {name: name for name in sorted({name for line in judged for name in line["validation"]})}
+    return {
+        label: [(line["iteration"], line["validation"].get(name)) for line in judged] for name, label in labels.items()
+    }
+
+
+def draw(path: Path, panels: Sequence[Sequence[Panel]]) -> Path:
+    """Write the picture with panels [row][column]."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH_INCHES, ROW_INCHES * len(panels)), layout="constrained")
+    grid = figure.subplots(len(panels), len(panels[0]), squeeze=False)
+    for row, of_row in zip(grid, panels, strict=True):
+        for axes, panel in zip(row, of_row, strict=True):
+            _draw_panel(axes, panel)
+    buffer = BytesIO()
+    FigureCanvasAgg(figure).print_png(buffer)
+    write_atomically(path, buffer.getvalue())
+    return path
+
+
+def _draw_panel(axes: Any, panel: Panel) -> None:
+    for label, points in panel.curves.items():
+        known = [(x, y) for x, y in points if y is not None]
+        if known:
+            axes.plot(*zip(*known, strict=True), marker="." if len(known) < MARKED else None, linewidth=1, label=label)
+    axes.set_title(panel.title)
+    axes.set_xlabel(panel.along)
+    axes.grid(alpha=0.3)
+    if axes.get_lines():
+        axes.legend(fontsize="small")
+        if panel.logarithmic:
+            axes.set_yscale("log")
+    if panel.shares:
+        axes.set_ylim(-0.02, 1.02)

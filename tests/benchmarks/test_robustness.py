@@ -14,7 +14,7 @@ from busybot.episodes.episode import Episode, Link
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.evaluation.ground_truth import NOTHING_HELD
 from busybot.reason.inputs.observation import acted_objects
-from busybot.view.figures.robustness import robustness_figure
+from busybot.view.figures.curves import robustness_figure
 from tests.episodes.synthetic import make_episode, make_real_episode
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from busybot.training.metrics_file import read_metrics
+from busybot.training.run_folder import read_metrics
 
 
 def kill_once_it_learns(arguments: list[str], metrics: Path, seconds: float = 300) -> None:

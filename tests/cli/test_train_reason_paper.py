@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from busybot.cli.main import app
-from busybot.reason.models.model_folder import load_reasoner
+from busybot.reason.models.registry import load_reasoner
 from tests.episodes.folders import make_dataset
 
 WIDTHS = ("embedding", "edge_embedding", "action", "hidden", "convolution", "recurrent")

@@ -9,7 +9,7 @@ import pytest
 import zstandard
 
 from busybot.common.errors import BusybotError
-from busybot.episodes.mcap import topics
+from busybot.episodes.mcap import messages as topics
 from busybot.episodes.mcap.messages import compressed_image_class, message_class
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from busybot.common.errors import BusybotError
+from busybot.episodes.codec import LazyImages
 from busybot.episodes.episode import Episode
-from busybot.episodes.lazy_images import LazyImages
-from busybot.episodes.mcap import topics
+from busybot.episodes.mcap import messages as topics
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.records import read_records
 from busybot.episodes.mcap.writer import write_episode

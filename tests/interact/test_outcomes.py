@@ -7,7 +7,7 @@ import pytest
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Episode, Step
-from busybot.interact.outcomes import judge_episode, off_axis
+from busybot.interact.evaluate import judge_episode, off_axis
 from tests.episodes.synthetic import DELTA, make_episode
 
 ALONG_X = {"Switch/s1": [[3.0, 0, 0]], "Switch/s2": [[3.0, 0, 0]]}

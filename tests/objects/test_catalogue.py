@@ -4,9 +4,8 @@ import json
 from collections import Counter
 from pathlib import Path
 
-from busybot.objects.catalogue import catalogue, kinds
 from busybot.objects.library import Library
-from busybot.objects.model import CATEGORIES
+from busybot.objects.model import CATEGORIES, catalogue, kinds
 
 
 def test_the_papers_numbers() -> None:

@@ -9,9 +9,8 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel, TriggerLink
 from busybot.objects.partnet.folder_snapshot import read_snapshot
-from busybot.objects.partnet.kinematics import link_vertices
 from busybot.objects.partnet.meshes import check_meshes
-from busybot.objects.partnet.urdf import parse_urdf
+from busybot.objects.partnet.urdf import link_vertices, parse_urdf
 from busybot.sim.interaction import InteractionConfig, permitted, pull
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.thumbnails import lone_board

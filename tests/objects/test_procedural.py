@@ -20,9 +20,8 @@ from busybot.objects import cache
 from busybot.objects.library import Library
 from busybot.objects.model import CATEGORIES
 from busybot.objects.procedural import build
-from busybot.objects.procedural.build import make_library, procedural_library
+from busybot.objects.procedural.build import FAMILIES, make_library, procedural_library
 from busybot.objects.procedural.design import MovingLink, facing
-from busybot.objects.procedural.families import FAMILIES
 from busybot.objects.procedural.solids import ball, box, lathe, rectangle, torus, tube
 from busybot.objects.procedural.switches import sliding as slides
 from busybot.objects.resolve import find

@@ -14,8 +14,7 @@ from busybot.cli.main import load_command
 from busybot.common.atomic_io import write_json
 from busybot.common.config import build
 from busybot.common.errors import BusybotError
-from busybot.interact.training.config import TrainConfig
-from busybot.interact.training.paper_config import PaperConfig
+from busybot.interact.training.config import PaperConfig, TrainConfig
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.view.report.report import write_report

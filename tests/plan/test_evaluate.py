@@ -26,8 +26,7 @@ from busybot.plan.evaluate import evaluate_agents
 from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
 from busybot.plan.rollout import PlanConfig, PreparedTask, RolloutRunner
 from busybot.reason.models.base import Reasoner
-from busybot.reason.models.lookup import Lookup
-from busybot.reason.models.persistence import Persistence
+from busybot.reason.models.lookup import Lookup, Persistence
 from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.interaction import InteractionConfig

@@ -14,6 +14,7 @@ from busybot.common.rng import generator
 from busybot.plan.agents.learned import LearnedAgent, learned
 from busybot.plan.agents.registry import kind_of, name_of
 from busybot.plan.learning.bc import BcLearner, demonstrate
+from busybot.plan.learning.board_graph import PracticeRollout
 from busybot.plan.learning.config import BcConfig, PpoConfig
 from busybot.plan.learning.encoding import STOP
 from busybot.plan.learning.network import (
@@ -26,9 +27,8 @@ from busybot.plan.learning.network import (
     rows_of,
 )
 from busybot.plan.learning.ppo import PpoLearner
-from busybot.plan.learning.practice import PracticeRollout
 from busybot.plan.learning.train import make_learner
-from busybot.reason.models.persistence import Persistence
+from busybot.reason.models.lookup import Persistence
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import Learner, LoopConfig, fit
 from tests.plan.practice import ACTIONS, buttons, toys, two_buttons

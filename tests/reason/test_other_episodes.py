@@ -18,7 +18,7 @@ from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_datase
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.event.networks import EventNet
-from busybot.reason.models.model_folder import ReasonerInfo
+from busybot.reason.models.registry import ReasonerInfo
 from busybot.training.checkpoint import save_model
 from tests.episodes.folders import COLLECT, make_dataset
 from tests.episodes.synthetic import make_episode, make_real_episode

@@ -13,7 +13,7 @@ from busybot.episodes.mcap.writer import write_episode
 from busybot.objects.library import Library
 from busybot.reason.evaluation.evaluate import judge_episode
 from busybot.reason.evaluation.summary import summarise
-from busybot.reason.inputs.change_detection import changes
+from busybot.reason.inputs.object_masks import changes
 from busybot.reason.inputs.observation import acted_objects, observe_episode
 from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.interaction import InteractionConfig

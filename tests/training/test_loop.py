@@ -10,7 +10,7 @@ from torch import nn
 from busybot.common.rng import generator
 from busybot.training.checkpoint import Checkpoint, load_tensors, save_tensors, training_tensors
 from busybot.training.loop import Budget, Learner, Loop, LoopConfig, cosine_rate, descend, fit, linear_rate
-from busybot.training.metrics_file import read_metrics
+from busybot.training.run_folder import read_metrics
 
 
 class Line(Learner):

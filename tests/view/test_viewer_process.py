@@ -14,13 +14,12 @@ import psutil
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.view import screenshot, serve
+from busybot.view import viewer as serve
 from busybot.view import viewer_process as module
+from busybot.view import viewer_process as screenshot
 from busybot.view.rerun.recording import save_rrd
-from busybot.view.screenshot import save_screenshot
-from busybot.view.serve import serve_web, show_window
-from busybot.view.viewer import inferences, picture_episode
-from busybot.view.viewer_process import viewer_process
+from busybot.view.viewer import inferences, picture_episode, serve_web, show_window
+from busybot.view.viewer_process import save_screenshot, viewer_process
 from tests.episodes.synthetic import make_episode
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -59,10 +59,9 @@ def _interaction(
     from busybot.common.config import build
     from busybot.common.process_pool import default_workers
     from busybot.interact.policy.policy_factory import ExplorePolicyFactory
-    from busybot.interact.training.config import STRICT, TrainConfig
+    from busybot.interact.training.config import STRICT, PaperConfig, TrainConfig
     from busybot.interact.training.fast import Source, Training
     from busybot.interact.training.paper import PaperTraining
-    from busybot.interact.training.paper_config import PaperConfig
     from busybot.interact.training.round_recorder import Recorder, RoundProgress
     from busybot.objects.resolve import find
 

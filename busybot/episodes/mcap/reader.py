@@ -11,10 +11,9 @@ from pydantic import ValidationError
 
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
-from busybot.episodes.codec import DepthScale, image_size
+from busybot.episodes.codec import DepthScale, EncodedImage, LazyImages, image_size
 from busybot.episodes.episode import Camera, Episode, Link, Step
-from busybot.episodes.lazy_images import EncodedImage, LazyImages
-from busybot.episodes.mcap import topics
+from busybot.episodes.mcap import messages as topics
 from busybot.episodes.mcap.messages import PACKAGE, compressed_image_class, message_class
 from busybot.episodes.mcap.records import Records, hint_of, read_records
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS

@@ -23,7 +23,7 @@ from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from busybot.common.errors import BusybotError
-from busybot.episodes.mcap import topics
+from busybot.episodes.mcap import messages as topics
 from busybot.episodes.mcap.messages import message_class
 from busybot.episodes.mcap.records import MAGIC, MAX_CONTENT_BYTES, decompress
 from busybot.episodes.mcap.writer import CHUNK_BYTES

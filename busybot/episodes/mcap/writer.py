@@ -21,7 +21,7 @@ from busybot.common.atomic_io import write_atomically
 from busybot.episodes.codec import DepthScale, ImageFormat, encode_plain, encode_rgb
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.mcap import foxglove_messages as scene
-from busybot.episodes.mcap import topics
+from busybot.episodes.mcap import messages as topics
 from busybot.episodes.mcap.messages import PACKAGE, message_class, message_schema
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
 from busybot.episodes.validation import check_episode, check_image

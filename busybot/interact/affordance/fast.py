@@ -15,8 +15,8 @@ from torch.nn import functional
 
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.affordance.fast_networks import CROP, POSITION_STRIDE, Kind, make_network
 from busybot.interact.affordance.inputs import Inputs, Pinhole, colour_features, heights_of, picture_features
+from busybot.interact.affordance.networks import CROP, POSITION_STRIDE, Kind, make_network
 from busybot.interact.policy.config import PairTable, Threshold, check_thresholds
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
 from busybot.training.checkpoint import save_tensors

@@ -3,11 +3,10 @@
 from pathlib import Path
 
 from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel, weights_file
-from busybot.interact.affordance.fast_networks import KINDS
+from busybot.interact.affordance.networks import KINDS
 from busybot.interact.affordance.paper import PaperModel
-from busybot.training.checkpoint import load_tensors, load_weights
+from busybot.training.checkpoint import drawing_nothing, load_tensors, load_weights
 from busybot.training.model_cards import find_folder, read_info
-from busybot.training.weights import drawing_nothing
 
 VARIANTS: dict[str, type[AffordanceModel]] = {"fast": AffordanceModel, "paper": PaperModel}
 

@@ -12,6 +12,13 @@ checkpoints/, cache/          to go on from where a killed training stopped; der
 
 The weights depend on the recorded steps, the seed and the kind of processor: on the same one, training again from a
 copy of the datasets ends in the same ones (`--offline`), and so does a training that was killed and continued.
+
+Learns from experience which direction pairs to try after one failed.
+
+The direction network has an opinion on every pair of directions by itself. That some of them are right or wrong
+together (what is not pressed is pulled sideways) it cannot say. Recorded training does: where pair i failed and another
+one was rewarded afterwards, it was pair j in a share T_ij of the cases, and in a share b_j of all cases. By Bayes' rule
+the odds of pair j change by the ratio of the odds of T_ij and of b_j.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -26,11 +33,11 @@ from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine, run_tasks
 from busybot.datasets.dataset import INFO_FILE, Dataset
 from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
-from busybot.interact.affordance.fast_networks import KINDS, Kind, make_network
 from busybot.interact.affordance.load import load_model
+from busybot.interact.affordance.networks import KINDS, Kind, make_network
 from busybot.interact.policy.config import STRICT_POLICY
+from busybot.interact.policy.direction_pairs import PAIR_OF, PAIRS, logit
 from busybot.interact.training.config import Round, TrainConfig
-from busybot.interact.training.direction_prior import after_failure
 from busybot.interact.training.fast_learner import FitJob, make_fit
 from busybot.interact.training.round_recorder import (
     BEFORE,
@@ -45,10 +52,41 @@ from busybot.interact.training.round_recorder import (
 from busybot.interact.training.sample_cache import cache_samples, open_samples
 from busybot.objects.library import Library
 from busybot.training.checkpoint import load_tensors, load_weights, network_tensors
-from busybot.training.metrics_file import read_metrics
 from busybot.training.model_cards import INFO_FILE as MODEL_FILE
-from busybot.training.plots import Panel, draw, judgements
-from busybot.training.run_folder import begin_folder, learner_versions
+from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, read_metrics
+
+HALF = 0.5
+"""Added to every count of the base rates."""
+SHRINK = 10.0
+"""As so many cases with the base rates count in every T_i."""
+DIGITS = 3
+
+
+def pair_outcomes(executed: np.ndarray, worked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which pairs failed and which one worked, both bool (n, 9), in the n rewarded of N recorded actions.
+
+    Args:
+        executed: bool (N, 18), directions that were tried.
+        worked: int (N,), the direction that was rewarded, -1 for none.
+    """
+    rewarded = worked >= 0
+    right = PAIR_OF[worked[rewarded]][:, None] == np.arange(len(PAIRS))
+    tried = np.zeros(right.shape, bool)
+    for direction, pair in enumerate(PAIR_OF):
+        tried[:, pair] |= executed[rewarded, direction]
+    return tried & ~right, right
+
+
+def after_failure(executed: np.ndarray, worked: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    """Logits (9, 9) that pair j gains where pair i failed; arguments as of `pair_outcomes`."""
+    failed, right = pair_outcomes(executed, worked)
+    base = right.sum(0) + HALF
+    base = base / base.sum()  # (9,)
+    counts = failed.T.astype(int) @ right.astype(int)  # (9, 9)
+    shares = (counts + SHRINK * base) / (counts.sum(1, keepdims=True) + SHRINK)
+    gained = np.round(logit(shares) - logit(base), DIGITS)
+    return tuple(tuple(float(value) for value in row) for row in gained)
+
 
 FIT_SECONDS = 7 * 86400.0
 """One network may be trained for so long in one round."""

@@ -39,23 +39,18 @@ from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.fast import AffordanceInfo
-from busybot.interact.affordance.fast_networks import KINDS, Kind
 from busybot.interact.affordance.inputs import Inputs
-from busybot.interact.affordance.paper import PAPER_POLICY, PAPER_PRIOR, PaperModel
-from busybot.interact.affordance.paper_inputs import recorded_pictures, with_positions
-from busybot.interact.affordance.paper_networks import Size, make_paper_network
+from busybot.interact.affordance.networks import KINDS, Kind, Size, make_paper_network
+from busybot.interact.affordance.paper import PAPER_POLICY, PAPER_PRIOR, PaperModel, recorded_pictures, with_positions
 from busybot.interact.policy.paper import PaperRules
 from busybot.interact.policy.policy_factory import PaperPolicyFactory
-from busybot.interact.training.paper_config import LearnConfig, PaperConfig
+from busybot.interact.training.config import LearnConfig, PaperConfig
 from busybot.interact.training.round_recorder import BEFORE, Recorder, checked, finished, given, loss_panel
 from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
-from busybot.training.checkpoint import Checkpoint
+from busybot.training.checkpoint import Checkpoint, initialise
 from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, Loop, descend
-from busybot.training.metrics_file import read_metrics
-from busybot.training.plots import Panel, draw
-from busybot.training.run_folder import begin_folder, learner_versions
-from busybot.training.weights import initialise
+from busybot.training.run_folder import Panel, begin_folder, draw, learner_versions, read_metrics
 
 
 @dataclass(frozen=True)

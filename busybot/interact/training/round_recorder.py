@@ -18,7 +18,7 @@ from busybot.interact.training.config import RecordConfig
 from busybot.objects.library import Library
 from busybot.sim.collect import CollectConfig, Progress, collect
 from busybot.sim.policy import PolicyFactory
-from busybot.training.plots import Lines, Panel, losses
+from busybot.training.run_folder import Lines, Panel, losses
 
 BEFORE = ("rounds", "validation")
 """What may lie in a folder in which a training begins: recorded rounds, to train on with `--offline`."""

@@ -20,9 +20,8 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.common.atomic_io import make_folder, remove_leftovers, replacing
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
-from busybot.episodes.codec import decode_plain, decode_rgb
+from busybot.episodes.codec import LazyImages, decode_plain, decode_rgb
 from busybot.episodes.episode import Camera, Episode
-from busybot.episodes.lazy_images import LazyImages
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.inputs import Inputs
 

@@ -22,13 +22,11 @@ from busybot.common.atomic_io import (
     write_new,
 )
 from busybot.common.errors import BusybotError
-from busybot.objects.catalogue import Split, catalogue
 from busybot.objects.importing.annotation_edits import Choices, Overrides
-from busybot.objects.importing.auto_annotation import RULES_VERSION, AutoAnnotation, decide
-from busybot.objects.importing.joint_motion import moving_links
+from busybot.objects.importing.auto_annotation import RULES_VERSION, AutoAnnotation, decide, moving_links
 from busybot.objects.importing.raw import RawObject, read_raw
 from busybot.objects.library import MAX_OBJECTS, SPLIT_FILE, read_split_file
-from busybot.objects.model import CATEGORIES, ObjectModel
+from busybot.objects.model import CATEGORIES, ObjectModel, Split, catalogue
 from busybot.objects.partnet.annotation import FILE_NAME
 from busybot.objects.partnet.folder_snapshot import Snapshot, read_snapshot
 from busybot.objects.partnet.loader import parse_object

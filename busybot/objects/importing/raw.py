@@ -22,13 +22,12 @@ from typing import Any, NoReturn
 import numpy as np
 
 from busybot.common.errors import BusybotError
-from busybot.objects.catalogue import catalogue
+from busybot.objects.model import catalogue
 from busybot.objects.partnet.annotation import FILE_NAME as ANNOTATION
 from busybot.objects.partnet.folder_snapshot import Snapshot, read_snapshot
-from busybot.objects.partnet.kinematics import bounds, link_vertices
 from busybot.objects.partnet.meshes import check_meshes, material_files
 from busybot.objects.partnet.urdf import FILE_NAME as URDF
-from busybot.objects.partnet.urdf import Urdf, parse_urdf
+from busybot.objects.partnet.urdf import Urdf, bounds, link_vertices, parse_urdf
 
 DESCRIPTIONS = ("semantics.txt", "mobility_v2.json", "bounding_box.json", "meta.json")
 MAX_BYTES = 1 << 20

@@ -11,9 +11,8 @@ from busybot.objects.model import Effect, ObjectModel, TriggerLink, Vector
 from busybot.objects.partnet import annotation as annotations
 from busybot.objects.partnet.annotation import EffectEntry, parse_annotation
 from busybot.objects.partnet.folder_snapshot import Snapshot, read_snapshot
-from busybot.objects.partnet.kinematics import bounds, flatter_first, link_vertices
 from busybot.objects.partnet.meshes import check_meshes
-from busybot.objects.partnet.urdf import Joint, parse_urdf
+from busybot.objects.partnet.urdf import Joint, bounds, flatter_first, link_vertices, parse_urdf
 
 UNLIMITED_RANGE = (0.0, 1.5707963267948966)
 """Joint limits (radians) that stand for missing or infinite ones: a quarter turn."""

@@ -19,8 +19,8 @@ from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskConte
 from busybot.reason.inputs.observation import ObservedEpisode, trigger_at
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, Reasoner
+from busybot.sim.builtin_policies import TrueContact, true_contacts
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.oracle_contacts import TrueContact, true_contacts
 from busybot.sim.policy import privileged
 from busybot.sim.scene.board_scene import BoardScene
 

@@ -12,13 +12,12 @@ import torch
 from torch import Tensor
 
 from busybot.common.rng import generator
-from busybot.plan.learning.board_graph import ExploredBoard
+from busybot.plan.learning.board_graph import ExploredBoard, PracticeRollout
 from busybot.plan.learning.config import BcConfig
 from busybot.plan.learning.encoding import OBJECTS, STOP, Observation, stacked
 from busybot.plan.learning.network import PolicyNetwork, rows_of, success_of
-from busybot.plan.learning.practice import PracticeRollout
+from busybot.training.checkpoint import drawing
 from busybot.training.loop import Budget, Learner, descend
-from busybot.training.weights import drawing
 
 
 class BcLearner(Learner):

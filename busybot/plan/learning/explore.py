@@ -26,7 +26,7 @@ from busybot.plan.rollout import PreparedTask, RolloutRunner
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.observation import Frame
-from busybot.reason.models.persistence import Persistence
+from busybot.reason.models.lookup import Persistence
 from busybot.sim.interaction import InteractionConfig, interact
 from busybot.sim.recorder import grasp_at
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator

@@ -24,13 +24,11 @@ from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence, pad_se
 
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
-from busybot.plan.learning.board_graph import ExploredBoard
+from busybot.plan.learning.board_graph import ExploredBoard, PracticeRollout
 from busybot.plan.learning.encoding import FACTS, OBJECTS, STOP, Observation, stacked
-from busybot.plan.learning.practice import PracticeRollout
 from busybot.reason.inputs.sequence import CHANNELS
-from busybot.training.checkpoint import load_tensors, load_weights
+from busybot.training.checkpoint import drawing_nothing, load_tensors, load_weights
 from busybot.training.model_cards import WEIGHTS_FILE, ModelCard, find_folder, read_info
-from busybot.training.weights import drawing_nothing
 
 IMPOSSIBLE = -1e9
 """Score of what is no choice."""

@@ -30,14 +30,11 @@ from busybot.plan.learning.config import BcConfig, PpoConfig
 from busybot.plan.learning.explore import explored_boards
 from busybot.plan.learning.network import PolicyInfo
 from busybot.plan.learning.ppo import PpoLearner, check_installed
-from busybot.reason.models.persistence import Persistence
+from busybot.reason.models.lookup import Persistence
 from busybot.training.checkpoint import save_model
-from busybot.training.loop import fit
-from busybot.training.metrics_file import read_metrics
+from busybot.training.loop import fit, groups_apart
 from busybot.training.model_cards import INFO_FILE, read_info
-from busybot.training.plots import Panel, draw, judgements, losses
-from busybot.training.run_folder import begin_folder, learner_versions
-from busybot.training.splits import groups_apart
+from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, losses, read_metrics
 
 BUDGET = "budget.json"
 

@@ -22,15 +22,21 @@ from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.results import stamp
 from busybot.objects.library import Library
-from busybot.reason.evaluation.decoders import DecodedState, Linear, appearances, train_decoders
+from busybot.reason.evaluation.decoders import (
+    DecodedState,
+    Linear,
+    NearestState,
+    StateReadout,
+    appearances,
+    judged_objects,
+    train_decoders,
+)
 from busybot.reason.evaluation.ground_truth import StateTruth, states_of, truth_of
 from busybot.reason.evaluation.prediction import DECODED, NEAREST, EvaluatedBoard, judge_prediction
-from busybot.reason.evaluation.state_readout import NearestState, StateReadout, judged_objects
 from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
-from busybot.reason.inputs.sequence import BoardSequence, sequence_of
-from busybot.reason.inputs.state_clusters import clusters_of, threshold_of
+from busybot.reason.inputs.sequence import BoardSequence, clusters_of, sequence_of, threshold_of
 from busybot.reason.models.registry import GRAPHS, REASONERS, config_class, infer, reasoner_of
 from busybot.training.model_cards import file_hashes, find_folder
 

@@ -18,7 +18,7 @@ from busybot.evaluation.bootstrap import LEVEL
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation.ground_truth import GraphTruth
 from busybot.reason.evaluation.prediction import BOUND, BOUND_KNOWING, DECODED, NEAREST, PERSISTENCE, JudgedPrediction
-from busybot.reason.models import persistence as baselines
+from busybot.reason.models import lookup as baselines
 from busybot.reason.models.base import InferredGraph
 
 Forecasts = Sequence[tuple[BoardSpec, JudgedPrediction]]

@@ -15,7 +15,7 @@ from torch_geometric.loader import DataLoader
 
 from busybot.common.errors import BusybotError
 from busybot.reason.inputs.sequence import BoardSequence
-from busybot.training.splits import groups_apart
+from busybot.training.loop import groups_apart
 
 if TYPE_CHECKING:
     from busybot.datasets.dataset import Dataset as Recordings

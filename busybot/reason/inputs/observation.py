@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.episodes.codec import EncodedImage, LazyImages
 from busybot.episodes.episode import Camera, Episode, Image
-from busybot.episodes.lazy_images import EncodedImage, LazyImages
 
 NO_BOXES = np.empty((0, 4), np.int16)
 

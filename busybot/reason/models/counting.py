@@ -16,7 +16,7 @@ from pydantic import Field
 from scipy.special import betaln, softmax
 
 from busybot.common.frozen_model import FrozenModel
-from busybot.reason.inputs.change_detection import ChangeConfig, changes
+from busybot.reason.inputs.object_masks import ChangeConfig, changes
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
 from busybot.reason.models.base import InferredGraph
 

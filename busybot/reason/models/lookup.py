@@ -4,6 +4,8 @@ Nothing is learnt. The graph is counted from the steps in which features changed
 contact on the same trigger that changed something names the responder; what it changes to is copied from the past
 change of that responder that began nearest to its present look. A past change can also be undone: then the look
 *before* it is copied.
+
+Trivial predictions that need no look at the board and stand beside every result: they say what a number is worth.
 """
 
 from typing import Annotated
@@ -11,11 +13,48 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from busybot.boards.spec import BoardSpec
 from busybot.common.frozen_model import FrozenModel
-from busybot.reason.inputs.sequence import BoardSequence
-from busybot.reason.inputs.state_clusters import THRESHOLDS, threshold_of
+from busybot.common.rng import generator
+from busybot.reason.inputs.sequence import THRESHOLDS, BoardSequence, threshold_of
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.counting import CountConfig, count_changes
+
+NAMES = ("empty graph", "all-ones graph", "random trigger")
+
+
+def trivial_graphs(board: BoardSpec, candidates: np.ndarray, seed: int) -> dict[str, np.ndarray]:
+    """Edge probabilities (N, N) by name; candidates is bool (N, N).
+
+    `random trigger` claims one trigger by chance for each responder. Its draws depend on (seed, split, board).
+    """
+    guess = np.zeros(candidates.shape)
+    triggers, responders = np.flatnonzero(candidates.any(1)), np.flatnonzero(candidates.any(0))
+    if len(triggers):
+        rng = generator(seed, board.split, board.index, "reason/random-trigger")
+        guess[rng.choice(triggers, size=len(responders)), responders] = 1.0
+    return {
+        "empty graph": np.zeros(candidates.shape),
+        "all-ones graph": candidates.astype(float),
+        "random trigger": guess,
+    }
+
+
+class Persistence:
+    """A reasoner for which nothing controls anything and nothing ever changes."""
+
+    name = "persistence"
+    encoder = "embedded"
+
+    def graph(self, seen: BoardSequence) -> InferredGraph:
+        """No edges, float (max(T, 1), N, N)."""
+        objects = len(seen.responders)
+        return InferredGraph(self.name, np.zeros((max(seen.steps, 1), objects, objects)))
+
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+        """The current features, (S, N, 256)."""
+        return current.copy()
+
 
 Positive = Annotated[float, Field(gt=0)]
 

@@ -24,9 +24,8 @@ from busybot.episodes.episode import Camera, Image, Link
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel
 from busybot.sim.scene.asset_cache import Builders
-from busybot.sim.scene.background import Surroundings
 from busybot.sim.scene.joints import JOINT_DAMPING, Responder, TriggerJoint, make_responder, make_triggers
-from busybot.sim.scene.render import RenderConfig, add_camera, camera_model, read_picture
+from busybot.sim.scene.render import RenderConfig, Surroundings, add_camera, camera_model, read_picture
 
 TIME_STEP = 0.01
 """Seconds of simulated time per physics step."""

@@ -16,7 +16,7 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.reference_tables import TABLES, Table
 from busybot.plan.decision_log import is_rollout
 from busybot.view.figures.curves import Course, courses_figure, table_figure
-from busybot.view.figures.planning import sequence_figure
+from busybot.view.figures.sequences import sequence_figure
 from busybot.view.report import sections
 from busybot.view.report.gates import Verdict, gate_blocks, summary_tiles, verdicts
 from busybot.view.report.page import Block, Fold, Heading, Items, Picture, Text, document, markdown
@@ -252,7 +252,7 @@ def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Bloc
 def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
     from busybot.interact.policy.policy_factory import load_once, policy_config
     from busybot.interact.policy.policy_trace import retrace
-    from busybot.reason.evaluation.explain import inferred_over_time
+    from busybot.reason.evaluation.prediction import inferred_over_time
     from busybot.view.figures.affordance import affordance_figure
     from busybot.view.figures.episode import refinement_figure
 

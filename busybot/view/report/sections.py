@@ -5,7 +5,7 @@ from typing import Any
 
 from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, TABLES, ReferenceRow, Role, Table
 from busybot.evaluation.results import KINDS
-from busybot.view.figures.robustness import BASELINES, robustness_figure, strength_words, title_of
+from busybot.view.figures.curves import BASELINES, robustness_figure, strength_words, title_of
 from busybot.view.report.gates import judge
 from busybot.view.report.page import (
     Block,

@@ -9,16 +9,10 @@ import rerun.blueprint as rrb
 from busybot.episodes.episode import Episode
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import board_bounds
-from busybot.view.rerun.affordance import AFFORDANCE
-from busybot.view.rerun.camera import GOAL
-from busybot.view.rerun.camera import VIEW_MARGIN
+from busybot.view.rerun.camera import GOAL, SIMULATOR, VIEW_MARGIN
 from busybot.view.rerun.graph import graph_positions
-from busybot.view.rerun.plan import CHOICE
-from busybot.view.rerun.plan import has_choices
-from busybot.view.rerun.prediction import LANES
-from busybot.view.rerun.prediction import EXPECTED
-from busybot.view.rerun.resim import SIMULATOR
 from busybot.view.rerun.series import relation_states
+from busybot.view.rerun.skills import AFFORDANCE, CHOICE, EXPECTED, LANES, has_choices
 
 BACKGROUND = (13, 16, 17)
 GRAPH_MARGIN = 44.0

@@ -1,6 +1,8 @@
 """Rerun, the goal of the board's task: its image, and which responders do not look like it yet.
 
 Rerun, the camera's side: image, boxes in the roles' colours, the action, what changed, depth.
+
+Rerun, the recorded steps put back into the simulator: its picture, and where that differs from the recorded one.
 """
 
 from collections.abc import Sequence
@@ -10,9 +12,9 @@ import rerun as rr
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.camera import project
-from busybot.episodes.codec import DepthScale, encode_plain, encode_rgb
+from busybot.episodes.codec import DepthScale, LazyImages, encode_plain, encode_rgb
 from busybot.episodes.episode import Episode, Image
-from busybot.episodes.lazy_images import LazyImages
+from busybot.episodes.episode_diff import COLOUR_TOLERANCE
 from busybot.view.annotations import changed_objects, drawing_scale, object_names, remaining_responders, visible
 from busybot.view.palette import ACTION, ROLES, WRONG, Rgb, text_on_dark
 
@@ -114,3 +116,22 @@ def log_remaining(recording: rr.RecordingStream, episode: Episode, frame: int) -
     if episode.goal is not None and (frame == 0 or episode.frame_of[frame] != episode.frame_of[frame - 1]):
         boxes = episode.goal.boxes[remaining_responders(episode, frame)]
         recording.log(f"{GOAL}/remaining", marks(episode, boxes, WRONG))
+
+
+SIMULATOR = "simulator"
+MARK = (140, 30, 240)
+"""Of pixels that differ, in the order of OpenCV."""
+
+
+def log_replayed(recording: rr.RecordingStream, episode: Episode, step: int, picture: np.ndarray) -> None:
+    """One step; the recording's clock is the caller's. `picture` is uint8 (H, W, 3)."""
+    encoded = rr.EncodedImage(contents=encode_rgb(picture, "jpeg"), media_type="image/jpeg", draw_order=-10)
+    recording.log(f"{SIMULATOR}/picture", encoded)
+    layer = encode_plain(difference_layer(episode.image(step).rgb, picture))
+    recording.log(f"{SIMULATOR}/differences", rr.EncodedImage(contents=layer, media_type="image/png", draw_order=0))
+
+
+def difference_layer(recorded: np.ndarray, picture: np.ndarray) -> np.ndarray:
+    """Pixels that differ by more than 2/255 in a channel, coloured; uint8 (H, W, 4) in the order of OpenCV."""
+    apart = np.abs(recorded.astype(int) - picture).max(axis=-1) > COLOUR_TOLERANCE
+    return np.where(apart[..., None], np.array([*MARK, 255], np.uint8), np.uint8(0))

@@ -16,17 +16,13 @@ from busybot.common.atomic_io import replacing_by_path
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace
-from busybot.reason.evaluation.explain import Explanation
+from busybot.reason.evaluation.prediction import Explanation
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import check_inferred, judged_edges, pairs_ever, true_edges
-from busybot.view.rerun.affordance import log_thought
 from busybot.view.rerun.blueprint import ShownLayers, blueprint
 from busybot.view.rerun.board import BoardLogger
-from busybot.view.rerun.camera import log_camera_frame, log_goal, log_remaining
+from busybot.view.rerun.camera import log_camera_frame, log_goal, log_remaining, log_replayed
 from busybot.view.rerun.graph import edge_places, log_graph
-from busybot.view.rerun.plan import has_choices, log_choice
-from busybot.view.rerun.prediction import log_foreseen, log_lanes
-from busybot.view.rerun.resim import log_replayed
 from busybot.view.rerun.series import (
     log_probabilities,
     log_probability_styles,
@@ -35,6 +31,7 @@ from busybot.view.rerun.series import (
     log_states,
     log_words,
 )
+from busybot.view.rerun.skills import has_choices, log_choice, log_foreseen, log_lanes, log_thought
 
 APPLICATION = "busybot"
 _BATCHES = rr.ChunkBatcherConfig(flush_tick=3600.0)

@@ -9,7 +9,7 @@ from typer.testing import CliRunner, Result
 from busybot.cli.main import app
 from busybot.datasets.dataset import Dataset
 from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
-from busybot.interact.affordance.fast_networks import KINDS, make_network
+from busybot.interact.affordance.networks import KINDS, make_network
 
 pytestmark = pytest.mark.usefixtures("in_process")
 

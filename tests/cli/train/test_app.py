@@ -14,7 +14,7 @@ from busybot.interact.affordance.load import load_model
 from busybot.interact.policy.config import STRICT_POLICY
 from busybot.interact.training.paper import PaperAffordanceLearner
 from busybot.interact.training.sample_cache import Samples
-from busybot.training.metrics_file import read_metrics
+from busybot.training.run_folder import read_metrics
 from tests.cli.killing import kill_once, kill_once_it_learns
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import SMALL, make_rounds, weights

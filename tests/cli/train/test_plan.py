@@ -17,7 +17,7 @@ from busybot.plan.interfaces import Act, DecisionState, Stop, TaskContext
 from busybot.plan.learning.board_graph import ExploredBoard, load_explored
 from busybot.plan.learning.encoding import STOP, offer
 from busybot.plan.rollout import RolloutRunner
-from busybot.reason.models.persistence import Persistence
+from busybot.reason.models.lookup import Persistence
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
 

@@ -14,7 +14,7 @@ from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.inputs.board_dataset import held_apart
 from busybot.reason.inputs.feature_store import features_of
-from busybot.reason.models.model_folder import load_reasoner
+from busybot.reason.models.registry import load_reasoner
 from tests.cli.killing import kill_once_it_learns
 from tests.episodes.folders import make_dataset
 from tests.reason.inputs.test_observation import garbled

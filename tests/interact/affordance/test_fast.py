@@ -13,13 +13,13 @@ from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
-from busybot.interact.affordance.fast_networks import KINDS, make_network
 from busybot.interact.affordance.load import find_model, load_model
+from busybot.interact.affordance.networks import KINDS, make_network
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED
 from busybot.objects.resolve import find
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
-from busybot.training.weights import initialise
+from busybot.training.checkpoint import initialise
 from tests.episodes.synthetic import make_episode
 
 NO_BOXES = np.empty((0, 4), np.int16)

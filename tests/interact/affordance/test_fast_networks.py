@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from busybot.interact.affordance.fast_networks import CROP, HIDDEN, KINDS, Kind, make_network
-from busybot.training.weights import initialise, parameters_of
+from busybot.interact.affordance.networks import CROP, HIDDEN, KINDS, Kind, make_network
+from busybot.training.checkpoint import initialise, parameters_of
 
 
 @pytest.mark.parametrize("inputs", ["depth", "rgb"])

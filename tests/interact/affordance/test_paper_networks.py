@@ -6,11 +6,10 @@ import torch
 from torch import nn
 
 from busybot.episodes.camera import normals
-from busybot.interact.affordance.fast_networks import KINDS
 from busybot.interact.affordance.inputs import Inputs, Pinhole
-from busybot.interact.affordance.paper_inputs import GAUSSIAN_SIGMA, depth_and_normals, with_positions
-from busybot.interact.affordance.paper_networks import PaperDirectionNet, PaperPositionNet, make_paper_network
-from busybot.training.weights import initialise, parameters_of
+from busybot.interact.affordance.networks import KINDS, PaperDirectionNet, PaperPositionNet, make_paper_network
+from busybot.interact.affordance.paper import GAUSSIAN_SIGMA, depth_and_normals, with_positions
+from busybot.training.checkpoint import initialise, parameters_of
 from tests.interact.scenes import BODY, HEIGHT, RAYS, WIDTH, picture
 
 

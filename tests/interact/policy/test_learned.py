@@ -10,8 +10,8 @@ from busybot.boards.generate import generate_boards
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.episodes.episode import Observation
+from busybot.interact.evaluate import judge_episode
 from busybot.interact.metrics import micro
-from busybot.interact.outcomes import judge_episode
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.learned import LearnedPolicy, Mode, mode_named
 from busybot.objects.library import Library

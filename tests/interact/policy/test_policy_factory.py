@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
-from busybot.interact.affordance.fast_networks import KINDS, make_network
+from busybot.interact.affordance.networks import KINDS, make_network
 from busybot.interact.policy.exploration import GuidedExplorer, UnguidedExplorer
 from busybot.interact.policy.learned import LearnedPolicy, mode_named
 from busybot.interact.policy.policy_factory import ExplorePolicyFactory, LearnedPolicyFactory, policy_config

@@ -4,7 +4,7 @@ import numpy as np
 
 from busybot.boards.directions import OPPOSITE
 from busybot.interact.policy.direction_pairs import PAIRS
-from busybot.interact.training.direction_prior import after_failure, pair_outcomes
+from busybot.interact.training.fast import after_failure, pair_outcomes
 
 
 def recorded(*cases: tuple[tuple[int, ...], int | None]) -> tuple[np.ndarray, np.ndarray]:

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from busybot.interact.affordance.fast_networks import KINDS, Kind
+from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.training.config import DirectionFitConfig, FitConfig
 from busybot.interact.training.fast_learner import FastAffordanceLearner, FitJob, fit
 from busybot.interact.training.sample_cache import cache_samples
-from busybot.training.metrics_file import read_metrics
+from busybot.training.run_folder import read_metrics
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import permute_privileged
 

@@ -4,8 +4,8 @@ import pytest
 
 from busybot.common.config import build
 from busybot.common.errors import BusybotError
+from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import rules_for
-from busybot.interact.training.paper_config import PaperConfig
 
 PAPER = PaperConfig()
 

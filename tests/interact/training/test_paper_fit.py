@@ -11,12 +11,12 @@ from busybot.boards.directions import OPPOSITE
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.episodes.mcap.reader import read_episode
-from busybot.interact.affordance.fast_networks import KINDS, Kind
 from busybot.interact.affordance.inputs import Inputs
+from busybot.interact.affordance.networks import KINDS, Kind
+from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import PaperAffordanceLearner, PaperJob, draw_half, paper_labels
-from busybot.interact.training.paper_config import PaperConfig
 from busybot.interact.training.sample_cache import SQUARES, Samples, cache_samples, open_samples
-from busybot.training.metrics_file import read_metrics
+from busybot.training.run_folder import read_metrics
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import permute_privileged
 

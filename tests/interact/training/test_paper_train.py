@@ -18,11 +18,11 @@ from busybot.interact.policy.direction_pairs import NOT_ELEVATED
 from busybot.interact.policy.learned import LearnedPolicy
 from busybot.interact.policy.paper import PaperPolicy
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory, usual_mode
+from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import PaperAffordanceLearner, PaperTraining
-from busybot.interact.training.paper_config import PaperConfig
 from busybot.interact.training.round_recorder import Recorder, RoundProgress
 from busybot.interact.training.sample_cache import Samples
-from busybot.training.metrics_file import read_metrics
+from busybot.training.run_folder import read_metrics
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import weights
 

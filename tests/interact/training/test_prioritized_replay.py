@@ -6,7 +6,7 @@ import pytest
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.interact.training.config import ReplayConfig
-from busybot.interact.training.prioritized_replay import Priorities
+from busybot.interact.training.fast_learner import Priorities
 
 REWARD = np.arange(100) < 10
 

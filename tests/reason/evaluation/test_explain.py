@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from busybot.reason.evaluation.explain import Explanation, explain
+from busybot.reason.evaluation.prediction import Explanation, explain
 from busybot.reason.models.base import InferredGraph
-from busybot.reason.models.lookup import Lookup
-from busybot.reason.models.persistence import Persistence
+from busybot.reason.models.lookup import Lookup, Persistence
 from tests.episodes.synthetic import make_episode, make_real_episode
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from busybot.episodes.episode import Episode
+from busybot.reason.evaluation.decoders import NearestState
 from busybot.reason.evaluation.ground_truth import NOTHING_HELD, StateTruth, states_of
 from busybot.reason.evaluation.prediction import (
     BOUND,
@@ -16,12 +17,11 @@ from busybot.reason.evaluation.prediction import (
     JudgedPrediction,
     judge_prediction,
 )
-from busybot.reason.evaluation.state_readout import NearestState
 from busybot.reason.evaluation.summary import after_images, intervals, summarise_predictions
 from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.inputs.sequence import BoardSequence, sequence_of
 from busybot.reason.models.base import InferredGraph
-from busybot.reason.models.persistence import Persistence
+from busybot.reason.models.lookup import Persistence
 from tests.episodes.synthetic import make_episode, make_real_episode
 
 JUDGED = np.array([False, True, True, False, True])

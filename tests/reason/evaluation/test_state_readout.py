@@ -3,8 +3,15 @@
 import numpy as np
 
 from busybot.objects.resolve import find
-from busybot.reason.evaluation.decoders import DecodedState, Examples, appearances, examples, fit_decoders, fit_linear
-from busybot.reason.evaluation.state_readout import NearestState
+from busybot.reason.evaluation.decoders import (
+    DecodedState,
+    Examples,
+    NearestState,
+    appearances,
+    examples,
+    fit_decoders,
+    fit_linear,
+)
 from tests.episodes.synthetic import make_board
 
 JUDGED = np.array([False, True, True])

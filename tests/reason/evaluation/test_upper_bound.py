@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from busybot.reason.evaluation.ground_truth import StateTruth
-from busybot.reason.evaluation.upper_bound import determined
+from busybot.reason.evaluation.ground_truth import StateTruth, determined
 
 
 def board(states: Sequence[int], links: Sequence[int]) -> StateTruth:

@@ -6,7 +6,7 @@ import pytest
 
 from busybot.episodes.codec import decode_rgb, encode_rgb
 from busybot.episodes.episode import Image
-from busybot.reason.inputs.change_detection import ChangeConfig, changes, count_pixels
+from busybot.reason.inputs.object_masks import ChangeConfig, changes, count_pixels
 from busybot.reason.inputs.observation import NO_BOXES, observe_episode
 from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.reason.scenes import Patch, Scene

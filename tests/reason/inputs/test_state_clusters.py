@@ -10,7 +10,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.evaluation.ground_truth import states_of
 from busybot.reason.inputs.feature_store import features_of
-from busybot.reason.inputs.state_clusters import UNSEEN, clusters_of, fit_threshold, threshold_of
+from busybot.reason.inputs.sequence import UNSEEN, clusters_of, fit_threshold, threshold_of
 
 
 def looks(*states: int, noise: float = 0.0, apart: float = 10.0) -> np.ndarray:

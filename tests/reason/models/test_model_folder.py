@@ -10,7 +10,7 @@ from busybot.common.errors import BusybotError
 from busybot.reason.models.event.config import EventConfig, EventNetConfig
 from busybot.reason.models.event.networks import EventNet
 from busybot.reason.models.event.reasoner import EventReasoner
-from busybot.reason.models.model_folder import ReasonerInfo, load_reasoner
+from busybot.reason.models.registry import ReasonerInfo, load_reasoner
 from busybot.training.checkpoint import save_model
 from tests.reason.boards import make_boards
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from busybot.reason.models.base import InferredGraph
-from busybot.view.figures.graph_evolution import belief_figure
+from busybot.view.figures.sequences import belief_figure
 from busybot.view.palette import CORRECT, RESPONDER, TRUTH, WRONG
 from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.view.figures.test_episode import GUESS, has

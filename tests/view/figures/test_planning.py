@@ -13,7 +13,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.view.annotations import named, remaining_responders
-from busybot.view.figures.planning import COLUMNS, sequence_figure
+from busybot.view.figures.sequences import COLUMNS, sequence_figure
 from busybot.view.palette import ACTION, CORRECT, WRONG
 from busybot.view.report.page import Heading, Picture, Text
 from busybot.view.report.report import NO_SEQUENCE, sequence_blocks

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from busybot.cli.main import app
 from busybot.interact.policy.policy_trace import retrace
-from busybot.view.rerun.affordance import affordance_layer, link_outlines
 from busybot.view.rerun.recording import RecordingLayers, save_rrd
+from busybot.view.rerun.skills import affordance_layer, link_outlines
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
 from tests.interact.scenes import ButtonModel

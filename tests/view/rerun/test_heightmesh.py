@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from busybot.episodes.camera import Rays
-from busybot.view.rerun.heightmesh import board_face, object_pixels, object_relief
+from busybot.view.rerun.board import board_face, object_pixels, object_relief
 from tests.episodes.synthetic import make_episode, make_real_episode
 
 

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from busybot.reason.evaluation.explain import Explanation, explain
+from busybot.reason.evaluation.prediction import Explanation, explain
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.lookup import Lookup
 from busybot.view.annotations import board_bounds
 from busybot.view.palette import CORRECT, WRONG
 from busybot.view.rerun.camera import VIEW_MARGIN
-from busybot.view.rerun.prediction import LETTER, LINE, eventful, label_places, words
 from busybot.view.rerun.recording import RecordingLayers, save_rrd
+from busybot.view.rerun.skills import LETTER, LINE, eventful, label_places, words
 from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.view.rerun.test_recording import entities, rows
 

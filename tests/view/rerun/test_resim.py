@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from busybot.cli.main import app
+from busybot.view.rerun.camera import difference_layer
 from busybot.view.rerun.recording import RecordingLayers, save_rrd
-from busybot.view.rerun.resim import difference_layer
 from tests.episodes.synthetic import make_episode
 from tests.view.rerun.test_recording import entities, rows
 

@@ -15,8 +15,8 @@ from busybot.objects.procedural.design import (
     hinge_directions,
     shifted,
 )
+from busybot.objects.procedural.fixtures import lifted, trodden
 from busybot.objects.procedural.grips import head, lying, rod
-from busybot.objects.procedural.mechanisms import lifted, trodden
 from busybot.objects.procedural.palette import in_turn, pick
 from busybot.objects.procedural.solids import (
     Solid,

@@ -11,8 +11,8 @@ from busybot.objects.procedural.design import (
     hinge_directions,
     slide_directions,
 )
+from busybot.objects.procedural.fixtures import TURNING, lifted, pressed, slid, swung, turned
 from busybot.objects.procedural.grips import lying
-from busybot.objects.procedural.mechanisms import TURNING, lifted, pressed, slid, swung, turned
 from busybot.objects.procedural.palette import in_turn, pick
 from busybot.objects.procedural.solids import (
     ball,

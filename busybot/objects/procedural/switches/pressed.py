@@ -20,8 +20,8 @@ from busybot.objects.procedural.design import (
     slide_directions,
 )
 from busybot.objects.procedural.fixtures import PLATE_THICKNESS as TOP
+from busybot.objects.procedural.fixtures import pressed
 from busybot.objects.procedural.grips import OUTLINES, PROFILES, cap, collar, head, outline
-from busybot.objects.procedural.mechanisms import pressed
 from busybot.objects.procedural.palette import in_turn, pick
 from busybot.objects.procedural.solids import (
     ball,

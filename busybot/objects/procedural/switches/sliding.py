@@ -14,8 +14,8 @@ from busybot.objects.procedural.design import (
     shifted,
     slide_directions,
 )
+from busybot.objects.procedural.fixtures import Kind, slid
 from busybot.objects.procedural.grips import GRIPS, grip, lying, rod
-from busybot.objects.procedural.mechanisms import Kind, slid
 from busybot.objects.procedural.palette import pick
 from busybot.objects.procedural.solids import (
     ball,

@@ -17,8 +17,8 @@ from busybot.objects.procedural.design import (
     shifted,
     slide_directions,
 )
+from busybot.objects.procedural.fixtures import TURNING, Kind, swung, turned
 from busybot.objects.procedural.grips import collar, head, lying, rod
-from busybot.objects.procedural.mechanisms import TURNING, Kind, swung, turned
 from busybot.objects.procedural.palette import pick
 from busybot.objects.procedural.solids import (
     Solid,

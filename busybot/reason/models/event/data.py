@@ -2,6 +2,13 @@
 
 The model compares looks and never reads them: of the features it keeps how far the looks of one responder lie apart.
 So it knows nothing of any encoder's axes, cannot memorise objects, and costs the same whatever the features' size.
+
+Fact vectors of the `event` model's networks: one table of columns for each.
+
+Distances between looks are in units of the smallest change, those between contacts in board units. Nothing depends on
+what objects look like, where a board stands or which way it is turned about its normal.
+
+Letters: B boards, R responders of all boards, L known steps, Q steps asked for, 2K candidate looks.
 """
 
 from collections.abc import Iterable
@@ -175,3 +182,162 @@ def split(seen: Context, steps: int, most: int) -> tuple[Context, Queries, Obser
         asked,
         ObservedOutcome(seen.distances[:, after, : steps + 1], moved, seen.known[:, before]),
     )
+
+
+SMALL = 0.05
+"""Added to distances before logarithms, in units of the smallest change."""
+NEAR = (0.02, 0.05, 0.12)
+"""Distances between contacts that tell links apart, board units: the same link is 0.045 away in the median, another one
+0.123."""
+FAR = 0.5
+"""Contacts farther apart are equally far, board units."""
+CHANGE_FACTS, COUNT_FACTS, CONTACT_FACTS, PAST_FACTS, LOOK_FACTS, STEP_FACTS = 4, 3, 8, 5, 6, 7
+"""Numbers in each vector."""
+ALIKE = 4
+"""The column of `Contacts.facts` whose sign turns where a change is undone."""
+
+
+def changed(sizes: Tensor) -> Tensor:
+    """How surely a change of this size is one, 0 to 1."""
+    return torch.sigmoid(4 * torch.log(sizes + SMALL))
+
+
+def change_facts(sizes: Tensor, largest: Tensor) -> Tensor:
+    """What a known step did to a responder, (R, L, 4).
+
+    | column | meaning |
+    |---|---|
+    | 0 | log(size + 0.05), how far its look moved |
+    | 1 | how surely that is a change, 0 to 1 |
+    | 2 | size / (largest + 0.05) |
+    | 3 | how surely something on the board changed, 0 to 1 |
+
+    Shapes:
+        sizes: (R, L).
+        largest: (R, L), the largest size on the responder's board in that step.
+    """
+    return torch.stack([torch.log(sizes + SMALL), changed(sizes), sizes / (largest + SMALL), changed(largest)], -1)
+
+
+def count_facts(on: Tensor, off: Tensor, effective: Tensor) -> Tensor:
+    """How often a pair of trigger and responder was tried, (E, 3), from three masks (E, L).
+
+    | column | log(1 + number of steps) |
+    |---|---|
+    | 0 | on the trigger |
+    | 1 | on anything else, or nothing |
+    | 2 | on the trigger that changed something |
+    """
+    return torch.stack([torch.log1p(mask.sum(-1).float()) for mask in (on, off, effective)], -1)
+
+
+def past_facts(change: Tensor, present: Tensor) -> Tensor:
+    """What a known step did to a responder, seen from a step asked for, (..., 5).
+
+    | column | meaning |
+    |---|---|
+    | 0 | how surely it changed, 0 to 1 |
+    | 1 | how surely something on the board changed, 0 to 1 |
+    | 2 | exp(-distance from its look before the known step to its present look) |
+    | 3 | exp(-distance from its look after it) |
+    | 4 | column 0 x column 2 |
+
+    Shapes:
+        change: (..., 2), columns 0 and 1.
+        present: (..., 2), the distances of columns 2 and 3.
+    """
+    near = torch.exp(-present)
+    return torch.cat([change, near, change[..., :1] * near[..., :1]], -1)
+
+
+def look_facts(near: Tensor, away: Tensor, size: Tensor, undo: Tensor) -> Tensor:
+    """What copying a look would mean, (R, Q, 2K, 6).
+
+    | column | meaning |
+    |---|---|
+    | 0 | log(near + 0.05), from the present look to the one that the past change began with |
+    | 1 | near / size |
+    | 2 | log(away + 0.05), from the present look to the one that would be copied |
+    | 3 | away / size |
+    | 4 | log(size of the past change) |
+    | 5 | 1 if the change is undone, 0 if it is repeated |
+
+    Shapes:
+        near, away: (R, Q, 2K).
+        size, undo: broadcast to them.
+    """
+    columns = (torch.log(near + SMALL), near / size, torch.log(away + SMALL), away / size, torch.log(size), undo)
+    return torch.stack([column.expand_as(near) for column in columns], -1)
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """The steps asked for beside the known ones.
+
+    `facts`, of a known contact as seen from one asked for:
+
+    | column | meaning |
+    |---|---|
+    | 0, 1, 2 | exp(-(distance / s)^2) for s = 0.02, 0.05, 0.12 |
+    | 3 | min(distance, 0.5) / 0.12 |
+    | 4 | cosine of the angle between the directions |
+    | 5 | its absolute value |
+    | 6 | how far along the asked direction the known contact lies, -0.5 to 0.5, / 0.05: a link that has moved is \
+touched elsewhere |
+    | 7 | 1 if both are on the same trigger |
+
+    `step`, of an action itself:
+
+    | column | meaning |
+    |---|---|
+    | 0 | its direction along the board's normal |
+    | 1 | the absolute value of that |
+    | 2 | its direction along the line from the trigger to the contact, in the board's plane |
+    | 3 | the absolute value of that |
+    | 4 | height of the contact above the trigger, board units |
+    | 5 | distance to the nearest known contact on the same trigger, at most 0.5, / 0.12 |
+    | 6 | log(1 + known contacts on the same trigger) |
+
+    Attributes:
+        facts: (B, Q, L, 8).
+        distance: (B, Q, L), board units.
+        same: bool (B, Q, L), both on the same trigger.
+        step: (B, Q, 7).
+    """
+
+    facts: Tensor
+    distance: Tensor
+    same: Tensor
+    step: Tensor
+
+
+def contacts_of(seen: Context, asked: Queries) -> Contacts:
+    """Compare contacts."""
+    there, here = seen.actions[:, None], asked.actions[:, :, None]
+    offset = there[..., :3] - here[..., :3]  # (B, Q, L, 3)
+    distance = offset.norm(dim=-1)
+    same = (seen.acted[:, None] == asked.acted[:, :, None]) & (asked.acted >= 0)[:, :, None] & seen.known[:, None]
+    alike = (there[..., 3:] * here[..., 3:]).sum(-1)
+    along = (offset * here[..., 3:]).sum(-1).clamp(-FAR, FAR) / NEAR[1]
+    nearness = [torch.exp(-((distance / scale) ** 2)) for scale in NEAR]
+    facts = [*nearness, distance.clamp(max=FAR) / NEAR[2], alike, alike.abs(), along, same.float()]
+    return Contacts(torch.stack(facts, -1), distance, same, _step_facts(seen, asked, distance, same))
+
+
+def _step_facts(seen: Context, asked: Queries, distance: Tensor, same: Tensor) -> Tensor:
+    """`Contacts.step`."""
+    nowhere = distance.new_full((*distance.shape[:2], 1), FAR)
+    closest = torch.cat([distance.masked_fill(~same, FAR), nowhere], -1).amin(-1)
+    places = torch.cat([seen.pos, seen.pos.new_zeros(1, 3)])  # the last one for a miss, which has no trigger
+    arm = asked.actions[..., :3] - places[asked.acted]
+    direction = asked.actions[..., 3:]
+    outward = (arm[..., :2] * direction[..., :2]).sum(-1) / (arm[..., :2].norm(dim=-1) + SMALL)
+    upward, count = direction[..., 2], torch.log1p(same.sum(-1).float())
+    return torch.stack([upward, upward.abs(), outward, outward.abs(), arm[..., 2], closest / NEAR[2], count], -1)
+
+
+def reversed_facts(facts: Tensor) -> Tensor:
+    """Contact facts of a change that is undone: an opposite direction is then what a like one is for a repetition."""
+    sign = facts.new_ones(CONTACT_FACTS)
+    sign[ALIKE] = -1
+    return facts * sign

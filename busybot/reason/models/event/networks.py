@@ -15,8 +15,7 @@ from torch.nn import functional
 from torch_geometric.utils import scatter, softmax
 
 from busybot.reason.models.event.config import EventNetConfig
-from busybot.reason.models.event.data import Context, Queries
-from busybot.reason.models.event.facts import (
+from busybot.reason.models.event.data import (
     CHANGE_FACTS,
     CONTACT_FACTS,
     COUNT_FACTS,
@@ -27,6 +26,8 @@ from busybot.reason.models.event.facts import (
     SMALL,
     STEP_FACTS,
     Contacts,
+    Context,
+    Queries,
     change_facts,
     changed,
     contacts_of,

@@ -29,10 +29,9 @@ from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import Boards, board_graph, read_batch
 from busybot.reason.models.paper.networks import PaperHistoryNetwork, PaperNetwork, Relations
-from busybot.training.checkpoint import Checkpoint
+from busybot.training.checkpoint import Checkpoint, drawing
 from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, descend
-from busybot.training.weights import drawing
 
 Network = PaperNetwork | PaperHistoryNetwork
 

@@ -7,9 +7,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from busybot.reason.models.event import facts as event_facts
-from busybot.reason.models.event.data import Context, Queries, trigger_rows
-from busybot.reason.models.event.facts import (
+from busybot.reason.models.event import data as event_facts
+from busybot.reason.models.event.data import (
+    Context,
+    Queries,
     change_facts,
     changed,
     contacts_of,
@@ -17,6 +18,7 @@ from busybot.reason.models.event.facts import (
     look_facts,
     past_facts,
     reversed_facts,
+    trigger_rows,
 )
 
 

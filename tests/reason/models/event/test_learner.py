@@ -165,7 +165,7 @@ def test_boards_that_show_nothing_are_refused(steps: int, failing: float, messag
 
 
 def test_edges_of_the_prior_diverge_by_nothing() -> None:
-    from busybot.reason.models.event.loss import divergence
+    from busybot.reason.models.event.learner import divergence
 
     row = torch.tensor([0, 0, 1])
     prior = LossConfig().prior

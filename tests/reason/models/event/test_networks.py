@@ -7,8 +7,20 @@ from torch_geometric.data import Batch
 from torch_geometric.utils import scatter
 
 from busybot.reason.models.event.config import EventNetConfig
-from busybot.reason.models.event.data import Context, ObservedOutcome, Queries, board_graph, context_of, padded, split
-from busybot.reason.models.event.facts import FAR, NEAR, changed, contacts_of, past_facts
+from busybot.reason.models.event.data import (
+    FAR,
+    NEAR,
+    Context,
+    ObservedOutcome,
+    Queries,
+    board_graph,
+    changed,
+    contacts_of,
+    context_of,
+    padded,
+    past_facts,
+    split,
+)
 from busybot.reason.models.event.networks import NEVER, UNSEEN, EventNet
 from tests.reason.boards import Board, make_boards
 

@@ -11,10 +11,10 @@ import torch
 
 from busybot.common.errors import BusybotError
 from busybot.reason.inputs.sequence import BoardSequence
-from busybot.reason.models.model_folder import ReasonerInfo, load_reasoner
 from busybot.reason.models.paper.config import PaperLoopConfig, PaperReasonConfig
 from busybot.reason.models.paper.learner import PaperLearner
 from busybot.reason.models.paper.reasoner import PaperHistoryReasoner, PaperReasoner
+from busybot.reason.models.registry import ReasonerInfo, load_reasoner
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import fit
 from tests.reason.paper_scenes import SMALL, watched

@@ -13,8 +13,6 @@ import shutil
 import sys
 from pathlib import Path
 
-from busybot.objects.catalogue import kinds
-
 from busybot.boards.config import BoardConfig
 from busybot.common.atomic_io import scan, write_json
 from busybot.common.errors import BusybotError
@@ -25,6 +23,7 @@ from busybot.datasets.freeze import freeze
 from busybot.datasets.manifest import is_frozen
 from busybot.datasets.verify import verify
 from busybot.objects.library import SPLIT_FILE, Library
+from busybot.objects.model import kinds
 from busybot.objects.partnet.folder_snapshot import read_snapshot
 from busybot.objects.resolve import find
 from busybot.sim.collect import CollectConfig, collect

@@ -1,0 +1,263 @@
+"""The position network, computed only where its input changed and its answer is wanted.
+
+An action changes a hundredth of a picture, and objects cover a tenth of it. The network is local: what it says of a
+pixel depends on some 110 pixels around it. So the outputs of its layers are kept from one picture of a board to the
+next, and each layer is computed anew in those square tiles where both holds: something that they depend on has changed
+since they were computed, and something that is wanted depends on them. The layers are the network's own, see the
+numbers that they would see in a whole pass, and the same zeros beyond the border.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from busybot.interact.affordance.networks import PositionNet
+
+TILES = (16, 8, 8, 4)
+"""Sides of tiles in cells, by level, powers of two. A cell of level k is 2^(k + 1) pixels wide."""
+TOGETHER = 24
+"""Tiles that are computed at once: few enough for a processor's cache."""
+
+Scale = Literal["same", "finer", "coarser"]
+
+
+@dataclass(frozen=True)
+class _Source:
+    """What a layer reads: another layer's output as it is, pooled (it is finer) or interpolated (it is coarser)."""
+
+    layer: "_Layer"
+    scale: Scale
+
+
+class _Layer:
+    """A layer's output, kept in part.
+
+    Args:
+        blocks: what is computed one after the other; the convolutions among them reach `reach` cells in all.
+        shape: rows and columns of the output.
+        tile: side of the squares that are computed.
+
+    Attributes:
+        stale: uint8, like the output: cells that are not of the newest picture.
+        values: (rows, columns, channels) in whole tiles; what lies beyond `shape` means nothing.
+    """
+
+    def __init__(
+        self, blocks: Sequence[nn.Module], shape: tuple[int, int], tile: int, sources: Sequence[_Source] = ()
+    ) -> None:
+        self.blocks, self.shape, self.tile, self.sources = blocks, shape, tile, sources
+        self.reach = sum(_is_spatial(block) for block in blocks)
+        self.stale = np.ones(shape, np.uint8)
+        self.needed = np.zeros(shape, np.uint8)
+        self.corners = np.zeros((0, 2), int)
+        self.values = torch.empty(0)
+
+    def mark(self, changed: Sequence[np.ndarray]) -> np.ndarray:
+        """Cells that depend on what changed in the sources, by masks like the output; they are stale from now on."""
+        reached = _grown(np.maximum.reduce(changed), self.reach)
+        self.stale |= reached
+        return reached
+
+    def claim(self) -> np.ndarray:
+        """Choose the tiles to compute, with a cell that is needed and stale; what they read, as a mask."""
+        side, (rows, columns) = self.tile, self.shape
+        tiles = np.pad(self.needed & self.stale, ((0, -rows % side), (0, -columns % side)))
+        for _ in range(side.bit_length() - 1):
+            tiles = _halved(tiles)
+        self.corners = np.argwhere(tiles) * side
+        cells = tiles.repeat(side, 0).repeat(side, 1)[:rows, :columns]
+        self.stale[cells > 0] = 0
+        self.needed[:] = 0
+        return _grown(cells, self.reach)
+
+    def compute(self) -> None:
+        """The tiles that were claimed."""
+        for first in range(0, len(self.corners), TOGETHER):
+            corners = self.corners[first : first + TOGETHER]
+            x = torch.cat([_read(source, corners, self.tile, self.reach) for source in self.sources], dim=1)
+            reach = self.reach
+            for block in self.blocks:
+                if _is_spatial(block):
+                    x = _blank(x, corners - reach, self.shape)
+                    reach -= 1
+                x = _apply(block, x)
+            self._keep(corners, x)
+
+    def window(self, corners: np.ndarray, side: int) -> Tensor:
+        """Squares of `side` cells, (K, C, side, side); beyond the border the nearest cell."""
+        rows, columns = (torch.from_numpy(corners[:, k, None] + np.arange(side)) for k in (0, 1))
+        rows, columns = rows.clamp(0, self.shape[0] - 1), columns.clamp(0, self.shape[1] - 1)
+        return self.values[rows[:, :, None], columns[:, None, :]].permute(0, 3, 1, 2)
+
+    def keep_whole(self, output: Tensor) -> None:
+        """Take (1, C, rows, columns) for the output."""
+        rows, columns = (size + -size % self.tile for size in self.shape)
+        self.values = output.new_zeros(rows, columns, output.shape[1])
+        self.values[: self.shape[0], : self.shape[1]] = output[0].permute(1, 2, 0)
+        self.stale[:] = 0
+
+    def _keep(self, corners: np.ndarray, outputs: Tensor) -> None:
+        rows, columns = (torch.from_numpy(corners[:, k, None] + np.arange(self.tile)) for k in (0, 1))
+        self.values[rows[:, :, None], columns[:, None, :]] = outputs.permute(0, 2, 3, 1)
+
+
+class IncrementalPositionNet:
+    """`PositionNet` on the pictures of one board, one after the other, on a CPU.
+
+    Args:
+        network: in evaluation mode.
+        size: rows and columns of the pictures, multiples of 16.
+    """
+
+    def __init__(self, network: PositionNet, size: tuple[int, int]):
+        shapes = [(size[0] >> level + 1, size[1] >> level + 1) for level in range(4)]
+        self._picture = _Layer((), shapes[0], TILES[0])
+        encoders: list[_Layer] = []
+        for level, encode in enumerate([network.encode0, network.encode1, network.encode2, network.encode3]):
+            source = _Source(encoders[-1], "finer") if encoders else _Source(self._picture, "same")
+            encoders.append(_Layer(list(encode), shapes[level], TILES[level], [source]))
+        decoders = encoders[3:]
+        for level, blocks in ((2, [network.decode2]), (1, [network.decode1]), (0, [network.decode0, network.head])):
+            sources = [_Source(decoders[-1], "coarser"), _Source(encoders[level], "same")]
+            decoders.append(_Layer(blocks, shapes[level], TILES[level], sources))
+        self._layers = [*encoders, *decoders[1:]]
+
+    def __call__(self, features: Tensor, changed: np.ndarray, wanted: np.ndarray) -> Tensor:
+        """Logits of the next picture; of the first one whatever is wanted, in one whole pass.
+
+        Shapes:
+            features: (C, H, W).
+            changed: uint8 (H, W), 1 where they differ from the last ones.
+            wanted: uint8 (H, W), 1 where logits will be read.
+            returns: (H, W); what is not wanted may be of an earlier picture.
+        """
+        if not self._picture.values.numel():
+            self._fill(features)
+        else:
+            if changed.any():
+                self._mark(features, changed)
+            self._compute(_halved(wanted))
+        last = self._layers[-1]
+        rows, columns = last.shape
+        return functional.pixel_shuffle(last.values[:rows, :columns].permute(2, 0, 1)[None], 2)[0, 0]
+
+    def _fill(self, features: Tensor) -> None:
+        """A whole pass, of which everything is kept."""
+        features = features[None].contiguous(memory_format=torch.channels_last)
+        outputs = {self._picture: functional.pixel_unshuffle(features, 2)}
+        for layer in self._layers:
+            x = torch.cat([_scaled(outputs[source.layer], source.scale) for source in layer.sources], dim=1)
+            for block in layer.blocks:
+                x = block(x)
+            outputs[layer] = x
+        for layer, output in outputs.items():
+            layer.keep_whole(output)
+
+    def _mark(self, features: Tensor, changed: np.ndarray) -> None:
+        """Take over what changed; what depends on it is stale."""
+        left, top, width, height = (value // 2 for value in _even_box(changed))
+        part = features[:, 2 * top : 2 * (top + height), 2 * left : 2 * (left + width)]
+        folded = functional.pixel_unshuffle(part[None], 2)[0].permute(1, 2, 0)
+        self._picture.values[top : top + height, left : left + width] = folded
+        masks = {self._picture: _halved(changed)}
+        for layer in self._layers:
+            masks[layer] = layer.mark([_reached_from(source.scale, masks[source.layer]) for source in layer.sources])
+
+    def _compute(self, wanted: np.ndarray) -> None:
+        """What is wanted and stale, from the last layer back to the picture, then forward."""
+        self._layers[-1].needed |= wanted
+        for layer in reversed(self._layers):
+            read = layer.claim()
+            for source in layer.sources:
+                source.layer.needed |= _needed_of(source.scale, read)
+        for layer in self._layers:
+            layer.compute()
+
+
+def _is_spatial(block: nn.Module) -> bool:
+    """Whether it begins with a 3 x 3 convolution, as all blocks do but the head."""
+    return isinstance(block, nn.Sequential)
+
+
+def _apply(block: nn.Module, x: Tensor) -> Tensor:
+    """A block without its padding, (K, C, n, n) to (K, C', n - 2, n - 2)."""
+    if not isinstance(block, nn.Sequential):
+        return block(x)
+    convolution, *rest = block
+    assert isinstance(convolution, nn.Conv2d)
+    x = functional.conv2d(x, convolution.weight)
+    for module in rest:
+        x = module(x)
+    return x
+
+
+def _read(source: _Source, corners: np.ndarray, tile: int, reach: int) -> Tensor:
+    """The input of tiles with what they reach, (K, C, tile + 2 reach, tile + 2 reach)."""
+    corners, side = corners - reach, tile + 2 * reach
+    if source.scale == "finer":
+        return _scaled(source.layer.window(2 * corners, 2 * side), "finer")
+    if source.scale == "same":
+        return source.layer.window(corners, side)
+    coarse = source.layer.window((corners + reach) // 2 - 2, tile // 2 + 4)  # more than it covers, to interpolate with
+    cut = 4 - reach
+    return _scaled(coarse, "coarser")[:, :, cut:-cut, cut:-cut]
+
+
+def _scaled(x: Tensor, scale: Scale) -> Tensor:
+    """A source's output as its reader takes it."""
+    if scale == "finer":
+        return functional.max_pool2d(x, 2)
+    return x if scale == "same" else functional.interpolate(x, scale_factor=2, mode="bilinear", align_corners=False)
+
+
+def _blank(x: Tensor, corners: np.ndarray, shape: tuple[int, int]) -> Tensor:
+    """Squares that begin at `corners`, with zeros beyond the border of the picture."""
+    inside = []
+    for axis in (0, 1):
+        at = corners[:, axis, None] + np.arange(x.shape[-1])
+        inside.append((at >= 0) & (at < shape[axis]))
+    if inside[0].all() and inside[1].all():
+        return x
+    return x * torch.from_numpy(inside[0][:, None, :, None] & inside[1][:, None, None, :])
+
+
+def _even_box(mask: np.ndarray) -> tuple[int, int, int, int]:
+    """Left, top, width and height of what is set, all even."""
+    left, top, width, height = cv2.boundingRect(mask)
+    right, bottom = left + width + (left + width) % 2, top + height + (top + height) % 2
+    left, top = left - left % 2, top - top % 2
+    return left, top, right - left, bottom - top
+
+
+def _grown(mask: np.ndarray, cells: int) -> np.ndarray:
+    return cv2.dilate(mask, np.ones((2 * cells + 1, 2 * cells + 1), np.uint8)) if cells else mask
+
+
+def _halved(mask: np.ndarray) -> np.ndarray:
+    """Coarser cells with any of the finer ones."""
+    rows = mask[::2] | mask[1::2]
+    return rows[:, ::2] | rows[:, 1::2]
+
+
+def _doubled(mask: np.ndarray) -> np.ndarray:
+    return mask.repeat(2, 0).repeat(2, 1)
+
+
+def _reached_from(scale: Scale, changed: np.ndarray) -> np.ndarray:
+    """Where a layer's input changes, if its source did there."""
+    if scale == "finer":
+        return _halved(changed)
+    return changed if scale == "same" else _doubled(_grown(changed, 1))
+
+
+def _needed_of(scale: Scale, read: np.ndarray) -> np.ndarray:
+    """What a layer needs of its source, if its input is read there."""
+    if scale == "finer":
+        return _doubled(read)
+    return read if scale == "same" else _grown(_halved(read), 1)

@@ -1,0 +1,85 @@
+"""The position network computed in parts says what it says of the whole picture."""
+
+import numpy as np
+import pytest
+import torch
+
+from busybot.interact.affordance import incremental
+from busybot.interact.affordance.incremental import IncrementalPositionNet
+from busybot.interact.affordance.networks import PositionNet
+
+
+def network() -> PositionNet:
+    """With statistics of batches that are not those of the beginning."""
+    torch.manual_seed(0)
+    made = PositionNet(4)
+    for module in made.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            module.running_mean.normal_(0, 0.1)
+            module.running_var.uniform_(0.5, 2)
+    return made.eval()
+
+
+def changed_copy(features: torch.Tensor, rng: np.random.Generator) -> tuple[torch.Tensor, np.ndarray]:
+    """A few rectangles anew, some of them at the border, and where."""
+    after, changed = features.clone(), np.zeros(features.shape[1:], np.uint8)
+    for _ in range(int(rng.integers(0, 3))):
+        height, width = (int(rng.integers(1, max(2, size // 5))) for size in changed.shape)
+        top, left = (int(rng.integers(0, size - n + 1)) for size, n in zip(changed.shape, (height, width), strict=True))
+        place = (slice(top, top + height), slice(left, left + width))
+        after[:, *place] = torch.from_numpy(rng.normal(size=(4, height, width))).float()
+        changed[place] = 1
+    return after, changed
+
+
+@pytest.mark.parametrize("size", [(48, 64), (160, 208), (32, 400)])
+def test_it_is_equal_to_a_whole_pass(size: tuple[int, int]) -> None:
+    whole, rng = network(), np.random.default_rng(7)
+    parts = IncrementalPositionNet(whole, size)
+    features = torch.from_numpy(rng.normal(size=(4, *size))).float()
+    changed = np.ones(size, np.uint8)
+    with torch.inference_mode():
+        for _ in range(12):
+            wanted = np.zeros(size, np.uint8)
+            top, left = (int(rng.integers(0, side // 2)) for side in size)
+            wanted[top : top + size[0] // 3, left : left + size[1] // 3] = 1
+            logits, expected = parts(features, changed, wanted), whole(features[None])[0]
+            torch.testing.assert_close(logits[wanted > 0], expected[wanted > 0], rtol=1e-5, atol=1e-5)
+            features, changed = changed_copy(features, rng)
+
+
+def test_what_was_not_wanted_is_computed_when_it_is() -> None:
+    whole, rng, size = network(), np.random.default_rng(1), (96, 96)
+    parts, nothing = IncrementalPositionNet(whole, size), np.zeros((96, 96), np.uint8)
+    features = torch.from_numpy(rng.normal(size=(4, *size))).float()
+    with torch.inference_mode():
+        parts(features, np.ones(size, np.uint8), nothing)
+        after = features + 1
+        assert not torch.allclose(parts(after, np.ones(size, np.uint8), nothing), whole(after[None])[0], atol=1e-2)
+        logits = parts(after, nothing, np.ones(size, np.uint8))
+        torch.testing.assert_close(logits, whole(after[None])[0], rtol=1e-5, atol=1e-5)
+
+
+def test_a_small_change_costs_little(monkeypatch: pytest.MonkeyPatch) -> None:
+    work: list[int] = []
+    apply = incremental._apply
+
+    def counted(block: torch.nn.Module, x: torch.Tensor) -> torch.Tensor:
+        work.append(x.numel())
+        return apply(block, x)
+
+    monkeypatch.setattr(incremental, "_apply", counted)
+    size = (480, 640)
+    parts, features = IncrementalPositionNet(network(), size), torch.zeros(4, *size)
+    changed, wanted = np.zeros(size, np.uint8), np.zeros(size, np.uint8)
+    changed[200:230, 300:330] = wanted[190:240, 290:340] = 1
+    with torch.inference_mode():
+        parts(features, np.ones(size, np.uint8), wanted)
+        assert not work, "the first picture takes a whole pass"
+        after = features.clone()
+        after[:, 200:230, 300:330] = 1
+        parts(after, changed, wanted)
+        assert 0 < sum(work) < 4 * 240 * 320 * 4, "less than reading the whole picture at the first layer"
+        work.clear()
+        parts(after, np.zeros(size, np.uint8), wanted)
+        assert not work

@@ -3,9 +3,10 @@
 A texture is a grey-scale relief in 0..1 that the board's colour tints; nothing is read from files.
 """
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 from busybot.boards.layout import footprint
 from busybot.boards.spec import BoardSpec
@@ -34,8 +35,9 @@ SIDE = 512
 """Of textures, pixels."""
 
 
+@lru_cache(maxsize=len(TEXTURES))
 def texture(name: str, size: int = SIDE) -> np.ndarray:
-    """The texture's relief, float32 (size, size) in about 0.6..1; the same on every call.
+    """The texture's relief, float32 (size, size) in about 0.6..1, read-only; the same on every call.
 
     Raises:
         ValueError: the name is not one of `TEXTURES`.
@@ -43,8 +45,9 @@ def texture(name: str, size: int = SIDE) -> np.ndarray:
     makers = {"wood": _wood, "plywood": _plywood, "cork": _cork, "felt": _felt, "brushed": _brushed}
     if name not in makers:
         raise ValueError(f"unknown texture {name!r}; there are {', '.join(TEXTURES)}")
-    relief = makers[name](size, generator(0, "surface", TEXTURES.index(name), "texture"))
-    return relief.astype(np.float32)
+    relief = makers[name](size, generator(0, "surface", TEXTURES.index(name), "texture")).astype(np.float32)
+    relief.flags.writeable = False
+    return relief
 
 
 def painted(name: str, color: tuple[float, float, float], size: int = SIDE) -> np.ndarray:
@@ -77,8 +80,25 @@ def contact_shadow(spec: BoardSpec, models: list[ObjectModel]) -> np.ndarray:
 
 def _noise(rng: np.random.Generator, size: int, sigma: float | tuple[float, float]) -> np.ndarray:
     """Smooth noise that wraps around, zero mean, unit deviation."""
-    smooth = gaussian_filter(rng.standard_normal((size, size)), sigma, mode="wrap")
+    smooth = _blurred(rng.standard_normal((size, size)), sigma)
     return (smooth - smooth.mean()) / smooth.std()
+
+
+def _blurred(image: np.ndarray, sigma: float | tuple[float, float]) -> np.ndarray:
+    """A square image under a Gaussian, by rows and columns, that wraps around: a product of Fourier transforms."""
+    across, along = (_gaussian(len(image), width) for width in np.broadcast_to(sigma, 2))
+    transfer = np.fft.fft(across)[:, None] * np.fft.rfft(along)
+    return np.fft.irfft2(np.fft.rfft2(image) * transfer, s=image.shape)
+
+
+def _gaussian(size: int, sigma: float) -> np.ndarray:
+    """Weights of a Gaussian around cell 0 of a ring, cut off at four standard deviations."""
+    reach = int(4 * sigma + 0.5)
+    offsets = np.arange(-reach, reach + 1)
+    weights = np.exp(-0.5 * (offsets / sigma) ** 2)
+    ring = np.zeros(size)
+    np.add.at(ring, offsets % size, weights / weights.sum())
+    return ring
 
 
 def _scaled(relief: np.ndarray, low: float, high: float) -> np.ndarray:
@@ -113,9 +133,7 @@ def _cork(size: int, rng: np.random.Generator) -> np.ndarray:
     """Granules of several sizes."""
     grains = _noise(rng, size, 2.2) + 0.7 * _noise(rng, size, 4.5)
     specks = _noise(rng, size, 1.3) < -1.9
-    return _scaled(np.tanh(grains), 0.78, 1.0) * np.where(
-        gaussian_filter(specks * 1.0, 0.8, mode="wrap") > 0.3, 0.72, 1
-    )
+    return _scaled(np.tanh(grains), 0.78, 1.0) * np.where(_blurred(specks * 1.0, 0.8) > 0.3, 0.72, 1)
 
 
 def _felt(size: int, rng: np.random.Generator) -> np.ndarray:

@@ -3,6 +3,8 @@
 Here is the `fast` variant; `interact.affordance.paper` has the `paper` variant. `interact.affordance.load` loads both.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,8 +17,16 @@ from torch.nn import functional
 
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.affordance.inputs import Inputs, Pinhole, colour_features, heights_of, picture_features
-from busybot.interact.affordance.networks import CROP, POSITION_STRIDE, Kind, make_network
+from busybot.interact.affordance.incremental import IncrementalPositionNet
+from busybot.interact.affordance.inputs import (
+    Inputs,
+    Pinhole,
+    colour_features,
+    heights_of,
+    picture_features,
+    updated_features,
+)
+from busybot.interact.affordance.networks import CROP, POSITION_STRIDE, Kind, PositionNet, make_network
 from busybot.interact.policy.config import PairTable, Threshold, check_thresholds
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
 from busybot.training.checkpoint import save_tensors
@@ -70,12 +80,31 @@ class AffordanceView:
         features: float32 (C, H, W), what the networks see.
         closer: the last closer looks, by pixel (u, v); an action changes little of a picture, so most of them hold for
             the next one.
+        kept: what the next look at the board can use, if there may be one.
     """
 
     height: np.ndarray
     affordance: np.ndarray
     features: np.ndarray
     closer: dict[tuple[int, int], CropFeatures] = field(default_factory=dict)
+    kept: "KeptLook | None" = None
+
+
+@dataclass(frozen=True)
+class KeptLook:
+    """A picture and what the position network made of its part that has something elevated.
+
+    Attributes:
+        seen: the picture.
+        features: (C, H, W), what the networks saw.
+        window: rows and columns of the part; None where nothing is elevated.
+        position: the network with its layers' outputs on that part; None on a GPU, which computes all anew.
+    """
+
+    seen: Observation
+    features: Tensor
+    window: tuple[slice, slice] | None = None
+    position: IncrementalPositionNet | None = None
 
 
 class AffordanceModel:
@@ -111,19 +140,56 @@ class AffordanceModel:
         Args:
             earlier: of the same board, saves closer looks at what has not changed.
         """
-        features = picture_features(seen.depth, self._pinhole(rays))
-        height = heights_of(features)
-        if self.info.inputs == "rgb":
-            features = colour_features(seen.rgb)
+        before = None if earlier is None else earlier.kept
+        features, height, changed = self._features(seen, rays, before)
         elevated = height > ELEVATED
         affordance = torch.full_like(height, NOT_ELEVATED)
+        kept = KeptLook(seen, features)
         if elevated.any():
             window = _window(elevated)
-            logits = self._run("position", _pad_to_stride(features[:, *window])[None])[0]
             part = elevated[window]
+            logits, position = self._position_logits(features, window, part, changed, before)
             affordance[window] = torch.where(part, logits[: part.shape[0], : part.shape[1]], NOT_ELEVATED)
+            kept = KeptLook(seen, features, window, position)
         closer = {} if earlier is None else earlier.closer
-        return AffordanceView(height.numpy(), affordance.numpy(), features.numpy(), closer)
+        return AffordanceView(height.numpy(), affordance.numpy(), features.numpy(), closer, kept)
+
+    def _features(
+        self, seen: Observation, rays: Rays, before: KeptLook | None
+    ) -> tuple[Tensor, Tensor, np.ndarray | None]:
+        """What the networks see (C, H, W), heights (H, W), and where the former changed, uint8 (H, W), if known."""
+        camera = self._pinhole(rays)
+        if self.info.inputs == "rgb":
+            height = heights_of(picture_features(seen.depth, camera))
+            changed = None if before is None else (seen.rgb != before.seen.rgb).any(axis=-1).view(np.uint8)
+            return colour_features(seen.rgb), height, changed
+        if before is None:
+            features, changed = picture_features(seen.depth, camera), None
+        else:
+            features, changed = updated_features(before.features, before.seen.depth, seen.depth, camera)
+        return features, heights_of(features), changed
+
+    def _position_logits(
+        self,
+        features: Tensor,
+        window: tuple[slice, slice],
+        elevated: Tensor,
+        changed: np.ndarray | None,
+        before: KeptLook | None,
+    ) -> tuple[Tensor, IncrementalPositionNet | None]:
+        """Logits of a part of the picture where it is elevated; and the network, if it can go on from there."""
+        part = _pad_to_stride(features[:, *window])
+        network = self.networks["position"]
+        if self.on.type != "cpu" or not isinstance(network, PositionNet):
+            return self._run("position", part[None])[0], None
+        sides = (part.shape[1], part.shape[2])
+        if before is not None and before.position is not None and before.window == window and changed is not None:
+            position, changes = before.position, _fill_up(changed[window], sides, "edge")
+        else:
+            position, changes = IncrementalPositionNet(network, sides), np.ones(sides, np.uint8)
+        with self._computing():
+            wanted = _fill_up(elevated.numpy().view(np.uint8), sides, "constant")
+            return position(part.to(self._number_type), changes, wanted).float(), position
 
     def directions(self, view: AffordanceView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A closer look at some pixels.
@@ -150,11 +216,20 @@ class AffordanceModel:
         view.closer.update(zip(places, looks, strict=True))
         return np.array([one.position for one in looks]), np.stack([one.directions for one in looks])
 
+    @property
+    def _number_type(self) -> torch.dtype:
+        """What networks are given: what autocast would make of it, at half the copying."""
+        return torch.bfloat16 if self.bfloat16 else torch.float32
+
+    @contextmanager
+    def _computing(self) -> Iterator[None]:
+        with torch.inference_mode(), torch.autocast(self.on.type, torch.bfloat16, enabled=self.bfloat16):
+            yield
+
     def _run(self, kind: Kind, features: Tensor) -> Any:
         """The outputs of a network in float32, on the CPU."""
-        seen_as = torch.bfloat16 if self.bfloat16 else torch.float32  # as autocast would, at half the copying
-        on_device = features.to(self.on, seen_as).contiguous(memory_format=torch.channels_last)
-        with torch.inference_mode(), torch.autocast(self.on.type, torch.bfloat16, enabled=self.bfloat16):
+        on_device = features.to(self.on, self._number_type).contiguous(memory_format=torch.channels_last)
+        with self._computing():
             outputs = self.networks[kind](on_device)
         return tuple(part.float().cpu() for part in outputs) if isinstance(outputs, tuple) else outputs.float().cpu()
 
@@ -196,6 +271,11 @@ def _window(elevated: Tensor) -> tuple[slice, slice]:
         last = int(occupied[-1]) + 1 + MARGIN
         sides.append(slice(first, min(size, -(-last // POSITION_STRIDE) * POSITION_STRIDE)))
     return sides[0], sides[1]
+
+
+def _fill_up(mask: np.ndarray, sides: tuple[int, int], mode: Literal["edge", "constant"]) -> np.ndarray:
+    """A mask as large as what `_pad_to_stride` makes of its picture."""
+    return np.pad(mask, [(0, side - size) for side, size in zip(sides, mask.shape, strict=True)], mode)
 
 
 def _pad_to_stride(features: Tensor) -> Tensor:

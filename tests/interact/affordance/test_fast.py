@@ -17,7 +17,7 @@ from busybot.interact.affordance.load import find_model, load_model
 from busybot.interact.affordance.networks import KINDS, make_network
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED
 from busybot.objects.resolve import find
-from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.scene.board_scene import BoardScene, Simulator
 from busybot.sim.scene.render import RenderConfig
 from busybot.training.checkpoint import initialise
 from tests.episodes.synthetic import make_episode
@@ -72,24 +72,43 @@ def test_what_is_far_from_every_object_does_not_change_what_is_seen(seen: tuple[
     assert (empty.affordance == NOT_ELEVATED).all()
 
 
-def test_around_what_is_elevated_it_sees_what_it_sees_in_the_whole_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the window leaves out is board, which says next to nothing about what stands on it."""
-    library, model = find("procedural"), load_model("procedural")
+@pytest.fixture(scope="module")
+def scene() -> BoardScene:
+    library = find("procedural")
     board = next(iter(generate_boards(BoardConfig(boards=1, seed=1, group_size=1), library)))
-    scene = Simulator(library, RenderConfig()).board(board)
-    picture, rays = scene.observe().observation(scene.camera), Rays(scene.camera)
+    return Simulator(library, RenderConfig()).board(board)
+
+
+def test_around_what_is_elevated_it_sees_what_it_sees_in_the_whole_picture(
+    scene: BoardScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the window leaves out is board, which says next to nothing about what stands on it."""
+    model, picture, rays = load_model("procedural"), scene.observe().observation(scene.camera), Rays(scene.camera)
     model.bfloat16 = False
-    sizes: list[tuple[int, ...]] = []
-    run = model._run
-    monkeypatch.setattr(model, "_run", lambda kind, x: (sizes.append(tuple(x.shape[-2:])), run(kind, x))[1])
     part = model.look(picture, rays)
     monkeypatch.setattr("busybot.interact.affordance.fast.MARGIN", 640)
     whole = model.look(picture, rays)
-    assert sizes[1] == (480, 640) and np.prod(sizes[0]) < np.prod(sizes[1])
+    assert part.kept and part.kept.window and whole.kept and whole.kept.window == (slice(0, 480), slice(0, 640))
+    assert max(side.stop - side.start for side in part.kept.window) < 640
     elevated = whole.affordance > NOT_ELEVATED
     given, wanted = (1 / (1 + np.exp(-view.affordance[elevated])) for view in (part, whole))
     assert np.ptp(wanted) > 0.9, "the picture has something to tell apart"
     assert np.abs(given - wanted).max() < 0.05
+
+
+def test_looking_again_sees_what_a_first_look_sees(scene: BoardScene) -> None:
+    """Whatever moved, and whatever a responder did."""
+    model, rays, view, windows = load_model("procedural"), Rays(scene.camera), None, set()
+    model.bfloat16 = False
+    for number, trigger in enumerate(scene.triggers):
+        scene.set_trigger(number, (trigger.state + 1) % 2)
+        picture = scene.observe().observation(scene.camera)
+        view, anew = model.look(picture, rays, view), model.look(picture, rays)
+        assert np.array_equal(view.features, anew.features) and np.array_equal(view.height, anew.height)
+        np.testing.assert_allclose(view.affordance, anew.affordance, rtol=1e-5, atol=1e-4)
+        assert view.kept and anew.kept and view.kept.position is not anew.kept.position
+        windows.add(id(view.kept.position))
+    assert len(windows) < len(scene.triggers), "most of these looks went on from the one before"
 
 
 def test_a_card_with_a_constant_that_does_not_exist_is_refused_by_its_file(tmp_path: Path) -> None:
@@ -143,9 +162,7 @@ def test_a_closer_look_is_taken_again_only_where_something_changed(
     model, (image, rays) = untrained(), seen
     sizes: list[int] = []
     run = model._run
-    monkeypatch.setattr(
-        model, "_run", lambda kind, x: (sizes.append(len(x) if kind == "direction" else 0), run(kind, x))[1]
-    )
+    monkeypatch.setattr(model, "_run", lambda kind, x: (sizes.append(len(x)), run(kind, x))[1])
     pixels = np.array([[20, 30], [120, 80], [125, 82]])
     first = model.look(image, rays)
     model.directions(first, pixels)
@@ -153,7 +170,7 @@ def test_a_closer_look_is_taken_again_only_where_something_changed(
     moved[78:84, 118:124] -= 0.3
     after = replace(image, depth=moved)
     position, probabilities = model.directions(model.look(after, rays, first), pixels[::-1])
-    assert sizes == [0, 3, 0, 2], "the crop around (20, 30) is as it was"
+    assert sizes == [3, 2], "the crop around (20, 30) is as it was"
     anew = model.directions(model.look(after, rays), pixels[::-1])
     assert np.allclose(position, anew[0], atol=1e-5) and np.allclose(probabilities, anew[1], atol=1e-5)
 

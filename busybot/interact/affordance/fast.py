@@ -183,10 +183,14 @@ class AffordanceModel:
         if self.on.type != "cpu" or not isinstance(network, PositionNet):
             return self._run("position", part[None])[0], None
         sides = (part.shape[1], part.shape[2])
-        if before is not None and before.position is not None and before.window == window and changed is not None:
-            position, changes = before.position, _fill_up(changed[window], sides, "edge")
-        else:
+        if before is None or before.position is None or before.window is None or changed is None:
             position, changes = IncrementalPositionNet(network, sides), np.ones(sides, np.uint8)
+        else:
+            position, changes = before.position, _fill_up(changed[window], sides, "edge")
+            if before.window != window:
+                first = (window[0].start - before.window[0].start, window[1].start - before.window[1].start)
+                position, new = position.moved(first, sides)
+                changes = changes | new
         with self._computing():
             wanted = _fill_up(elevated.numpy().view(np.uint8), sides, "constant")
             return position(part.to(self._number_type), changes, wanted).float(), position

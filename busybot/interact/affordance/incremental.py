@@ -97,10 +97,24 @@ class _Layer:
 
     def keep_whole(self, output: Tensor) -> None:
         """Take (1, C, rows, columns) for the output."""
-        rows, columns = (size + -size % self.tile for size in self.shape)
-        self.values = output.new_zeros(rows, columns, output.shape[1])
+        self._allocate(output.new_empty(0), output.shape[1])
         self.values[: self.shape[0], : self.shape[1]] = output[0].permute(1, 2, 0)
         self.stale[:] = 0
+
+    def take_over(self, other: "_Layer", first: tuple[int, int]) -> None:
+        """Take what lies on the same cells of another one, whose cell `first` is the first here; it may lie outside."""
+        self._allocate(other.values, other.values.shape[-1])
+        here, there = [], []
+        for start, size, its_size in zip(first, self.shape, other.shape, strict=True):
+            low, high = max(0, -start), min(size, its_size - start)
+            here.append(slice(low, high))
+            there.append(slice(low + start, high + start))
+        self.values[*here] = other.values[*there]
+        self.stale[*here] = other.stale[*there]
+
+    def _allocate(self, like: Tensor, channels: int) -> None:
+        rows, columns = (size + -size % self.tile for size in self.shape)
+        self.values = like.new_zeros(rows, columns, channels)
 
     def _keep(self, corners: np.ndarray, outputs: Tensor) -> None:
         rows, columns = (torch.from_numpy(corners[:, k, None] + np.arange(self.tile)) for k in (0, 1))
@@ -116,6 +130,7 @@ class IncrementalPositionNet:
     """
 
     def __init__(self, network: PositionNet, size: tuple[int, int]):
+        self._network, self._size = network, size
         shapes = [(size[0] >> level + 1, size[1] >> level + 1) for level in range(4)]
         self._picture = _Layer((), shapes[0], TILES[0])
         encoders: list[_Layer] = []
@@ -146,6 +161,26 @@ class IncrementalPositionNet:
         last = self._layers[-1]
         rows, columns = last.shape
         return functional.pixel_shuffle(last.values[:rows, :columns].permute(2, 0, 1)[None], 2)[0, 0]
+
+    def moved(self, first: tuple[int, int], size: tuple[int, int]) -> tuple["IncrementalPositionNet", np.ndarray]:
+        """For another part of the same picture: the network with what it can keep, and what to call changed there.
+
+        Args:
+            first: row and column of this part at which the other one begins, multiples of 16; negative if before it.
+            size: rows and columns of the other part.
+
+        Returns:
+            uint8 (H, W) beside it: what is new, and the lines along which the picture now ends.
+        """
+        other = IncrementalPositionNet(self._network, size)
+        for mine, its in zip([self._picture, *self._layers], [other._picture, *other._layers], strict=True):
+            pixels = self._size[0] // mine.shape[0]
+            its.take_over(mine, (first[0] // pixels, first[1] // pixels))
+        changed = np.zeros(size, np.uint8)
+        for lines, start, side, its_side in zip((changed, changed.T), first, self._size, size, strict=True):
+            lines[: max(-start, start > 0)] = 1
+            lines[min(side - start, its_side - (start + its_side < side)) :] = 1
+        return other, changed
 
     def _fill(self, features: Tensor) -> None:
         """A whole pass, of which everything is kept."""

@@ -48,6 +48,32 @@ def test_it_is_equal_to_a_whole_pass(size: tuple[int, int]) -> None:
             features, changed = changed_copy(features, rng)
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_another_part_of_the_picture_is_seen_as_if_it_were_the_first(seed: int) -> None:
+    whole, rng = network(), np.random.default_rng(seed)
+    picture = torch.from_numpy(rng.normal(size=(4, 240, 304))).float()
+
+    def part() -> list[slice]:
+        starts = [16 * int(rng.integers(0, 4)) for _ in range(2)]
+        return [
+            slice(first, side - 16 * int(rng.integers(0, 4))) for first, side in zip(starts, (240, 304), strict=True)
+        ]
+
+    before = part()
+    features = picture[:, *before]
+    parts = IncrementalPositionNet(whole, tuple(features.shape[1:]))
+    with torch.inference_mode():
+        parts(features, np.ones(features.shape[1:], np.uint8), np.ones(features.shape[1:], np.uint8))
+        for _ in range(5):
+            after = part()
+            features = picture[:, *after]
+            first = (after[0].start - before[0].start, after[1].start - before[1].start)
+            parts, changed = parts.moved(first, tuple(features.shape[1:]))
+            logits = parts(features, changed, np.ones(features.shape[1:], np.uint8))
+            torch.testing.assert_close(logits, whole(features[None])[0], rtol=1e-5, atol=1e-5)
+            before = after
+
+
 def test_what_was_not_wanted_is_computed_when_it_is() -> None:
     whole, rng, size = network(), np.random.default_rng(1), (96, 96)
     parts, nothing = IncrementalPositionNet(whole, size), np.zeros((96, 96), np.uint8)

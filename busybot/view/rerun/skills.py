@@ -144,8 +144,8 @@ DOTS = 2.0
 """Dots are so much larger than among affordances: they are fewer, and the picture is one of four."""
 LETTERS, LINES = 44, 3
 """Of the reason that the picture has room for."""
-LINE = 24.0
-"""Height of a line, drawing units, in a picture of the usual size."""
+REASON_LINE = 24.0
+"""Height of a line of it, drawing units, in a picture of the usual size."""
 
 
 def has_choices(episode: Episode) -> bool:
@@ -171,7 +171,7 @@ def _log_reason(recording: rr.RecordingStream, episode: Episode, step: int) -> N
     words = named(episode.board, reason(episode, step))
     lines = textwrap.wrap(words, LETTERS, max_lines=LINES, placeholder=" ...")
     low, high = board_bounds(episode, 0)
-    place = [(low[0] + high[0]) / 2, high[1] - (len(lines) + 1) * LINE / drawing_scale(episode)]
+    place = [(low[0] + high[0]) / 2, high[1] - (len(lines) + 1) * REASON_LINE / drawing_scale(episode)]
     label = rr.Points2D(
         [place], labels=["\n".join(lines)], colors=text_on_dark(ACTION), radii=0.0, show_labels=bool(lines)
     )

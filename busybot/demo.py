@@ -36,8 +36,7 @@ from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.sim.collect import CollectConfig, collect
 from busybot.view.annotations import judged_edges, named, object_names
 from busybot.view.figures import episode as figures
-from busybot.view.figures.affordance import affordance_figure
-from busybot.view.figures.sequences import sequence_figure
+from busybot.view.figures.sequences import affordance_figure, sequence_figure
 from busybot.view.report.page import Block, Grid, Heading, Items, Picture, Text, markdown, number, plain_grid
 from busybot.view.rerun.recording import RecordingLayers, save_rrd
 from busybot.view.viewer_process import save_screenshot

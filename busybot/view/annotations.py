@@ -149,15 +149,19 @@ def acted_object(episode: Episode, step: int) -> int:
     return best
 
 
+def truth_matrix(board: BoardSpec) -> np.ndarray:
+    """Which object controls which, bool (N, N)."""
+    return np.array(board.relation_matrix(), bool)
+
+
 def true_edges(board: BoardSpec) -> list[Edge]:
     """The board's relations between objects."""
-    matrix = np.array(board.relation_matrix())
-    return [Edge(int(i), int(j), 1.0, "correct") for i, j in np.argwhere(matrix)]
+    return [Edge(int(i), int(j), 1.0, "correct") for i, j in np.argwhere(truth_matrix(board))]
 
 
 def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[Edge]:
     """Claimed edges after so many steps, right or wrong, and the true ones that are not claimed."""
-    truth, probabilities = np.array(board.relation_matrix(), bool), inferred.after(steps)
+    truth, probabilities = truth_matrix(board), inferred.after(steps)
     claimed = probabilities > inferred.threshold
     edges = []
     for i, j in np.argwhere(claimed | truth):
@@ -168,9 +172,8 @@ def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[
 
 def pairs_ever(board: BoardSpec, inferred: InferredGraph) -> list[tuple[int, int]]:
     """Cause and effect of every edge that `judged_edges` gives after any number of steps."""
-    truth = np.array(board.relation_matrix(), bool)
     ever = (inferred.probabilities > inferred.threshold).any(0)
-    return [(int(i), int(j)) for i, j in np.argwhere(ever | truth)]
+    return [(int(i), int(j)) for i, j in np.argwhere(ever | truth_matrix(board))]
 
 
 def check_inferred(episode: Episode, inferred: InferredGraph) -> None:

@@ -253,8 +253,8 @@ def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
     from busybot.interact.policy.policy_factory import load_once, policy_config
     from busybot.interact.policy.policy_trace import retrace
     from busybot.reason.evaluation.prediction import inferred_over_time
-    from busybot.view.figures.affordance import affordance_figure
     from busybot.view.figures.episode import refinement_figure
+    from busybot.view.figures.sequences import affordance_figure
 
     episode = read_episode(shown.episode, "lazy")
     graph = inferred_over_time(episode, shown.reasoner)

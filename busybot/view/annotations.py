@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import project
@@ -88,6 +89,13 @@ def anchors(episode: Episode) -> np.ndarray:
     return np.where(seen, middle, projected)
 
 
+def seen_directions(episode: Episode, positions: np.ndarray, directions: np.ndarray, length: float) -> np.ndarray:
+    """Directions (K,) at positions (K, 3) as the camera sees them, pixels (K, 2); `length` in board units."""
+    starts = np.reshape(positions, (-1, 3))
+    tips = starts + length * DIRECTIONS[directions]
+    return project(tips, episode.camera)[0] - project(starts, episode.camera)[0]
+
+
 def delta(episode: Episode) -> int:
     """The number of changed pixels beyond which an action is rewarded."""
     interaction = episode.settings.get("interaction", episode.settings)
@@ -100,9 +108,14 @@ def visible(image: Image) -> np.ndarray:
     return np.flatnonzero((image.boxes[:, 2:] > image.boxes[:, :2]).all(1))
 
 
+def looks_new(episode: Episode, frame: int) -> bool:
+    """Whether a frame has an image of its own, not the one before it."""
+    return frame == 0 or episode.frame_of[frame] != episode.frame_of[frame - 1]
+
+
 def changed_objects(episode: Episode, step: int) -> list[int]:
     """Objects that look different after step `step` (from 0), by pixels alone."""
-    if episode.frame_of[step] == episode.frame_of[step + 1]:
+    if not looks_new(episode, step + 1):
         return []
     return unlike_objects(episode, episode.image(step), episode.image(step + 1))
 

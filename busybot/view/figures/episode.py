@@ -20,6 +20,7 @@ from busybot.view.annotations import (
     delta,
     drawing_scale,
     judged_edges,
+    looks_new,
     object_names,
     truth_matrix,
     visible,
@@ -69,12 +70,13 @@ def episode_figure(path: Path, episode: Episode, steps: Sequence[int] | None = N
 
 def _board_grid(pictures: int, columns: int) -> tuple[Any, list[Any]]:
     """A page with axes for so many pictures of boards, at most `columns` in a row."""
-    return parts.picture_grid(pictures, max(min(columns, pictures), 1), parts.WIDTH / max(columns, 3), 0.18)
+    side = parts.WIDTH / max(columns, 3)
+    return parts.picture_grid(pictures, max(min(columns, pictures), 1), side, side + 0.18)
 
 
 def telling_steps(episode: Episode, count: int) -> list[int]:
     """At most `count` steps, evenly over those in which something changed, or over all if nothing ever did."""
-    changing = [k for k in range(len(episode.steps)) if episode.frame_of[k] != episode.frame_of[k + 1]]
+    changing = [k for k in range(len(episode.steps)) if looks_new(episode, k + 1)]
     steps = changing or list(range(len(episode.steps)))
     places = np.unique(np.linspace(0, len(steps) - 1, min(count, len(steps))).round().astype(int))
     return [steps[place] for place in places]

@@ -15,11 +15,9 @@ from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import PercentFormatter
 
-from busybot.boards.directions import DIRECTIONS
 from busybot.common.atomic_io import write_atomically
-from busybot.episodes.camera import project
 from busybot.episodes.episode import Episode, Image
-from busybot.view.annotations import anchors, board_bounds, drawing_scale, object_names
+from busybot.view.annotations import anchors, board_bounds, drawing_scale, object_names, seen_directions
 from busybot.view.palette import ACTION, FAINT, INK, MUTED, PAPER, ROLES, Rgb, unit
 
 WIDTH = 9.6
@@ -41,10 +39,10 @@ def page(width: float, height: float) -> Figure:
     return figure
 
 
-def picture_grid(pictures: int, columns: int, side: float, gap: float, extra: float = 0) -> tuple[Figure, list[Any]]:
-    """A page with axes for square pictures, a gap below each, and extra room at the lower edge; inches."""
+def picture_grid(pictures: int, columns: int, side: float, row: float, extra: float = 0) -> tuple[Figure, list[Any]]:
+    """A page with axes for pictures: their width, the height of a row, extra room at the lower edge; inches."""
     rows = max(-(-pictures // columns), 1)
-    figure = page(side * columns, rows * (side + gap) + extra)
+    figure = page(side * columns, rows * row + extra)
     grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
     for axes in grid[pictures:]:
         axes.set_axis_off()
@@ -83,12 +81,9 @@ def draw_title(axes: Any, bold: str, plain: str = "") -> None:
 
 def draw_action(axes: Any, episode: Episode, step: int) -> None:
     """The chosen pixel and the proposed direction."""
-    done = episode.steps[step]
-    position = np.array(done.position)
-    ends, _ = project(np.stack([position, position + ARROW_LENGTH * DIRECTIONS[done.direction]]), episode.camera)
-    scale = drawing_scale(episode)
+    done, scale = episode.steps[step], drawing_scale(episode)
     start = (np.array(done.pixel) + 0.5) * scale
-    tip = start + (ends[1] - ends[0]) * scale
+    tip = start + seen_directions(episode, done.position, [done.direction], ARROW_LENGTH)[0] * scale
     if float(np.hypot(*(tip - start))) > 8:
         style = {"color": unit(ACTION), "linewidth": 1.8, "mutation_scale": 9, "zorder": 6}
         arrow = FancyArrowPatch(_pair(start), _pair(tip), arrowstyle="-|>", shrinkA=0, shrinkB=0, **style)

@@ -73,7 +73,8 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
     length = len(episode.steps)
     moments = sorted({moment for moment in steps if moment < length} | {length})
     columns = COLUMNS if len(moments) < 2 * COLUMNS else COLUMNS + 1
-    figure, grid = parts.picture_grid(len(moments) + 1, columns, parts.WIDTH / columns, 0.1, 0.35)
+    side = parts.WIDTH / columns
+    figure, grid = parts.picture_grid(len(moments) + 1, columns, side, side + 0.1, 0.35)
     bends = _bends(episode, inferred, moments)
     for axes, moment in zip(grid, moments, strict=False):
         _draw_board(axes, episode, inferred, moment, bends)
@@ -169,7 +170,7 @@ def sequence_figure(path: Path, episode: Episode, root: Path | None = None) -> P
     pictures = steps + 2
     columns = -(-pictures // -(-pictures // PICTURES_PER_ROW))  # rows of about equal length
     side = parts.WIDTH / max(columns, FEWEST)
-    figure, grid = parts.picture_grid(pictures, columns, side, 0.18 + WORDS_HEIGHT, 0.3)
+    figure, grid = parts.picture_grid(pictures, columns, side, side + 0.18 + WORDS_HEIGHT, 0.3)
     for frame, axes in enumerate(grid[: steps + 1]):
         _draw_moment(axes, episode, frame, side)
     last = grid[pictures - 1]

@@ -1,6 +1,6 @@
 """Rerun, where everything is: what the camera sees, what follows from it, the board in 3-D; below, how it came."""
 
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -24,20 +24,23 @@ LEGEND_SHARE = 0.38
 """Of a plot's width, kept free for its legend."""
 
 
-@dataclass(frozen=True)
-class ShownLayers:
-    """Which of `view.rerun.recording.RecordingLayers` a recording has."""
-
-    affordance: bool = False
-    replayed: bool = False
-    foreseen: bool = False
+LAYERS = {
+    SIMULATOR: "Simulator, the step put back: violet differs",
+    EXPECTED: "Expected and seen: red is wrong",
+    AFFORDANCE: "Affordance before the action: candidates, known links",
+}
+"""What may stand before the camera's picture: spaces with the names of their views."""
 
 
 def blueprint(
-    episode: Episode, inferred: list[InferredGraph], menus: bool = True, shown: ShownLayers | None = None
+    episode: Episode, inferred: Sequence[InferredGraph], menus: bool = True, shown: Collection[str] = ()
 ) -> rrb.Blueprint:
-    """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
-    shown = shown or ShownLayers()
+    """The layout of an episode's recording.
+
+    Args:
+        menus: without them nothing but the views and the time is shown.
+        shown: which of `LAYERS` the recording has.
+    """
     names = [graph.name for graph in inferred]
     graphs = graph_views(episode, names)
     if has_choices(episode):
@@ -45,10 +48,10 @@ def blueprint(
     upper = [camera_views(episode, shown), graphs, board_view()]
     shares = [*COLUMNS]
     if episode.goal is not None:
-        upper.insert(1, goal_view(episode))
+        upper.insert(1, _picture_view(episode, GOAL, "Goal: red differs still"))
         shares.insert(1, GOAL_COLUMN)
     beliefs = [belief_views(episode, names)] if names else []
-    parts = [signal_views(episode), *beliefs, account_views(episode, shown.foreseen)]
+    parts = [signal_views(episode), *beliefs, account_views(episode, EXPECTED in shown)]
     lower = rrb.Horizontal(*parts, column_shares=COLUMNS if names else [1, 1])
     panel: Literal["collapsed", "hidden"] = "collapsed" if menus else "hidden"
     return rrb.Blueprint(
@@ -62,21 +65,11 @@ def blueprint(
     )
 
 
-def camera_views(episode: Episode, shown: ShownLayers) -> Any:
+def camera_views(episode: Episode, shown: Collection[str]) -> Any:
     """The image, closely around the board, and depth behind it; in front of both what else was asked for."""
-    spaces = {"camera": "Camera: boxes, action, change", "depth": "Depth"}
-    if shown.affordance:
-        spaces = {AFFORDANCE: "Affordance before the action: candidates, known links", **spaces}
-    if shown.foreseen:
-        spaces = {EXPECTED: "Expected and seen: red is wrong", **spaces}
-    if shown.replayed:
-        spaces = {SIMULATOR: "Simulator, the step put back: violet differs", **spaces}
-    return rrb.Tabs(*(_picture_view(episode, origin, name) for origin, name in spaces.items()))
-
-
-def goal_view(episode: Episode) -> Any:
-    """The goal, closely around the board as the camera's view."""
-    return _picture_view(episode, GOAL, "Goal: red differs still")
+    layers = {space: words for space, words in LAYERS.items() if space in shown}
+    views = {**layers, "camera": "Camera: boxes, action, change", "depth": "Depth"}
+    return rrb.Tabs(*(_picture_view(episode, origin, name) for origin, name in views.items()))
 
 
 def _picture_view(episode: Episode, origin: str, name: str) -> Any:
@@ -158,7 +151,7 @@ def belief_views(episode: Episode, names: list[str]) -> Any:
     return rrb.Tabs(*views)
 
 
-def account_views(episode: Episode, foreseen: bool = False) -> Any:
+def account_views(episode: Episode, foreseen: bool) -> Any:
     """What was expected, the simulator's discrete states, which no learner sees, and the steps in words.
 
     The words come first where an agent said why.

@@ -19,9 +19,9 @@ from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.reason.evaluation.prediction import Explanation
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import check_inferred, judged_edges, pairs_ever, true_edges
-from busybot.view.rerun.blueprint import ShownLayers, blueprint
+from busybot.view.rerun.blueprint import blueprint
 from busybot.view.rerun.board import BoardLogger
-from busybot.view.rerun.camera import log_camera_frame, log_goal, log_remaining, log_replayed
+from busybot.view.rerun.camera import SIMULATOR, log_camera_frame, log_goal, log_remaining, log_replayed
 from busybot.view.rerun.graph import edge_places, log_graph
 from busybot.view.rerun.series import (
     log_probabilities,
@@ -31,7 +31,15 @@ from busybot.view.rerun.series import (
     log_states,
     log_words,
 )
-from busybot.view.rerun.skills import has_choices, log_choice, log_foreseen, log_lanes, log_thought
+from busybot.view.rerun.skills import (
+    AFFORDANCE,
+    EXPECTED,
+    has_choices,
+    log_choice,
+    log_foreseen,
+    log_lanes,
+    log_thought,
+)
 
 APPLICATION = "busybot"
 _BATCHES = rr.ChunkBatcherConfig(flush_tick=3600.0)
@@ -68,8 +76,7 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
     for graph in inferred:
         log_probability_styles(recording, episode, graph)
     for frame in range(len(episode.frame_of)):
-        recording.set_time("step", sequence=frame)
-        recording.set_time("time", duration=float(frame))
+        _set_clock(recording, frame)
         log_camera_frame(recording, episode, frame)
         log_remaining(recording, episode, frame)
         board.log_frame(frame)
@@ -87,29 +94,24 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
             log_probabilities(recording, episode, graph, frame)
 
 
-def log_thoughts(recording: rr.RecordingStream, episode: Episode, thoughts: Iterable[PolicyTrace]) -> None:
-    """Log what a model makes of every action, where the action is shown."""
-    for thought in thoughts:
-        recording.set_time("step", sequence=thought.step + 1)
-        recording.set_time("time", duration=float(thought.step + 1))
+def log_layers(recording: rr.RecordingStream, episode: Episode, layers: RecordingLayers) -> None:
+    """Log what is shown beyond the recording: a model's thoughts and expectations where their outcome is shown."""
+    for thought in layers.thoughts or ():
+        _set_clock(recording, thought.step + 1)
         log_thought(recording, episode, thought)
-
-
-def log_expectations(recording: rr.RecordingStream, episode: Episode, foreseen: Explanation) -> None:
-    """Log what a reasoner expected of every step, where its outcome is shown."""
-    log_lanes(recording, episode, foreseen)
-    for frame in range(len(episode.frame_of)):
-        recording.set_time("step", sequence=frame)
-        recording.set_time("time", duration=float(frame))
-        log_foreseen(recording, episode, foreseen, frame)
-
-
-def log_pictures(recording: rr.RecordingStream, episode: Episode, replayed: Iterable[tuple[int, np.ndarray]]) -> None:
-    """Log what the simulator shows when the steps are put back into it."""
-    for step, picture in replayed:
-        recording.set_time("step", sequence=step)
-        recording.set_time("time", duration=float(step))
+    for step, picture in layers.replayed or ():
+        _set_clock(recording, step)
         log_replayed(recording, episode, step, picture)
+    if layers.foreseen is not None:
+        log_lanes(recording, episode, layers.foreseen)
+        for frame in range(len(episode.frame_of)):
+            _set_clock(recording, frame)
+            log_foreseen(recording, episode, layers.foreseen, frame)
+
+
+def _set_clock(recording: rr.RecordingStream, frame: int) -> None:
+    recording.set_time("step", sequence=frame)
+    recording.set_time("time", duration=float(frame))
 
 
 def save_rrd(
@@ -132,14 +134,12 @@ def save_rrd(
             )
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
-            shown = ShownLayers(layers.thoughts is not None, layers.replayed is not None, layers.foreseen is not None)
-            recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus, shown))
+            given = {AFFORDANCE: layers.thoughts, SIMULATOR: layers.replayed, EXPECTED: layers.foreseen}
+            shown = [space for space, layer in given.items() if layer is not None]
+            recording.save(temporary, default_blueprint=blueprint(episode, inferred, menus, shown))
             recording.send_recording_name(name)
             log_episode(recording, episode, inferred)
-            log_thoughts(recording, episode, layers.thoughts or ())
-            log_pictures(recording, episode, layers.replayed or ())
-            if layers.foreseen is not None:
-                log_expectations(recording, episode, layers.foreseen)
+            log_layers(recording, episode, layers)
             recording.flush()
             recording.disconnect()
     except OSError as error:

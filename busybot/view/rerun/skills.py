@@ -1,14 +1,9 @@
-"""Rerun, what a reasoner expected of every step beside what happened: errors red, hits green.
+"""Rerun, what skills make of an episode: affordances, an agent's choices, a reasoner's expectations.
 
-At step k stands what had been expected before action k of the picture after it.
-
-Rerun, what an interaction model makes of an episode: affordance, known links, candidates, the action chosen.
-
-At step k stands what was believed before action k, on the picture before it: the camera beside shows what came of it.
-
-Rerun, what an agent could choose from on its way to the goal, what it chose, and why.
-
-At step k stands the decision for action k, on the picture before it, as with affordances: the camera shows the outcome.
+With affordances stand known links, candidates and the action chosen; with choices what an agent could choose from on
+its way to the goal, what it chose, and why; with expectations what happened: errors red, hits green. At step k stands
+what was believed or decided before action k, on the picture before it, and what had been expected of the picture after
+it: the camera beside shows what came of it.
 """
 
 import textwrap
@@ -18,16 +13,22 @@ import cv2
 import numpy as np
 import rerun as rr
 
-from busybot.boards.directions import DIRECTIONS
-from busybot.episodes.camera import project
-from busybot.episodes.codec import encode_plain, encode_rgb
+from busybot.episodes.codec import encode_rgb
 from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.plan.decision_log import LoggedContact, offered, reason
 from busybot.reason.evaluation.prediction import Explanation
-from busybot.view.annotations import board_bounds, drawing_scale, named, object_names, remaining_responders, visible
+from busybot.view.annotations import (
+    board_bounds,
+    drawing_scale,
+    named,
+    object_names,
+    remaining_responders,
+    seen_directions,
+    visible,
+)
 from busybot.view.palette import ACTION, CORRECT, INK, MUTED, STATES, TRIGGER, WRONG, Rgb, mix, text_on_dark
-from busybot.view.rerun.camera import ARROW_LENGTH, VIEW_MARGIN, log_action, marks
+from busybot.view.rerun.camera import ARROW_LENGTH, VIEW_MARGIN, captions, layer, log_action, marks, outlines, picture
 
 AFFORDANCE = "affordance"
 PALE = 0.5
@@ -43,33 +44,31 @@ CANDIDATE_ARROW = 0.4
 def log_thought(recording: rr.RecordingStream, episode: Episode, thought: PolicyTrace) -> None:
     """Everything of one action; the step of the recording's clock is the caller's."""
     log_pale(recording, AFFORDANCE, episode.image(thought.step).rgb)
-    layer = encode_plain(affordance_layer(thought.affordance))
-    recording.log(f"{AFFORDANCE}/map", rr.EncodedImage(contents=layer, media_type="image/png", draw_order=0))
+    recording.log(f"{AFFORDANCE}/map", layer(affordance_layer(thought.affordance)))
     size = 1 / drawing_scale(episode)
-    outlines = rr.LineStrips2D(link_outlines(thought.links), colors=INK, radii=1.2 * size, draw_order=10)
-    recording.log(f"{AFFORDANCE}/links", outlines)
-    _log_candidates(recording, episode, thought, size)
+    known = rr.LineStrips2D(link_outlines(thought.links), colors=INK, radii=1.2 * size, draw_order=10)
+    recording.log(f"{AFFORDANCE}/links", known)
+    found = thought.candidates.take(thought.candidates.scores > LEAST_SCORE)
+    regions = [f"known link {region}" if region > 0 else "new" for region in found.regions]
+    labels = [f"success {score:.2f}, {region}" for score, region in zip(found.scores, regions, strict=True)]
+    dots = Dots(found.pixels, found.positions, found.best_directions, found.scores, labels)
+    log_dots(recording, f"{AFFORDANCE}/candidates", episode, dots, size)
     log_action(recording, episode, thought.step, AFFORDANCE)
 
 
 def log_pale(recording: rr.RecordingStream, space: str, rgb: np.ndarray) -> None:
     """A paler picture, to draw upon."""
-    picture = rr.EncodedImage(contents=encode_rgb(paler(rgb), "jpeg"), media_type="image/jpeg", draw_order=-10)
-    recording.log(f"{space}/picture", picture)
-
-
-def paler(rgb: np.ndarray) -> np.ndarray:
-    """A paler picture, uint8 (H, W, 3)."""
-    return np.asarray(rgb + (255 - rgb.astype(np.float32)) * PALE, np.uint8)
+    paler = np.asarray(rgb + (255 - rgb.astype(np.float32)) * PALE, np.uint8)
+    recording.log(f"{space}/picture", picture(encode_rgb(paler, "jpeg")))
 
 
 def affordance_layer(affordance: np.ndarray) -> np.ndarray:
     """Probabilities (H, W) as colours, uint8 (H, W, 4) in the order of OpenCV: the likelier, the more opaque."""
     blue, green, red = reversed(mix(TRIGGER, (0, 0, 0), 0.15))
-    layer = np.empty((*affordance.shape, 4), np.uint8)
-    layer[..., :3] = blue, green, red
-    layer[..., 3] = np.round(affordance * OPAQUE)
-    return layer
+    colors = np.empty((*affordance.shape, 4), np.uint8)
+    colors[..., :3] = blue, green, red
+    colors[..., 3] = np.round(affordance * OPAQUE)
+    return colors
 
 
 def link_outlines(links: np.ndarray) -> list[np.ndarray]:
@@ -81,16 +80,6 @@ def link_outlines(links: np.ndarray) -> list[np.ndarray]:
             points = contour[:, 0].astype(np.float32) + 0.5
             outlines.append(np.concatenate([points, points[:1]]))
     return outlines
-
-
-def _log_candidates(recording: rr.RecordingStream, episode: Episode, thought: PolicyTrace, size: float) -> None:
-    found = thought.candidates.take(thought.candidates.scores > LEAST_SCORE)
-    labels = [
-        f"success {score:.2f}, {f'known link {region}' if region > 0 else 'new'}"
-        for score, region in zip(found.scores, found.regions, strict=True)
-    ]
-    dots = Dots(found.pixels, found.positions, found.best_directions, found.scores, labels)
-    log_dots(recording, f"{AFFORDANCE}/candidates", episode, dots, size)
 
 
 @dataclass(frozen=True)
@@ -125,18 +114,10 @@ def log_dots(
     radii = (0.8 + 1.2 * dots.scores) * size
     points = rr.Points2D(places, radii=radii, colors=color, labels=dots.labels, show_labels=False, draw_order=20)
     recording.log(f"{place}/positions", points)
-    ends = _arrows(episode, dots.positions.reshape(-1, 3), dots.directions, CANDIDATE_ARROW * ARROW_LENGTH)
-    arrows = rr.Arrows2D(origins=places, vectors=ends, colors=color, radii=0.5 * size, draw_order=20)
+    length = CANDIDATE_ARROW * ARROW_LENGTH
+    vectors = seen_directions(episode, dots.positions, dots.directions, length)
+    arrows = rr.Arrows2D(origins=places, vectors=vectors, colors=color, radii=0.5 * size, draw_order=20)
     recording.log(f"{place}/directions", arrows)
-
-
-def _arrows(episode: Episode, positions: np.ndarray, directions: np.ndarray, length: float) -> np.ndarray:
-    """Directions at positions (K, 3) as the camera sees them, pixels (K, 2)."""
-    if not len(positions):
-        return np.zeros((0, 2))
-    starts, _ = project(positions, episode.camera)
-    tips, _ = project(positions + length * DIRECTIONS[directions], episode.camera)
-    return np.asarray(tips - starts)
 
 
 CHOICE = "choice"
@@ -184,13 +165,12 @@ def _dots(told: list[LoggedContact]) -> Dots:
         positions=np.array([one.position for one in told], float),
         directions=np.array([one.direction for one in told], int),
         scores=np.array([one.score for one in told], float),
-        labels=[_label(one) for one in told],
+        labels=[f"success {one.score:.2f}, {_origin(one)}" for one in told],
     )
 
 
-def _label(one: LoggedContact) -> str:
-    where = f"worked in step {one.step + 1} of the history" if one.step >= 0 else "proposed by the interaction model"
-    return f"success {one.score:.2f}, {where}"
+def _origin(one: LoggedContact) -> str:
+    return f"worked in step {one.step + 1} of the history" if one.step >= 0 else "proposed by the interaction model"
 
 
 EXPECTED = "expected"
@@ -249,15 +229,11 @@ def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Expl
     marks = [_mark(foreseen, frame, index) for index in seen]
     boxes, size = image.boxes[seen].astype(float).reshape(-1, 4), 1 / drawing_scale(episode)
     radii = [(2.2 if text else 0.8) * size for _, text in marks]
-    outlines = rr.Boxes2D(
-        mins=boxes[:, :2], sizes=boxes[:, 2:] - boxes[:, :2], colors=[color for color, _ in marks], radii=radii
-    )
-    recording.log(f"{EXPECTED}/objects", outlines)
+    recording.log(f"{EXPECTED}/objects", outlines(boxes, colors=[color for color, _ in marks], radii=radii))
     names, told = object_names(episode.board), [number for number, (_, text) in enumerate(marks) if text]
     labels = [f"{names[seen[number]]}: {marks[number][1]}" for number in told]
     below = label_places(episode, boxes[told], labels)
-    tinted = [text_on_dark(marks[number][0]) for number in told]
-    recording.log(f"{EXPECTED}/words", rr.Points2D(below, labels=labels, colors=tinted, radii=0.0, show_labels=True))
+    recording.log(f"{EXPECTED}/words", captions(below, labels, [marks[number][0] for number in told]))
     if frame > 0:
         log_action(recording, episode, frame - 1, EXPECTED)
 

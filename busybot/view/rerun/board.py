@@ -1,4 +1,4 @@
-"""Rerun, the board in 3-D, from depth images: its face, the objects as reliefs, boxes, the action, relations as arcs."""
+"""Rerun, the board in 3-D from depth images: its face, objects as reliefs, boxes, the action, relations as arcs."""
 
 from dataclasses import dataclass
 

@@ -47,7 +47,7 @@ KINDS = {
 REASONERS = {
     "event": "The model `event` sees the pictures, the objects' boxes and roles, and the actions. It never sees the "
     "simulator's relations or states. It compares how each responder looks before and after every action, and learned "
-    "on other boards what that tells about which trigger controls it.",
+    "on other boards what that tells about which trigger controls it."
 }
 """How the graph was inferred, by the reasoner's name."""
 SCORES = {"edge_p": "Edge-P", "edge_r": "Edge-R", "edge_acc": "Edge-Acc"}

@@ -123,11 +123,7 @@ def _draw_edges(axes: Any, episode: Episode, edges: list[Edge]) -> None:
 
 
 def refinement_figure(
-    path: Path,
-    episode: Episode,
-    inferred: InferredGraph,
-    steps: Sequence[int] | None = None,
-    root: Path | None = None,
+    path: Path, episode: Episode, inferred: InferredGraph, steps: Sequence[int] | None = None, root: Path | None = None
 ) -> Path:
     """Edge probabilities after some numbers of steps, triggers by responders; true relations are framed.
 

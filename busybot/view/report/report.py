@@ -146,7 +146,13 @@ def _table(table: Table, results: Results, figures: Path) -> list[Block]:
 
 def _courses(results: Results, figures: Path) -> list[Block]:
     """How scores grow with actions and images, of all results that tell it."""
-    told = [*_told_by_tables(results), *_told_by_singles(results)]
+    told: list[Course] = []
+    for table, row, found in results.rows():
+        if row.role == "ours" and found is not None:
+            judged = [(words, found.results.get(split)) for split, words in table.splits.items()]
+            told += [Course(row.name, words, result) for words, result in judged if result]
+    for result in results.singles.values():
+        told.append(Course(sections.subject(result), str(result.dataset.get("split")), result))
     interact = [one for one in told if isinstance(one.result, InteractResult) and one.result.by_step]
     reason = [one for one in told if isinstance(one.result, ReasonResult) and one.result.by_images]
     captions = {
@@ -161,26 +167,6 @@ def _courses(results: Results, figures: Path) -> list[Block]:
         else:
             blocks.append(Text(f"**Missing**. {caption}"))
     return blocks
-
-
-def _told_by_tables(results: Results) -> list[Course]:
-    courses = []
-    for table in TABLES:
-        for row in table.rows:
-            found = results.tables.get(table.number, {}).get(row.name)
-            if row.role == "ours" and found is not None:
-                judged = [
-                    (words, found.results[split]) for split, words in table.splits.items() if split in found.results
-                ]
-                courses += [Course(row.name, words, result) for words, result in judged]
-    return courses
-
-
-def _told_by_singles(results: Results) -> list[Course]:
-    return [
-        Course(sections.subject(result), str(result.dataset.get("split")), result)
-        for result in results.singles.values()
-    ]
 
 
 def _beside(results: Results, figures: Path) -> list[Block]:

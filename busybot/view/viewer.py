@@ -1,7 +1,4 @@
-"""From a file or dataset to the viewer: the one call of `busybot view`.
-
-The viewer for people: in a window, or in a browser on this machine.
-"""
+"""The one call of `busybot view`: from a file or dataset to the viewer, in a window or in a browser on this machine."""
 
 import contextlib
 import os
@@ -24,7 +21,7 @@ from busybot.interact.policy.policy_factory import load_once, policy_config
 from busybot.interact.policy.policy_trace import PolicyTrace, retrace
 from busybot.objects.library import Library
 from busybot.plan.decision_log import is_rollout
-from busybot.reason.evaluation.prediction import Explanation, explain
+from busybot.reason.evaluation.prediction import explain
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.registry import infer, reasoner_of
 from busybot.sim.replay import pictures_again
@@ -46,18 +43,14 @@ START_SECONDS = 30.0
 
 def has_display() -> bool:
     """Whether a window can open here."""
-    if sys.platform in ("darwin", "win32"):
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return sys.platform in ("darwin", "win32") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
 
 
 def require_display() -> None:
     """Refuse early where no window can open."""
     if not has_display():
-        raise BusybotError(
-            "there is no display for the viewer's window",
-            "use --web (in a browser), --save F.rrd (to open elsewhere) or --screenshot F.png",
-        )
+        hint = "use --web (in a browser), --save F.rrd (to open elsewhere) or --screenshot F.png"
+        raise BusybotError("there is no display for the viewer's window", hint)
 
 
 def show_window(rrd: Path, step: int | None = None) -> None:
@@ -163,10 +156,10 @@ class ViewResult:
 
 def _refuse_other_kinds(wanted: ViewRequest) -> None:
     """A file's name says what it is."""
-    kinds = (("--save", wanted.save, ".rrd"), ("--screenshot", wanted.screenshot, ".png"))
-    for option, path, suffix in (*kinds, ("--figure", wanted.figure, ".png")):
+    for name, suffix in (("save", ".rrd"), ("screenshot", ".png"), ("figure", ".png")):
+        path = getattr(wanted, name)
         if path is not None and path.suffix.lower() != suffix:
-            raise BusybotError(f"{option} {path}: it writes {suffix} files", f"name a file that ends in {suffix}")
+            raise BusybotError(f"--{name} {path}: it writes {suffix} files", f"name a file that ends in {suffix}")
 
 
 def show(source: Path, number: int | None, wanted: ViewRequest, announce: Callable[[ViewResult], None]) -> None:
@@ -193,16 +186,17 @@ def show(source: Path, number: int | None, wanted: ViewRequest, announce: Callab
     inferred = ([foreseen.graph] if foreseen else []) + inferences(episode)
 
     def layers() -> RecordingLayers:
-        return _layers(path, episode, wanted, foreseen)
+        """What is asked for beyond the recording; iterators, so anew for every use."""
+        replayed = None if wanted.objects is None else pictures_again(path, wanted.objects)
+        thoughts = None if wanted.model is None else thoughts_of(episode, wanted.model)
+        return RecordingLayers(thoughts, replayed, foreseen)
 
     if wanted.save:
         save_rrd(wanted.save, episode, inferred, layers=layers())
     if wanted.screenshot:
         picture_episode(episode, inferred, wanted.screenshot, wanted.step, layers())
-    if wanted.figure and is_rollout(episode) and foreseen is None:
-        draw_sequence(wanted.figure, episode)
-    elif wanted.figure:
-        draw_beliefs(wanted.figure, path, episode, inferred)
+    if wanted.figure:
+        _draw_figure(wanted.figure, path, episode, inferred, way=foreseen is None and is_rollout(episode))
     shown = ViewResult(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot, wanted.figure)
     if wanted.web or window:
         _show_live(episode, inferred, layers(), wanted, shown, announce)
@@ -255,34 +249,22 @@ def inferences(episode: Episode) -> list[InferredGraph]:
     return [infer(episode, "count")]
 
 
-def draw_beliefs(picture: Path, path: Path, episode: Episode, inferred: list[InferredGraph]) -> None:
-    """Write a PNG of the first of the graphs, step by step."""
-    from busybot.view.figures.sequences import belief_figure
+def _draw_figure(picture: Path, path: Path, episode: Episode, inferred: list[InferredGraph], way: bool) -> None:
+    """Write a PNG of a rollout's way to its goal, or of the first of the graphs, step by step."""
+    from busybot.view.figures.sequences import belief_figure, sequence_figure
 
-    if not inferred or not episode.steps:
+    if way:
+        sequence_figure(picture, episode)
+    elif inferred and episode.steps:
+        belief_figure(picture, episode, inferred[0])
+    else:
         raise BusybotError(f"{path}: nothing can be inferred without boxes or steps", "leave --figure out")
-    belief_figure(picture, episode, inferred[0])
 
 
-def draw_sequence(picture: Path, episode: Episode) -> None:
-    """Write a PNG of a rollout, action by action."""
-    from busybot.view.figures.sequences import sequence_figure
-
-    sequence_figure(picture, episode)
-
-
-def thoughts_of(episode: Episode, model: str | None) -> Iterator[PolicyTrace] | None:
-    """What an interaction model, by its name or folder, makes of the episode; None without a model."""
-    if model is None:
-        return None
+def thoughts_of(episode: Episode, model: str) -> Iterator[PolicyTrace]:
+    """What an interaction model, by its name or folder, makes of the episode."""
     loaded = load_once(model)
     return retrace(episode, loaded, policy_config(loaded.info, {}))
-
-
-def _layers(path: Path, episode: Episode, wanted: ViewRequest, foreseen: Explanation | None) -> RecordingLayers:
-    """What is asked for beyond the recording; iterators, so anew for every use."""
-    replayed = None if wanted.objects is None else pictures_again(path, wanted.objects)
-    return RecordingLayers(thoughts_of(episode, wanted.model), replayed, foreseen)
 
 
 def picture_episode(

@@ -1,6 +1,7 @@
-"""The viewer's process: it listens on this machine alone and never outlives the one that started it.
+"""The viewer's process, and pictures of it without a screen.
 
-Pictures of the viewer without a screen: a headless viewer on the loopback interface, driven to a step.
+The process listens on this machine alone and never outlives the one that started it; for a picture it is headless, and
+driven to a step.
 """
 
 import contextlib

@@ -197,7 +197,6 @@ class RowFound:
         cells: by (split, key); what is undefined is None.
         note: why there is no number.
         trainings: provenance as told by the training; empty if nothing was trained.
-        judged: origin of the boards by split.
         results: by split the first seed's whole result, for curves.
     """
 
@@ -205,7 +204,6 @@ class RowFound:
     note: str | None = None
     commands: list[str] = field(default_factory=list)
     trainings: list[dict[str, Any]] = field(default_factory=list)
-    judged: dict[str, dict[str, Any]] = field(default_factory=dict)
     results: dict[str, InteractResult | ReasonResult] = field(default_factory=dict)
 
 
@@ -330,7 +328,7 @@ def _interact_row(value: dict[str, Any], table: Table) -> RowFound:
     for split, result in (("novel-config", row.config), ("novel-object", row.object)):
         if result is not None:
             found.cells |= {(split, key): score_of(result, key) for key in table.keys}
-            found.judged[split], found.results[split] = result.dataset, result
+            found.results[split] = result
     return found
 
 
@@ -343,7 +341,7 @@ def _reason_row(value: dict[str, Any], table: Table) -> RowFound:
             ends = (judged.least.get(key), judged.most.get(key))
             mean = score(judged.mean.get(key), ends, _bound(first, key), several=True)
             found.cells[split, key] = mean if len(judged.seeds) > 1 else score_of(first, key)
-        found.judged[split], found.results[split] = first.dataset, first
+        found.results[split] = first
     return found
 
 

@@ -145,7 +145,7 @@ def _origins(found: RowFound) -> list[str]:
         told = ", ".join(filter(None, (seed, hashes and f"content of its data {hashes}")))
         lines += [f"training: {told}"] if told else []
         lines += [f"made with {_in_a_line(training['versions'])}"] if training.get("versions") else []
-    return lines + [f"judged, {split}: {_dataset(origin)}" for split, origin in found.judged.items()]
+    return lines + [f"judged, {split}: {_dataset(result.dataset)}" for split, result in found.results.items()]
 
 
 def _in_a_line(values: dict[str, Any]) -> str:

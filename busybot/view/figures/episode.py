@@ -11,20 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from busybot.episodes.episode import Episode
 from busybot.reason.models.base import InferredGraph
-from busybot.view.annotations import (
-    Edge,
-    acted_object,
-    anchors,
-    changed_objects,
-    check_inferred,
-    delta,
-    drawing_scale,
-    judged_edges,
-    looks_new,
-    object_names,
-    truth_matrix,
-    visible,
-)
+from busybot.view import annotations
 from busybot.view.figures import parts
 from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MISSED, MUTED, PAPER, TRUTH, VERDICTS, mix, unit
 
@@ -56,15 +43,15 @@ def episode_figure(path: Path, episode: Episode, steps: Sequence[int] | None = N
     figure, grid = _board_grid(len(chosen) + 1, columns)
     parts.draw_picture(grid[0], episode, episode.image(0))
     parts.draw_title(grid[0], "start", f"board {episode.board.index}")
-    names = object_names(episode.board)
+    names = annotations.object_names(episode.board)
     for axes, step in zip(grid[1:], chosen, strict=False):
         parts.draw_picture(axes, episode, episode.image(step + 1))
-        acted = acted_object(episode, step)
-        effects = [index for index in changed_objects(episode, step) if index != acted]
+        acted = annotations.acted_object(episode, step)
+        effects = [index for index in annotations.changed_objects(episode, step) if index != acted]
         parts.draw_boxes(axes, episode, step + 1, effects, ACTION)
         parts.draw_action(axes, episode, step)
         said = f"{names[acted] if acted >= 0 else 'the board'} → {', '.join(names[i] for i in effects) or 'nothing'}"
-        parts.draw_title(axes, f"step {step + 1}", said if len(visible(episode.image(step))) else "")
+        parts.draw_title(axes, f"step {step + 1}", said if len(annotations.visible(episode.image(step))) else "")
     return parts.save(figure, path)
 
 
@@ -76,7 +63,7 @@ def _board_grid(pictures: int, columns: int) -> tuple[Any, list[Any]]:
 
 def telling_steps(episode: Episode, count: int) -> list[int]:
     """At most `count` steps, evenly over those in which something changed, or over all if nothing ever did."""
-    changing = [k for k in range(len(episode.steps)) if looks_new(episode, k + 1)]
+    changing = [k for k in range(len(episode.steps)) if annotations.looks_new(episode, k + 1)]
     steps = changing or list(range(len(episode.steps)))
     places = np.unique(np.linspace(0, len(steps) - 1, min(count, len(steps))).round().astype(int))
     return [steps[place] for place in places]
@@ -88,13 +75,13 @@ def graph_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: i
     Args:
         steps: use what is believed after so many steps; all by default.
     """
-    check_inferred(episode, inferred)
+    annotations.check_inferred(episode, inferred)
     after = len(episode.steps) if steps is None else steps
     figure = parts.page(6.4, 6.75)
     axes = figure.subplots()
     parts.draw_picture(axes, episode, episode.image(0), paleness=0.45)
     parts.draw_names(axes, episode)
-    edges = judged_edges(episode.board, inferred, after)
+    edges = annotations.judged_edges(episode.board, inferred, after)
     _draw_edges(axes, episode, edges)
     parts.draw_title(axes, f"board {episode.board.index}", f"relations inferred by {inferred.name} after {after} steps")
     handles = []
@@ -106,8 +93,8 @@ def graph_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: i
     return parts.save(figure, path)
 
 
-def _draw_edges(axes: Any, episode: Episode, edges: list[Edge]) -> None:
-    places, names = anchors(episode) * drawing_scale(episode), parts.name_places(episode)
+def _draw_edges(axes: Any, episode: Episode, edges: list[annotations.Edge]) -> None:
+    places, names = annotations.anchors(episode) * annotations.drawing_scale(episode), parts.name_places(episode)
     labels: list[np.ndarray] = []  # with points of the arcs: later ones keep away
     for edge in edges:
         start, end = places[edge.cause], places[edge.effect]
@@ -131,11 +118,11 @@ def refinement_figure(
         steps: numbers of steps; by default five, denser at the beginning, where most is learned.
         root: as `parts.save` takes it.
     """
-    check_inferred(episode, inferred)
+    annotations.check_inferred(episode, inferred)
     chosen = telling_moments(len(inferred.probabilities)) if steps is None else list(steps)
-    names, objects = object_names(episode.board), episode.board.objects
+    names, objects = annotations.object_names(episode.board), episode.board.objects
     rows, columns = ([i for i, one in enumerate(objects) if one.role == role] for role in ("trigger", "responder"))
-    truth = truth_matrix(episode.board)[np.ix_(rows, columns)]
+    truth = annotations.truth_matrix(episode.board)[np.ix_(rows, columns)]
     side = (parts.WIDTH - 1.4) / max(len(chosen), 1)
     figure = parts.page(parts.WIDTH, 1.3 + side * len(rows) / max(len(columns), 1))
     grid = figure.subplots(1, len(chosen), squeeze=False, sharey=True)[0]
@@ -179,7 +166,7 @@ def changes_figure(path: Path, episode: Episode) -> Path:
     parts.plain_axes(axes)
     changed = np.array([step.changed_pixels for step in episode.steps])
     rewarded = np.array([step.reward for step in episode.steps], bool)
-    numbers, limit = np.arange(1, len(changed) + 1), delta(episode)
+    numbers, limit = np.arange(1, len(changed) + 1), annotations.delta(episode)
     colors = [unit(CORRECT if reward else MISSED) for reward in rewarded]
     axes.bar(numbers, changed, width=0.62, color=colors)
     if not changed.all():

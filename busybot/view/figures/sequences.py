@@ -23,15 +23,7 @@ from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.plan.decision_log import reason
 from busybot.reason.models.base import InferredGraph
-from busybot.view.annotations import (
-    anchors,
-    check_inferred,
-    drawing_scale,
-    named,
-    object_names,
-    remaining_responders,
-    truth_matrix,
-)
+from busybot.view import annotations
 from busybot.view.figures import parts
 from busybot.view.palette import (
     ACTION,
@@ -69,7 +61,7 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
     Args:
         steps: more than the episode has are left out; its last step is always drawn.
     """
-    check_inferred(episode, inferred)
+    annotations.check_inferred(episode, inferred)
     length = len(episode.steps)
     moments = sorted({moment for moment in steps if moment < length} | {length})
     columns = COLUMNS if len(moments) < 2 * COLUMNS else COLUMNS + 1
@@ -94,10 +86,10 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
 
 def _bends(episode: Episode, inferred: InferredGraph, moments: list[int]) -> dict[tuple[int, int], float]:
     """How each relation that is ever drawn bends, alike in all pictures."""
-    drawn = truth_matrix(episode.board)
+    drawn = annotations.truth_matrix(episode.board)
     for moment in moments:
         drawn = drawn | (inferred.after(moment) > LEAST)
-    places, names = anchors(episode) * drawing_scale(episode), parts.name_places(episode)
+    places, names = annotations.anchors(episode) * annotations.drawing_scale(episode), parts.name_places(episode)
     bends = {}
     for i, j in np.argwhere(drawn):
         strangers = [place for number, place in enumerate(places) if number not in (i, j)]
@@ -110,9 +102,9 @@ def _draw_board(
 ) -> None:
     parts.draw_picture(axes, episode, episode.image(0), paleness=0.5)
     parts.draw_names(axes, episode, 5.5)
-    truth, probabilities = truth_matrix(episode.board), inferred.after(moment)
+    truth, probabilities = annotations.truth_matrix(episode.board), inferred.after(moment)
     claimed = probabilities > inferred.threshold
-    places = anchors(episode) * drawing_scale(episode)
+    places = annotations.anchors(episode) * annotations.drawing_scale(episode)
     for (i, j), bend in sorted(bends.items(), key=lambda one: float(probabilities[one[0]])):
         likely = float(probabilities[i, j])
         verdict = CORRECT if truth[i, j] else WRONG
@@ -129,7 +121,7 @@ def _draw_board(
 def _draw_curves(axes: Any, episode: Episode, inferred: InferredGraph, moments: list[int]) -> None:
     """Edge-P and Edge-R of this board after every number of steps; nothing claimed has no precision."""
     parts.plain_axes(axes, (-0.03, 1.06))
-    truth, steps = truth_matrix(episode.board), range(1, max(moments) + 1)
+    truth, steps = annotations.truth_matrix(episode.board), range(1, max(moments) + 1)
     claims = [inferred.claimed(step) for step in steps]
     hits = np.array([(claimed & truth).sum() for claimed in claims], float)
     numbers = np.array([claimed.sum() for claimed in claims], float)
@@ -177,7 +169,7 @@ def sequence_figure(path: Path, episode: Episode, root: Path | None = None) -> P
     parts.draw_picture(last, episode, goal)
     parts.draw_title(last, "goal", f"board {episode.board.index}")
     _mark(last, episode, 0, INK)
-    _write(last, named(episode.board, reason(episode, steps)) or f"{steps} steps, no more", side)
+    _write(last, annotations.named(episode.board, reason(episode, steps)) or f"{steps} steps, no more", side)
     frames = (("differs from the goal", WRONG), ("now as in the goal", CORRECT))
     done = parts.line_key("action", ACTION, linewidth=1.8, marker="o", markersize=5)
     parts.draw_legend(figure, [*(parts.frame_key(words, color) for words, color in frames), done])
@@ -187,24 +179,24 @@ def sequence_figure(path: Path, episode: Episode, root: Path | None = None) -> P
 def _draw_moment(axes: Any, episode: Episode, frame: int, side: float) -> None:
     """The board after so many actions, with the last one."""
     parts.draw_picture(axes, episode, episode.image(frame))
-    remaining = remaining_responders(episode, frame)
+    remaining = annotations.remaining_responders(episode, frame)
     _mark(axes, episode, frame, WRONG)
     if frame == 0:
         parts.draw_title(axes, "start", _count(remaining))
         _write(axes, f"agent: {episode.policy}", side)
         return
-    done = [index for index in remaining_responders(episode, frame - 1) if index not in remaining]
+    done = [index for index in annotations.remaining_responders(episode, frame - 1) if index not in remaining]
     parts.draw_boxes(axes, episode, frame, done, CORRECT)
     parts.draw_action(axes, episode, frame - 1)
     parts.draw_title(axes, f"action {frame}", _count(remaining))
-    _write(axes, named(episode.board, reason(episode, frame - 1)), side)
+    _write(axes, annotations.named(episode.board, reason(episode, frame - 1)), side)
 
 
 def _mark(axes: Any, episode: Episode, frame: int, color: Rgb) -> None:
     """Frames and names of the responders that differ from the goal in a frame."""
-    remaining = remaining_responders(episode, frame)
+    remaining = annotations.remaining_responders(episode, frame)
     parts.draw_boxes(axes, episode, frame, remaining, color)
-    names, places = object_names(episode.board), parts.name_places(episode)
+    names, places = annotations.object_names(episode.board), parts.name_places(episode)
     for index in remaining:
         parts.draw_label(axes, places[index], names[index], color, 5.5)
 
@@ -281,7 +273,7 @@ def _draw_step(whole: Any, close: Any, episode: Episode, thought: PolicyTrace) -
         _draw_links(axes, episode, thought.links)
         parts.draw_action(axes, episode, thought.step)
     _draw_candidates(close, episode, thought)
-    column, row = ((value + 0.5) * drawing_scale(episode) for value in step.pixel)
+    column, row = ((value + 0.5) * annotations.drawing_scale(episode) for value in step.pixel)
     close.set_xlim(column - CLOSE, column + CLOSE)
     close.set_ylim(row + CLOSE, row - CLOSE)
     place = "known link" if thought.known else "new"
@@ -292,7 +284,7 @@ def _draw_affordance(axes: Any, episode: Episode, affordance: np.ndarray) -> Non
     """Probabilities (H, W) as colour that covers the picture the more the higher they are."""
     deep = unit(mix(TRIGGER, INK, 0.25))
     colors = LinearSegmentedColormap.from_list("affordance", [(*unit(TRIGGER), 0.0), (*unit(TRIGGER), 0.9), (*deep, 1)])
-    height, width = np.array(affordance.shape) * drawing_scale(episode)
+    height, width = np.array(affordance.shape) * annotations.drawing_scale(episode)
     axes.imshow(
         affordance, cmap=colors, vmin=0, vmax=1, extent=(0, width, height, 0), interpolation="nearest", zorder=2
     )
@@ -300,7 +292,7 @@ def _draw_affordance(axes: Any, episode: Episode, affordance: np.ndarray) -> Non
 
 def _draw_links(axes: Any, episode: Episode, links: np.ndarray) -> None:
     """Outlines of the known links (H, W)."""
-    scale = drawing_scale(episode)
+    scale = annotations.drawing_scale(episode)
     rows, columns = (np.arange(size) + 0.5 for size in links.shape)
     for number in np.unique(links[links > 0]):
         outline = axes.contour(
@@ -313,6 +305,6 @@ def _draw_candidates(axes: Any, episode: Episode, thought: PolicyTrace) -> None:
     """Dots, the larger the more success is expected."""
     found = thought.candidates
     promising = found.scores > LEAST_SCORE
-    places = (found.pixels[promising] + 0.5) * drawing_scale(episode)
+    places = (found.pixels[promising] + 0.5) * annotations.drawing_scale(episode)
     sizes = DOT * found.scores[promising]
     axes.scatter(*places.T, s=sizes, color=unit(INK), edgecolors=unit(PAPER), linewidths=0.6, zorder=5)

@@ -14,15 +14,7 @@ import rerun as rr
 from busybot.episodes.codec import DepthScale, LazyImages, encode_plain, encode_rgb
 from busybot.episodes.episode import Episode, Image
 from busybot.episodes.episode_diff import COLOUR_TOLERANCE
-from busybot.view.annotations import (
-    changed_objects,
-    drawing_scale,
-    looks_new,
-    object_names,
-    remaining_responders,
-    seen_directions,
-    visible,
-)
+from busybot.view import annotations
 from busybot.view.palette import ACTION, ROLES, WRONG, Rgb, text_on_dark
 
 GOAL, SIMULATOR = "goal", "simulator"
@@ -60,7 +52,7 @@ def outlines(boxes: np.ndarray, wider: float = 0.0, **style: Any) -> rr.Boxes2D:
 
 def marks(episode: Episode, boxes: np.ndarray, color: Rgb) -> rr.Boxes2D:
     """Frames around boxes (K, 4), a little wider than these."""
-    pixel = 1 / drawing_scale(episode)
+    pixel = 1 / annotations.drawing_scale(episode)
     return outlines(boxes, 4 * pixel, colors=color, radii=1.6 * pixel, draw_order=20)
 
 
@@ -72,12 +64,12 @@ def captions(places: np.ndarray, labels: list[str], colors: list[Rgb]) -> rr.Poi
 
 def log_camera_frame(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
     """Image, depth and boxes at frame `frame`, the action that led there, and a wider box around what it changed."""
-    if looks_new(episode, frame):
+    if annotations.looks_new(episode, frame):
         recording.log("camera/image", stored_picture(episode.images, episode.frame_of[frame]))
         log_depth(recording, episode, frame)
         log_boxes(recording, episode, episode.image(frame))
     if frame > 0:
-        boxes = episode.image(frame).boxes[changed_objects(episode, frame - 1)]
+        boxes = episode.image(frame).boxes[annotations.changed_objects(episode, frame - 1)]
         recording.log("camera/changed", marks(episode, boxes, ACTION))
         log_action(recording, episode, frame - 1)
 
@@ -100,19 +92,19 @@ def log_depth(recording: rr.RecordingStream, episode: Episode, frame: int) -> No
 
 def log_boxes(recording: rr.RecordingStream, episode: Episode, image: Image) -> None:
     """Boxes of the visible objects in the roles' colours, and their names below."""
-    names, seen = object_names(episode.board), visible(image)
+    names, seen = annotations.object_names(episode.board), annotations.visible(image)
     boxes = image.boxes[seen].astype(float)
     colors = [ROLES[episode.board.objects[i].role] for i in seen]
-    recording.log("camera/objects", outlines(boxes, colors=colors, radii=1 / drawing_scale(episode)))
+    recording.log("camera/objects", outlines(boxes, colors=colors, radii=1 / annotations.drawing_scale(episode)))
     below = np.stack([boxes[:, [0, 2]].mean(1), boxes[:, 3]], axis=1)
     recording.log("camera/names", captions(below, [names[i] for i in seen], colors))
 
 
 def log_action(recording: rr.RecordingStream, episode: Episode, step: int, space: str = "camera") -> None:
     """The chosen pixel and the proposed direction as the camera sees it."""
-    done, size = episode.steps[step], 1 / drawing_scale(episode)
+    done, size = episode.steps[step], 1 / annotations.drawing_scale(episode)
     start = np.array(done.pixel, float) + 0.5
-    vectors = seen_directions(episode, done.position, [done.direction], ARROW_LENGTH)
+    vectors = annotations.seen_directions(episode, done.position, [done.direction], ARROW_LENGTH)
     recording.log(f"{space}/action/pixel", rr.Points2D([start], colors=ACTION, radii=4.5 * size, draw_order=40))
     arrow = rr.Arrows2D(origins=[start], vectors=vectors, colors=ACTION, radii=1.6 * size, draw_order=30)
     recording.log(f"{space}/action/direction", arrow)
@@ -125,8 +117,8 @@ def log_goal(recording: rr.RecordingStream, episode: Episode) -> None:
 
 def log_remaining(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
     """A box around every responder that looks different in the frame."""
-    if episode.goal is not None and looks_new(episode, frame):
-        boxes = episode.goal.boxes[remaining_responders(episode, frame)]
+    if episode.goal is not None and annotations.looks_new(episode, frame):
+        boxes = episode.goal.boxes[annotations.remaining_responders(episode, frame)]
         recording.log(f"{GOAL}/remaining", marks(episode, boxes, WRONG))
 
 

@@ -18,15 +18,7 @@ from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.plan.decision_log import LoggedContact, offered, reason
 from busybot.reason.evaluation.prediction import Explanation
-from busybot.view.annotations import (
-    board_bounds,
-    drawing_scale,
-    named,
-    object_names,
-    remaining_responders,
-    seen_directions,
-    visible,
-)
+from busybot.view import annotations
 from busybot.view.palette import ACTION, CORRECT, INK, MUTED, STATES, TRIGGER, WRONG, Rgb, mix, text_on_dark
 from busybot.view.rerun.camera import ARROW_LENGTH, VIEW_MARGIN, captions, layer, log_action, marks, outlines, picture
 
@@ -45,7 +37,7 @@ def log_thought(recording: rr.RecordingStream, episode: Episode, thought: Policy
     """Everything of one action; the step of the recording's clock is the caller's."""
     log_pale(recording, AFFORDANCE, episode.image(thought.step).rgb)
     recording.log(f"{AFFORDANCE}/map", layer(affordance_layer(thought.affordance)))
-    size = 1 / drawing_scale(episode)
+    size = 1 / annotations.drawing_scale(episode)
     known = rr.LineStrips2D(link_outlines(thought.links), colors=INK, radii=1.2 * size, draw_order=10)
     recording.log(f"{AFFORDANCE}/links", known)
     found = thought.candidates.take(thought.candidates.scores > LEAST_SCORE)
@@ -115,7 +107,7 @@ def log_dots(
     points = rr.Points2D(places, radii=radii, colors=color, labels=dots.labels, show_labels=False, draw_order=20)
     recording.log(f"{place}/positions", points)
     length = CANDIDATE_ARROW * ARROW_LENGTH
-    vectors = seen_directions(episode, dots.positions, dots.directions, length)
+    vectors = annotations.seen_directions(episode, dots.positions, dots.directions, length)
     arrows = rr.Arrows2D(origins=places, vectors=vectors, colors=color, radii=0.5 * size, draw_order=20)
     recording.log(f"{place}/directions", arrows)
 
@@ -136,9 +128,11 @@ def has_choices(episode: Episode) -> bool:
 
 def log_choice(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
     """Everything of the decision for one action; the recording's clock is the caller's."""
-    image, size = episode.image(step), 1 / drawing_scale(episode)
+    image, size = episode.image(step), 1 / annotations.drawing_scale(episode)
     log_pale(recording, CHOICE, image.rgb)
-    recording.log(f"{CHOICE}/remaining", marks(episode, image.boxes[remaining_responders(episode, step)], WRONG))
+    recording.log(
+        f"{CHOICE}/remaining", marks(episode, image.boxes[annotations.remaining_responders(episode, step)], WRONG)
+    )
     told = offered(episode, step)
     for name, color in (("proposed", INK), ("repeats", TRIGGER)):
         dots = _dots([one for one in told if (one.step >= 0) == (name == "repeats")])
@@ -149,10 +143,10 @@ def log_choice(recording: rr.RecordingStream, episode: Episode, step: int) -> No
 
 def _log_reason(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
     """The agent's words at the board's lower edge."""
-    words = named(episode.board, reason(episode, step))
+    words = annotations.named(episode.board, reason(episode, step))
     lines = textwrap.wrap(words, LETTERS, max_lines=LINES, placeholder=" ...")
-    low, high = board_bounds(episode, 0)
-    place = [(low[0] + high[0]) / 2, high[1] - (len(lines) + 1) * REASON_LINE / drawing_scale(episode)]
+    low, high = annotations.board_bounds(episode, 0)
+    place = [(low[0] + high[0]) / 2, high[1] - (len(lines) + 1) * REASON_LINE / annotations.drawing_scale(episode)]
     label = rr.Points2D(
         [place], labels=["\n".join(lines)], colors=text_on_dark(ACTION), radii=0.0, show_labels=bool(lines)
     )
@@ -202,7 +196,7 @@ def eventful(foreseen: Explanation) -> np.ndarray:
 
 
 def _lane(episode: Episode, index: int, what: str) -> str:
-    return f"{LANES}/{object_names(episode.board)[index].replace(' ', '_')}_{what}"
+    return f"{LANES}/{annotations.object_names(episode.board)[index].replace(' ', '_')}_{what}"
 
 
 def log_foreseen(recording: rr.RecordingStream, episode: Episode, foreseen: Explanation, frame: int) -> None:
@@ -225,12 +219,12 @@ def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Expl
     """The picture, paler, with a box and a word on every responder that changed or should have."""
     image = episode.image(frame)
     log_pale(recording, EXPECTED, image.rgb)
-    seen = [int(index) for index in visible(image) if foreseen.judged[index]]
+    seen = [int(index) for index in annotations.visible(image) if foreseen.judged[index]]
     marks = [_mark(foreseen, frame, index) for index in seen]
-    boxes, size = image.boxes[seen].astype(float).reshape(-1, 4), 1 / drawing_scale(episode)
+    boxes, size = image.boxes[seen].astype(float).reshape(-1, 4), 1 / annotations.drawing_scale(episode)
     radii = [(2.2 if text else 0.8) * size for _, text in marks]
     recording.log(f"{EXPECTED}/objects", outlines(boxes, colors=[color for color, _ in marks], radii=radii))
-    names, told = object_names(episode.board), [number for number, (_, text) in enumerate(marks) if text]
+    names, told = annotations.object_names(episode.board), [number for number, (_, text) in enumerate(marks) if text]
     labels = [f"{names[seen[number]]}: {marks[number][1]}" for number in told]
     below = label_places(episode, boxes[told], labels)
     recording.log(f"{EXPECTED}/words", captions(below, labels, [marks[number][0] for number in told]))
@@ -240,8 +234,8 @@ def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Expl
 
 def label_places(episode: Episode, boxes: np.ndarray, labels: list[str]) -> np.ndarray:
     """Below the middle of each box (L, 4), moved inwards where the text would leave the view; pixels (L, 2)."""
-    low, high = board_bounds(episode, VIEW_MARGIN)
-    unit = 1 / drawing_scale(episode)
+    low, high = annotations.board_bounds(episode, VIEW_MARGIN)
+    unit = 1 / annotations.drawing_scale(episode)
     half = np.array([len(label) for label in labels]) * LETTER * unit / 2
     middle = boxes[:, [0, 2]].mean(axis=1)
     across = np.clip(middle, np.minimum(low[0] + half, high[0] - half), np.maximum(low[0] + half, high[0] - half))
@@ -264,7 +258,7 @@ def _mark(foreseen: Explanation, frame: int, index: int) -> tuple[Rgb, str]:
 
 def words(episode: Episode, foreseen: Explanation, step: int) -> str:
     """ "expected: lamp 5 to become 1; so it did" in one line."""
-    names = object_names(episode.board)
+    names = annotations.object_names(episode.board)
     changes = [
         f"{names[index]} to become {foreseen.expected[step, index]}"
         for index in np.flatnonzero(foreseen.judged & (foreseen.expected[step] != foreseen.states[step]))

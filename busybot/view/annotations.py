@@ -153,13 +153,9 @@ def _pixels_of(episode: Episode, image: Image, index: int) -> np.ndarray:
 def acted_object(episode: Episode, step: int) -> int:
     """The object whose box holds the chosen pixel, the smallest of several; -1 if none does."""
     image, (u, v) = episode.image(step), episode.steps[step].pixel
-    best, best_area = -1, np.inf
-    for index in visible(image):
-        u0, v0, u1, v1 = (int(x) for x in image.boxes[index])
-        area = (u1 - u0) * (v1 - v0)
-        if u0 <= u < u1 and v0 <= v < v1 and area < best_area:
-            best, best_area = int(index), area
-    return best
+    u0, v0, u1, v1 = image.boxes.astype(int).T
+    holding = [int(i) for i in visible(image) if u0[i] <= u < u1[i] and v0[i] <= v < v1[i]]
+    return min(holding, key=lambda i: (u1[i] - u0[i]) * (v1[i] - v0[i]), default=-1)
 
 
 def truth_matrix(board: BoardSpec) -> np.ndarray:

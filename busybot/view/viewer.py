@@ -1,7 +1,7 @@
 """The one call of `busybot view`: from a file or dataset to the viewer, to a picture, or to a recording."""
 
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from busybot.datasets.info import collect_command
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.policy.policy_factory import load_once, policy_config
-from busybot.interact.policy.policy_trace import PolicyTrace, retrace
+from busybot.interact.policy.policy_trace import retrace
 from busybot.objects.library import Library
 from busybot.plan.decision_log import is_rollout
 from busybot.reason.evaluation.prediction import explain
@@ -93,7 +93,8 @@ def show(source: Path, number: int | None, wanted: ViewRequest, announce: Callab
     def layers() -> RecordingLayers:
         """What is asked for beyond the recording; iterators, so anew for every use."""
         replayed = None if wanted.objects is None else pictures_again(path, wanted.objects)
-        thoughts = None if wanted.model is None else thoughts_of(episode, wanted.model)
+        model = None if wanted.model is None else load_once(wanted.model)
+        thoughts = None if model is None else retrace(episode, model, policy_config(model.info, {}))
         return RecordingLayers(thoughts, replayed, foreseen)
 
     if wanted.save:
@@ -164,12 +165,6 @@ def _draw_figure(picture: Path, path: Path, episode: Episode, inferred: list[Inf
         belief_figure(picture, episode, inferred[0])
     else:
         raise BusybotError(f"{path}: nothing can be inferred without boxes or steps", "leave --figure out")
-
-
-def thoughts_of(episode: Episode, model: str) -> Iterator[PolicyTrace]:
-    """What an interaction model, by its name or folder, makes of the episode."""
-    loaded = load_once(model)
-    return retrace(episode, loaded, policy_config(loaded.info, {}))
 
 
 def picture_episode(

@@ -15,7 +15,6 @@ MEASURED = (
     "Measured: over all boards with half the width of the 95 % interval over boards, or the mean of several seeds with "
     "the extremes. A gate is for every seed. The bound is what the recordings determine at all."
 )
-STATES = ("measured", "measured in part", "**missing**")
 BOUNDED = "Reached only because the recordings do not determine more (the protocol allows it):"
 
 
@@ -105,16 +104,17 @@ def gate_blocks(verdicts: Sequence[Verdict], results: Results) -> list[Block]:
 
 def _without_gate(results: Results) -> list[str]:
     """For every table which of its rows without a gate were measured, in part or not at all."""
-    told: dict[tuple[int, str], list[str]] = {}
-    for table, row, found in results.rows():
-        if row.gate is None:
+    lines = []
+    for table in TABLES:
+        told: dict[str, list[str]] = {"measured": [], "measured in part": [], "**missing**": []}
+        for row in (row for row in table.rows if row.gate is None):
+            found = results.row(table, row.name)
             columns = 0 if found is None else len(found.cells)
+            part = "measured in part" if columns else "**missing**"
             note = f" ({found.note})" if found is not None and found.note else ""  # nothing to measure
-            complete = bool(note) or columns == len(table.columns())
-            state = STATES[0] if complete else STATES[1] if columns else STATES[2]
-            told.setdefault((table.number, state), []).append(row.words + note)
-    order = [(table.number, state) for table in TABLES for state in STATES]
-    return [f"Table {one[0]}, {one[1]}: {'; '.join(told[one])}" for one in order if one in told]
+            told["measured" if note or columns == len(table.columns()) else part].append(row.words + note)
+        lines += [f"Table {table.number}, {state}: {'; '.join(rows)}" for state, rows in told.items() if rows]
+    return lines
 
 
 def _place(one: Verdict) -> str:

@@ -103,12 +103,8 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     figures = out / FIGURES
     make_folder(figures, out)
     blocks: list[Block] = [Heading(TITLE, 1), *_measured(results, judged, figures)]
-    blocks += sequence_blocks(paths, figures)
-    blocks += _pictures(results, figures, shown)
-    blocks += [
-        Heading("Files"),
-        Items(tuple(f"`{name}`, SHA-256 `{digest}`" for name, digest in results.files.items())),
-    ]
+    files = tuple(f"`{name}`, SHA-256 `{digest}`" for name, digest in results.files.items())
+    blocks += [*sequence_blocks(paths, figures), *_pictures(results, figures, shown), Heading("Files"), Items(files)]
     write_atomically(out / MARKDOWN, markdown(blocks, out).encode())
     write_atomically(out / HTML, document(TITLE, blocks).encode())
     drawn = tuple(block.path for block in blocks if isinstance(block, Picture))
@@ -189,7 +185,8 @@ def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:
         BusybotError: a dataset in them is damaged.
     """
     blocks: list[Block] = []
-    for folder in _datasets(paths):
+    names = (path / name for path in paths if path.is_dir() for name in scan(path).files)
+    for folder in [name.parent for name in names if name.name == INFO_FILE]:
         if len(blocks) == MOST_SEQUENCES:
             break
         if (episode := _telling(Dataset.open(folder))) is None:
@@ -199,12 +196,6 @@ def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:
         caption = f"{episode.policy} on board {episode.board.index} ({episode.board.split}{kind})"
         blocks.append(Picture(picture, caption))
     return [Heading("Planning sequences"), *(blocks or [Text(NO_SEQUENCE)])]
-
-
-def _datasets(paths: Iterable[Path]) -> list[Path]:
-    """Folders that are datasets, in the given folders and at any depth below."""
-    names = [(path, name) for path in paths if path.is_dir() for name in scan(path).files]
-    return [(path / name).parent for path, name in names if Path(name).name == INFO_FILE]
 
 
 def _telling(dataset: Dataset) -> Episode | None:
@@ -225,9 +216,8 @@ def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Bloc
     blocks: list[Block] = [Heading("Pictures")]
     drawn = _drawn(figures, shown) if shown else {}
     for name, words in WANTED.items():
-        blocks.append(
-            drawn[name] if name in drawn else Text(f"**Missing**: {words}. `--episode FILE --model NAME` draws it.")
-        )
+        missing = Text(f"**Missing**: {words}. `--episode FILE --model NAME` draws it.")
+        blocks.append(drawn.get(name, missing))
     for place, source in enumerate(results.pictures):
         copy = figures / f"given-{place:02d}{source.suffix.lower()}"
         copy_file(source, copy, figures.parent)

@@ -230,11 +230,10 @@ def single_blocks(results: Results) -> list[Block]:
     blocks: list[Block] = []
     for name, result in results.singles.items():
         table = INTERACTION if isinstance(result, InteractResult) else REASONING
-        blocks += _single(f"{SKILLS[table.skill]}: {subject(result)}", name, result, f"{result.boards} boards")
-        blocks.insert(-1, _single_grid(table, result))
+        words = f"{SKILLS[table.skill]}: {subject(result)}"
+        blocks += _single(words, name, result, f"{result.boards} boards", _single_grid(table, result))
     for name, plan in results.plans.items():
-        blocks += _single("Planning", name, plan, f"{plan.tasks} tasks")
-        blocks.insert(-1, _plan_grid(plan))
+        blocks += _single("Planning", name, plan, f"{plan.tasks} tasks", _plan_grid(plan))
     if blocks:
         note = (
             "The paper's numbers and the gates are those of its 58 objects and of thousands of boards: beside other "
@@ -244,15 +243,17 @@ def single_blocks(results: Results) -> list[Block]:
     return blocks
 
 
-def _single(words: str, name: str, result: InteractResult | ReasonResult | PlanResult, judged: str) -> list[Block]:
-    """Heading, and where the numbers come from."""
+def _single(
+    words: str, name: str, result: InteractResult | ReasonResult | PlanResult, judged: str, grid: Grid
+) -> list[Block]:
+    """Heading, numbers, and where they come from."""
     heading = Heading(f"{words} on {result.dataset.get('name')} ({result.dataset.get('split')})", 3)
     items = [f"file `{name}`", f"judged {judged} of {_dataset(result.dataset)}"]
     items += [f"seed of the evaluation {result.seed}", *([f"`{result.command}`"] if result.command else [])]
     extra = result.model_extra or {}
     items += [f"code of commit `{extra['commit']}`"] if extra.get("commit") else []
     items += [f"made with {_in_a_line(extra['versions'])}"] if isinstance(extra.get("versions"), dict) else []
-    return [heading, Items(tuple(items))]
+    return [heading, grid, Items(tuple(items))]
 
 
 def subject(result: InteractResult | ReasonResult) -> str:

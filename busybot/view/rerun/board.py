@@ -82,27 +82,18 @@ def object_relief(image: Image, own: np.ndarray, rays: Rays) -> Relief | None:
         return None
     rows = slice(max(box[1] - 2, 0), box[1] + box[3] + 2)
     columns = slice(max(box[0] - 2, 0), box[0] + box[2] + 2)
-    inner = _without_threads(own[rows, columns].astype(np.uint8))
+    inner = own[rows, columns].astype(np.uint8)
+    solid = cv2.morphologyEx(inner, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    inner = solid if solid.any() else inner  # parts of one or two pixels' width would stand there as tall thin fences
     used = cv2.dilate(inner, np.ones((3, 3), np.uint8)).astype(bool)
-    points = rays.directions[rows, columns] * image.depth[rows, columns, None] + rays.origin
+    directions = rays.directions[rows, columns]
+    points = directions * image.depth[rows, columns, None] + rays.origin
     rim = used & (inner == 0)
-    points[rim] = _on_the_board(rays, rows, columns)[rim]
+    points[rim] = (directions * (-rays.origin[2] / directions[..., 2:]) + rays.origin)[rim]  # on the board, z = 0
     colors = np.where(rim[..., None], _rim_colors(image.rgb[rows, columns], inner), image.rgb[rows, columns])
     number = np.full(used.shape, -1)
     number[used] = np.arange(int(used.sum()))
     return Relief(points[used].astype(np.float32), _triangles(number), colors[used].astype(np.uint8))
-
-
-def _without_threads(inner: np.ndarray) -> np.ndarray:
-    """The pixels without parts of one or two pixels' width, which would stand on the board as tall thin fences."""
-    solid = cv2.morphologyEx(inner, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    return solid if solid.any() else inner
-
-
-def _on_the_board(rays: Rays, rows: slice, columns: slice) -> np.ndarray:
-    """Where the viewing rays meet the board's plane z = 0; (h, w, 3)."""
-    directions = rays.directions[rows, columns]
-    return directions * (-rays.origin[2] / directions[..., 2:]) + rays.origin
 
 
 def _rim_colors(rgb: np.ndarray, inner: np.ndarray) -> np.ndarray:

@@ -110,14 +110,13 @@ def log_action(recording: rr.RecordingStream, episode: Episode, step: int, space
     recording.log(f"{space}/action/direction", arrow)
 
 
-def log_goal(recording: rr.RecordingStream, episode: Episode) -> None:
-    """The goal image, for the whole episode."""
-    recording.log(f"{GOAL}/image", stored_picture(episode.goals, 0), static=True)
-
-
-def log_remaining(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
-    """A box around every responder that looks different in the frame."""
-    if episode.goal is not None and annotations.looks_new(episode, frame):
+def log_goal(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
+    """The goal image, and a box around every responder that looks different in the frame; nothing without a goal."""
+    if episode.goal is None:
+        return
+    if frame == 0:
+        recording.log(f"{GOAL}/image", stored_picture(episode.goals, 0), static=True)
+    if annotations.looks_new(episode, frame):
         boxes = episode.goal.boxes[annotations.remaining_responders(episode, frame)]
         recording.log(f"{GOAL}/remaining", marks(episode, boxes, WRONG))
 

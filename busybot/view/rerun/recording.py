@@ -66,19 +66,15 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
     board = BoardLogger(recording, episode)
     series.log_series_styles(recording)
     board.log_static()
-    if episode.goal is not None:
-        camera.log_goal(recording, episode)
     truth = true_edges(episode.board)
     straight = edge_places(episode, [(edge.cause, edge.effect) for edge in truth])
     log_graph(recording, ["graph", "true"], episode, truth, straight, truth=True)
     choices = skills.has_choices(episode)
     places = {graph.name: edge_places(episode, pairs_ever(episode.board, graph)) for graph in inferred}
-    for graph in inferred:
-        series.log_probability_styles(recording, episode, graph)
     for frame in range(len(episode.frame_of)):
         _set_clock(recording, frame)
         camera.log_camera_frame(recording, episode, frame)
-        camera.log_remaining(recording, episode, frame)
+        camera.log_goal(recording, episode, frame)
         board.log_frame(frame)
         if frame == 0:
             board.log_true_relations(truth)  # their arcs start at the objects' tops, known from the first frame

@@ -38,28 +38,21 @@ def log_signals(recording: rr.RecordingStream, episode: Episode, frame: int) -> 
         recording.log("reward", rr.Scalars(step.reward))
 
 
-def shown_pairs(inferred: InferredGraph, truth: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs with a curve: true ones, and those that ever seemed possible."""
-    ever = inferred.probabilities.max(0) >= SHOWN_PROBABILITY
-    return [(int(i), int(j)) for i, j in np.argwhere(ever | truth)]
-
-
-def log_probability_styles(recording: rr.RecordingStream, episode: Episode, inferred: InferredGraph) -> None:
-    """One curve per pair: cool colours are true relations, warm ones are not."""
-    names, truth = object_names(episode.board), truth_matrix(episode.board)
-    pairs = shown_pairs(inferred, truth)
-    for (i, j), color in zip(pairs, curve_colors([bool(truth[pair]) for pair in pairs]), strict=True):
-        style = rr.SeriesLines(colors=[color], names=[f"{names[i]} → {names[j]}"], widths=[2.0])
-        recording.log(["inference", inferred.name, "edges", f"{i}-{j}"], style, static=True)
-
-
 def log_probabilities(recording: rr.RecordingStream, episode: Episode, inferred: InferredGraph, frame: int) -> None:
-    """The whole matrix as a heat map, rows are causes, columns effects; and the curves."""
+    """The whole matrix as a heat map, rows are causes, columns effects; and the curves of some pairs.
+
+    Pairs with a curve are the true ones, in cool colours, and in warm ones those that ever seemed possible.
+    """
+    path, names, truth = ["inference", inferred.name], object_names(episode.board), truth_matrix(episode.board)
+    pairs = [(int(i), int(j)) for i, j in np.argwhere(truth | (inferred.probabilities.max(0) >= SHOWN_PROBABILITY))]
     matrix = inferred.after(frame)
     tensor = rr.Tensor(matrix.astype(np.float32), dim_names=("cause", "effect"), value_range=[0, 1])
-    recording.log(["inference", inferred.name, "probabilities"], tensor)
-    for i, j in shown_pairs(inferred, truth_matrix(episode.board)):
-        recording.log(["inference", inferred.name, "edges", f"{i}-{j}"], rr.Scalars(float(matrix[i, j])))
+    recording.log([*path, "probabilities"], tensor)
+    for (i, j), color in zip(pairs, curve_colors([bool(truth[pair]) for pair in pairs]), strict=True):
+        if frame == 0:
+            style = rr.SeriesLines(colors=[color], names=[f"{names[i]} → {names[j]}"], widths=[2.0])
+            recording.log([*path, "edges", f"{i}-{j}"], style, static=True)
+        recording.log([*path, "edges", f"{i}-{j}"], rr.Scalars(float(matrix[i, j])))
 
 
 def log_states(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:

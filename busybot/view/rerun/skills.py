@@ -7,7 +7,7 @@ it: the camera beside shows what came of it.
 """
 
 import textwrap
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -74,17 +74,9 @@ def link_outlines(links: np.ndarray) -> list[np.ndarray]:
     return outlines
 
 
-@dataclass(frozen=True)
-class Dots:
-    """Places where one may act, K of them.
-
-    Attributes:
-        pixels: int (K, 2), u and v.
-        positions: (K, 3), board frame.
-        directions: int (K,), indices into DIRECTIONS.
-        scores: (K,), 0 to 1.
-        labels: what is said about each.
-    """
+class Dots(NamedTuple):
+    """K places where one may act: pixels (K, 2), positions (K, 3) in the board frame, indices into DIRECTIONS (K,),
+    scores from 0 to 1 (K,), and what is said about each."""
 
     pixels: np.ndarray
     positions: np.ndarray
@@ -180,13 +172,12 @@ def log_lanes(recording: rr.RecordingStream, episode: Episode, foreseen: Explana
     values = [str(state) for state in np.unique(foreseen.states[:, foreseen.judged])]
     colors = [STATES[int(value) % len(STATES)] for value in values]
     shown = rr.StateConfiguration(values=values, labels=values, colors=colors)
-    wrong = [MISTAKE + value for value in values]
-    expected = rr.StateConfiguration(
-        values=values + wrong, labels=values + wrong, colors=[*colors, *([WRONG] * len(wrong))]
-    )
+    told = values + [MISTAKE + value for value in values]
+    tinted = [*colors, *([WRONG] * len(values))]
+    expected = rr.StateConfiguration(values=told, labels=told, colors=tinted)
     for index in eventful(foreseen):
-        recording.log(_lane(episode, int(index), "is"), shown, static=True)
-        recording.log(_lane(episode, int(index), "expected"), expected, static=True)
+        recording.log(_lane(episode, index, "is"), shown, static=True)
+        recording.log(_lane(episode, index, "expected"), expected, static=True)
 
 
 def eventful(foreseen: Explanation) -> np.ndarray:
@@ -203,11 +194,11 @@ def log_foreseen(recording: rr.RecordingStream, episode: Episode, foreseen: Expl
     """Everything at one frame; the recording's clock is the caller's."""
     for index in eventful(foreseen):
         state = foreseen.states[frame, index]
-        recording.log(_lane(episode, int(index), "is"), rr.StateChange(state=str(state)))
+        recording.log(_lane(episode, index, "is"), rr.StateChange(state=str(state)))
         if frame > 0:
             expected = foreseen.expected[frame - 1, index]
             word = str(expected) if expected == state else f"{MISTAKE}{expected}"
-            recording.log(_lane(episode, int(index), "expected"), rr.StateChange(state=word))
+            recording.log(_lane(episode, index, "expected"), rr.StateChange(state=word))
     _log_picture(recording, episode, foreseen, frame)
     if frame > 0:
         right = not len(foreseen.wrong(frame - 1))
@@ -219,15 +210,15 @@ def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Expl
     """The picture, paler, with a box and a word on every responder that changed or should have."""
     image = episode.image(frame)
     log_pale(recording, EXPECTED, image.rgb)
+    names, size = annotations.object_names(episode.board), 1 / annotations.drawing_scale(episode)
     seen = [int(index) for index in annotations.visible(image) if foreseen.judged[index]]
-    marks = [_mark(foreseen, frame, index) for index in seen]
-    boxes, size = image.boxes[seen].astype(float).reshape(-1, 4), 1 / annotations.drawing_scale(episode)
-    radii = [(2.2 if text else 0.8) * size for _, text in marks]
-    recording.log(f"{EXPECTED}/objects", outlines(boxes, colors=[color for color, _ in marks], radii=radii))
-    names, told = annotations.object_names(episode.board), [number for number, (_, text) in enumerate(marks) if text]
-    labels = [f"{names[seen[number]]}: {marks[number][1]}" for number in told]
+    boxes, verdicts = image.boxes[seen].astype(float).reshape(-1, 4), [_verdict(foreseen, frame, i) for i in seen]
+    colors, radii = [color for color, _ in verdicts], [(2.2 if word else 0.8) * size for _, word in verdicts]
+    recording.log(f"{EXPECTED}/objects", outlines(boxes, colors=colors, radii=radii))
+    told = [place for place, (_, word) in enumerate(verdicts) if word]
+    labels = [f"{names[seen[place]]}: {verdicts[place][1]}" for place in told]
     below = label_places(episode, boxes[told], labels)
-    recording.log(f"{EXPECTED}/words", captions(below, labels, [marks[number][0] for number in told]))
+    recording.log(f"{EXPECTED}/words", captions(below, labels, [colors[place] for place in told]))
     if frame > 0:
         log_action(recording, episode, frame - 1, EXPECTED)
 
@@ -242,7 +233,7 @@ def label_places(episode: Episode, boxes: np.ndarray, labels: list[str]) -> np.n
     return np.stack([across, np.minimum(boxes[:, 3], high[1] - LINE * unit)], axis=1)
 
 
-def _mark(foreseen: Explanation, frame: int, index: int) -> tuple[Rgb, str]:
+def _verdict(foreseen: Explanation, frame: int, index: int) -> tuple[Rgb, str]:
     """Colour and word of a responder; no word where nothing happened, as expected."""
     if frame == 0 or index not in foreseen.changed(frame - 1):
         return MUTED, ""
@@ -250,18 +241,13 @@ def _mark(foreseen: Explanation, frame: int, index: int) -> tuple[Rgb, str]:
     expected = foreseen.expected[frame - 1, index]
     if expected == after:
         return CORRECT, f"{before} to {after}, as expected"
-    return (
-        WRONG,
-        f"{before} to {after}, expected {expected}" if after != before else f"still {after}, expected {expected}",
-    )
+    return WRONG, f"{f'still {after}' if after == before else f'{before} to {after}'}, expected {expected}"
 
 
 def words(episode: Episode, foreseen: Explanation, step: int) -> str:
     """ "expected: lamp 5 to become 1; so it did" in one line."""
-    names = annotations.object_names(episode.board)
-    changes = [
-        f"{names[index]} to become {foreseen.expected[step, index]}"
-        for index in np.flatnonzero(foreseen.judged & (foreseen.expected[step] != foreseen.states[step]))
-    ]
+    names, expected = annotations.object_names(episode.board), foreseen.expected[step]
+    changing = np.flatnonzero(foreseen.judged & (expected != foreseen.states[step]))
+    changes = [f"{names[index]} to become {expected[index]}" for index in changing]
     wrong = [f"{names[index]} is {foreseen.states[step + 1, index]}" for index in foreseen.wrong(step)]
     return f"expected {' and '.join(changes) or 'no change'}: {'but ' + ' and '.join(wrong) if wrong else 'right'}"

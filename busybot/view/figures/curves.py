@@ -60,7 +60,7 @@ def table_figure(path: Path, table: Table, rows: Mapping[str, RowFound], root: P
     handles = [parts.line_key(words, color, **dot) for color, words in ROLE_WORDS.items()]
     handles += [parts.line_key("the paper", PAPER, markersize=5, **REFERENCE), parts.line_key("gate", ACTION, **GATE)]
     parts.draw_legend(figure, handles)
-    return parts.save(figure, path, root)
+    return parts.save_png(figure, path, root)
 
 
 def _draw_row(
@@ -103,7 +103,7 @@ def courses_figure(path: Path, courses: Sequence[Course], root: Path | None = No
     pairs = [zip(*axes.get_legend_handles_labels(), strict=True) for axes in grid.flat]
     named = {label: handle for panel in pairs for handle, label in panel}
     parts.draw_legend(figure, list(named.values()))
-    return parts.save(figure, path, root)
+    return parts.save_png(figure, path, root)
 
 
 def _draw_course(axes: Any, course: Course) -> None:
@@ -132,7 +132,7 @@ def images_figure(path: Path, result: dict[str, Any]) -> Path:
     origin = result["dataset"]
     parts.draw_title(axes, result["model"], f"{origin['name']} ({origin['split']}), {result['boards']} boards")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8, labelcolor=unit(INK))
-    return parts.save(figure, path)
+    return parts.save_png(figure, path)
 
 
 def _draw_images(axes: Any, by_images: Sequence[Mapping[str, float | None]]) -> None:
@@ -165,7 +165,7 @@ def robustness_figure(path: Path, result: dict[str, Any], root: Path | None = No
 
     Args:
         result: of `benchmarks.studies.reason_robustness`.
-        root: as `parts.save` takes it.
+        root: as `parts.save_png` takes it.
     """
     names = [name for name in result["disturbances"] if name in result["rows"]]
     bands = -(-len(names) // DISTURBANCES_PER_ROW)
@@ -185,7 +185,7 @@ def robustness_figure(path: Path, result: dict[str, Any], root: Path | None = No
                 axes.set_axis_off()
     handles = [parts.line_key(name, color, linestyle=line) for name, (color, line) in styles.items()]
     parts.draw_legend(figure, [*handles, parts.line_key("could be known", INK, linestyle=":", linewidth=1)], 6)
-    return parts.save(figure, path, root)
+    return parts.save_png(figure, path, root)
 
 
 def title_of(result: dict[str, Any], name: str) -> str:

@@ -30,7 +30,7 @@ def boards_figure(path: Path, episodes: Sequence[Episode], columns: int = 4, nam
             parts.draw_names(axes, episode, 4.5)
         told = f"{len(board.objects)} objects, {len(board.relations)} relations"
         parts.draw_title(axes, f"board {board.index}", told)
-    return parts.save(figure, path)
+    return parts.save_png(figure, path)
 
 
 def episode_figure(path: Path, episode: Episode, steps: Sequence[int] | None = None, columns: int = 4) -> Path:
@@ -52,7 +52,7 @@ def episode_figure(path: Path, episode: Episode, steps: Sequence[int] | None = N
         parts.draw_action(axes, episode, step)
         said = f"{names[acted] if acted >= 0 else 'the board'} → {', '.join(names[i] for i in effects) or 'nothing'}"
         parts.draw_title(axes, f"step {step + 1}", said if len(annotations.visible(episode.image(step))) else "")
-    return parts.save(figure, path)
+    return parts.save_png(figure, path)
 
 
 def _board_grid(pictures: int, columns: int) -> tuple[Any, list[Any]]:
@@ -90,7 +90,7 @@ def graph_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: i
         line = "--" if verdict == "missed" else "-"
         handles.append(parts.line_key(f"{count} {verdict}", color, linewidth=2.2, linestyle=line))
     parts.draw_legend(figure, handles)
-    return parts.save(figure, path)
+    return parts.save_png(figure, path)
 
 
 def _draw_edges(axes: Any, episode: Episode, edges: list[annotations.Edge]) -> None:
@@ -116,7 +116,7 @@ def refinement_figure(
 
     Args:
         steps: numbers of steps; by default five, denser at the beginning, where most is learned.
-        root: as `parts.save` takes it.
+        root: as `parts.save_png` takes it.
     """
     annotations.check_inferred(episode, inferred)
     chosen = telling_moments(len(inferred.probabilities)) if steps is None else list(steps)
@@ -136,7 +136,7 @@ def refinement_figure(
     bar.ax.tick_params(length=0, labelsize=7.5, labelcolor=unit(MUTED))
     bar.set_label("probability", fontsize=7.5, color=unit(MUTED))
     parts.draw_legend(figure, [parts.frame_key("true relation", TRUTH, 2.0)])
-    return parts.save(figure, path, root)
+    return parts.save_png(figure, path, root)
 
 
 def _draw_matrix(axes: Any, values: np.ndarray, truth: np.ndarray) -> Any:
@@ -189,4 +189,4 @@ def changes_figure(path: Path, episode: Episode) -> Path:
         labelcolor=unit(INK), borderpad=0,
     )  # fmt: skip
     legend.set_in_layout(False)
-    return parts.save(figure, path)
+    return parts.save_png(figure, path)

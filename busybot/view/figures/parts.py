@@ -49,7 +49,7 @@ def picture_grid(pictures: int, columns: int, side: float, row: float, extra: fl
     return figure, grid
 
 
-def save(figure: Figure, path: Path, root: Path | None = None) -> Path:
+def save_png(figure: Figure, path: Path, root: Path | None = None) -> Path:
     """Write a PNG; equal figures give equal bytes.
 
     Args:

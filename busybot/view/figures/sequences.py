@@ -81,7 +81,7 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
         parts.line_key("wrong, thought of; width: probability", mix(INK, FAINT, DOUBT), linewidth=1.2),
     ]
     parts.draw_legend(figure, handles)
-    return parts.save(figure, path)
+    return parts.save_png(figure, path)
 
 
 def _bends(episode: Episode, inferred: InferredGraph, moments: list[int]) -> dict[tuple[int, int], float]:
@@ -173,7 +173,7 @@ def sequence_figure(path: Path, episode: Episode, root: Path | None = None) -> P
     frames = (("differs from the goal", WRONG), ("now as in the goal", CORRECT))
     done = parts.line_key("action", ACTION, linewidth=1.8, marker="o", markersize=5)
     parts.draw_legend(figure, [*(parts.frame_key(words, color) for words, color in frames), done])
-    return parts.save(figure, path, root)
+    return parts.save_png(figure, path, root)
 
 
 def _draw_moment(axes: Any, episode: Episode, frame: int, side: float) -> None:
@@ -238,7 +238,7 @@ def affordance_figure(
     Args:
         thoughts: of `interact.policy.policy_trace.retrace`, one for each step to be drawn at the least.
         steps: indices from 0; by default the first ones, two rows of them.
-        root: as `parts.save` takes it.
+        root: as `parts.save_png` takes it.
     """
     known = {thought.step: thought for thought in thoughts}
     chosen = [step for step in (steps if steps is not None else sorted(known)[: 2 * columns]) if step in known]
@@ -261,7 +261,7 @@ def affordance_figure(
         parts.line_key("action", ACTION, linewidth=1.8, marker="o", markersize=5),
     ]
     parts.draw_legend(figure, handles)
-    return parts.save(figure, path, root)
+    return parts.save_png(figure, path, root)
 
 
 def _draw_step(whole: Any, close: Any, episode: Episode, thought: PolicyTrace) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
@@ -89,10 +90,10 @@ def anchors(episode: Episode) -> np.ndarray:
     return np.where(seen, middle, projected)
 
 
-def seen_directions(episode: Episode, positions: np.ndarray, directions: np.ndarray, length: float) -> np.ndarray:
+def seen_directions(episode: Episode, positions: ArrayLike, directions: ArrayLike, length: float) -> np.ndarray:
     """Directions (K,) at positions (K, 3) as the camera sees them, pixels (K, 2); `length` in board units."""
     starts = np.reshape(positions, (-1, 3))
-    tips = starts + length * DIRECTIONS[directions]
+    tips = starts + length * DIRECTIONS[np.asarray(directions, int)]
     return project(tips, episode.camera)[0] - project(starts, episode.camera)[0]
 
 

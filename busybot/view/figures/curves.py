@@ -111,10 +111,8 @@ def _draw_course(axes: Any, course: Course) -> None:
     if isinstance(result, ReasonResult):
         _draw_images(axes, result.by_images)
     else:
-        for key, words, color in (
-            ("recall", "links found", RESPONDER),
-            ("precision", "of these actions right", CORRECT),
-        ):
+        shown = (("recall", "links found", RESPONDER), ("precision", "of these actions right", CORRECT))
+        for key, words, color in shown:
             points = [(n, step[key]) for n, step in enumerate(result.by_step, start=1) if step.get(key) is not None]
             axes.plot(*zip(*points, strict=True), marker="o", markersize=3, color=unit(color), label=words)
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -85,9 +85,7 @@ def draw_action(axes: Any, episode: Episode, step: int) -> None:
     start = (np.array(done.pixel) + 0.5) * scale
     tip = start + seen_directions(episode, done.position, [done.direction], ARROW_LENGTH)[0] * scale
     if float(np.hypot(*(tip - start))) > 8:
-        style = {"color": unit(ACTION), "linewidth": 1.8, "mutation_scale": 9, "zorder": 6}
-        arrow = FancyArrowPatch(_pair(start), _pair(tip), arrowstyle="-|>", shrinkA=0, shrinkB=0, **style)
-        _add(axes, arrow, 3.6)
+        _add(axes, _arrow(start, tip, ACTION, linewidth=1.8, mutation_scale=9, shrinkA=0, shrinkB=0, zorder=6), 3.6)
     axes.plot(*start, "o", markersize=6, color=unit(ACTION), markeredgecolor=unit(PAPER), markeredgewidth=1.2, zorder=7)
 
 
@@ -103,7 +101,12 @@ def draw_boxes(axes: Any, episode: Episode, frame: int, objects: Iterable[int], 
         u0, v0, u1, v1 = episode.image(frame).boxes[index].astype(float) * drawing_scale(episode)
         if u1 <= u0:
             continue
-        style = {"boxstyle": "round,pad=4,rounding_size=6", "linewidth": 1.8, "edgecolor": unit(color), "zorder": 5}
+        style: dict[str, Any] = {
+            "boxstyle": "round,pad=4,rounding_size=6",
+            "linewidth": 1.8,
+            "edgecolor": unit(color),
+            "zorder": 5,
+        }
         _add(axes, FancyBboxPatch((u0, v0), u1 - u0, v1 - v0, fill=False, **style), 3.4)
 
 
@@ -145,9 +148,13 @@ def draw_arc(
     head: float = 13,
 ) -> None:
     """A bent arrow over the picture; width of the line and size of the head in points."""
-    style = {"linestyle": (0, (3, 2)) if dashed else "solid", "linewidth": width, "color": unit(color), "zorder": 7}
-    shape = {"connectionstyle": f"arc3,rad={bend}", "arrowstyle": "-|>", "mutation_scale": head}
-    _add(axes, FancyArrowPatch(_pair(start), _pair(end), shrinkA=5, shrinkB=7, **shape, **style), width + 2)
+    style = {"linewidth": width, "linestyle": (0, (3, 2)) if dashed else "solid", "mutation_scale": head}
+    arrow = _arrow(start, end, color, connectionstyle=f"arc3,rad={bend}", shrinkA=5, shrinkB=7, zorder=7, **style)
+    _add(axes, arrow, width + 2)
+
+
+def _arrow(start: np.ndarray, end: np.ndarray, color: Rgb, **style: Any) -> FancyArrowPatch:
+    return FancyArrowPatch(_pair(start), _pair(end), arrowstyle="-|>", color=unit(color), **style)
 
 
 def _pair(point: np.ndarray) -> tuple[float, float]:

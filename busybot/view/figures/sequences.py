@@ -25,21 +25,7 @@ from busybot.plan.decision_log import reason
 from busybot.reason.models.base import InferredGraph
 from busybot.view import annotations
 from busybot.view.figures import parts
-from busybot.view.palette import (
-    ACTION,
-    CORRECT,
-    FAINT,
-    INK,
-    MUTED,
-    PAPER,
-    RESPONDER,
-    TRIGGER,
-    TRUTH,
-    WRONG,
-    Rgb,
-    mix,
-    unit,
-)
+from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MUTED, PAPER, RESPONDER, TRIGGER, TRUTH, WRONG, mix, unit
 
 MOMENTS = (1, 3, 6, 12, 22)
 """Numbers of steps; the last one is what the paper infers the graph from."""
@@ -192,7 +178,7 @@ def _draw_moment(axes: Any, episode: Episode, frame: int, side: float) -> None:
     _write(axes, annotations.named(episode.board, reason(episode, frame - 1)), side)
 
 
-def _mark(axes: Any, episode: Episode, frame: int, color: Rgb) -> None:
+def _mark(axes: Any, episode: Episode, frame: int, color: tuple[int, int, int]) -> None:
     """Frames and names of the responders that differ from the goal in a frame."""
     remaining = annotations.remaining_responders(episode, frame)
     parts.draw_boxes(axes, episode, frame, remaining, color)

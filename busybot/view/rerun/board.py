@@ -83,7 +83,7 @@ def object_relief(image: Image, own: np.ndarray, rays: Rays) -> Relief | None:
     rows = slice(max(box[1] - 2, 0), box[1] + box[3] + 2)
     columns = slice(max(box[0] - 2, 0), box[0] + box[2] + 2)
     inner = own[rows, columns].astype(np.uint8)
-    solid = cv2.morphologyEx(inner, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    solid = np.asarray(cv2.morphologyEx(inner, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)), np.uint8)
     inner = solid if solid.any() else inner  # parts of one or two pixels' width would stand there as tall thin fences
     used = cv2.dilate(inner, np.ones((3, 3), np.uint8)).astype(bool)
     directions = rays.directions[rows, columns]

@@ -34,8 +34,8 @@ def picture(data: bytes) -> rr.EncodedImage:
 
 def stored_picture(images: Sequence[Image], index: int) -> rr.EncodedImage:
     """The RGB of an image, as it lies in the file where it comes from one."""
-    lazy = isinstance(images, LazyImages)
-    return picture(images.encoded[index].rgb if lazy else encode_rgb(images[index].rgb, "jpeg"))
+    data = images.encoded[index].rgb if isinstance(images, LazyImages) else encode_rgb(images[index].rgb, "jpeg")
+    return picture(data)
 
 
 def layer(colors: np.ndarray) -> rr.EncodedImage:

@@ -101,13 +101,8 @@ def draw_boxes(axes: Any, episode: Episode, frame: int, objects: Iterable[int], 
         u0, v0, u1, v1 = episode.image(frame).boxes[index].astype(float) * drawing_scale(episode)
         if u1 <= u0:
             continue
-        style: dict[str, Any] = {
-            "boxstyle": "round,pad=4,rounding_size=6",
-            "linewidth": 1.8,
-            "edgecolor": unit(color),
-            "zorder": 5,
-        }
-        _add(axes, FancyBboxPatch((u0, v0), u1 - u0, v1 - v0, fill=False, **style), 3.4)
+        style: dict[str, Any] = {"linewidth": 1.8, "edgecolor": unit(color), "fill": False, "zorder": 5}
+        _add(axes, FancyBboxPatch((u0, v0), u1 - u0, v1 - v0, "round,pad=4,rounding_size=6", **style), 3.4)
 
 
 def name_places(episode: Episode) -> np.ndarray:

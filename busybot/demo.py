@@ -1,9 +1,8 @@
 """`busybot demo`: the whole way from objects to an inferred scene graph, small enough to watch.
 
 Procedural objects become boards, a policy that learned where and how to act records interactions with them, recordings
-become relations, relations lead to a goal, and a report shows each of them.
-
-The demo's report: one board's story in Markdown, with the figures beside it.
+become relations, relations lead to a goal, and a report in Markdown (`view/report/demo.md`) tells the story of one
+board with the figures beside it.
 """
 
 from collections.abc import Callable
@@ -19,7 +18,6 @@ from busybot.common.atomic_io import make_folder, write_atomically, write_json
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import DatasetInfo
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory, load_once, policy_config
@@ -36,13 +34,11 @@ from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.sim.collect import CollectConfig, collect
 from busybot.view.annotations import judged_edges, named, object_names
 from busybot.view.figures import episode as figures
-from busybot.view.figures.affordance import affordance_figure
-from busybot.view.figures.sequences import sequence_figure
-from busybot.view.report.page import Block, Grid, Heading, Items, Picture, Text, markdown, number, plain_grid
+from busybot.view.figures.sequences import affordance_figure, sequence_figure
+from busybot.view.report.page import Grid, filled, markdown, plain_grid, share
 from busybot.view.rerun.recording import RecordingLayers, save_rrd
 from busybot.view.viewer_process import save_screenshot
 
-TITLE = "A switch, a lamp, and what connects them"
 KINDS = {
     "one-to-one": "one switch, one effect",
     "one-to-many-effects": "a lever with three positions, one effect for each",
@@ -51,190 +47,10 @@ KINDS = {
 REASONERS = {
     "event": "The model `event` sees the pictures, the objects' boxes and roles, and the actions. It never sees the "
     "simulator's relations or states. It compares how each responder looks before and after every action, and learned "
-    "on other boards what that tells about which trigger controls it.",
+    "on other boards what that tells about which trigger controls it."
 }
 """How the graph was inferred, by the reasoner's name."""
-MORE = "```sh\nbusybot generate more --boards 100 && busybot collect more && busybot eval reason more\n```"
-MEANING = (
-    "Edge-P is the share of the claimed relations that are true, Edge-R the share of the true relations that were "
-    "claimed, Edge-Acc the share of all pairs of a trigger and a responder that were judged rightly. The empty graph "
-    "claims no relation, the all-ones graph every pair, and the random trigger one trigger, drawn by chance, for each "
-    "responder."
-)
-
-
-@dataclass(frozen=True)
-class Story:
-    """What the report tells.
-
-    Attributes:
-        chosen: index of the episode that is shown in detail.
-        result: of `reason.evaluation.evaluate.evaluate_dataset`.
-        pictures: by name.
-        early: the step of the early picture of the viewer.
-        rollout: of the agent that reaches for a goal.
-        planned: what `plan.evaluate.evaluate` tells of this agent.
-    """
-
-    episodes: list[Episode]
-    chosen: int
-    inferred: InferredGraph
-    result: dict[str, Any]
-    info: DatasetInfo
-    recording: Path
-    pictures: dict[str, Path]
-    early: int
-    rollout: Episode
-    planned: dict[str, Any]
-
-    @property
-    def episode(self) -> Episode:
-        """The one that is shown."""
-        return self.episodes[self.chosen]
-
-    def picture(self, name: str, caption: str) -> Picture:
-        """One of the pictures."""
-        return Picture(self.pictures[name], caption)
-
-
-def demo_report(story: Story, folder: Path) -> str:
-    """The report's text; links are relative to `folder`."""
-    parts = (_boards, _actions, _relations, _refinement, _numbers, _goal)
-    blocks = [block for part in parts for block in part(story)]
-    return markdown([Heading(TITLE, 1), *blocks, *_next(story, folder)], folder)
-
-
-def _boards(story: Story) -> list[Block]:
-    return [
-        Heading("The boards"),
-        Text(
-            "A BusyBoard carries triggers (switches, levers, panels) and responders (lamps, doors, toys). Hidden "
-            f"relations connect them. These {len(story.episodes)} were drawn with seed {story.info.seed} from "
-            f"{story.info.assets.name} objects."
-        ),
-        story.picture("boards", f"The boards before anybody acts; board {story.chosen}, told of below, with names."),
-    ]
-
-
-def _actions(story: Story) -> list[Block]:
-    moved = sum(step.success for step in story.episode.steps)
-    delta = story.episode.settings.get("interaction", {}).get("delta", 500)
-    return [
-        Heading("Acting"),
-        Text(
-            "Where can something be moved, and in which direction? The policy learned it from depth images and from "
-            "pixels that change, without labels, and has not seen these boards before. It chooses at random among what "
-            "looks movable, first what it has not tried: a point to take hold of and one of 18 directions. On board "
-            f"{story.chosen} it acted {len(story.episode.steps)} times and moved a trigger {moved} times. The reward "
-            f"is 1 when more than {delta} pixels change."
-        ),
-        story.picture("affordance", "What the policy believed before its first actions: affordance in orange."),
-        story.picture("episode", "Some actions and what they changed."),
-        story.picture("changes", "Changed pixels of every action, and the threshold of the reward."),
-    ]
-
-
-def _relations(story: Story) -> list[Block]:
-    return [
-        Heading("What controls what"),
-        Text(REASONERS[story.inferred.name]),
-        story.picture("graph", "The inferred scene graph over the board."),
-        _relation_grid(story),
-    ]
-
-
-def _relation_grid(story: Story) -> Grid:
-    board, inferred = story.episode.board, story.inferred
-    names, steps = object_names(board), len(inferred.probabilities)
-    kinds = {(ref.object, one.responder): one.kind for one in board.relations for ref in one.triggers}
-    probabilities = inferred.after(steps)
-    rows = []
-    for edge in judged_edges(board, inferred, steps):
-        pair = (edge.cause, edge.effect)
-        kind = KINDS.get(kinds.get(pair, ""), "")
-        rows.append((names[edge.cause], (names[edge.effect], f"{probabilities[pair]:.3f}", edge.verdict, kind)))
-    return plain_grid(("responder", "probability", "verdict", "kind"), rows, "trigger")
-
-
-def _refinement(story: Story) -> list[Block]:
-    end = len(story.inferred.probabilities)
-    return [
-        Heading("How certainty grows"),
-        story.picture("refinement", "Probabilities after more and more steps; true relations are framed."),
-        Text(f"The viewer after {story.early} steps, and at the end:"),
-        story.picture(f"viewer_{story.early}", f"Rerun after {story.early} steps."),
-        story.picture(f"viewer_{end}", "Rerun at the end."),
-    ]
-
-
-def _numbers(story: Story) -> list[Block]:
-    result = story.result
-    baselines = {name.replace("_", " "): values for name, values in result["baselines"].items()}
-    judged = {"the model that comes with busybot": result, **baselines}
-    keys = {"edge_p": "Edge-P", "edge_r": "Edge-R", "edge_acc": "Edge-Acc"}
-    rows = [(name, [_percent(values[key]) for key in keys]) for name, values in judged.items()]
-    return [
-        Heading("The numbers"),
-        Text(
-            f"Over all {result['boards']} boards, from their first {result['images']} images; percent. Four boards are "
-            "a picture, not a result. More of them:"
-        ),
-        Text(MORE),
-        Text(MEANING),
-        plain_grid(tuple(keys.values()), rows),
-        Text(
-            f"Relations whose effect was visible at all: {_percent(result['edge_r_bound'])} %. Of the "
-            f"{result['predicted_steps']} later steps, all responders looked as predicted after "
-            f"{_percent(result['pred_a'])} %; whoever predicts no change: "
-            f"{_percent(result['persistence']['pred_a'])} %."
-        ),
-    ]
-
-
-def _percent(share: float | None) -> str:
-    return "-" if share is None else number(100 * share)
-
-
-def _goal(story: Story) -> list[Block]:
-    rollout = story.rollout
-    said = [named(rollout.board, reason(rollout, step)) for step in range(len(rollout.steps) + 1)]
-    return [
-        Heading("Reaching a goal"),
-        Text(
-            "Another board comes with a picture of a goal. The policy acts on it as on the others; from what that "
-            f"changed, `{rollout.policy}` knows which trigger to move, and which way. It compares the board with the "
-            "goal after every action, and stops when nothing differs. At the end "
-            f"{_percent(story.planned['success'])} % of the responders that some trigger controls were in their goal "
-            "state."
-        ),
-        story.picture("sequence", "From the start, action by action, to the goal at the right."),
-        Text("What it said:"),
-        Text("\n".join(f"{count}. {words}" for count, words in enumerate(filter(None, said), start=1))),
-    ]
-
-
-def _next(story: Story, folder: Path) -> list[Block]:
-    recording, hashes = story.recording.relative_to(folder).as_posix(), story.result["dataset"]
-    board, trace, content = (hashes[f"{name}_hash"][:16] for name in ("board", "trace", "content"))
-    return [
-        Heading("Look further"),
-        Items(
-            (
-                f"`busybot view boards --episode {story.chosen}` opens the episode in Rerun; `{recording}` is the same "
-                "as a file.",
-                "`busybot dataset info boards` tells what was recorded, `busybot dataset verify boards` checks it.",
-                "`busybot eval reason boards` repeats the inference; `relations.json` holds its result.",
-                "`busybot view rollouts/search` shows what the agent could choose from on its way to the goal; "
-                "`busybot eval plan task --agents search,random` plays the task again.",
-            )
-        ),
-        Text(
-            f"Board hash `{board}`, trace hash `{trace}`, content hash `{content}`: the same seed on the same machine "
-            "gives the same three."
-        ),
-    ]
-
-
+SCORES = {"edge_p": "Edge-P", "edge_r": "Edge-R", "edge_acc": "Edge-Acc"}
 BOARDS = 4
 STEPS = 30
 EARLY_STEP = 6
@@ -305,9 +121,12 @@ def run_demo(
         picture = out / "figures" / f"viewer-step-{step:02d}.png"
         save_screenshot(recording, picture, step)
         pictures[f"viewer_{step}"] = picture
+    links = {name: path.relative_to(out).as_posix() for name, path in pictures.items()}
+    drawn = {"pictures": links, "recording": recording.name, "early": EARLY_STEP, "chosen": chosen}
+    story = _story(episodes[chosen], inferred, result, rollout)
+    told = filled("demo.md", boards=BOARDS, info=dataset.info, result=result, planned=planned, **drawn, **story)
     report = out / "report.md"
-    story = Story(episodes, chosen, inferred, result, dataset.info, recording, pictures, EARLY_STEP, rollout, planned)
-    write_atomically(report, demo_report(story, out).encode())
+    write_atomically(report, told.encode())
     return Demo(out, report, recording, tuple(pictures.values()), result, planned["success"])
 
 
@@ -343,6 +162,34 @@ def _task(library: Library, seed: int) -> BoardConfig:
 def most_telling(boards: list[BoardSpec]) -> int:
     """The board with the most kinds of relations, then the most relations."""
     return max(range(len(boards)), key=lambda i: (len({r.kind for r in boards[i].relations}), len(boards[i].relations)))
+
+
+def _story(episode: Episode, inferred: InferredGraph, result: dict[str, Any], rollout: Episode) -> dict[str, Any]:
+    """What the report tells of the chosen board, of all boards, and of the way to the goal."""
+    baselines = {name.replace("_", " "): values for name, values in result["baselines"].items()}
+    judged = {"the model that comes with busybot": result, **baselines}
+    rows = [(name, [share(values[key]) for key in SCORES]) for name, values in judged.items()]
+    said = (named(rollout.board, reason(rollout, step)) for step in range(len(rollout.steps) + 1))
+    return {
+        "steps": episode.steps,
+        "delta": episode.settings.get("interaction", {}).get("delta", 500),
+        "explanation": REASONERS[inferred.name],
+        "relations": markdown([_relation_grid(episode.board, inferred)]).strip(),
+        "end": len(inferred.probabilities),
+        "scores": markdown([plain_grid(tuple(SCORES.values()), rows)]).strip(),
+        "rollout": rollout,
+        "said": "\n".join(f"{count}. {words}" for count, words in enumerate(filter(None, said), start=1)),
+    }
+
+
+def _relation_grid(board: BoardSpec, inferred: InferredGraph) -> Grid:
+    names, steps = object_names(board), len(inferred.probabilities)
+    kinds = {(ref.object, one.responder): one.kind for one in board.relations for ref in one.triggers}
+    rows = []
+    for edge in judged_edges(board, inferred, steps):
+        kind = KINDS.get(kinds.get((edge.cause, edge.effect), ""), "")
+        rows.append((names[edge.cause], (names[edge.effect], f"{edge.probability:.3f}", edge.verdict, kind)))
+    return plain_grid(("responder", "probability", "verdict", "kind"), rows, "trigger")
 
 
 def _figures(

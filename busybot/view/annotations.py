@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import project
@@ -88,6 +90,13 @@ def anchors(episode: Episode) -> np.ndarray:
     return np.where(seen, middle, projected)
 
 
+def seen_directions(episode: Episode, positions: ArrayLike, directions: ArrayLike, length: float) -> np.ndarray:
+    """Directions (K,) at positions (K, 3) as the camera sees them, pixels (K, 2); `length` in board units."""
+    starts = np.reshape(positions, (-1, 3))
+    tips = starts + length * DIRECTIONS[np.asarray(directions, int)]
+    return project(tips, episode.camera)[0] - project(starts, episode.camera)[0]
+
+
 def delta(episode: Episode) -> int:
     """The number of changed pixels beyond which an action is rewarded."""
     interaction = episode.settings.get("interaction", episode.settings)
@@ -100,9 +109,14 @@ def visible(image: Image) -> np.ndarray:
     return np.flatnonzero((image.boxes[:, 2:] > image.boxes[:, :2]).all(1))
 
 
+def looks_new(episode: Episode, frame: int) -> bool:
+    """Whether a frame has an image of its own, not the one before it."""
+    return frame == 0 or episode.frame_of[frame] != episode.frame_of[frame - 1]
+
+
 def changed_objects(episode: Episode, step: int) -> list[int]:
     """Objects that look different after step `step` (from 0), by pixels alone."""
-    if episode.frame_of[step] == episode.frame_of[step + 1]:
+    if not looks_new(episode, step + 1):
         return []
     return unlike_objects(episode, episode.image(step), episode.image(step + 1))
 
@@ -140,24 +154,24 @@ def _pixels_of(episode: Episode, image: Image, index: int) -> np.ndarray:
 def acted_object(episode: Episode, step: int) -> int:
     """The object whose box holds the chosen pixel, the smallest of several; -1 if none does."""
     image, (u, v) = episode.image(step), episode.steps[step].pixel
-    best, best_area = -1, np.inf
-    for index in visible(image):
-        u0, v0, u1, v1 = (int(x) for x in image.boxes[index])
-        area = (u1 - u0) * (v1 - v0)
-        if u0 <= u < u1 and v0 <= v < v1 and area < best_area:
-            best, best_area = int(index), area
-    return best
+    u0, v0, u1, v1 = image.boxes.astype(int).T
+    holding = [int(i) for i in visible(image) if u0[i] <= u < u1[i] and v0[i] <= v < v1[i]]
+    return min(holding, key=lambda i: (u1[i] - u0[i]) * (v1[i] - v0[i]), default=-1)
+
+
+def truth_matrix(board: BoardSpec) -> np.ndarray:
+    """Which object controls which, bool (N, N)."""
+    return np.array(board.relation_matrix(), bool)
 
 
 def true_edges(board: BoardSpec) -> list[Edge]:
     """The board's relations between objects."""
-    matrix = np.array(board.relation_matrix())
-    return [Edge(int(i), int(j), 1.0, "correct") for i, j in np.argwhere(matrix)]
+    return [Edge(int(i), int(j), 1.0, "correct") for i, j in np.argwhere(truth_matrix(board))]
 
 
 def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[Edge]:
     """Claimed edges after so many steps, right or wrong, and the true ones that are not claimed."""
-    truth, probabilities = np.array(board.relation_matrix(), bool), inferred.after(steps)
+    truth, probabilities = truth_matrix(board), inferred.after(steps)
     claimed = probabilities > inferred.threshold
     edges = []
     for i, j in np.argwhere(claimed | truth):
@@ -168,9 +182,8 @@ def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[
 
 def pairs_ever(board: BoardSpec, inferred: InferredGraph) -> list[tuple[int, int]]:
     """Cause and effect of every edge that `judged_edges` gives after any number of steps."""
-    truth = np.array(board.relation_matrix(), bool)
     ever = (inferred.probabilities > inferred.threshold).any(0)
-    return [(int(i), int(j)) for i, j in np.argwhere(ever | truth)]
+    return [(int(i), int(j)) for i, j in np.argwhere(ever | truth_matrix(board))]
 
 
 def check_inferred(episode: Episode, inferred: InferredGraph) -> None:

@@ -1,6 +1,6 @@
-"""The viewer's process: it listens on this machine alone and never outlives the one that started it.
+"""The viewer's process: in a window, served to a browser on this machine, or without a screen for a picture.
 
-Pictures of the viewer without a screen: a headless viewer on the loopback interface, driven to a step.
+The process listens on this machine alone and never outlives the one that started it.
 """
 
 import contextlib
@@ -12,10 +12,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TypeVar
+from urllib.parse import quote
 
 import cv2
 import numpy as np
@@ -24,8 +26,24 @@ from rerun.experimental import ViewerClient
 from busybot.common.atomic_io import new_file, write_atomically, write_json
 from busybot.common.errors import BusybotError
 
+T = TypeVar("T")
 LOOPBACK = "127.0.0.1"
+WEB_PORT = 9090
+WEB_SECONDS = 30.0
+"""The web viewer answers within."""
 STOP_SECONDS = 3.0
+START_SECONDS = 60.0
+"""Compiling the shaders of a software renderer on a busy machine takes that long at worst."""
+LOAD_SECONDS = 60.0
+SETTLE_SECONDS = 20.0
+POLL_SECONDS = 0.25
+SIZE = (1600, 900)
+"""Of a picture, pixels."""
+TITLE_BAR = 36
+"""Height of the window's empty title bar, which a headless viewer draws too; pixels."""
+HINT = "busybot doctor (it checks the Vulkan driver), or use --save and look at the file elsewhere"
+FAULTS = (RuntimeError, ConnectionError, TimeoutError, ValueError)
+"""What `ViewerClient` and the waiting here raise."""
 
 # Asks the kernel to end this process with its parent (PR_SET_PDEATHSIG is 1), then becomes the viewer.
 _DIE_WITH_PARENT = """
@@ -115,18 +133,75 @@ def last_words(folder: Path) -> str:
     return ""
 
 
-START_SECONDS = 60.0
-"""Compiling the shaders of a software renderer on a busy machine takes that long at worst."""
-LOAD_SECONDS = 60.0
-SETTLE_SECONDS = 20.0
-POLL_SECONDS = 0.25
-SIZE = (1600, 900)
-"""Of a picture, pixels."""
-TITLE_BAR = 36
-"""Height of the window's empty title bar, which a headless viewer draws too; pixels."""
-HINT = "busybot doctor (it checks the Vulkan driver), or use --save and look at the file elsewhere"
-FAULTS = (RuntimeError, ConnectionError, TimeoutError, ValueError)
-"""What `ViewerClient` and the waiting here raise."""
+def has_display() -> bool:
+    """Whether a window can open here."""
+    return sys.platform in ("darwin", "win32") or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+
+
+def require_display() -> None:
+    """Refuse early where no window can open."""
+    if not has_display():
+        hint = "use --web (in a browser), --save F.rrd (to open elsewhere) or --screenshot F.png"
+        raise BusybotError("there is no display for the viewer's window", hint)
+
+
+def show_window(rrd: Path, step: int | None = None) -> None:
+    """Open the native viewer and return when it is closed.
+
+    Raises:
+        BusybotError: there is no display, or the viewer fails.
+    """
+    require_display()
+    with tempfile.TemporaryDirectory(prefix="busybot-view-") as name:
+        folder, port = Path(name), free_port()
+        with viewer_process(["--port", str(port), str(rrd.resolve())], folder, private=False) as process:
+            if step is not None:
+                with contextlib.suppress(*FAULTS):  # the window is open all the same
+                    go_to_step(process, port, step)
+            if process.wait() != 0:
+                what = f"the viewer ended with exit code {process.returncode}\n{last_words(folder)}"
+                raise BusybotError(what.rstrip(), "busybot doctor, or use --web")
+
+
+def serve_web(rrd: Path, announce: Callable[[str], None]) -> None:
+    """Serve the viewer to browsers on this machine until Ctrl-C; `announce` is given the address once it answers.
+
+    Raises:
+        BusybotError: the server does not start or ends by itself.
+    """
+    with tempfile.TemporaryDirectory(prefix="busybot-view-") as name:
+        folder, data_port, web_port = Path(name), free_port(), _preferred_port()
+        origin = f"http://{LOOPBACK}:{web_port}"
+        proxy = quote(f"rerun+http://{LOOPBACK}:{data_port}/proxy", safe="")
+        arguments = ["--serve-web", "--port", str(data_port), "--web-viewer-port", str(web_port)]
+        arguments += ["--cors-allow-origin", origin, str(rrd.resolve())]
+        with viewer_process(arguments, folder) as process:
+            try:
+                fault = _serve(process, web_port, lambda: announce(f"{origin}?url={proxy}"))
+            except KeyboardInterrupt:
+                return
+            hint = "use --save F.rrd and open the file with rerun"
+            raise BusybotError(f"the web viewer: {fault}\n{last_words(folder)}".rstrip(), hint)
+
+
+def _serve(process: "subprocess.Popen[bytes]", port: int, announce: Callable[[], None]) -> str:
+    """Announce the server once it answers, and wait for it; returns how it failed."""
+    try:
+        _once_open(process, port, WEB_SECONDS, lambda: None)
+    except (RuntimeError, TimeoutError) as error:
+        return str(error)
+    announce()
+    return f"it ended with exit code {process.wait()}"
+
+
+def _preferred_port() -> int:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOOPBACK, WEB_PORT))
+            return WEB_PORT
+        except OSError:
+            return free_port()
 
 
 def save_screenshot(rrd: Path, picture: Path, step: int) -> None:
@@ -151,22 +226,24 @@ def save_screenshot(rrd: Path, picture: Path, step: int) -> None:
 
 def go_to_step(process: "subprocess.Popen[bytes]", port: int, step: int) -> ViewerClient:
     """Wait until the viewer has loaded its recording, then set its time; raises one of `FAULTS`."""
-    client = _connect(process, port)
+    address = f"rerun+http://{LOOPBACK}:{port}/proxy"
+    client = _once_open(process, port, START_SECONDS, lambda: ViewerClient.connect(address))
     _wait_until_loaded(client, process)
     client.set_time("step", sequence=step, play_state="paused")
     return client
 
 
-def _connect(process: "subprocess.Popen[bytes]", port: int) -> ViewerClient:
-    deadline = time.monotonic() + START_SECONDS
+def _once_open(process: "subprocess.Popen[bytes]", port: int, seconds: float, ask: Callable[[], T]) -> T:
+    """Wait until a port answers, then ask; raises one of `FAULTS`."""
+    deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         _refuse_ended(process)
         try:
             socket.create_connection((LOOPBACK, port), 1).close()
-            return ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+            return ask()
         except OSError:
             time.sleep(POLL_SECONDS)
-    raise TimeoutError(f"it did not start within {START_SECONDS:.0f} s")
+    raise TimeoutError(f"it did not start within {seconds:.0f} s")
 
 
 def _wait_until_loaded(client: ViewerClient, process: "subprocess.Popen[bytes]") -> None:

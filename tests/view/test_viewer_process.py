@@ -14,12 +14,10 @@ import psutil
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.view import viewer as serve
 from busybot.view import viewer_process as module
-from busybot.view import viewer_process as screenshot
 from busybot.view.rerun.recording import save_rrd
-from busybot.view.viewer import inferences, picture_episode, serve_web, show_window
-from busybot.view.viewer_process import save_screenshot, viewer_process
+from busybot.view.viewer import inferences, picture_episode
+from busybot.view.viewer_process import save_screenshot, serve_web, show_window, viewer_process
 from tests.episodes.synthetic import make_episode
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -115,7 +113,7 @@ def test_the_web_viewer_listens_on_the_loopback_interface_until_ctrl_c(tmp_path:
 def test_without_a_display_the_window_is_refused_with_other_ways(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(serve, "has_display", lambda: False)
+    monkeypatch.setattr(module, "has_display", lambda: False)
     with pytest.raises(BusybotError, match=r"--web .* --save .* --screenshot"):
         show_window(tmp_path / "e.rrd")
 
@@ -134,7 +132,7 @@ def test_a_viewer_that_never_answers_is_given_up(
     stubborn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(screenshot, "START_SECONDS", 0.5)
+    monkeypatch.setattr(module, "START_SECONDS", 0.5)
     with pytest.raises(BusybotError, match="did not start within"):
         save_screenshot(tmp_path / "e.rrd", tmp_path / "p.png", 0)
     assert gone(pids(tmp_path / "127.0.0.1.pids"))

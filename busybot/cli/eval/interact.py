@@ -125,7 +125,7 @@ def draw_figures(folder: Path, record: Path, model: str | None, config: "Interac
     from busybot.episodes.mcap.reader import read_episode
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL, load_once, policy_config
     from busybot.interact.policy.policy_trace import retrace
-    from busybot.view.figures.affordance import affordance_figure
+    from busybot.view.figures.sequences import affordance_figure
 
     dataset, loaded = Dataset.open(record), load_once(model or DEFAULT_MODEL)
     policy = policy_config(loaded.info, config.learned)

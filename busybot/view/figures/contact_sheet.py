@@ -49,14 +49,13 @@ def sheet(path: Path, library: Library, cell: int = 150, columns: int = COLUMNS)
         BusybotError: the ending is none of these, an object cannot be loaded, or the file cannot be written.
     """
     if path.suffix.lower() not in FORMATS:
-        raise BusybotError(
-            f"{path}: a sheet cannot be written as {path.suffix or 'this'}", "end the name in .png or .jpg"
-        )
+        what = f"{path}: a sheet cannot be written as {path.suffix or 'this'}"
+        raise BusybotError(what, "end the name in .png or .jpg")
     shown = groups(library)
     keys = [key for _, _, of_group in shown for key in of_group]
     pictures = dict(zip(keys, thumbnails(library, keys, cell), strict=True))
     for category in CATEGORIES:
-        _trim({key: picture for key, picture in pictures.items() if key.startswith(f"{category}/")}, pictures)
+        _trim(pictures, [key for key in keys if key.startswith(f"{category}/")])
     image = _Page(cell, columns, shown, pictures).draw(f"{library.name}: {len(keys)} objects")
     buffer = io.BytesIO()
     image.save(buffer, FORMATS[path.suffix.lower()], quality=QUALITY, optimize=True)
@@ -67,14 +66,12 @@ def sheet(path: Path, library: Library, cell: int = 150, columns: int = COLUMNS)
     return len(keys)
 
 
-def _trim(some: dict[str, np.ndarray], pictures: dict[str, np.ndarray]) -> None:
+def _trim(pictures: dict[str, np.ndarray], keys: list[str]) -> None:
     """Cut what is empty above and below in all of these pictures."""
-    used = np.zeros(len(next(iter(some.values()), ())), bool)
-    for picture in some.values():
-        used |= (np.abs(picture.astype(int) - GROUND).max(axis=(1, 2))) > EMPTY
-    rows = np.flatnonzero(used)
-    for key, picture in some.items():
-        pictures[key] = picture[rows[0] : rows[-1] + 1]
+    used = [np.abs(pictures[key].astype(int) - GROUND).max(axis=(1, 2)) > EMPTY for key in keys]
+    rows = np.flatnonzero(np.any(used, axis=0))
+    for key in keys:
+        pictures[key] = pictures[key][rows[0] : rows[-1] + 1]
 
 
 class _Page:

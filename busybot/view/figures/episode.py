@@ -6,45 +6,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from busybot.episodes.episode import Episode
 from busybot.reason.models.base import InferredGraph
-from busybot.view.annotations import (
-    Edge,
-    acted_object,
-    anchors,
-    changed_objects,
-    check_inferred,
-    delta,
-    drawing_scale,
-    judged_edges,
-    object_names,
-    visible,
-)
-from busybot.view.figures.parts import (
-    bend_point,
-    clear_bend,
-    clearance,
-    draw_action,
-    draw_arc,
-    draw_boxes,
-    draw_image,
-    draw_label,
-    draw_names,
-    draw_title,
-    name_places,
-    page,
-    plain_axes,
-    save,
-)
+from busybot.view import annotations
+from busybot.view.figures import parts
 from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MISSED, MUTED, PAPER, TRUTH, VERDICTS, mix, unit
-
-WIDTH = 9.6
-"""Of a figure, inches; 1536 pixels."""
 
 
 def boards_figure(path: Path, episodes: Sequence[Episode], columns: int = 4, named: int | None = None) -> Path:
@@ -56,11 +25,12 @@ def boards_figure(path: Path, episodes: Sequence[Episode], columns: int = 4, nam
     figure, grid = _board_grid(len(episodes), columns)
     for place, (axes, episode) in enumerate(zip(grid, episodes, strict=False)):
         board = episode.board
-        draw_image(axes, episode, 0)
+        parts.draw_picture(axes, episode, episode.image(0))
         if place == named:
-            draw_names(axes, episode, 4.5)
-        draw_title(axes, f"board {board.index}", f"{len(board.objects)} objects, {len(board.relations)} relations")
-    return save(figure, path)
+            parts.draw_names(axes, episode, 4.5)
+        told = f"{len(board.objects)} objects, {len(board.relations)} relations"
+        parts.draw_title(axes, f"board {board.index}", told)
+    return parts.save_png(figure, path)
 
 
 def episode_figure(path: Path, episode: Episode, steps: Sequence[int] | None = None, columns: int = 4) -> Path:
@@ -71,34 +41,29 @@ def episode_figure(path: Path, episode: Episode, steps: Sequence[int] | None = N
     """
     chosen = telling_steps(episode, 2 * columns - 1) if steps is None else list(steps)
     figure, grid = _board_grid(len(chosen) + 1, columns)
-    draw_image(grid[0], episode, 0)
-    draw_title(grid[0], "start", f"board {episode.board.index}")
-    names = object_names(episode.board)
+    parts.draw_picture(grid[0], episode, episode.image(0))
+    parts.draw_title(grid[0], "start", f"board {episode.board.index}")
+    names = annotations.object_names(episode.board)
     for axes, step in zip(grid[1:], chosen, strict=False):
-        draw_image(axes, episode, step + 1)
-        acted, changed = acted_object(episode, step), changed_objects(episode, step)
-        effects = [index for index in changed if index != acted]
-        draw_boxes(axes, episode, step + 1, effects, ACTION)
-        draw_action(axes, episode, step)
+        parts.draw_picture(axes, episode, episode.image(step + 1))
+        acted = annotations.acted_object(episode, step)
+        effects = [index for index in annotations.changed_objects(episode, step) if index != acted]
+        parts.draw_boxes(axes, episode, step + 1, effects, ACTION)
+        parts.draw_action(axes, episode, step)
         said = f"{names[acted] if acted >= 0 else 'the board'} → {', '.join(names[i] for i in effects) or 'nothing'}"
-        draw_title(axes, f"step {step + 1}", said if len(visible(episode.image(step))) else "")
-    return save(figure, path)
+        parts.draw_title(axes, f"step {step + 1}", said if len(annotations.visible(episode.image(step))) else "")
+    return parts.save_png(figure, path)
 
 
-def _board_grid(pictures: int, columns: int) -> tuple[Figure, list[Any]]:
+def _board_grid(pictures: int, columns: int) -> tuple[Any, list[Any]]:
     """A page with axes for so many pictures of boards, at most `columns` in a row."""
-    side, columns = WIDTH / max(columns, 3), max(min(columns, pictures), 1)
-    rows = max(-(-pictures // columns), 1)
-    figure = page(side * columns, rows * (side + 0.18))
-    grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
-    for axes in grid[pictures:]:
-        axes.set_axis_off()
-    return figure, grid
+    side = parts.WIDTH / max(columns, 3)
+    return parts.picture_grid(pictures, max(min(columns, pictures), 1), side, side + 0.18)
 
 
 def telling_steps(episode: Episode, count: int) -> list[int]:
     """At most `count` steps, evenly over those in which something changed, or over all if nothing ever did."""
-    changing = [k for k in range(len(episode.steps)) if episode.frame_of[k] != episode.frame_of[k + 1]]
+    changing = [k for k in range(len(episode.steps)) if annotations.looks_new(episode, k + 1)]
     steps = changing or list(range(len(episode.steps)))
     places = np.unique(np.linspace(0, len(steps) - 1, min(count, len(steps))).round().astype(int))
     return [steps[place] for place in places]
@@ -110,76 +75,68 @@ def graph_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: i
     Args:
         steps: use what is believed after so many steps; all by default.
     """
-    check_inferred(episode, inferred)
+    annotations.check_inferred(episode, inferred)
     after = len(episode.steps) if steps is None else steps
-    figure = page(6.4, 6.75)
+    figure = parts.page(6.4, 6.75)
     axes = figure.subplots()
-    draw_image(axes, episode, 0, paleness=0.45)
-    draw_names(axes, episode)
-    edges = judged_edges(episode.board, inferred, after)
+    parts.draw_picture(axes, episode, episode.image(0), paleness=0.45)
+    parts.draw_names(axes, episode)
+    edges = annotations.judged_edges(episode.board, inferred, after)
     _draw_edges(axes, episode, edges)
-    draw_title(axes, f"board {episode.board.index}", f"relations inferred by {inferred.name} after {after} steps")
-    counts = {verdict: sum(edge.verdict == verdict for edge in edges) for verdict in VERDICTS}
-    handles = [
-        Line2D(
-            [], [], color=unit(VERDICTS[v]), linewidth=2.2, linestyle="--" if v == "missed" else "-", label=f"{n} {v}"
-        )
-        for v, n in counts.items()
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=8, labelcolor=unit(INK))
-    return save(figure, path)
+    parts.draw_title(axes, f"board {episode.board.index}", f"relations inferred by {inferred.name} after {after} steps")
+    handles = []
+    for verdict, color in VERDICTS.items():
+        count = sum(edge.verdict == verdict for edge in edges)
+        line = "--" if verdict == "missed" else "-"
+        handles.append(parts.line_key(f"{count} {verdict}", color, linewidth=2.2, linestyle=line))
+    parts.draw_legend(figure, handles)
+    return parts.save_png(figure, path)
 
 
-def _draw_edges(axes: Any, episode: Episode, edges: list[Edge]) -> None:
-    places, names = anchors(episode) * drawing_scale(episode), name_places(episode)
+def _draw_edges(axes: Any, episode: Episode, edges: list[annotations.Edge]) -> None:
+    places, names = annotations.anchors(episode) * annotations.drawing_scale(episode), parts.name_places(episode)
     labels: list[np.ndarray] = []  # with points of the arcs: later ones keep away
     for edge in edges:
         start, end = places[edge.cause], places[edge.effect]
         strangers = [p for i, p in enumerate(places) if i not in (edge.cause, edge.effect)]
-        bend = clear_bend(start, end, [*strangers, *names, *labels])
-        draw_arc(axes, start, end, VERDICTS[edge.verdict], edge.verdict == "missed", bend)
+        bend = parts.clear_bend(start, end, [*strangers, *names, *labels])
+        parts.draw_arc(axes, start, end, VERDICTS[edge.verdict], edge.verdict == "missed", bend)
         if edge.verdict != "missed":
-            curve = [bend_point(start, end, bend, share) for share in (0.5, 0.42, 0.58, 0.34, 0.66)]
-            place = max(curve, key=lambda point: clearance(np.stack([point]), [*strangers, *names, *labels]))
-            draw_label(axes, place, f"{edge.probability:.2f}", VERDICTS[edge.verdict])
+            curve = [parts.bend_point(start, end, bend, share) for share in (0.5, 0.42, 0.58, 0.34, 0.66)]
+            place = max(curve, key=lambda point: parts.clearance(np.stack([point]), [*strangers, *names, *labels]))
+            parts.draw_label(axes, place, f"{edge.probability:.2f}", VERDICTS[edge.verdict])
             labels.append(place)
-        labels += [bend_point(start, end, bend, share) for share in np.linspace(0.1, 0.9, 9)]
+        labels += [parts.bend_point(start, end, bend, share) for share in np.linspace(0.1, 0.9, 9)]
 
 
 def refinement_figure(
-    path: Path,
-    episode: Episode,
-    inferred: InferredGraph,
-    steps: Sequence[int] | None = None,
-    root: Path | None = None,
+    path: Path, episode: Episode, inferred: InferredGraph, steps: Sequence[int] | None = None, root: Path | None = None
 ) -> Path:
     """Edge probabilities after some numbers of steps, triggers by responders; true relations are framed.
 
     Args:
         steps: numbers of steps; by default five, denser at the beginning, where most is learned.
-        root: the folder that the user named, if it is not the one the picture lies in; see `files`.
+        root: as `parts.save_png` takes it.
     """
-    check_inferred(episode, inferred)
+    annotations.check_inferred(episode, inferred)
     chosen = telling_moments(len(inferred.probabilities)) if steps is None else list(steps)
-    names, roles = object_names(episode.board), [placed.role for placed in episode.board.objects]
-    rows = [i for i, role in enumerate(roles) if role == "trigger"]
-    columns = [i for i, role in enumerate(roles) if role == "responder"]
-    truth = np.array(episode.board.relation_matrix())[np.ix_(rows, columns)]
-    side = (WIDTH - 1.4) / max(len(chosen), 1)
-    figure = page(WIDTH, 1.3 + side * len(rows) / max(len(columns), 1))
+    names, objects = annotations.object_names(episode.board), episode.board.objects
+    rows, columns = ([i for i, one in enumerate(objects) if one.role == role] for role in ("trigger", "responder"))
+    truth = annotations.truth_matrix(episode.board)[np.ix_(rows, columns)]
+    side = (parts.WIDTH - 1.4) / max(len(chosen), 1)
+    figure = parts.page(parts.WIDTH, 1.3 + side * len(rows) / max(len(columns), 1))
     grid = figure.subplots(1, len(chosen), squeeze=False, sharey=True)[0]
     for axes, moment in zip(grid, chosen, strict=True):
         mesh = _draw_matrix(axes, inferred.after(moment)[np.ix_(rows, columns)], truth)
         axes.set_xticks(np.arange(len(columns)) + 0.5, [names[j] for j in columns], rotation=90)
         axes.set_yticks(np.arange(len(rows)) + 0.5, [names[i] for i in rows])
-        draw_title(axes, "1 step" if moment == 1 else f"{moment} steps")
+        parts.draw_title(axes, "1 step" if moment == 1 else f"{moment} steps")
     bar = figure.colorbar(mesh, ax=list(grid), aspect=14, pad=0.015, ticks=[0, 0.5, 1])
     bar.outline.set_visible(False)
     bar.ax.tick_params(length=0, labelsize=7.5, labelcolor=unit(MUTED))
     bar.set_label("probability", fontsize=7.5, color=unit(MUTED))
-    frame = Patch(facecolor="none", edgecolor=unit(TRUTH), linewidth=2.0, label="true relation")
-    figure.legend(handles=[frame], loc="outside lower center", frameon=False, fontsize=8, labelcolor=unit(INK))
-    return save(figure, path, root)
+    parts.draw_legend(figure, [parts.frame_key("true relation", TRUTH, 2.0)])
+    return parts.save_png(figure, path, root)
 
 
 def _draw_matrix(axes: Any, values: np.ndarray, truth: np.ndarray) -> Any:
@@ -193,8 +150,7 @@ def _draw_matrix(axes: Any, values: np.ndarray, truth: np.ndarray) -> Any:
     axes.set_aspect("equal")
     axes.set_ylim(len(values), 0)
     axes.tick_params(length=0, labelsize=7.5, labelcolor=unit(INK))
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    axes.spines[:].set_visible(False)
     return mesh
 
 
@@ -205,12 +161,12 @@ def telling_moments(steps: int, count: int = 5) -> list[int]:
 
 def changes_figure(path: Path, episode: Episode) -> Path:
     """Changed pixels of every step against the reward's threshold."""
-    figure = page(WIDTH, 2.5)
+    figure = parts.page(parts.WIDTH, 2.5)
     axes = figure.subplots()
-    plain_axes(axes)
+    parts.plain_axes(axes)
     changed = np.array([step.changed_pixels for step in episode.steps])
     rewarded = np.array([step.reward for step in episode.steps], bool)
-    numbers, limit = np.arange(1, len(changed) + 1), delta(episode)
+    numbers, limit = np.arange(1, len(changed) + 1), annotations.delta(episode)
     colors = [unit(CORRECT if reward else MISSED) for reward in rewarded]
     axes.bar(numbers, changed, width=0.62, color=colors)
     if not changed.all():
@@ -225,13 +181,12 @@ def changes_figure(path: Path, episode: Episode) -> Path:
     axes.set_ylim(0, 1.12 * max(int(changed.max(initial=0)), limit))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 5, 10], min_n_ticks=0))
     axes.set_xlabel("step", fontsize=8, color=unit(MUTED))
-    draw_title(
-        axes, "changed pixels", f"board {episode.board.index}: {rewarded.sum()} of {len(changed)} steps rewarded"
-    )
+    told = f"board {episode.board.index}: {rewarded.sum()} of {len(changed)} steps rewarded"
+    parts.draw_title(axes, "changed pixels", told)
     handles = [Patch(color=unit(CORRECT), label="reward 1"), Patch(color=unit(MISSED), label="reward 0")]
     legend = axes.legend(
         handles=handles, loc="upper right", bbox_to_anchor=(1.0, -0.09), ncols=2, frameon=False, fontsize=8,
         labelcolor=unit(INK), borderpad=0,
     )  # fmt: skip
     legend.set_in_layout(False)
-    return save(figure, path)
+    return parts.save_png(figure, path)

@@ -1,24 +1,27 @@
-"""Parts of figures: a page, a picture cut to the board, names, arrows, arcs. Matplotlib without pyplot."""
+"""Parts of figures: a page, a picture cut to the board, names, arrows, arcs, legends. Matplotlib without pyplot."""
 
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
+from matplotlib.lines import Line2D
+from matplotlib.patches import FancyArrowPatch, FancyBboxPatch, Patch
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import PercentFormatter
 
-from busybot.boards.directions import DIRECTIONS
 from busybot.common.atomic_io import write_atomically
-from busybot.episodes.camera import project
 from busybot.episodes.episode import Episode, Image
-from busybot.view.annotations import anchors, board_bounds, drawing_scale, object_names
+from busybot.view.annotations import anchors, board_bounds, drawing_scale, object_names, seen_directions
 from busybot.view.palette import ACTION, FAINT, INK, MUTED, PAPER, ROLES, Rgb, unit
 
+WIDTH = 9.6
+"""Of a figure, inches; 1536 pixels."""
 DPI = 160
 MARGIN = 4.0
 """Around the board in a cut picture, drawing units."""
@@ -36,17 +39,26 @@ def page(width: float, height: float) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path, root: Path | None = None) -> Path:
-    """Write a PNG; equal figures give equal bytes. `root` is the folder that the user named (`files`)."""
+def picture_grid(pictures: int, columns: int, side: float, row: float, extra: float = 0) -> tuple[Figure, list[Any]]:
+    """A page with axes for pictures: their width, the height of a row, extra room at the lower edge; inches."""
+    rows = max(-(-pictures // columns), 1)
+    figure = page(side * columns, rows * row + extra)
+    grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for axes in grid[pictures:]:
+        axes.set_axis_off()
+    return figure, grid
+
+
+def save_png(figure: Figure, path: Path, root: Path | None = None) -> Path:
+    """Write a PNG; equal figures give equal bytes.
+
+    Args:
+        root: the folder that the user named, if it is not the one the picture lies in (`common.atomic_io`).
+    """
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     write_atomically(path, buffer.getvalue(), root)
     return path
-
-
-def draw_image(axes: Any, episode: Episode, frame: int, paleness: float = 0.0) -> None:
-    """A frame's RGB image, as `draw_picture` draws it."""
-    draw_picture(axes, episode, episode.image(frame), paleness)
 
 
 def draw_picture(axes: Any, episode: Episode, image: Image, paleness: float = 0.0) -> None:
@@ -55,13 +67,9 @@ def draw_picture(axes: Any, episode: Episode, image: Image, paleness: float = 0.
     shown = (rgb + (255 - rgb) * paleness).astype(np.uint8)
     size = (episode.camera.width * scale, episode.camera.height * scale)
     axes.imshow(shown, extent=(0, size[0], size[1], 0), interpolation="lanczos")
-    low, high = board_bounds(episode, MARGIN)
-    axes.set_xlim(low[0] * scale, high[0] * scale)
-    axes.set_ylim(high[1] * scale, low[1] * scale)
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    low, high = (corner * scale for corner in board_bounds(episode, MARGIN))
+    axes.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]), xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
 
 
 def draw_title(axes: Any, bold: str, plain: str = "") -> None:
@@ -73,35 +81,28 @@ def draw_title(axes: Any, bold: str, plain: str = "") -> None:
 
 def draw_action(axes: Any, episode: Episode, step: int) -> None:
     """The chosen pixel and the proposed direction."""
-    done = episode.steps[step]
-    position = np.array(done.position)
-    ends, _ = project(np.stack([position, position + ARROW_LENGTH * DIRECTIONS[done.direction]]), episode.camera)
-    scale = drawing_scale(episode)
+    done, scale = episode.steps[step], drawing_scale(episode)
     start = (np.array(done.pixel) + 0.5) * scale
-    tip = start + (ends[1] - ends[0]) * scale
-    arrow = FancyArrowPatch(
-        _pair(start), _pair(tip), arrowstyle="-|>", shrinkA=0, shrinkB=0, color=unit(ACTION), linewidth=1.8, zorder=6,
-        mutation_scale=9,
-    )  # fmt: skip
-    arrow.set_path_effects([withStroke(linewidth=3.6, foreground=unit(PAPER))])
+    tip = start + seen_directions(episode, done.position, [done.direction], ARROW_LENGTH)[0] * scale
     if float(np.hypot(*(tip - start))) > 8:
-        axes.add_patch(arrow)
+        _add(axes, _arrow(start, tip, ACTION, linewidth=1.8, mutation_scale=9, shrinkA=0, shrinkB=0, zorder=6), 3.6)
     axes.plot(*start, "o", markersize=6, color=unit(ACTION), markeredgecolor=unit(PAPER), markeredgewidth=1.2, zorder=7)
+
+
+def _add(axes: Any, patch: Patch, halo: float) -> None:
+    """Add a patch with a halo of the paper's colour, points."""
+    patch.set_path_effects([withStroke(linewidth=halo, foreground=unit(PAPER))])
+    axes.add_patch(patch)
 
 
 def draw_boxes(axes: Any, episode: Episode, frame: int, objects: Iterable[int], color: Rgb) -> None:
     """Rounded boxes around objects."""
-    scale = drawing_scale(episode)
     for index in objects:
-        u0, v0, u1, v1 = (float(x) * scale for x in episode.image(frame).boxes[index])
+        u0, v0, u1, v1 = episode.image(frame).boxes[index].astype(float) * drawing_scale(episode)
         if u1 <= u0:
             continue
-        box = FancyBboxPatch(
-            (u0, v0), u1 - u0, v1 - v0, boxstyle="round,pad=4,rounding_size=6", fill=False, linewidth=1.8,
-            edgecolor=unit(color), zorder=5,
-        )  # fmt: skip
-        box.set_path_effects([withStroke(linewidth=3.4, foreground=unit(PAPER))])
-        axes.add_patch(box)
+        style: dict[str, Any] = {"linewidth": 1.8, "edgecolor": unit(color), "fill": False, "zorder": 5}
+        _add(axes, FancyBboxPatch((u0, v0), u1 - u0, v1 - v0, "round,pad=4,rounding_size=6", **style), 3.4)
 
 
 def name_places(episode: Episode) -> np.ndarray:
@@ -116,11 +117,19 @@ def name_places(episode: Episode) -> np.ndarray:
 
 def draw_names(axes: Any, episode: Episode, size: float = 7.0) -> None:
     """The objects' names in the roles' colours."""
-    for name, place, placed in zip(
-        object_names(episode.board), name_places(episode), episode.board.objects, strict=True
-    ):
-        box = {"boxstyle": "round,pad=0.22", "facecolor": unit(ROLES[placed.role]), "linewidth": 0}
-        axes.annotate(name, place, ha="center", va="center", fontsize=size, color=unit(PAPER), zorder=9, bbox=box)
+    told = zip(object_names(episode.board), name_places(episode), episode.board.objects, strict=True)
+    for name, place, placed in told:
+        _draw_tag(axes, place, name, ROLES[placed.role], size, 0.22, zorder=9)
+
+
+def draw_label(axes: Any, place: np.ndarray, text: str, color: Rgb, size: float = 7.0) -> None:
+    """A small bold text on a coloured ground; its size in points."""
+    _draw_tag(axes, place, text, color, size, 0.25, zorder=10, fontweight="bold")
+
+
+def _draw_tag(axes: Any, place: np.ndarray, text: str, color: Rgb, size: float, pad: float, **style: Any) -> None:
+    box = {"boxstyle": f"round,pad={pad}", "facecolor": unit(color), "linewidth": 0}
+    axes.annotate(text, _pair(place), ha="center", va="center", fontsize=size, color=unit(PAPER), bbox=box, **style)
 
 
 def draw_arc(
@@ -134,20 +143,13 @@ def draw_arc(
     head: float = 13,
 ) -> None:
     """A bent arrow over the picture; width of the line and size of the head in points."""
-    arrow = FancyArrowPatch(
-        _pair(start), _pair(end), connectionstyle=f"arc3,rad={bend}", arrowstyle="-|>", mutation_scale=head,
-        linewidth=width, linestyle=(0, (3, 2)) if dashed else "solid", color=unit(color), shrinkA=5, shrinkB=7,
-        zorder=7,
-    )  # fmt: skip
-    arrow.set_path_effects([withStroke(linewidth=width + 2, foreground=unit(PAPER))])
-    axes.add_patch(arrow)
+    style = {"linewidth": width, "linestyle": (0, (3, 2)) if dashed else "solid", "mutation_scale": head}
+    arrow = _arrow(start, end, color, connectionstyle=f"arc3,rad={bend}", shrinkA=5, shrinkB=7, zorder=7, **style)
+    _add(axes, arrow, width + 2)
 
 
-def draw_label(axes: Any, place: np.ndarray, text: str, color: Rgb, size: float = 7.0) -> None:
-    """A small bold text on a coloured ground; its size in points."""
-    box = {"boxstyle": "round,pad=0.25", "facecolor": unit(color), "linewidth": 0}
-    style = {"fontsize": size, "fontweight": "bold", "color": unit(PAPER), "zorder": 10}
-    axes.annotate(text, _pair(place), ha="center", va="center", bbox=box, **style)
+def _arrow(start: np.ndarray, end: np.ndarray, color: Rgb, **style: Any) -> FancyArrowPatch:
+    return FancyArrowPatch(_pair(start), _pair(end), arrowstyle="-|>", color=unit(color), **style)
 
 
 def _pair(point: np.ndarray) -> tuple[float, float]:
@@ -178,11 +180,29 @@ def clearance(points: np.ndarray, others: list[np.ndarray]) -> float:
     return min(float(np.linalg.norm(points[:, None] - np.stack(others)[None], axis=-1).min()), ENOUGH)
 
 
-def plain_axes(axes: Any) -> None:
-    """Hairlines instead of a frame."""
-    for side, spine in axes.spines.items():
-        spine.set_visible(side == "bottom")
-        spine.set_color(unit(FAINT))
+def plain_axes(axes: Any, shares: tuple[float, float] | None = None) -> None:
+    """Hairlines instead of a frame; `shares` are the ends of an upright axis that is in percent."""
+    axes.spines[:].set_color(unit(FAINT))
+    axes.spines[["left", "right", "top"]].set_visible(False)
     axes.tick_params(length=0, labelsize=7.5, labelcolor=unit(MUTED))
     axes.grid(axis="y", color=unit(FAINT), linewidth=0.7)
     axes.set_axisbelow(True)
+    if shares is not None:
+        axes.set_ylim(*shares)
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+
+
+def draw_legend(figure: Figure, handles: Sequence[Artist], columns: int | None = None) -> None:
+    """A legend below all axes, by default in one line."""
+    style: dict[str, Any] = {"frameon": False, "fontsize": 8, "labelcolor": unit(INK)}
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns or len(handles), **style)
+
+
+def line_key(label: str, color: Rgb, **style: Any) -> Line2D:
+    """A line or mark of a legend."""
+    return Line2D([], [], color=unit(color), label=label, **style)
+
+
+def frame_key(label: str, color: Rgb, width: float = 1.8) -> Patch:
+    """A frame of a legend; width of its line in points."""
+    return Patch(facecolor="none", edgecolor=unit(color), linewidth=width, label=label)

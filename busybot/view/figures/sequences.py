@@ -1,10 +1,10 @@
-"""The paper's planning sequences: the start, the board after each action with the action, and the goal beside them.
+"""Figures of boards step by step: what the policy sees, how a reasoner's graph grows, how an agent reaches its goal.
 
-Responders that do not look as in the goal yet are framed; below each picture stands why the agent did what it did.
-
-Draws how a reasoner's graph grows over a board, step by step, beside its scores on the board.
-
-The paper's figures of step-by-step refinement (section 4.2): the graph over the picture after a few numbers of steps.
+`belief_figure` is the paper's figure of step-by-step refinement (section 4.2): the graph over the picture after a few
+numbers of steps, beside its scores on the board. `sequence_figure` is the paper's planning sequence: the start, the
+board after each action with the action, and the goal beside them; responders that do not look as in the goal yet are
+framed, and below each picture stands why the agent did what it did. `affordance_figure` shows what the interaction
+policy sees and does: affordance maps, known links, candidates, chosen actions.
 """
 
 import textwrap
@@ -13,32 +13,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.lines import Line2D
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator, PercentFormatter
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
+from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.plan.decision_log import reason
 from busybot.reason.models.base import InferredGraph
-from busybot.view.annotations import anchors, check_inferred, drawing_scale, named, object_names, remaining_responders
-from busybot.view.figures.episode import WIDTH
-from busybot.view.figures.parts import (
-    clear_bend,
-    draw_action,
-    draw_arc,
-    draw_boxes,
-    draw_image,
-    draw_label,
-    draw_names,
-    draw_picture,
-    draw_title,
-    name_places,
-    page,
-    plain_axes,
-    save,
-)
-from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MUTED, PAPER, RESPONDER, TRUTH, WRONG, mix, unit
+from busybot.view import annotations
+from busybot.view.figures import parts
+from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MUTED, PAPER, RESPONDER, TRIGGER, TRUTH, WRONG, mix, unit
 
 MOMENTS = (1, 3, 6, 12, 22)
 """Numbers of steps; the last one is what the paper infers the graph from."""
@@ -60,77 +47,67 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
     Args:
         steps: more than the episode has are left out; its last step is always drawn.
     """
-    check_inferred(episode, inferred)
+    annotations.check_inferred(episode, inferred)
     length = len(episode.steps)
     moments = sorted({moment for moment in steps if moment < length} | {length})
     columns = COLUMNS if len(moments) < 2 * COLUMNS else COLUMNS + 1
-    rows = -(-(len(moments) + 1) // columns)
-    side = WIDTH / columns
-    figure = page(WIDTH, rows * (side + 0.1) + 0.35)
-    grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    side = parts.WIDTH / columns
+    figure, grid = parts.picture_grid(len(moments) + 1, columns, side, side + 0.1, 0.35)
     bends = _bends(episode, inferred, moments)
     for axes, moment in zip(grid, moments, strict=False):
         _draw_board(axes, episode, inferred, moment, bends)
-    for axes in grid[len(moments) :]:
-        axes.set_axis_off()
-    _draw_curves(grid[len(moments)].inset_axes(CURVES), episode, inferred, moments)
+    last = grid[len(moments)]
+    last.set_axis_off()
+    _draw_curves(last.inset_axes(CURVES), episode, inferred, moments)
     handles = [
-        Line2D([], [], color=unit(TRUTH), linewidth=1.4, linestyle="--", label="true, not found"),
-        Line2D([], [], color=unit(CORRECT), linewidth=WIDEST, label="true, claimed"),
-        Line2D([], [], color=unit(mix(CORRECT, FAINT, DOUBT)), linewidth=1.2, label="true, thought of"),
-        Line2D([], [], color=unit(WRONG), linewidth=WIDEST, label="wrong, claimed"),
-        Line2D(
-            [], [], color=unit(mix(INK, FAINT, DOUBT)), linewidth=1.2, label="wrong, thought of; width: probability"
-        ),
+        parts.line_key("true, not found", TRUTH, linewidth=1.4, linestyle="--"),
+        parts.line_key("true, claimed", CORRECT, linewidth=WIDEST),
+        parts.line_key("true, thought of", mix(CORRECT, FAINT, DOUBT), linewidth=1.2),
+        parts.line_key("wrong, claimed", WRONG, linewidth=WIDEST),
+        parts.line_key("wrong, thought of; width: probability", mix(INK, FAINT, DOUBT), linewidth=1.2),
     ]
-    figure.legend(
-        handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8, labelcolor=unit(INK)
-    )
-    return save(figure, path)
-
-
-def _truth(episode: Episode) -> np.ndarray:
-    return np.array(episode.board.relation_matrix(), bool).reshape(len(episode.board.objects), -1)
+    parts.draw_legend(figure, handles)
+    return parts.save_png(figure, path)
 
 
 def _bends(episode: Episode, inferred: InferredGraph, moments: list[int]) -> dict[tuple[int, int], float]:
     """How each relation that is ever drawn bends, alike in all pictures."""
-    drawn = _truth(episode)
+    drawn = annotations.truth_matrix(episode.board)
     for moment in moments:
         drawn = drawn | (inferred.after(moment) > LEAST)
-    places, names = anchors(episode) * drawing_scale(episode), name_places(episode)
+    places, names = annotations.anchors(episode) * annotations.drawing_scale(episode), parts.name_places(episode)
     bends = {}
     for i, j in np.argwhere(drawn):
         strangers = [place for number, place in enumerate(places) if number not in (i, j)]
-        bends[int(i), int(j)] = clear_bend(places[i], places[j], [*strangers, *names])
+        bends[int(i), int(j)] = parts.clear_bend(places[i], places[j], [*strangers, *names])
     return bends
 
 
 def _draw_board(
     axes: Any, episode: Episode, inferred: InferredGraph, moment: int, bends: dict[tuple[int, int], float]
 ) -> None:
-    draw_image(axes, episode, 0, paleness=0.5)
-    draw_names(axes, episode, 5.5)
-    truth, probabilities = _truth(episode), inferred.after(moment)
+    parts.draw_picture(axes, episode, episode.image(0), paleness=0.5)
+    parts.draw_names(axes, episode, 5.5)
+    truth, probabilities = annotations.truth_matrix(episode.board), inferred.after(moment)
     claimed = probabilities > inferred.threshold
-    places = anchors(episode) * drawing_scale(episode)
+    places = annotations.anchors(episode) * annotations.drawing_scale(episode)
     for (i, j), bend in sorted(bends.items(), key=lambda one: float(probabilities[one[0]])):
         likely = float(probabilities[i, j])
         verdict = CORRECT if truth[i, j] else WRONG
         if truth[i, j] and not claimed[i, j]:
-            draw_arc(axes, places[i], places[j], TRUTH, True, bend, 1.4, HEAD)
+            parts.draw_arc(axes, places[i], places[j], TRUTH, True, bend, 1.4, HEAD)
         if likely > LEAST:
             color = verdict if claimed[i, j] else mix(verdict if truth[i, j] else INK, FAINT, DOUBT)
-            draw_arc(axes, places[i], places[j], color, False, bend, max(WIDEST * likely, 0.5), HEAD)
+            parts.draw_arc(axes, places[i], places[j], color, False, bend, max(WIDEST * likely, 0.5), HEAD)
     right, wrong = int((claimed & truth).sum()), int((claimed & ~truth).sum())
     told = f"{right} of {int(truth.sum())} found" + (f", {wrong} wrong" if wrong else "")
-    draw_title(axes, "after 1 step" if moment == 1 else f"after {moment} steps", told)
+    parts.draw_title(axes, "after 1 step" if moment == 1 else f"after {moment} steps", told)
 
 
 def _draw_curves(axes: Any, episode: Episode, inferred: InferredGraph, moments: list[int]) -> None:
     """Edge-P and Edge-R of this board after every number of steps; nothing claimed has no precision."""
-    plain_axes(axes)
-    truth, steps = _truth(episode), range(1, max(moments) + 1)
+    parts.plain_axes(axes, (-0.03, 1.06))
+    truth, steps = annotations.truth_matrix(episode.board), range(1, max(moments) + 1)
     claims = [inferred.claimed(step) for step in steps]
     hits = np.array([(claimed & truth).sum() for claimed in claims], float)
     numbers = np.array([claimed.sum() for claimed in claims], float)
@@ -140,14 +117,12 @@ def _draw_curves(axes: Any, episode: Episode, inferred: InferredGraph, moments: 
         axes.plot(steps, hits / truth.sum(), color=unit(RESPONDER), linewidth=2, drawstyle="steps-post", label="Edge-R")
     for moment in moments:
         axes.axvline(moment, color=unit(MUTED), linewidth=0.7, linestyle=":", zorder=1)
-    axes.set_ylim(-0.03, 1.06)
-    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     axes.set_xlabel("steps", fontsize=8, color=unit(MUTED))
     axes.legend(
         loc="lower right", facecolor=unit(PAPER), framealpha=1, edgecolor="none", fontsize=8, labelcolor=unit(INK)
     )
-    draw_title(axes, inferred.name, f"board {episode.board.index} of {episode.board.split}")
+    parts.draw_title(axes, inferred.name, f"board {episode.board.index} of {episode.board.split}")
 
 
 PICTURES_PER_ROW = 6
@@ -171,52 +146,45 @@ def sequence_figure(path: Path, episode: Episode, root: Path | None = None) -> P
         what = f"board {episode.board.index}: the episode has no goal, so there is no planning sequence"
         raise BusybotError(what, "record rollouts: busybot eval plan DATASET --record DIR")
     pictures = steps + 2
-    rows = -(-pictures // PICTURES_PER_ROW)
-    columns = -(-pictures // rows)  # rows of about equal length
-    side = WIDTH / max(columns, FEWEST)
-    figure = page(side * columns, rows * (side + 0.18 + WORDS_HEIGHT) + 0.3)
-    grid = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    columns = -(-pictures // -(-pictures // PICTURES_PER_ROW))  # rows of about equal length
+    side = parts.WIDTH / max(columns, FEWEST)
+    figure, grid = parts.picture_grid(pictures, columns, side, side + 0.18 + WORDS_HEIGHT, 0.3)
     for frame, axes in enumerate(grid[: steps + 1]):
         _draw_moment(axes, episode, frame, side)
     last = grid[pictures - 1]
-    draw_picture(last, episode, goal)
-    draw_title(last, "goal", f"board {episode.board.index}")
+    parts.draw_picture(last, episode, goal)
+    parts.draw_title(last, "goal", f"board {episode.board.index}")
     _mark(last, episode, 0, INK)
-    _write(last, _outcome(episode), side)
-    for axes in grid[pictures:]:
-        axes.set_axis_off()
-    handles = [
-        Patch(facecolor="none", edgecolor=unit(WRONG), linewidth=1.8, label="differs from the goal"),
-        Patch(facecolor="none", edgecolor=unit(CORRECT), linewidth=1.8, label="now as in the goal"),
-        Line2D([], [], color=unit(ACTION), linewidth=1.8, marker="o", markersize=5, label="action"),
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize=8, labelcolor=unit(INK))
-    return save(figure, path, root)
+    _write(last, annotations.named(episode.board, reason(episode, steps)) or f"{steps} steps, no more", side)
+    frames = (("differs from the goal", WRONG), ("now as in the goal", CORRECT))
+    done = parts.line_key("action", ACTION, linewidth=1.8, marker="o", markersize=5)
+    parts.draw_legend(figure, [*(parts.frame_key(words, color) for words, color in frames), done])
+    return parts.save_png(figure, path, root)
 
 
 def _draw_moment(axes: Any, episode: Episode, frame: int, side: float) -> None:
     """The board after so many actions, with the last one."""
-    draw_image(axes, episode, frame)
-    remaining = remaining_responders(episode, frame)
+    parts.draw_picture(axes, episode, episode.image(frame))
+    remaining = annotations.remaining_responders(episode, frame)
     _mark(axes, episode, frame, WRONG)
     if frame == 0:
-        draw_title(axes, "start", _count(remaining))
+        parts.draw_title(axes, "start", _count(remaining))
         _write(axes, f"agent: {episode.policy}", side)
         return
-    done = [index for index in remaining_responders(episode, frame - 1) if index not in remaining]
-    draw_boxes(axes, episode, frame, done, CORRECT)
-    draw_action(axes, episode, frame - 1)
-    draw_title(axes, f"action {frame}", _count(remaining))
-    _write(axes, named(episode.board, reason(episode, frame - 1)), side)
+    done = [index for index in annotations.remaining_responders(episode, frame - 1) if index not in remaining]
+    parts.draw_boxes(axes, episode, frame, done, CORRECT)
+    parts.draw_action(axes, episode, frame - 1)
+    parts.draw_title(axes, f"action {frame}", _count(remaining))
+    _write(axes, annotations.named(episode.board, reason(episode, frame - 1)), side)
 
 
 def _mark(axes: Any, episode: Episode, frame: int, color: tuple[int, int, int]) -> None:
     """Frames and names of the responders that differ from the goal in a frame."""
-    remaining = remaining_responders(episode, frame)
-    draw_boxes(axes, episode, frame, remaining, color)
-    names, places = object_names(episode.board), name_places(episode)
+    remaining = annotations.remaining_responders(episode, frame)
+    parts.draw_boxes(axes, episode, frame, remaining, color)
+    names, places = annotations.object_names(episode.board), parts.name_places(episode)
     for index in remaining:
-        draw_label(axes, places[index], names[index], color, 5.5)
+        parts.draw_label(axes, places[index], names[index], color, 5.5)
 
 
 def _count(remaining: list[int]) -> str:
@@ -225,14 +193,104 @@ def _count(remaining: list[int]) -> str:
     return f"{len(remaining)} differ{'s' * (len(remaining) == 1)}"
 
 
-def _outcome(episode: Episode) -> str:
-    """How the rollout ended."""
-    ended = reason(episode, len(episode.steps))
-    return named(episode.board, ended) or f"{len(episode.steps)} steps, no more"
-
-
 def _write(axes: Any, words: str, side: float) -> None:
     """Words below a picture."""
     lines = textwrap.wrap(words, int(LETTERS * side), max_lines=LINES, placeholder=" ...")
     text = "\n".join(lines + [""] * (LINES - len(lines)))
     axes.set_xlabel(text, fontsize=6.3, color=unit(MUTED), loc="left", labelpad=3, linespacing=1.25)
+
+
+PALE = 0.6
+"""How much the picture under an affordance map is mixed with white."""
+CLOSE = 44.0
+"""A close-up shows so many drawing units on each side of the action."""
+LEAST_SCORE = 0.05
+"""Candidates of less promise are not drawn."""
+DOT = 26.0
+"""Area of the dot of a candidate that is certain to succeed, points squared."""
+
+
+def affordance_figure(
+    path: Path,
+    episode: Episode,
+    thoughts: Sequence[PolicyTrace],
+    steps: Sequence[int] | None = None,
+    columns: int = 5,
+    root: Path | None = None,
+) -> Path:
+    """Actions one after the other, each with a close-up below the board: affordance over the picture, known links
+    outlined, candidates as dots, the action chosen.
+
+    Args:
+        thoughts: of `interact.policy.policy_trace.retrace`, one for each step to be drawn at the least.
+        steps: indices from 0; by default the first ones, two rows of them.
+        root: as `parts.save_png` takes it.
+    """
+    known = {thought.step: thought for thought in thoughts}
+    chosen = [step for step in (steps if steps is not None else sorted(known)[: 2 * columns]) if step in known]
+    columns = max(min(columns, len(chosen)), 1)
+    strips, side = max(-(-len(chosen) // columns), 1), parts.WIDTH / max(columns, 3)
+    figure = parts.page(side * columns, strips * (2 * side + 0.1) + 0.2)
+    grid = figure.subplots(2 * strips, columns, squeeze=False)
+    for place in range(strips * columns):
+        strip, column = divmod(place, columns)
+        whole, close = grid[2 * strip : 2 * strip + 2, column]
+        if place < len(chosen):
+            _draw_step(whole, close, episode, known[chosen[place]])
+        else:
+            whole.set_axis_off()
+            close.set_axis_off()
+    handles = [
+        Patch(color=unit(TRIGGER), label="affordance"),
+        parts.line_key("known link", INK, linewidth=1.2),
+        parts.line_key("candidate", INK, linewidth=0, marker="o", markersize=4),
+        parts.line_key("action", ACTION, linewidth=1.8, marker="o", markersize=5),
+    ]
+    parts.draw_legend(figure, handles)
+    return parts.save_png(figure, path, root)
+
+
+def _draw_step(whole: Any, close: Any, episode: Episode, thought: PolicyTrace) -> None:
+    """The board, and a close-up of where the action was."""
+    step = episode.steps[thought.step]
+    for axes in (whole, close):
+        parts.draw_picture(axes, episode, episode.image(thought.step), paleness=PALE)
+        _draw_affordance(axes, episode, thought.affordance)
+        _draw_links(axes, episode, thought.links)
+        parts.draw_action(axes, episode, thought.step)
+    _draw_candidates(close, episode, thought)
+    column, row = ((value + 0.5) * annotations.drawing_scale(episode) for value in step.pixel)
+    close.set_xlim(column - CLOSE, column + CLOSE)
+    close.set_ylim(row + CLOSE, row - CLOSE)
+    place = "known link" if thought.known else "new"
+    parts.draw_title(whole, f"{thought.step + 1}", f"{place}: {'works' if step.reward else 'nothing'}")
+
+
+def _draw_affordance(axes: Any, episode: Episode, affordance: np.ndarray) -> None:
+    """Probabilities (H, W) as colour that covers the picture the more the higher they are."""
+    deep = unit(mix(TRIGGER, INK, 0.25))
+    colors = LinearSegmentedColormap.from_list("affordance", [(*unit(TRIGGER), 0.0), (*unit(TRIGGER), 0.9), (*deep, 1)])
+    height, width = np.array(affordance.shape) * annotations.drawing_scale(episode)
+    axes.imshow(
+        affordance, cmap=colors, vmin=0, vmax=1, extent=(0, width, height, 0), interpolation="nearest", zorder=2
+    )
+
+
+def _draw_links(axes: Any, episode: Episode, links: np.ndarray) -> None:
+    """Outlines of the known links (H, W)."""
+    scale = annotations.drawing_scale(episode)
+    rows, columns = (np.arange(size) + 0.5 for size in links.shape)
+    for number in np.unique(links[links > 0]):
+        outline = axes.contour(
+            columns * scale, rows * scale, links == number, levels=[0.5], colors=[unit(INK)], linewidths=1.2, zorder=4
+        )
+        outline.set_path_effects([withStroke(linewidth=2.4, foreground=unit(PAPER))])
+
+
+def _draw_candidates(axes: Any, episode: Episode, thought: PolicyTrace) -> None:
+    """Dots, the larger the more success is expected."""
+    found = thought.candidates
+    promising = found.scores > LEAST_SCORE
+    places = (found.pixels[promising] + 0.5) * annotations.drawing_scale(episode)
+    sizes = DOT * found.scores[promising]
+    axes.scatter(*places.T, s=sizes, color=unit(INK), edgecolors=unit(PAPER), linewidths=0.6, zorder=5)

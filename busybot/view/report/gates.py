@@ -58,27 +58,23 @@ def judge(table: Table, row: ReferenceRow, split: str, key: str, score: Score | 
 def verdicts(results: Results) -> list[Verdict]:
     """All gates of all tables, in the tables' order."""
     found = []
-    for table in TABLES:
-        rows = results.tables.get(table.number, {})
-        for row in table.rows:
-            for split, key in table.columns():
-                measured = rows[row.name].cells.get((split, key)) if row.name in rows else None
-                verdict = judge(table, row, split, key, measured)
-                if verdict is not None:
-                    found.append(verdict)
+    for table, row, run in results.rows():
+        for split, key in table.columns():
+            verdict = judge(table, row, split, key, None if run is None else run.cells.get((split, key)))
+            if verdict is not None:
+                found.append(verdict)
     return found
 
 
 def summary_tiles(verdicts: Sequence[Verdict], results: Results) -> Tiles:
     """How many gates are reached, missed, and not measured; how many rows were run."""
     reached, missed, unknown = (sum(one.reached is state for one in verdicts) for state in (True, False, None))
-    rows = sum(row.name in results.tables.get(table.number, {}) for table in TABLES for row in table.rows)
-    total = sum(len(table.rows) for table in TABLES)
+    runs = [run for _, _, run in results.rows()]
     tiles: list[tuple[str, str, Tone]] = [
         (str(reached), "gates reached", "reached"),
         (str(missed), "gates missed, [named below](#gates-that-are-missed)", "missed" if missed else "reached"),
         (str(unknown), "gates without a measurement", "missing"),
-        (f"{rows} / {total}", "rows of the three tables were run", ""),
+        (f"{len(runs) - runs.count(None)} / {len(runs)}", "rows of the three tables were run", ""),
     ]
     return Tiles(tuple(tiles))
 
@@ -95,8 +91,7 @@ def gate_blocks(verdicts: Sequence[Verdict], results: Results) -> list[Block]:
     else:
         blocks.append(Text("None of those that were measured."))
     if bounded:
-        values = [(_place(one), one.score) for one in bounded if one.score is not None]
-        told = (f"{place}: {number(score.value)}, bound {_bound(score)}" for place, score in values)
+        told = [f"{_place(one)}: {number(one.score.value)}, bound {_bound(one.score)}" for one in bounded if one.score]
         blocks += [Text(BOUNDED), Items(tuple(told))]
     known = {(one.table.number, one.row.words) for one in verdicts if one.reached is not None}
     rows_left = dict.fromkeys((one.table.number, one.row.words) for one in verdicts if one.reached is None)
@@ -113,7 +108,7 @@ def _without_gate(results: Results) -> list[str]:
     for table in TABLES:
         told: dict[str, list[str]] = {"measured": [], "measured in part": [], "**missing**": []}
         for row in (row for row in table.rows if row.gate is None):
-            found = results.tables.get(table.number, {}).get(row.name)
+            found = results.row(table, row.name)
             columns = 0 if found is None else len(found.cells)
             part = "measured in part" if columns else "**missing**"
             note = f" ({found.note})" if found is not None and found.note else ""  # nothing to measure

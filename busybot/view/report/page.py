@@ -10,14 +10,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 Tone = Literal["", "reached", "missed", "missing", "reference"]
 MARKS = {"reached": " ✓", "missed": " ✗"}
-TEMPLATE = Path(__file__).with_name("template.html")
 
 
 @dataclass(frozen=True)
@@ -149,14 +148,28 @@ def _harmless(text: str) -> str:
     return "".join(part if place % 2 else part.replace("<", "&lt;") for place, part in enumerate(parts))
 
 
+def share(value: float | None) -> str:
+    """Percent of a share, a dash without one."""
+    return "-" if value is None else number(100 * value)
+
+
 def document(title: str, blocks: Sequence[Block]) -> str:
     """The page as one HTML file: styles and pictures are inside, and everything that is text is escaped."""
-    loader = FileSystemLoader(TEMPLATE.parent)
-    engine = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    engine = _engine(autoescape=True)
     engine.filters |= {"kind": lambda block: type(block).__name__, "inline": inline, "anchor": anchor, "data": data_url}
-    return engine.get_template(TEMPLATE.name).render(title=title, blocks=blocks, marks=MARKS) + "\n"
+    return engine.get_template("template.html").render(title=title, blocks=blocks, marks=MARKS) + "\n"
+
+
+def filled(name: str, **values: Any) -> str:
+    """A template of Markdown in this folder with its values, in which no tag opens."""
+    engine = _engine(finalize=lambda value: _harmless(str(value)))
+    engine.filters["percent"] = share
+    return engine.get_template(name).render(**values) + "\n"
+
+
+def _engine(**settings: Any) -> Environment:
+    loader = FileSystemLoader(Path(__file__).parent)
+    return Environment(loader=loader, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True, **settings)
 
 
 def anchor(text: str) -> str:

@@ -103,12 +103,8 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     figures = out / FIGURES
     make_folder(figures, out)
     blocks: list[Block] = [Heading(TITLE, 1), *_measured(results, judged, figures)]
-    blocks += sequence_blocks(paths, figures)
-    blocks += _pictures(results, figures, shown)
-    blocks += [
-        Heading("Files"),
-        Items(tuple(f"`{name}`, SHA-256 `{digest}`" for name, digest in results.files.items())),
-    ]
+    files = tuple(f"`{name}`, SHA-256 `{digest}`" for name, digest in results.files.items())
+    blocks += [*sequence_blocks(paths, figures), *_pictures(results, figures, shown), Heading("Files"), Items(files)]
     write_atomically(out / MARKDOWN, markdown(blocks, out).encode())
     write_atomically(out / HTML, document(TITLE, blocks).encode())
     drawn = tuple(block.path for block in blocks if isinstance(block, Picture))
@@ -146,7 +142,13 @@ def _table(table: Table, results: Results, figures: Path) -> list[Block]:
 
 def _courses(results: Results, figures: Path) -> list[Block]:
     """How scores grow with actions and images, of all results that tell it."""
-    told = [*_told_by_tables(results), *_told_by_singles(results)]
+    told: list[Course] = []
+    for table, row, found in results.rows():
+        if row.role == "ours" and found is not None:
+            judged = [(words, found.results.get(split)) for split, words in table.splits.items()]
+            told += [Course(row.name, words, result) for words, result in judged if result]
+    for result in results.singles.values():
+        told.append(Course(sections.subject(result), str(result.dataset.get("split")), result))
     interact = [one for one in told if isinstance(one.result, InteractResult) and one.result.by_step]
     reason = [one for one in told if isinstance(one.result, ReasonResult) and one.result.by_images]
     captions = {
@@ -161,26 +163,6 @@ def _courses(results: Results, figures: Path) -> list[Block]:
         else:
             blocks.append(Text(f"**Missing**. {caption}"))
     return blocks
-
-
-def _told_by_tables(results: Results) -> list[Course]:
-    courses = []
-    for table in TABLES:
-        for row in table.rows:
-            found = results.tables.get(table.number, {}).get(row.name)
-            if row.role == "ours" and found is not None:
-                judged = [
-                    (words, found.results[split]) for split, words in table.splits.items() if split in found.results
-                ]
-                courses += [Course(row.name, words, result) for words, result in judged]
-    return courses
-
-
-def _told_by_singles(results: Results) -> list[Course]:
-    return [
-        Course(sections.subject(result), str(result.dataset.get("split")), result)
-        for result in results.singles.values()
-    ]
 
 
 def _beside(results: Results, figures: Path) -> list[Block]:
@@ -203,7 +185,8 @@ def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:
         BusybotError: a dataset in them is damaged.
     """
     blocks: list[Block] = []
-    for folder in _datasets(paths):
+    names = (path / name for path in paths if path.is_dir() for name in scan(path).files)
+    for folder in [name.parent for name in names if name.name == INFO_FILE]:
         if len(blocks) == MOST_SEQUENCES:
             break
         if (episode := _telling(Dataset.open(folder))) is None:
@@ -213,12 +196,6 @@ def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:
         caption = f"{episode.policy} on board {episode.board.index} ({episode.board.split}{kind})"
         blocks.append(Picture(picture, caption))
     return [Heading("Planning sequences"), *(blocks or [Text(NO_SEQUENCE)])]
-
-
-def _datasets(paths: Iterable[Path]) -> list[Path]:
-    """Folders that are datasets, in the given folders and at any depth below."""
-    names = [(path, name) for path in paths if path.is_dir() for name in scan(path).files]
-    return [(path / name).parent for path, name in names if Path(name).name == INFO_FILE]
 
 
 def _telling(dataset: Dataset) -> Episode | None:
@@ -239,9 +216,8 @@ def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Bloc
     blocks: list[Block] = [Heading("Pictures")]
     drawn = _drawn(figures, shown) if shown else {}
     for name, words in WANTED.items():
-        blocks.append(
-            drawn[name] if name in drawn else Text(f"**Missing**: {words}. `--episode FILE --model NAME` draws it.")
-        )
+        missing = Text(f"**Missing**: {words}. `--episode FILE --model NAME` draws it.")
+        blocks.append(drawn.get(name, missing))
     for place, source in enumerate(results.pictures):
         copy = figures / f"given-{place:02d}{source.suffix.lower()}"
         copy_file(source, copy, figures.parent)
@@ -253,8 +229,8 @@ def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
     from busybot.interact.policy.policy_factory import load_once, policy_config
     from busybot.interact.policy.policy_trace import retrace
     from busybot.reason.evaluation.prediction import inferred_over_time
-    from busybot.view.figures.affordance import affordance_figure
     from busybot.view.figures.episode import refinement_figure
+    from busybot.view.figures.sequences import affordance_figure
 
     episode = read_episode(shown.episode, "lazy")
     graph = inferred_over_time(episode, shown.reasoner)

@@ -3,7 +3,7 @@
 Files hold shares from 0 to 1; the cells of tables are percent.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from busybot.common.atomic_io import read_json, scan, sha256_of
 from busybot.common.errors import BusybotError
-from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, Table
+from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import KINDS, read_result
 
 PICTURES = (".png", ".jpg", ".jpeg")
@@ -123,25 +123,23 @@ class _PlanRow(_Row):
     splits: dict[str, dict[str, AgentScores]] = {}
 
 
-class Scores(_ResultFile):
-    """A model on disturbed recordings."""
-
+class _Scores(_ResultFile):
     edge_p: float | None = None
     edge_r: float | None = None
     edge_f1: float | None
     pred_a: float | None = None
 
 
-class Disturbed(_ResultFile):
+class _Disturbed(_ResultFile):
     """One strength of a disturbance: scores by model, and the share of steps that could be known in spite of it."""
 
     strength: float
     boards: int
     known: float
-    models: dict[str, Scores]
+    models: dict[str, _Scores]
 
 
-class Disturbance(_ResultFile):
+class _Disturbance(_ResultFile):
     """What is done to recordings; older files have no title."""
 
     what: str
@@ -149,13 +147,13 @@ class Disturbance(_ResultFile):
     title: str = ""
 
 
-class Robustness(_ResultFile):
+class _Robustness(_ResultFile):
     """Of `benchmarks.studies.reason_robustness`: trained models, and rows by disturbance in growing strength."""
 
     boards: int
     models: dict[str, Any]
-    disturbances: dict[str, Disturbance]
-    rows: dict[str, list[Disturbed]]
+    disturbances: dict[str, _Disturbance]
+    rows: dict[str, list[_Disturbed]]
 
 
 class Stage(_ResultFile):
@@ -199,7 +197,6 @@ class RowFound:
         cells: by (split, key); what is undefined is None.
         note: why there is no number.
         trainings: provenance as told by the training; empty if nothing was trained.
-        judged: origin of the boards by split.
         results: by split the first seed's whole result, for curves.
     """
 
@@ -207,7 +204,6 @@ class RowFound:
     note: str | None = None
     commands: list[str] = field(default_factory=list)
     trainings: list[dict[str, Any]] = field(default_factory=list)
-    judged: dict[str, dict[str, Any]] = field(default_factory=dict)
     results: dict[str, InteractResult | ReasonResult] = field(default_factory=dict)
 
 
@@ -230,11 +226,21 @@ class Results:
     about: dict[int, dict[str, Any]] = field(default_factory=dict)
     singles: dict[str, InteractResult | ReasonResult] = field(default_factory=dict)
     plans: dict[str, PlanResult] = field(default_factory=dict)
-    robustness: Robustness | None = None
+    robustness: dict[str, Any] | None = None
     stages: Stages | None = None
     pictures: list[Path] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
     without_kind: int = 0
+
+    def row(self, table: Table, name: str) -> RowFound | None:
+        """A row of a table, if it was run."""
+        return self.tables.get(table.number, {}).get(name)
+
+    def rows(self) -> Iterator[tuple[Table, ReferenceRow, RowFound | None]]:
+        """All rows of all tables, in the tables' order."""
+        for table in TABLES:
+            for row in table.rows:
+                yield table, row, self.row(table, row.name)
 
 
 def read_results(paths: Iterable[Path]) -> Results:
@@ -294,7 +300,7 @@ def _take(results: Results, file: Path, value: dict[str, Any]) -> bool:
         case "plan":
             results.plans[str(file)] = PlanResult.model_validate(value)
         case "reason-robustness":
-            results.robustness = Robustness.model_validate(value)
+            results.robustness = _Robustness.model_validate(value).model_dump()
         case "stages":
             results.stages = Stages.model_validate(value)
         case "table1" | "table2" | "table3" as kind:
@@ -322,7 +328,7 @@ def _interact_row(value: dict[str, Any], table: Table) -> RowFound:
     for split, result in (("novel-config", row.config), ("novel-object", row.object)):
         if result is not None:
             found.cells |= {(split, key): score_of(result, key) for key in table.keys}
-            found.judged[split], found.results[split] = result.dataset, result
+            found.results[split] = result
     return found
 
 
@@ -335,7 +341,7 @@ def _reason_row(value: dict[str, Any], table: Table) -> RowFound:
             ends = (judged.least.get(key), judged.most.get(key))
             mean = score(judged.mean.get(key), ends, _bound(first, key), several=True)
             found.cells[split, key] = mean if len(judged.seeds) > 1 else score_of(first, key)
-        found.judged[split], found.results[split] = first.dataset, first
+        found.results[split] = first
     return found
 
 

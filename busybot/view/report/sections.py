@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, TABLES, ReferenceRow, Role, Table
+from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, ReferenceRow, Role, Table
 from busybot.evaluation.results import KINDS
 from busybot.view.figures.curves import BASELINES, robustness_figure, strength_words, title_of
 from busybot.view.report.gates import judge
@@ -27,10 +27,8 @@ from busybot.view.report.results import (
     PlanResult,
     ReasonResult,
     Results,
-    Robustness,
     RowFound,
     Score,
-    Scores,
     Stages,
     score,
     score_of,
@@ -125,7 +123,7 @@ def provenance(table: Table, results: Results) -> Fold:
         blocks += [Text("all rows"), Items(tuple(f"`{command}`" for command in commands))]
     seen: dict[tuple[str, ...], str] = {}
     for row in table.rows:
-        found = results.tables.get(table.number, {}).get(row.name)
+        found = results.row(table, row.name)
         if found is None:
             continue
         first = seen.setdefault(tuple(found.commands), row.words)
@@ -147,7 +145,7 @@ def _origins(found: RowFound) -> list[str]:
         told = ", ".join(filter(None, (seed, hashes and f"content of its data {hashes}")))
         lines += [f"training: {told}"] if told else []
         lines += [f"made with {_in_a_line(training['versions'])}"] if training.get("versions") else []
-    return lines + [f"judged, {split}: {_dataset(origin)}" for split, origin in found.judged.items()]
+    return lines + [f"judged, {split}: {_dataset(result.dataset)}" for split, result in found.results.items()]
 
 
 def _in_a_line(values: dict[str, Any]) -> str:
@@ -165,15 +163,13 @@ def _dataset(origin: dict[str, Any]) -> str:
 def cost_grid(results: Results) -> Grid | None:
     """Time and memory of the trainings, as far as they were measured."""
     lines = []
-    for table in TABLES:
-        for row in table.rows:
-            found = results.tables.get(table.number, {}).get(row.name)
-            costs = [training["cost"] for training in found.trainings if training.get("cost")] if found else []
-            if costs:
-                minutes = [f"{cost['seconds'] / 60:.1f}" for cost in costs]
-                known = [cost["megabytes"] for cost in costs if "megabytes" in cost]
-                memory = f"{max(known) / 1000:.1f}" if known else "-"
-                lines.append((f"Table {table.number}, {row.words}", (", ".join(minutes), memory)))
+    for table, row, found in results.rows():
+        costs = [training["cost"] for training in found.trainings if training.get("cost")] if found else []
+        if costs:
+            minutes = [f"{cost['seconds'] / 60:.1f}" for cost in costs]
+            known = [cost["megabytes"] for cost in costs if "megabytes" in cost]
+            memory = f"{max(known) / 1000:.1f}" if known else "-"
+            lines.append((f"Table {table.number}, {row.words}", (", ".join(minutes), memory)))
     return plain_grid(("minutes", "GB at most"), lines, "training") if lines else None
 
 
@@ -181,35 +177,32 @@ def calibration_grid(results: Results) -> Grid | None:
     """How far the probabilities of edges can be believed."""
     lines = []
     for row in REASONING.rows:
-        found = results.tables.get(2, {}).get(row.name)
-        told = {} if found is None else {split: result.model_dump() for split, result in found.results.items()}
-        if any(one.get("ece") is not None for one in told.values()):
-            values = [told.get(split, {}).get(key) for split in REASONING.splits for key in ("ece", "brier")]
+        found = results.row(REASONING, row.name)
+        told = {} if found is None else found.results
+        if any(getattr(one, "ece", None) is not None for one in told.values()):
+            values = [getattr(told.get(split), key, None) for split in REASONING.splits for key in ("ece", "brier")]
             lines.append((row.words, tuple(NONE if value is None else Entry(f"{value:.4f}") for value in values)))
     groups = tuple((words, 2) for words in REASONING.splits.values())
     return Grid(groups, ("ECE", "Brier") * len(REASONING.splits), tuple(lines)) if lines else None
 
 
-def robustness_blocks(robustness: Robustness | None, figures: Path) -> list[Block]:
+def robustness_blocks(told: dict[str, Any] | None, figures: Path) -> list[Block]:
     """Quality against the strength of every disturbance as a figure, its numbers, and what is done."""
-    if robustness is None:
+    if told is None:
         return [Text(f"**Missing**: what disturbed recordings cost. `{ROBUSTNESS_RUN}` measures it.")]
-    told = robustness.model_dump()
-    names = [*robustness.models, *(name for name in BASELINES if name not in robustness.models)]
+    names, disturbances = list(dict.fromkeys((*told["models"], *BASELINES))), told["disturbances"]
     lines = []
-    for name, rows in robustness.rows.items():
+    for name, rows in told["rows"].items():
         for row in rows:
-            none = Scores(edge_f1=None)
-            judged = (row.models.get(model, none) for model in names)
-            shares = [share for scores in judged for share in (scores.edge_f1, scores.pred_a)]
-            words = "" if name not in robustness.disturbances else f", {strength_words(told, name, row.strength)}"
-            lines.append((f"{title_of(told, name)}{words}", tuple(map(_share, (*shares, row.known)))))
+            shares = [row["models"].get(model, {}).get(key) for model in names for key in ("edge_f1", "pred_a")]
+            words = f", {strength_words(told, name, row['strength'])}" if name in disturbances else ""
+            lines.append((f"{title_of(told, name)}{words}", tuple(map(_share, (*shares, row["known"])))))
     groups = (*((name, 2) for name in names), ("", 1))
     grid = Grid(groups, (*("edges (F1)", "Pred-A") * len(names), "known"), tuple(lines), "percent")
-    done = Items(tuple(f"{title_of(told, name)}: {one.what}" for name, one in robustness.disturbances.items()))
+    done = Items(tuple(f"{title_of(told, name)}: {one['what']}" for name, one in disturbances.items()))
     caption = "Edges and predictions when recordings are disturbed, always in one way at a time; 0 is undisturbed."
     note = (
-        f"{robustness.boards} boards. Baselines stand with defaults and with the best of several settings, chosen "
+        f"{told['boards']} boards. Baselines stand with defaults and with the best of several settings, chosen "
         "with the truth. Known: steps that could be predicted in spite of the disturbance."
     )
     picture = Picture(robustness_figure(figures / "robustness.png", told, figures.parent), caption)
@@ -237,11 +230,10 @@ def single_blocks(results: Results) -> list[Block]:
     blocks: list[Block] = []
     for name, result in results.singles.items():
         table = INTERACTION if isinstance(result, InteractResult) else REASONING
-        blocks += _single(f"{SKILLS[table.skill]}: {subject(result)}", name, result, f"{result.boards} boards")
-        blocks.insert(-1, _single_grid(table, result))
+        words = f"{SKILLS[table.skill]}: {subject(result)}"
+        blocks += _single(words, name, result, f"{result.boards} boards", _single_grid(table, result))
     for name, plan in results.plans.items():
-        blocks += _single("Planning", name, plan, f"{plan.tasks} tasks")
-        blocks.insert(-1, _plan_grid(plan))
+        blocks += _single("Planning", name, plan, f"{plan.tasks} tasks", _plan_grid(plan))
     if blocks:
         note = (
             "The paper's numbers and the gates are those of its 58 objects and of thousands of boards: beside other "
@@ -251,15 +243,17 @@ def single_blocks(results: Results) -> list[Block]:
     return blocks
 
 
-def _single(words: str, name: str, result: InteractResult | ReasonResult | PlanResult, judged: str) -> list[Block]:
-    """Heading, and where the numbers come from."""
+def _single(
+    words: str, name: str, result: InteractResult | ReasonResult | PlanResult, judged: str, grid: Grid
+) -> list[Block]:
+    """Heading, numbers, and where they come from."""
     heading = Heading(f"{words} on {result.dataset.get('name')} ({result.dataset.get('split')})", 3)
     items = [f"file `{name}`", f"judged {judged} of {_dataset(result.dataset)}"]
     items += [f"seed of the evaluation {result.seed}", *([f"`{result.command}`"] if result.command else [])]
     extra = result.model_extra or {}
     items += [f"code of commit `{extra['commit']}`"] if extra.get("commit") else []
     items += [f"made with {_in_a_line(extra['versions'])}"] if isinstance(extra.get("versions"), dict) else []
-    return [heading, Items(tuple(items))]
+    return [heading, grid, Items(tuple(items))]
 
 
 def subject(result: InteractResult | ReasonResult) -> str:

@@ -1,7 +1,4 @@
-"""Rerun, the board in 3-D: its face, the objects as reliefs, boxes, the action and relations as arcs above it.
-
-The board as a solid thing, from one depth image: a clean face and a relief of every object. No drawing here.
-"""
+"""Rerun, the board in 3-D from depth images: its face, objects as reliefs, boxes, the action, relations as arcs."""
 
 from dataclasses import dataclass
 
@@ -12,13 +9,23 @@ import rerun as rr
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.camera import Rays, project
 from busybot.episodes.episode import Camera, Episode, Image
-from busybot.view.annotations import Edge, centres, object_names
+from busybot.view.annotations import Edge, centres, looks_new, object_names
 from busybot.view.palette import ACTION, ROLES, TRUTH, VERDICTS, Rgb, mix, text_on_dark
 
 FACE_PIXELS = 512
 OBJECT_HEIGHT = 0.015
 """Board units; what is higher is an object, where no segmentation was recorded."""
 SIDE_SHADE = 0.45
+"""Of the sides of reliefs, which no camera saw: share of the object's brightness."""
+SLAB = 0.08
+"""Thickness of the drawn board, board units."""
+ARC_POINTS = 24
+LABEL_LIFT = 0.24
+"""Of a name above its object, board units."""
+INFERRED_LIFT = 0.1
+"""Of inferred arcs above the true ones, board units."""
+HEAD = 0.18
+"""Length of an arc's arrow head, board units."""
 
 
 @dataclass(frozen=True)
@@ -75,27 +82,18 @@ def object_relief(image: Image, own: np.ndarray, rays: Rays) -> Relief | None:
         return None
     rows = slice(max(box[1] - 2, 0), box[1] + box[3] + 2)
     columns = slice(max(box[0] - 2, 0), box[0] + box[2] + 2)
-    inner = _without_threads(own[rows, columns].astype(np.uint8))
+    inner = own[rows, columns].astype(np.uint8)
+    solid = np.asarray(cv2.morphologyEx(inner, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)), np.uint8)
+    inner = solid if solid.any() else inner  # parts of one or two pixels' width would stand there as tall thin fences
     used = cv2.dilate(inner, np.ones((3, 3), np.uint8)).astype(bool)
-    points = rays.directions[rows, columns] * image.depth[rows, columns, None] + rays.origin
+    directions = rays.directions[rows, columns]
+    points = directions * image.depth[rows, columns, None] + rays.origin
     rim = used & (inner == 0)
-    points[rim] = _on_the_board(rays, rows, columns)[rim]
+    points[rim] = (directions * (-rays.origin[2] / directions[..., 2:]) + rays.origin)[rim]  # on the board, z = 0
     colors = np.where(rim[..., None], _rim_colors(image.rgb[rows, columns], inner), image.rgb[rows, columns])
     number = np.full(used.shape, -1)
     number[used] = np.arange(int(used.sum()))
     return Relief(points[used].astype(np.float32), _triangles(number), colors[used].astype(np.uint8))
-
-
-def _without_threads(inner: np.ndarray) -> np.ndarray:
-    """The pixels without parts of one or two pixels' width, which would stand on the board as tall thin fences."""
-    solid = cv2.morphologyEx(inner, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    return solid if solid.any() else inner
-
-
-def _on_the_board(rays: Rays, rows: slice, columns: slice) -> np.ndarray:
-    """Where the viewing rays meet the board's plane z = 0; (h, w, 3)."""
-    directions = rays.directions[rows, columns]
-    return directions * (-rays.origin[2] / directions[..., 2:]) + rays.origin
 
 
 def _rim_colors(rgb: np.ndarray, inner: np.ndarray) -> np.ndarray:
@@ -112,17 +110,6 @@ def _triangles(number: np.ndarray) -> np.ndarray:
     upper = np.stack([a[whole], c[whole], b[whole]], axis=1)
     lower = np.stack([b[whole], c[whole], d[whole]], axis=1)
     return np.concatenate([upper, lower]).astype(np.uint32)
-
-
-SLAB = 0.08
-"""Thickness of the drawn board, board units."""
-ARC_POINTS = 24
-LABEL_LIFT = 0.24
-"""Of a name above its object, board units."""
-INFERRED_LIFT = 0.1
-"""Of inferred arcs above the true ones, board units."""
-HEAD = 0.18
-"""Length of an arc's arrow head, board units."""
 
 
 class BoardLogger:
@@ -143,11 +130,9 @@ class BoardLogger:
     def log_static(self) -> None:
         """Axes, the board's slab and its textured face."""
         self.recording.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        width, height = self.episode.board.size
-        half = [width / 2, height / 2, SLAB / 2]
-        image = self.episode.image(0)
-        objects = object_pixels(self.episode, image, self.rays)
-        face = board_face(image, objects, self.episode.camera, self.episode.board.size)
+        size, image = self.episode.board.size, self.episode.image(0)
+        half = [size[0] / 2, size[1] / 2, SLAB / 2]
+        face = board_face(image, object_pixels(self.episode, image, self.rays), self.episode.camera, size)
         edge = tuple(int(x) for x in face.reshape(-1, 3).mean(0) * 0.6)
         slab = rr.Boxes3D(centers=[[0, 0, -SLAB / 2 - 0.01]], half_sizes=[half], colors=[edge], fill_mode="solid")
         self.recording.log("world/board/slab", slab, static=True)
@@ -163,13 +148,15 @@ class BoardLogger:
     def log_frame(self, frame: int) -> None:
         """Reliefs and boxes of the objects that changed, and the action that led here."""
         image = self.episode.image(frame)
-        fresh = frame == 0 or self.episode.frame_of[frame] != self.episode.frame_of[frame - 1]
-        if fresh and image.depth is not None:
+        if looks_new(self.episode, frame) and image.depth is not None:
             owner = object_pixels(self.episode, image, self.rays)
             for index in range(len(self.names)):
                 self._log_object(index, owner == index + 1, frame)
         if frame > 0:
-            self._log_action(frame - 1)
+            done = self.episode.steps[frame - 1]
+            vector = 0.5 * DIRECTIONS[done.direction]
+            arrow = rr.Arrows3D(origins=[done.position], vectors=[vector], colors=[ACTION], radii=0.025)
+            self.recording.log("world/action", arrow)
 
     def _log_object(self, index: int, own: np.ndarray, frame: int) -> None:
         relief = object_relief(self.episode.image(frame), own, self.rays)
@@ -198,23 +185,10 @@ class BoardLogger:
         label = rr.Points3D([above], labels=[name], colors=[text_on_dark(color)], radii=0.0, show_labels=True)
         self.recording.log(["world", "names", name], label)
 
-    def _log_action(self, step: int) -> None:
-        done = self.episode.steps[step]
-        vector = 0.5 * DIRECTIONS[done.direction]
-        arrow = rr.Arrows3D(origins=[done.position], vectors=[vector], colors=[ACTION], radii=0.025)
-        self.recording.log("world/action", arrow)
-
     def log_true_relations(self, edges: list[Edge]) -> None:
         """The board's own relations, thin, for the whole episode."""
-        log_arcs(
-            self.recording,
-            ["world", "relations", "true"],
-            self._ends(edges),
-            [TRUTH] * len(edges),
-            0.012,
-            0.0,
-            static=True,
-        )
+        path, colors = ["world", "relations", "true"], [TRUTH] * len(edges)
+        log_arcs(self.recording, path, self._ends(edges), colors, 0.012, 0.0, static=True)
 
     def log_inferred_relations(self, name: str, edges: list[Edge]) -> None:
         """Claimed relations by verdict, paler the less probable."""
@@ -237,13 +211,12 @@ def log_arcs(
 ) -> None:
     """Arrows that rise from the board and come down again, one per pair of ends."""
     curves = [arc(start, end, lift) for start, end in ends]
-    shafts = rr.LineStrips3D([c[:-1] for c in curves], colors=colors, radii=radius)
+    shafts = rr.LineStrips3D([curve[:-1] for curve in curves], colors=colors, radii=radius)
     recording.log([*path, "arcs"], shafts, static=static)
-    tips = np.array([c[-1] - c[-2] for c in curves]).reshape(-1, 3)
-    lengths = np.maximum(np.linalg.norm(tips, axis=1, keepdims=True), 1e-9)
-    vectors = tips / lengths * HEAD
-    origins = np.array([c[-1] for c in curves]).reshape(-1, 3) - vectors
-    heads = rr.Arrows3D(origins=origins, vectors=vectors, colors=colors, radii=radius * 1.2)
+    lasts = np.reshape([curve[-2:] for curve in curves], (-1, 2, 3))
+    tips = lasts[:, 1] - lasts[:, 0]
+    vectors = tips / np.maximum(np.linalg.norm(tips, axis=1, keepdims=True), 1e-9) * HEAD
+    heads = rr.Arrows3D(origins=lasts[:, 1] - vectors, vectors=vectors, colors=colors, radii=radius * 1.2)
     recording.log([*path, "heads"], heads, static=static)
 
 

@@ -1,15 +1,18 @@
-"""An episode in Rerun: what is logged when. Every call to Rerun is in this folder.
+"""An episode in Rerun: what is logged when, and where everything is. Every call to Rerun is in this folder.
 
 Timelines: `step` k shows the board after k actions, with the action that led there (0 is the start); `time` is the
-episode's own clock, one second a step.
+episode's own clock, one second a step. The layout: what the camera sees, what follows from it, the board in 3-D; below,
+how it came.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 from rerun.error_utils import catch_and_log_exceptions
 
 from busybot.common.atomic_io import replacing_by_path
@@ -18,24 +21,29 @@ from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.reason.evaluation.prediction import Explanation
 from busybot.reason.models.base import InferredGraph
-from busybot.view.annotations import check_inferred, judged_edges, pairs_ever, true_edges
-from busybot.view.rerun.blueprint import ShownLayers, blueprint
+from busybot.view.annotations import board_bounds, check_inferred, judged_edges, pairs_ever, true_edges
+from busybot.view.rerun import camera, series, skills
 from busybot.view.rerun.board import BoardLogger
-from busybot.view.rerun.camera import log_camera_frame, log_goal, log_remaining, log_replayed
-from busybot.view.rerun.graph import edge_places, log_graph
-from busybot.view.rerun.series import (
-    log_probabilities,
-    log_probability_styles,
-    log_series_styles,
-    log_signals,
-    log_states,
-    log_words,
-)
-from busybot.view.rerun.skills import has_choices, log_choice, log_foreseen, log_lanes, log_thought
+from busybot.view.rerun.graph import edge_places, graph_positions, log_graph
 
 APPLICATION = "busybot"
 _BATCHES = rr.ChunkBatcherConfig(flush_tick=3600.0)
 """Chunks by size, not by the clock: equal episodes give equal chunks."""
+BACKGROUND = (13, 16, 17)
+GRAPH_MARGIN = 44.0
+"""Around the outermost nodes, graph units."""
+COLUMNS = [1, 0.95, 1.12]
+GOAL_COLUMN = 1
+CHOICE_WORDS = "Choice: candidates black, repeats orange"
+LEGEND_SHARE = 0.38
+"""Of a plot's width, kept free for its legend."""
+
+LAYERS = {
+    "replayed": (camera.SIMULATOR, "Simulator, the step put back: violet differs"),
+    "foreseen": (skills.EXPECTED, "Expected and seen: red is wrong"),
+    "thoughts": (skills.AFFORDANCE, "Affordance before the action: candidates, known links"),
+}
+"""What may stand before the camera's picture, by the fields of `RecordingLayers`: space, and name of its view."""
 
 
 @dataclass(frozen=True)
@@ -56,60 +64,50 @@ class RecordingLayers:
 def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Sequence[InferredGraph] = ()) -> None:
     """Log all of an episode and what was inferred about it."""
     board = BoardLogger(recording, episode)
-    log_series_styles(recording)
+    series.log_series_styles(recording)
     board.log_static()
-    if episode.goal is not None:
-        log_goal(recording, episode)
     truth = true_edges(episode.board)
     straight = edge_places(episode, [(edge.cause, edge.effect) for edge in truth])
     log_graph(recording, ["graph", "true"], episode, truth, straight, truth=True)
-    choices = has_choices(episode)
+    choices = skills.has_choices(episode)
     places = {graph.name: edge_places(episode, pairs_ever(episode.board, graph)) for graph in inferred}
-    for graph in inferred:
-        log_probability_styles(recording, episode, graph)
     for frame in range(len(episode.frame_of)):
-        recording.set_time("step", sequence=frame)
-        recording.set_time("time", duration=float(frame))
-        log_camera_frame(recording, episode, frame)
-        log_remaining(recording, episode, frame)
+        _set_clock(recording, frame)
+        camera.log_camera_frame(recording, episode, frame)
+        camera.log_goal(recording, episode, frame)
         board.log_frame(frame)
         if frame == 0:
             board.log_true_relations(truth)  # their arcs start at the objects' tops, known from the first frame
-        log_signals(recording, episode, frame)
-        log_states(recording, episode, frame)
-        log_words(recording, episode, frame)
+        series.log_signals(recording, episode, frame)
+        series.log_states(recording, episode, frame)
+        series.log_words(recording, episode, frame)
         if choices and frame:
-            log_choice(recording, episode, frame - 1)
+            skills.log_choice(recording, episode, frame - 1)
         for graph in inferred:
             edges = judged_edges(episode.board, graph, frame)
             log_graph(recording, ["graph", graph.name], episode, edges, places[graph.name])
             board.log_inferred_relations(graph.name, edges)
-            log_probabilities(recording, episode, graph, frame)
+            series.log_probabilities(recording, episode, graph, frame)
 
 
-def log_thoughts(recording: rr.RecordingStream, episode: Episode, thoughts: Iterable[PolicyTrace]) -> None:
-    """Log what a model makes of every action, where the action is shown."""
-    for thought in thoughts:
-        recording.set_time("step", sequence=thought.step + 1)
-        recording.set_time("time", duration=float(thought.step + 1))
-        log_thought(recording, episode, thought)
+def log_layers(recording: rr.RecordingStream, episode: Episode, layers: RecordingLayers) -> None:
+    """Log what is shown beyond the recording: a model's thoughts and expectations where their outcome is shown."""
+    for thought in layers.thoughts or ():
+        _set_clock(recording, thought.step + 1)
+        skills.log_thought(recording, episode, thought)
+    for step, picture in layers.replayed or ():
+        _set_clock(recording, step)
+        camera.log_replayed(recording, episode, step, picture)
+    if layers.foreseen is not None:
+        skills.log_lanes(recording, episode, layers.foreseen)
+        for frame in range(len(episode.frame_of)):
+            _set_clock(recording, frame)
+            skills.log_foreseen(recording, episode, layers.foreseen, frame)
 
 
-def log_expectations(recording: rr.RecordingStream, episode: Episode, foreseen: Explanation) -> None:
-    """Log what a reasoner expected of every step, where its outcome is shown."""
-    log_lanes(recording, episode, foreseen)
-    for frame in range(len(episode.frame_of)):
-        recording.set_time("step", sequence=frame)
-        recording.set_time("time", duration=float(frame))
-        log_foreseen(recording, episode, foreseen, frame)
-
-
-def log_pictures(recording: rr.RecordingStream, episode: Episode, replayed: Iterable[tuple[int, np.ndarray]]) -> None:
-    """Log what the simulator shows when the steps are put back into it."""
-    for step, picture in replayed:
-        recording.set_time("step", sequence=step)
-        recording.set_time("time", duration=float(step))
-        log_replayed(recording, episode, step, picture)
+def _set_clock(recording: rr.RecordingStream, frame: int) -> None:
+    recording.set_time("step", sequence=frame)
+    recording.set_time("time", duration=float(frame))
 
 
 def save_rrd(
@@ -132,17 +130,136 @@ def save_rrd(
             )
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
-            shown = ShownLayers(layers.thoughts is not None, layers.replayed is not None, layers.foreseen is not None)
-            recording.save(temporary, default_blueprint=blueprint(episode, list(inferred), menus, shown))
+            recording.save(temporary, default_blueprint=blueprint(episode, inferred, layers, menus))
             recording.send_recording_name(name)
             log_episode(recording, episode, inferred)
-            log_thoughts(recording, episode, layers.thoughts or ())
-            log_pictures(recording, episode, layers.replayed or ())
-            if layers.foreseen is not None:
-                log_expectations(recording, episode, layers.foreseen)
+            log_layers(recording, episode, layers)
             recording.flush()
             recording.disconnect()
     except OSError as error:
         raise BusybotError(f"{path}: cannot be written: {error.strerror}", "choose another place") from None
     except RuntimeError as error:
         raise BusybotError(f"{path}: Rerun cannot write it: {error}", "choose another place") from None
+
+
+def blueprint(
+    episode: Episode, inferred: Sequence[InferredGraph], layers: RecordingLayers, menus: bool = True
+) -> rrb.Blueprint:
+    """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
+    names = [graph.name for graph in inferred]
+    graphs = graph_views(episode, names)
+    if skills.has_choices(episode):
+        graphs = rrb.Tabs(_picture_view(episode, skills.CHOICE, CHOICE_WORDS), *graphs.contents)
+    upper = [camera_views(episode, layers), graphs, board_view()]
+    shares = [*COLUMNS]
+    if episode.goal is not None:
+        upper.insert(1, _picture_view(episode, camera.GOAL, "Goal: red differs still"))
+        shares.insert(1, GOAL_COLUMN)
+    beliefs = [belief_views(episode, names)] if names else []
+    parts = [signal_views(episode), *beliefs, account_views(episode, layers.foreseen is not None)]
+    lower = rrb.Horizontal(*parts, column_shares=COLUMNS if names else [1, 1])
+    panel: Literal["collapsed", "hidden"] = "collapsed" if menus else "hidden"
+    return rrb.Blueprint(
+        rrb.Vertical(rrb.Horizontal(*upper, column_shares=shares), lower, row_shares=[1.6, 1]),
+        rrb.TopPanel(state=panel),
+        rrb.BlueprintPanel(state=panel),
+        rrb.SelectionPanel(state=panel),
+        rrb.TimePanel(state="collapsed", timeline="step", fps=2.0),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def camera_views(episode: Episode, layers: RecordingLayers) -> Any:
+    """The image, closely around the board, and depth behind it; in front of both what else was asked for."""
+    views = [view for name, view in LAYERS.items() if getattr(layers, name) is not None]
+    views += [("camera", "Camera: boxes, action, change"), ("depth", "Depth")]
+    return rrb.Tabs(*(_picture_view(episode, origin, name) for origin, name in views))
+
+
+def _picture_view(episode: Episode, origin: str, name: str) -> Any:
+    bounds = _bounds(*board_bounds(episode, camera.VIEW_MARGIN))
+    return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, background=BACKGROUND)
+
+
+def graph_views(episode: Episode, names: list[str]) -> Any:
+    """Inferred scene graphs first, the true one behind them, in the camera's layout."""
+    places = graph_positions(episode)  # with room for labels; square, as the graph keeps its aspect
+    low, high = places.min(0), places.max(0)
+    half = np.max(high - low) / 2 + GRAPH_MARGIN
+    bounds = _bounds((low + high) / 2 - half, (low + high) / 2 + half)
+    views = [rrb.GraphView(origin=f"graph/{n}", name=f"Inferred scene graph: {n}", visual_bounds=bounds) for n in names]
+    true = rrb.GraphView(origin="graph/true", name="True scene graph", visual_bounds=bounds)
+    return rrb.Tabs(*views, true)
+
+
+def _bounds(low: np.ndarray, high: np.ndarray) -> rrb.VisualBounds2D:
+    return rrb.VisualBounds2D(x_range=[low[0], high[0]], y_range=[low[1], high[1]])
+
+
+def board_view() -> Any:
+    """The board from the front and above."""
+    eye = rrb.EyeControls3D(position=(0.0, -3.45, 4.15), look_target=(0.0, -0.1, 0.15), eye_up=(0.0, 0.0, 1.0))
+    return rrb.Spatial3DView(
+        origin="world",
+        name="Board: true relations violet, inferred green, wrong red",
+        eye_controls=eye,
+        background=BACKGROUND,
+        line_grid=False,
+    )
+
+
+def signal_views(episode: Episode) -> Any:
+    """Changed pixels against the reward's threshold; the reward itself."""
+    highest = max([step.changed_pixels for step in episode.steps], default=0)
+    axis = rrb.ScalarAxis(range=(0.0, max(1.1 * highest, 100.0)))
+    signals = rrb.TimeSeriesView(
+        origin="signals",
+        name="Changed pixels (line: threshold, dots: reward)",
+        axis_x=_steps_axis(len(episode.steps) + 1),
+        axis_y=axis,
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+    reward = rrb.TimeSeriesView(origin="reward", name="Reward", axis_y=rrb.ScalarAxis(range=(-0.1, 1.1)))
+    return rrb.Tabs(signals, reward)
+
+
+def _steps_axis(last: int) -> Any:
+    """All steps from the start to `last`."""
+    start, end = rrb.TimeRangeBoundary.absolute(seq=0), rrb.TimeRangeBoundary.absolute(seq=max(last, 1))
+    return rrb.TimeAxis(view_range=rrb.TimeRange(start=start, end=end))
+
+
+def belief_views(episode: Episode, names: list[str]) -> Any:
+    """Probabilities of the edges worth a curve, and of all pairs as a heat map, for each reasoner."""
+    last = round(len(episode.steps) * (1 + LEGEND_SHARE))
+    views: list[Any] = []
+    for name in names:
+        curves = rrb.TimeSeriesView(
+            origin=f"inference/{name}/edges",
+            name=f"Edge probabilities: {name}",
+            axis_x=_steps_axis(last),  # room for the legend at the right
+            axis_y=rrb.ScalarAxis(range=(0.0, 1.05)),
+            plot_legend=rrb.PlotLegend(corner="rightbottom"),
+        )
+        heat = rrb.TensorView(
+            origin=f"inference/{name}/probabilities",
+            name="Matrix",
+            scalar_mapping=rrb.TensorScalarMapping(colormap="inferno", mag_filter="nearest"),
+            view_fit="fill",
+        )
+        views += [curves, heat]
+    return rrb.Tabs(*views)
+
+
+def account_views(episode: Episode, foreseen: bool) -> Any:
+    """What was expected, the simulator's discrete states, which no learner sees, and the steps in words.
+
+    The words come first where an agent said why.
+    """
+    expected = rrb.StateTimelineView(origin=skills.LANES, name="What responders show, and what was expected")
+    states = rrb.StateTimelineView(origin="states", name="States (privileged: no learner sees them)")
+    columns = rrb.TextLogColumns(timeline_columns=["step"], text_log_columns=["body"])
+    words = rrb.TextLogView(origin="log", name="In words", columns=columns)
+    views = ([expected] if foreseen else []) + ([states] if series.relation_states(episode, 0) else [])
+    return rrb.Tabs(words, *views) if skills.has_choices(episode) else rrb.Tabs(*views, words)

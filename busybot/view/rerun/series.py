@@ -7,8 +7,8 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Episode
 from busybot.plan.decision_log import reason
 from busybot.reason.models.base import InferredGraph
-from busybot.view.annotations import acted_object, changed_objects, delta, named, object_names, visible
-from busybot.view.palette import ACTION, CORRECT, MISSED, MUTED, STATES, curve_colors
+from busybot.view.annotations import acted_object, changed_objects, delta, named, object_names, truth_matrix, visible
+from busybot.view.palette import ACTION, CORRECT, MISSED, MUTED, STATES, Rgb, curve_colors
 
 REWARDS = {"reward 1": CORRECT, "reward 0": MISSED}
 SHOWN_PROBABILITY = 0.3
@@ -38,28 +38,21 @@ def log_signals(recording: rr.RecordingStream, episode: Episode, frame: int) -> 
         recording.log("reward", rr.Scalars(step.reward))
 
 
-def shown_pairs(inferred: InferredGraph, truth: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs with a curve: true ones, and those that ever seemed possible."""
-    ever = inferred.probabilities.max(0) >= SHOWN_PROBABILITY
-    return [(int(i), int(j)) for i, j in np.argwhere(ever | truth)]
-
-
-def log_probability_styles(recording: rr.RecordingStream, episode: Episode, inferred: InferredGraph) -> None:
-    """One curve per pair: cool colours are true relations, warm ones are not."""
-    names, truth = object_names(episode.board), np.array(episode.board.relation_matrix(), bool)
-    pairs = shown_pairs(inferred, truth)
-    for (i, j), color in zip(pairs, curve_colors([bool(truth[pair]) for pair in pairs]), strict=True):
-        style = rr.SeriesLines(colors=[color], names=[f"{names[i]} → {names[j]}"], widths=[2.0])
-        recording.log(["inference", inferred.name, "edges", f"{i}-{j}"], style, static=True)
-
-
 def log_probabilities(recording: rr.RecordingStream, episode: Episode, inferred: InferredGraph, frame: int) -> None:
-    """The whole matrix as a heat map, rows are causes, columns effects; and the curves."""
+    """The whole matrix as a heat map, rows are causes, columns effects; and the curves of some pairs.
+
+    Pairs with a curve are the true ones, in cool colours, and in warm ones those that ever seemed possible.
+    """
+    path, names, truth = ["inference", inferred.name], object_names(episode.board), truth_matrix(episode.board)
+    pairs = [(int(i), int(j)) for i, j in np.argwhere(truth | (inferred.probabilities.max(0) >= SHOWN_PROBABILITY))]
     matrix = inferred.after(frame)
     tensor = rr.Tensor(matrix.astype(np.float32), dim_names=("cause", "effect"), value_range=[0, 1])
-    recording.log(["inference", inferred.name, "probabilities"], tensor)
-    for i, j in shown_pairs(inferred, np.array(episode.board.relation_matrix(), bool)):
-        recording.log(["inference", inferred.name, "edges", f"{i}-{j}"], rr.Scalars(float(matrix[i, j])))
+    recording.log([*path, "probabilities"], tensor)
+    for (i, j), color in zip(pairs, curve_colors([bool(truth[pair]) for pair in pairs]), strict=True):
+        if frame == 0:
+            style = rr.SeriesLines(colors=[color], names=[f"{names[i]} → {names[j]}"], widths=[2.0])
+            recording.log([*path, "edges", f"{i}-{j}"], style, static=True)
+        recording.log([*path, "edges", f"{i}-{j}"], rr.Scalars(float(matrix[i, j])))
 
 
 def log_states(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
@@ -94,14 +87,16 @@ def relation_states(episode: Episode, frame: int) -> dict[str, int]:
 
 def log_words(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
     """What an onlooker would say about the step that led to the frame, after what the agent says who chose it."""
-    if frame and (words := said(episode, frame - 1)):
-        recording.log("log", rr.TextLog(words, level="INFO"))
+    told: list[tuple[str, Rgb | None]] = []
     if frame:
         step = episode.steps[frame - 1]
-        text = f"{sentence(episode, frame - 1)}, {step.changed_pixels} pixels changed, reward {step.reward}"
-        recording.log("log", rr.TextLog(text, level="INFO", color=CORRECT if step.reward else MISSED))
-    if frame == len(episode.steps) and (words := said(episode, frame)):
-        recording.log("log", rr.TextLog(words, level="INFO"))
+        seen = f"{sentence(episode, frame - 1)}, {step.changed_pixels} pixels changed, reward {step.reward}"
+        told += [(said(episode, frame - 1), None), (seen, CORRECT if step.reward else MISSED)]
+    if frame == len(episode.steps):
+        told.append((said(episode, frame), None))
+    for words, color in told:
+        if words:
+            recording.log("log", rr.TextLog(words, level="INFO", color=color))
 
 
 def said(episode: Episode, step: int) -> str:

@@ -1,33 +1,26 @@
-"""Rerun, what a reasoner expected of every step beside what happened: errors red, hits green.
+"""Rerun, what skills make of an episode: affordances, an agent's choices, a reasoner's expectations.
 
-At step k stands what had been expected before action k of the picture after it.
-
-Rerun, what an interaction model makes of an episode: affordance, known links, candidates, the action chosen.
-
-At step k stands what was believed before action k, on the picture before it: the camera beside shows what came of it.
-
-Rerun, what an agent could choose from on its way to the goal, what it chose, and why.
-
-At step k stands the decision for action k, on the picture before it, as with affordances: the camera shows the outcome.
+With affordances stand known links, candidates and the action chosen; with choices what an agent could choose from on
+its way to the goal, what it chose, and why; with expectations what happened: errors red, hits green. At step k stands
+what was believed or decided before action k, on the picture before it, and what had been expected of the picture after
+it: the camera beside shows what came of it.
 """
 
 import textwrap
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 import rerun as rr
 
-from busybot.boards.directions import DIRECTIONS
-from busybot.episodes.camera import project
-from busybot.episodes.codec import encode_plain, encode_rgb
+from busybot.episodes.codec import encode_rgb
 from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.plan.decision_log import LoggedContact, offered, reason
 from busybot.reason.evaluation.prediction import Explanation
-from busybot.view.annotations import board_bounds, drawing_scale, named, object_names, remaining_responders, visible
+from busybot.view import annotations
 from busybot.view.palette import ACTION, CORRECT, INK, MUTED, STATES, TRIGGER, WRONG, Rgb, mix, text_on_dark
-from busybot.view.rerun.camera import ARROW_LENGTH, VIEW_MARGIN, log_action, marks
+from busybot.view.rerun.camera import ARROW_LENGTH, VIEW_MARGIN, captions, layer, log_action, marks, outlines, picture
 
 AFFORDANCE = "affordance"
 PALE = 0.5
@@ -43,33 +36,31 @@ CANDIDATE_ARROW = 0.4
 def log_thought(recording: rr.RecordingStream, episode: Episode, thought: PolicyTrace) -> None:
     """Everything of one action; the step of the recording's clock is the caller's."""
     log_pale(recording, AFFORDANCE, episode.image(thought.step).rgb)
-    layer = encode_plain(affordance_layer(thought.affordance))
-    recording.log(f"{AFFORDANCE}/map", rr.EncodedImage(contents=layer, media_type="image/png", draw_order=0))
-    size = 1 / drawing_scale(episode)
-    outlines = rr.LineStrips2D(link_outlines(thought.links), colors=INK, radii=1.2 * size, draw_order=10)
-    recording.log(f"{AFFORDANCE}/links", outlines)
-    _log_candidates(recording, episode, thought, size)
+    recording.log(f"{AFFORDANCE}/map", layer(affordance_layer(thought.affordance)))
+    size = 1 / annotations.drawing_scale(episode)
+    known = rr.LineStrips2D(link_outlines(thought.links), colors=INK, radii=1.2 * size, draw_order=10)
+    recording.log(f"{AFFORDANCE}/links", known)
+    found = thought.candidates.take(thought.candidates.scores > LEAST_SCORE)
+    regions = [f"known link {region}" if region > 0 else "new" for region in found.regions]
+    labels = [f"success {score:.2f}, {region}" for score, region in zip(found.scores, regions, strict=True)]
+    dots = Dots(found.pixels, found.positions, found.best_directions, found.scores, labels)
+    log_dots(recording, f"{AFFORDANCE}/candidates", episode, dots, size)
     log_action(recording, episode, thought.step, AFFORDANCE)
 
 
 def log_pale(recording: rr.RecordingStream, space: str, rgb: np.ndarray) -> None:
     """A paler picture, to draw upon."""
-    picture = rr.EncodedImage(contents=encode_rgb(paler(rgb), "jpeg"), media_type="image/jpeg", draw_order=-10)
-    recording.log(f"{space}/picture", picture)
-
-
-def paler(rgb: np.ndarray) -> np.ndarray:
-    """A paler picture, uint8 (H, W, 3)."""
-    return np.asarray(rgb + (255 - rgb.astype(np.float32)) * PALE, np.uint8)
+    paler = np.asarray(rgb + (255 - rgb.astype(np.float32)) * PALE, np.uint8)
+    recording.log(f"{space}/picture", picture(encode_rgb(paler, "jpeg")))
 
 
 def affordance_layer(affordance: np.ndarray) -> np.ndarray:
     """Probabilities (H, W) as colours, uint8 (H, W, 4) in the order of OpenCV: the likelier, the more opaque."""
     blue, green, red = reversed(mix(TRIGGER, (0, 0, 0), 0.15))
-    layer = np.empty((*affordance.shape, 4), np.uint8)
-    layer[..., :3] = blue, green, red
-    layer[..., 3] = np.round(affordance * OPAQUE)
-    return layer
+    colors = np.empty((*affordance.shape, 4), np.uint8)
+    colors[..., :3] = blue, green, red
+    colors[..., 3] = np.round(affordance * OPAQUE)
+    return colors
 
 
 def link_outlines(links: np.ndarray) -> list[np.ndarray]:
@@ -83,27 +74,9 @@ def link_outlines(links: np.ndarray) -> list[np.ndarray]:
     return outlines
 
 
-def _log_candidates(recording: rr.RecordingStream, episode: Episode, thought: PolicyTrace, size: float) -> None:
-    found = thought.candidates.take(thought.candidates.scores > LEAST_SCORE)
-    labels = [
-        f"success {score:.2f}, {f'known link {region}' if region > 0 else 'new'}"
-        for score, region in zip(found.scores, found.regions, strict=True)
-    ]
-    dots = Dots(found.pixels, found.positions, found.best_directions, found.scores, labels)
-    log_dots(recording, f"{AFFORDANCE}/candidates", episode, dots, size)
-
-
-@dataclass(frozen=True)
-class Dots:
-    """Places where one may act, K of them.
-
-    Attributes:
-        pixels: int (K, 2), u and v.
-        positions: (K, 3), board frame.
-        directions: int (K,), indices into DIRECTIONS.
-        scores: (K,), 0 to 1.
-        labels: what is said about each.
-    """
+class Dots(NamedTuple):
+    """K places where one may act: pixels (K, 2), positions (K, 3) in the board frame, indices into DIRECTIONS (K,),
+    scores from 0 to 1 (K,), and what is said about each."""
 
     pixels: np.ndarray
     positions: np.ndarray
@@ -125,18 +98,10 @@ def log_dots(
     radii = (0.8 + 1.2 * dots.scores) * size
     points = rr.Points2D(places, radii=radii, colors=color, labels=dots.labels, show_labels=False, draw_order=20)
     recording.log(f"{place}/positions", points)
-    ends = _arrows(episode, dots.positions.reshape(-1, 3), dots.directions, CANDIDATE_ARROW * ARROW_LENGTH)
-    arrows = rr.Arrows2D(origins=places, vectors=ends, colors=color, radii=0.5 * size, draw_order=20)
+    length = CANDIDATE_ARROW * ARROW_LENGTH
+    vectors = annotations.seen_directions(episode, dots.positions, dots.directions, length)
+    arrows = rr.Arrows2D(origins=places, vectors=vectors, colors=color, radii=0.5 * size, draw_order=20)
     recording.log(f"{place}/directions", arrows)
-
-
-def _arrows(episode: Episode, positions: np.ndarray, directions: np.ndarray, length: float) -> np.ndarray:
-    """Directions at positions (K, 3) as the camera sees them, pixels (K, 2)."""
-    if not len(positions):
-        return np.zeros((0, 2))
-    starts, _ = project(positions, episode.camera)
-    tips, _ = project(positions + length * DIRECTIONS[directions], episode.camera)
-    return np.asarray(tips - starts)
 
 
 CHOICE = "choice"
@@ -144,8 +109,8 @@ DOTS = 2.0
 """Dots are so much larger than among affordances: they are fewer, and the picture is one of four."""
 LETTERS, LINES = 44, 3
 """Of the reason that the picture has room for."""
-LINE = 24.0
-"""Height of a line, drawing units, in a picture of the usual size."""
+REASON_LINE = 24.0
+"""Height of a line of it, drawing units, in a picture of the usual size."""
 
 
 def has_choices(episode: Episode) -> bool:
@@ -155,9 +120,11 @@ def has_choices(episode: Episode) -> bool:
 
 def log_choice(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
     """Everything of the decision for one action; the recording's clock is the caller's."""
-    image, size = episode.image(step), 1 / drawing_scale(episode)
+    image, size = episode.image(step), 1 / annotations.drawing_scale(episode)
     log_pale(recording, CHOICE, image.rgb)
-    recording.log(f"{CHOICE}/remaining", marks(episode, image.boxes[remaining_responders(episode, step)], WRONG))
+    recording.log(
+        f"{CHOICE}/remaining", marks(episode, image.boxes[annotations.remaining_responders(episode, step)], WRONG)
+    )
     told = offered(episode, step)
     for name, color in (("proposed", INK), ("repeats", TRIGGER)):
         dots = _dots([one for one in told if (one.step >= 0) == (name == "repeats")])
@@ -168,10 +135,10 @@ def log_choice(recording: rr.RecordingStream, episode: Episode, step: int) -> No
 
 def _log_reason(recording: rr.RecordingStream, episode: Episode, step: int) -> None:
     """The agent's words at the board's lower edge."""
-    words = named(episode.board, reason(episode, step))
+    words = annotations.named(episode.board, reason(episode, step))
     lines = textwrap.wrap(words, LETTERS, max_lines=LINES, placeholder=" ...")
-    low, high = board_bounds(episode, 0)
-    place = [(low[0] + high[0]) / 2, high[1] - (len(lines) + 1) * LINE / drawing_scale(episode)]
+    low, high = annotations.board_bounds(episode, 0)
+    place = [(low[0] + high[0]) / 2, high[1] - (len(lines) + 1) * REASON_LINE / annotations.drawing_scale(episode)]
     label = rr.Points2D(
         [place], labels=["\n".join(lines)], colors=text_on_dark(ACTION), radii=0.0, show_labels=bool(lines)
     )
@@ -184,13 +151,12 @@ def _dots(told: list[LoggedContact]) -> Dots:
         positions=np.array([one.position for one in told], float),
         directions=np.array([one.direction for one in told], int),
         scores=np.array([one.score for one in told], float),
-        labels=[_label(one) for one in told],
+        labels=[f"success {one.score:.2f}, {_origin(one)}" for one in told],
     )
 
 
-def _label(one: LoggedContact) -> str:
-    where = f"worked in step {one.step + 1} of the history" if one.step >= 0 else "proposed by the interaction model"
-    return f"success {one.score:.2f}, {where}"
+def _origin(one: LoggedContact) -> str:
+    return f"worked in step {one.step + 1} of the history" if one.step >= 0 else "proposed by the interaction model"
 
 
 EXPECTED = "expected"
@@ -206,13 +172,12 @@ def log_lanes(recording: rr.RecordingStream, episode: Episode, foreseen: Explana
     values = [str(state) for state in np.unique(foreseen.states[:, foreseen.judged])]
     colors = [STATES[int(value) % len(STATES)] for value in values]
     shown = rr.StateConfiguration(values=values, labels=values, colors=colors)
-    wrong = [MISTAKE + value for value in values]
-    expected = rr.StateConfiguration(
-        values=values + wrong, labels=values + wrong, colors=[*colors, *([WRONG] * len(wrong))]
-    )
+    told = values + [MISTAKE + value for value in values]
+    tinted = [*colors, *([WRONG] * len(values))]
+    expected = rr.StateConfiguration(values=told, labels=told, colors=tinted)
     for index in eventful(foreseen):
-        recording.log(_lane(episode, int(index), "is"), shown, static=True)
-        recording.log(_lane(episode, int(index), "expected"), expected, static=True)
+        recording.log(_lane(episode, index, "is"), shown, static=True)
+        recording.log(_lane(episode, index, "expected"), expected, static=True)
 
 
 def eventful(foreseen: Explanation) -> np.ndarray:
@@ -222,18 +187,18 @@ def eventful(foreseen: Explanation) -> np.ndarray:
 
 
 def _lane(episode: Episode, index: int, what: str) -> str:
-    return f"{LANES}/{object_names(episode.board)[index].replace(' ', '_')}_{what}"
+    return f"{LANES}/{annotations.object_names(episode.board)[index].replace(' ', '_')}_{what}"
 
 
 def log_foreseen(recording: rr.RecordingStream, episode: Episode, foreseen: Explanation, frame: int) -> None:
     """Everything at one frame; the recording's clock is the caller's."""
     for index in eventful(foreseen):
         state = foreseen.states[frame, index]
-        recording.log(_lane(episode, int(index), "is"), rr.StateChange(state=str(state)))
+        recording.log(_lane(episode, index, "is"), rr.StateChange(state=str(state)))
         if frame > 0:
             expected = foreseen.expected[frame - 1, index]
             word = str(expected) if expected == state else f"{MISTAKE}{expected}"
-            recording.log(_lane(episode, int(index), "expected"), rr.StateChange(state=word))
+            recording.log(_lane(episode, index, "expected"), rr.StateChange(state=word))
     _log_picture(recording, episode, foreseen, frame)
     if frame > 0:
         right = not len(foreseen.wrong(frame - 1))
@@ -245,34 +210,30 @@ def _log_picture(recording: rr.RecordingStream, episode: Episode, foreseen: Expl
     """The picture, paler, with a box and a word on every responder that changed or should have."""
     image = episode.image(frame)
     log_pale(recording, EXPECTED, image.rgb)
-    seen = [int(index) for index in visible(image) if foreseen.judged[index]]
-    marks = [_mark(foreseen, frame, index) for index in seen]
-    boxes, size = image.boxes[seen].astype(float).reshape(-1, 4), 1 / drawing_scale(episode)
-    radii = [(2.2 if text else 0.8) * size for _, text in marks]
-    outlines = rr.Boxes2D(
-        mins=boxes[:, :2], sizes=boxes[:, 2:] - boxes[:, :2], colors=[color for color, _ in marks], radii=radii
-    )
-    recording.log(f"{EXPECTED}/objects", outlines)
-    names, told = object_names(episode.board), [number for number, (_, text) in enumerate(marks) if text]
-    labels = [f"{names[seen[number]]}: {marks[number][1]}" for number in told]
+    names, size = annotations.object_names(episode.board), 1 / annotations.drawing_scale(episode)
+    seen = [int(index) for index in annotations.visible(image) if foreseen.judged[index]]
+    boxes, verdicts = image.boxes[seen].astype(float).reshape(-1, 4), [_verdict(foreseen, frame, i) for i in seen]
+    colors, radii = [color for color, _ in verdicts], [(2.2 if word else 0.8) * size for _, word in verdicts]
+    recording.log(f"{EXPECTED}/objects", outlines(boxes, colors=colors, radii=radii))
+    told = [place for place, (_, word) in enumerate(verdicts) if word]
+    labels = [f"{names[seen[place]]}: {verdicts[place][1]}" for place in told]
     below = label_places(episode, boxes[told], labels)
-    tinted = [text_on_dark(marks[number][0]) for number in told]
-    recording.log(f"{EXPECTED}/words", rr.Points2D(below, labels=labels, colors=tinted, radii=0.0, show_labels=True))
+    recording.log(f"{EXPECTED}/words", captions(below, labels, [colors[place] for place in told]))
     if frame > 0:
         log_action(recording, episode, frame - 1, EXPECTED)
 
 
 def label_places(episode: Episode, boxes: np.ndarray, labels: list[str]) -> np.ndarray:
     """Below the middle of each box (L, 4), moved inwards where the text would leave the view; pixels (L, 2)."""
-    low, high = board_bounds(episode, VIEW_MARGIN)
-    unit = 1 / drawing_scale(episode)
+    low, high = annotations.board_bounds(episode, VIEW_MARGIN)
+    unit = 1 / annotations.drawing_scale(episode)
     half = np.array([len(label) for label in labels]) * LETTER * unit / 2
     middle = boxes[:, [0, 2]].mean(axis=1)
     across = np.clip(middle, np.minimum(low[0] + half, high[0] - half), np.maximum(low[0] + half, high[0] - half))
     return np.stack([across, np.minimum(boxes[:, 3], high[1] - LINE * unit)], axis=1)
 
 
-def _mark(foreseen: Explanation, frame: int, index: int) -> tuple[Rgb, str]:
+def _verdict(foreseen: Explanation, frame: int, index: int) -> tuple[Rgb, str]:
     """Colour and word of a responder; no word where nothing happened, as expected."""
     if frame == 0 or index not in foreseen.changed(frame - 1):
         return MUTED, ""
@@ -280,18 +241,13 @@ def _mark(foreseen: Explanation, frame: int, index: int) -> tuple[Rgb, str]:
     expected = foreseen.expected[frame - 1, index]
     if expected == after:
         return CORRECT, f"{before} to {after}, as expected"
-    return (
-        WRONG,
-        f"{before} to {after}, expected {expected}" if after != before else f"still {after}, expected {expected}",
-    )
+    return WRONG, f"{f'still {after}' if after == before else f'{before} to {after}'}, expected {expected}"
 
 
 def words(episode: Episode, foreseen: Explanation, step: int) -> str:
     """ "expected: lamp 5 to become 1; so it did" in one line."""
-    names = object_names(episode.board)
-    changes = [
-        f"{names[index]} to become {foreseen.expected[step, index]}"
-        for index in np.flatnonzero(foreseen.judged & (foreseen.expected[step] != foreseen.states[step]))
-    ]
+    names, expected = annotations.object_names(episode.board), foreseen.expected[step]
+    changing = np.flatnonzero(foreseen.judged & (expected != foreseen.states[step]))
+    changes = [f"{names[index]} to become {expected[index]}" for index in changing]
     wrong = [f"{names[index]} is {foreseen.states[step + 1, index]}" for index in foreseen.wrong(step)]
     return f"expected {' and '.join(changes) or 'no change'}: {'but ' + ' and '.join(wrong) if wrong else 'right'}"

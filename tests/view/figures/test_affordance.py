@@ -7,7 +7,7 @@ import numpy as np
 
 from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace, retrace
-from busybot.view.figures.affordance import affordance_figure
+from busybot.view.figures.sequences import affordance_figure
 from busybot.view.palette import ACTION, INK
 from tests.episodes.synthetic import make_episode
 from tests.interact.scenes import ButtonModel

@@ -13,7 +13,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.view.annotations import named, remaining_responders
-from busybot.view.figures.sequences import COLUMNS, sequence_figure
+from busybot.view.figures.sequences import PICTURES_PER_ROW, sequence_figure
 from busybot.view.palette import ACTION, CORRECT, WRONG
 from busybot.view.report.page import Heading, Picture, Text
 from busybot.view.report.report import NO_SEQUENCE, sequence_blocks
@@ -56,7 +56,7 @@ def test_what_differs_is_red_and_what_became_right_is_green(tmp_path: Path) -> N
 
 
 def test_long_rollouts_go_on_below(tmp_path: Path) -> None:
-    short, long = (drawn(tmp_path / f"{n}.png", rollout(n)) for n in (COLUMNS - 2, COLUMNS - 1))
+    short, long = (drawn(tmp_path / f"{n}.png", rollout(n)) for n in (PICTURES_PER_ROW - 2, PICTURES_PER_ROW - 1))
     assert short.shape[1] == long.shape[1] and long.shape[0] > 1.7 * short.shape[0]
     assert drawn(tmp_path / "none.png", rollout(0)).size
 

@@ -14,7 +14,6 @@ The second mode builds and plays so many boards in one process and reports its m
 """
 
 import json
-import resource
 import sys
 import tempfile
 import time
@@ -25,7 +24,7 @@ from typing import Any, TypeVar
 import numpy as np
 import psutil
 
-from benchmarks.runner import finish, parser
+from benchmarks.runner import finish, parser, peak_mb
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
@@ -152,7 +151,7 @@ def memory(library: Library, boards: int) -> dict[str, Any]:
         "memory": trace,
         # until then caches fill
         "growth_mb_over_second_half": trace[-1]["rss_mb"] - trace[len(trace) // 2 - 1]["rss_mb"],
-        "peak_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3),
+        "peak_mb": peak_mb(),
         "more_open_files_over_second_half": trace[-1]["open_files"] - trace[len(trace) // 2 - 1]["open_files"],
     }
 

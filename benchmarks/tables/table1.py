@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, assets_name, busybot, chosen, finish, parser, told_rows, train
+from benchmarks.runner import as_typed, assets_name, busybot, chosen, finish, generating, parser, told_rows, train
 from busybot.common.process_pool import machine
 
 SPLITS = ("novel-config", "novel-object")
@@ -57,38 +57,24 @@ def _delta(pixels: int) -> Table1Row:
     return Table1Row(options, judge=options)
 
 
-JOINTS = ("--set", "interaction.reward=joints")
-
+JOINTS, STRICT = ("--set", "interaction.reward=joints"), ("--strict",)
 
 ROWS = {
-    "free-0": Table1Row(seed=0),
-    "free-1": Table1Row(seed=1),
-    "free-2": Table1Row(seed=2),
-    "strict-0": Table1Row(("--strict",), 0, ("--strict",)),
-    "strict-1": Table1Row(("--strict",), 1, ("--strict",)),
-    "strict-2": Table1Row(("--strict",), 2, ("--strict",)),
+    **{f"free-{seed}": Table1Row(seed=seed) for seed in range(3)},
+    **{f"strict-{seed}": Table1Row(STRICT, seed, STRICT) for seed in range(3)},
     "oracle": Table1Row(JOINTS, judge=JOINTS),
     "rgb": Table1Row(("--set", "inputs=rgb")),
     "greedy": Table1Row(None, judge=("--mode", "greedy"), model="free-1"),
     "ucb": Table1Row(None, judge=("--mode", "ucb"), model="free-1"),
     "random": Table1Row(None, model="random"),
     "free-0-delta-1000": Table1Row(None, judge=("--set", "interaction.delta=1000"), model="free-0"),
-    "without-responders-100": _delta(100),
-    "without-responders-500": _delta(500),
-    "without-responders-1000": _delta(1000),
+    **{f"without-responders-{pixels}": _delta(pixels) for pixels in (100, 500, 1000)},
     "paper": Table1Row(("--model", "paper")),
 }
 ON_REQUEST = ("paper",)
 """Rows that only `--rows` runs: days on a CPU."""
 NOTHING_LEARNED = "no recorded action succeeded"
 """What training says where not a single action was rewarded: there is no model to judge."""
-
-
-def boards(folder: Path, split: str, arguments: argparse.Namespace) -> tuple[str, ...]:
-    """The command that makes the boards that all rows are judged on; it refuses others that are there already."""
-    seed, number = str(arguments.judge_seed), str(arguments.boards)
-    options = ("--split", split, "--boards", number, "--seed", seed, "--group-size", "1")
-    return ("generate", str(folder), *options, "--assets", arguments.assets)
 
 
 def training(row: Table1Row, out: Path, arguments: argparse.Namespace) -> tuple[str, ...]:
@@ -118,7 +104,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     for split in SPLITS:
         folder = work / f"judge-{arguments.judge_seed}-{split}"
         out = work / f"judged-{arguments.judge_seed}-{name}-{split}"
-        commands.append(boards(folder, split, arguments))
+        commands.append(generating(folder, split, arguments.boards, arguments.judge_seed, arguments.assets))
         busybot(*commands[-1])
         command = ("eval", "interact", str(folder), "--model", model, *row.judge)
         result = busybot(*command, "--out", str(out), "--assets", arguments.assets)

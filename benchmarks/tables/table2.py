@@ -1,6 +1,11 @@
 """Table 2 of the protocol: who finds relations and predicts what follows, by the commands that a user types.
 
+    python -m benchmarks.tables.table2 record --model MODEL --assets DIR --data FOLDER [--only train,random/train]
     python -m benchmarks.tables.table2 --data FOLDER --work FOLDER --out benchmarks/results/table2.json [--rows a,b]
+
+`record` makes the recorded boards; `--model` is the interaction policy that acts on them (`busybot train interact`).
+Beneath `random` lie recordings of the same boards without exploration. Every board has an appearance of its own: 300
+tell more than 15.
 
 `--data` holds recorded datasets: `train` (to train on), `validation` (training objects, other boards), `novel-config`
 and `novel-object` (to judge on). The rows "without exploration" need the same beneath `random`, recorded with
@@ -12,11 +17,11 @@ the result as soon as it is judged. Trained rows have three seeds each; their me
 
 import argparse
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, busybot, chosen, finish, parser, told_rows, train
+from benchmarks.runner import as_typed, busybot, chosen, finish, generating, one_of, parser, told_rows, train
 from busybot.common.atomic_io import write_json
 from busybot.common.process_pool import machine
 
@@ -58,6 +63,34 @@ DETAILS = (
     "hashes",
     "versions",
 )
+
+
+STEPS = 30
+
+
+@dataclass(frozen=True)
+class RecordedSplit:
+    """Boards of one split.
+
+    Attributes:
+        split: of `busybot generate`.
+        seed: no two recordings share boards, except with and without exploration.
+    """
+
+    split: str
+    boards: int
+    seed: int
+
+
+JUDGED = {
+    "novel-object": RecordedSplit("novel-object", 300, 604),
+    "novel-config": RecordedSplit("novel-config", 300, 603),
+    "validation": RecordedSplit("train", 150, 602),
+}
+LEARNED = {**JUDGED, "train": RecordedSplit("train", 1000, 601)}
+RANDOM = {name: replace(recording, boards=min(150, recording.boards)) for name, recording in JUDGED.items()}
+RANDOM["train"] = replace(LEARNED["train"], boards=300)
+"""The first of the same boards: without exploration there is little to find, and fewer boards tell it."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +193,24 @@ def across(results: list[dict[str, Any]]) -> dict[str, dict[str, float | None]]:
     return told
 
 
-def main() -> None:
+def record(words: list[str]) -> None:
+    """Generate the boards and act on them; what is there is left alone."""
+    options = parser(__doc__, out=None)
+    options.add_argument("--model", required=True)
+    options.add_argument("--data", type=Path, required=True)
+    options.add_argument("--only", help="names, comma-separated; all by default")
+    options.add_argument("--most", type=int, default=10_000, help="boards per recording")
+    arguments = options.parse_args(words)
+    recordings = {name: (one, ("learned", "--model", arguments.model)) for name, one in LEARNED.items()}
+    recordings |= {f"random/{name}": (one, ("random",)) for name, one in RANDOM.items()}
+    for name in chosen(arguments.only, recordings) if arguments.only else recordings:
+        one, policy = recordings[name]
+        folder, seed = arguments.data / name, ("--seed", str(one.seed), "--assets", arguments.assets)
+        busybot(*generating(folder, one.split, min(arguments.most, one.boards), one.seed, arguments.assets))
+        busybot("collect", str(folder), "--steps", str(STEPS), "--policy", *policy, *seed)
+
+
+def main(words: list[str]) -> None:
     options = parser(__doc__, assets=False)
     options.add_argument("--data", type=Path, required=True, help="recorded datasets, see above")
     options.add_argument("--work", type=Path, required=True, help="for models and results; continued if it exists")
@@ -168,7 +218,7 @@ def main() -> None:
     usual = ",".join(name for name in ROWS if name not in WHOLE_SCHEDULE)
     options.add_argument("--rows", default=usual, help="which rows, in this order")
     options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     arguments.work.mkdir(parents=True, exist_ok=True)
     result: dict[str, Any] = {"rows": told_rows(arguments.out, "table2")}
     for name in chosen(arguments.rows, ROWS):
@@ -184,4 +234,4 @@ def _percent(share: float | None) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main, record=record)

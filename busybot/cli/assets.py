@@ -1,11 +1,14 @@
 """`busybot assets`: which objects there are; make procedural ones, fetch and import real ones, check a folder."""
 
+import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from busybot.cli.common import JsonOption, SeedOption, check_file, print_json, say
+from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.objects.importing.annotation_edits import Overrides
@@ -14,10 +17,12 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="List, make and check objects.")
 
+LibraryArgument = Annotated[str, typer.Argument(metavar="[DIR]", help="`procedural`, or a library's folder.")]
+
 
 @app.command("list")
 def list_objects(
-    folder: Annotated[str, typer.Argument(metavar="[DIR]", help="`procedural`, or a library's folder.")] = "procedural",
+    folder: LibraryArgument = "procedural",
     json: JsonOption = False,
 ) -> None:
     """Show a library: every object with its role, links, split and sampling weight."""
@@ -89,13 +94,13 @@ def import_raw(
 
     Without --out nothing is imported: --review alone shows what the rules propose. Exits with 1 if any is refused.
     """
-    from busybot.objects.importing.annotation_edits import read_overrides
+    from busybot.objects.importing.annotation_edits import read_overrides, write_review
     from busybot.objects.importing.importer import import_objects, raw_folders
 
     if out is None and review is None:
         raise typer.BadParameter("nothing to do: give --out DIR, --review FILE or both", param_hint="--out")
-    if review is not None:
-        _refuse_existing(review)
+    if review is not None and review.exists():
+        raise BusybotError(f"{review}: exists, perhaps with somebody's changes", "name another file for the proposal")
     given = read_overrides(overrides) if overrides else None
     folders = raw_folders(raw)
     outcomes = []
@@ -103,7 +108,8 @@ def import_raw(
         say(f"{outcome.name}: {outcome.done}{f' as {outcome.key}' if outcome.key else ''}{_reason(outcome)}")
         outcomes.append(outcome)
     if review is not None:
-        _write_review(review, outcomes)
+        proposals = {outcome.name: (outcome.choices, outcome.notes) for outcome in outcomes if outcome.choices}
+        write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
     refused = any(outcome.problem for outcome in outcomes)
     facts = {"folder": out, "review": review, "objects": outcomes, "unused": _unused(given, folders)}
     if json:
@@ -149,11 +155,6 @@ def fetch(
 
 def _token() -> str:
     """The user's token, from the environment or a hidden prompt."""
-    import os
-    import sys
-
-    from busybot.common.errors import BusybotError
-
     token = os.environ.get("SAPIEN_ACCESS_TOKEN", "").strip()
     if not token and sys.stdin.isatty():
         token = typer.prompt("Access token of PartNet-Mobility", hide_input=True, err=True).strip()
@@ -165,20 +166,6 @@ def _token() -> str:
     return token
 
 
-def _refuse_existing(review: Path) -> None:
-    from busybot.common.errors import BusybotError
-
-    if review.exists():
-        raise BusybotError(f"{review}: exists, perhaps with somebody's changes", "name another file for the proposal")
-
-
-def _write_review(review: Path, outcomes: "list[ImportOutcome]") -> None:
-    from busybot.objects.importing.annotation_edits import write_review
-
-    proposals = {outcome.name: (outcome.choices, outcome.notes) for outcome in outcomes if outcome.choices}
-    write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
-
-
 def _reason(outcome: "ImportOutcome") -> str:
     if outcome.problem:
         return f": {outcome.problem}{f' (hint: {outcome.hint})' if outcome.hint else ''}"
@@ -187,7 +174,7 @@ def _reason(outcome: "ImportOutcome") -> str:
 
 @app.command()
 def sheet(
-    folder: Annotated[str, typer.Argument(metavar="[DIR]", help="`procedural`, or a library's folder.")] = "procedural",
+    folder: LibraryArgument = "procedural",
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Picture to write: PNG, JPEG or WebP.")] = Path(
         "sheet.png"
     ),

@@ -6,7 +6,6 @@ progress and logs go to standard error. After wrong usage or Ctrl-C standard out
 
 import json
 import os
-import shlex
 import shutil
 import sys
 import time
@@ -36,11 +35,20 @@ WorkersOption = Annotated[
     int | None,
     typer.Option("--workers", min=1, help="Number of processes that share the work; by default one per core."),
 ]
+AssetsOption = Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")]
+StrictOption = Annotated[bool, typer.Option("--strict", help="Refuse moves far off the annotated directions.")]
 
 
 def say(message: str) -> None:
     """A line of progress or explanation, on standard error."""
     print(message, file=sys.stderr, flush=True)
+
+
+def processes(wanted: int | None) -> int:
+    """How many share the work: as many as `--workers` says, or one per core."""
+    from busybot.common.process_pool import default_workers
+
+    return wanted or default_workers()
 
 
 @contextmanager
@@ -56,6 +64,11 @@ def kept_in(out: Path) -> Iterator[None]:
 def counted(number: int, thing: str) -> str:
     """`1 problem`, `2 problems`."""
     return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def pixel_shares(image: Any) -> str:
+    """How much of a picture differs from another one (`ImageDifference`)."""
+    return f"colour {image.colour:.3%}, depth {image.depth:.3%}, links {image.links:.3%} of the pixels"
 
 
 def own_name() -> str:
@@ -193,13 +206,3 @@ class _LinePrinter:
         self._last = now
         rate = (done - self._first) / max(now - self._began, 1e-9)
         say(f"{self._label}: {done} of {total}, {rate:.2f}/s, {(total - done) / rate:.0f} s left")
-
-
-def command_again(skill: str, dataset: Path, settings: list[str] | None, config: Path | None, **options: Any) -> str:
-    """The command that gives the same result; options that are None or False were not given."""
-    words = ["busybot", "eval", skill, str(dataset)]
-    for name, value in options.items():
-        if value is not None and value is not False:
-            words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
-    words += [word for setting in settings or [] for word in ("--set", setting)]
-    return shlex.join([*words, *(["--config", str(config)] if config else [])])

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from busybot.cli.common import counted, say
+from busybot.cli.common import counted, pixel_shares, say
 
 if TYPE_CHECKING:
     from busybot.datasets.dataset_diff import DatasetDifference
@@ -71,9 +71,7 @@ def sentence(one: "Difference") -> str:
             parts.append(f"{name}s differ from step {getattr(one, name)}")
     parts += [f"joints by {one.joints:.1e}"] if one.joints else []
     if not one.image.equal:
-        image = one.image
-        shares = f"colour {image.colour:.3%}, depth {image.depth:.3%}, links {image.links:.3%} of the pixels"
-        goal = "" if one.goal else " and of the goal"
+        goal, shares = "" if one.goal else " and of the goal", pixel_shares(one.image)
         parts.append(f"pictures of {len(one.frames)} frames{goal}, at worst beyond the tolerance: {shares}")
     return "; ".join(parts) or "objects seen elsewhere"
 

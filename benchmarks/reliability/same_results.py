@@ -12,7 +12,7 @@ and judges the models that the first one trained. `--only 'eval/*'` runs some of
 Cases with real objects are left out where these are not found (BUSYBOT_PARTNET_DIR names their folder, else it is
 `../shared/partnet-mobility` beside this repository).
 
-The comparison (`same_results_compare`) is exact, except for a short list of keys and for rounding in graph networks. It
+The comparison is exact, except for a short list of keys and for rounding in graph networks. It
 also demands, of each checkout, that two workers give what one gives, and interrupted work what uninterrupted work
 gives. Exits with 1 if anything differs, or a command fails.
 """
@@ -39,8 +39,20 @@ import numpy as np
 import pyarrow.parquet as pq
 from safetensors.numpy import load_file
 
-from benchmarks.reliability.same_results_cases import BOARDS, DATASETS, EVALUATIONS, OTHERS, WORKS, Work
-from benchmarks.reliability.same_results_compare import FAILED, Facts, compare, may_round, stripped, within
+from benchmarks.reliability.same_results_cases import (
+    BOARDS,
+    DATASETS,
+    EVALUATIONS,
+    FAILED,
+    OTHERS,
+    WORKS,
+    Facts,
+    Work,
+    compare,
+    may_round,
+    stripped,
+    within,
+)
 from busybot.evaluation.results import stamp
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -201,13 +201,13 @@ def record(words: list[str]) -> None:
     options.add_argument("--only", help="names, comma-separated; all by default")
     options.add_argument("--most", type=int, default=10_000, help="boards per recording")
     arguments = options.parse_args(words)
-    recordings = {name: (one, ("learned", "--model", arguments.model)) for name, one in LEARNED.items()}
-    recordings |= {f"random/{name}": (one, ("random",)) for name, one in RANDOM.items()}
+    recordings = {**LEARNED, **{f"random/{name}": one for name, one in RANDOM.items()}}
     for name in chosen(arguments.only, recordings) if arguments.only else recordings:
-        one, policy = recordings[name]
-        folder, seed = arguments.data / name, ("--seed", str(one.seed), "--assets", arguments.assets)
-        busybot(*generating(folder, one.split, min(arguments.most, one.boards), one.seed, arguments.assets))
-        busybot("collect", str(folder), "--steps", str(STEPS), "--policy", *policy, *seed)
+        one, folder, assets = recordings[name], arguments.data / name, arguments.assets
+        policy = ("random",) if name.startswith("random/") else ("learned", "--model", arguments.model)
+        busybot(*generating(folder, one.split, min(arguments.most, one.boards), one.seed, assets))
+        acting = ("--steps", str(STEPS), "--policy", *policy, "--seed", str(one.seed), "--assets", assets)
+        busybot("collect", str(folder), *acting)
 
 
 def main(words: list[str]) -> None:

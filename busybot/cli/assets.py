@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, check_file, print_json, say
+from busybot.cli.common import JsonOption, SeedOption, answer, check_file, print_json, say
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -48,11 +48,12 @@ def make(
 
     keys = make_library(out, seed)
     library = load_and_remember(out)
-    if json:
-        print_json({"folder": out, "seed": seed, "sha256": library.sha256, "objects": keys})
-    else:
-        say(f"{len(keys)} objects in {out} (seed {seed}, sha256 {library.sha256[:12]})")
-        say(f"next: busybot assets list {out}; busybot generate OUT --assets {out}")
+    answer(
+        json,
+        {"folder": out, "seed": seed, "sha256": library.sha256, "objects": keys},
+        f"{len(keys)} objects in {out} (seed {seed}, sha256 {library.sha256[:12]})",
+        f"next: busybot assets list {out}; busybot generate OUT --assets {out}",
+    )
 
 
 @app.command()
@@ -112,10 +113,8 @@ def import_raw(
         write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
     refused = any(outcome.problem for outcome in outcomes)
     facts = {"folder": out, "review": review, "objects": outcomes, "unused": _unused(given, folders)}
-    if json:
-        print_json({"ok": not refused, **facts})
-    elif out is not None:
-        say(f"next: busybot assets check {out}; busybot generate OUT --assets {out}")
+    hints = [f"next: busybot assets check {out}; busybot generate OUT --assets {out}"] if out is not None else []
+    answer(json, {"ok": not refused, **facts}, *hints)
     if refused:
         raise typer.Exit(1)
 
@@ -147,10 +146,7 @@ def fetch(
         new = fetch_object(instance, out, token)
         say(f"{instance}: {'downloaded' if new else 'is there already'}")
         fetched.append({"id": instance, "folder": out / instance, "new": new})
-    if json:
-        print_json({"folder": out, "objects": fetched})
-    else:
-        say(f"next: busybot assets import {out} --out LIBRARY")
+    answer(json, {"folder": out, "objects": fetched}, f"next: busybot assets import {out} --out LIBRARY")
 
 
 def _token() -> str:
@@ -188,10 +184,7 @@ def sheet(
 
     check_file("--out", out, "sheet.png")
     count = draw(out, find(folder), cell, columns)
-    if json:
-        print_json({"sheet": out, "objects": count})
-    else:
-        say(f"{count} objects in {out}")
+    answer(json, {"sheet": out, "objects": count}, f"{count} objects in {out}")
 
 
 def _rows(library: "Library") -> list[dict[str, Any]]:

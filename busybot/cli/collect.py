@@ -11,9 +11,9 @@ from busybot.cli.common import (
     JsonOption,
     StrictOption,
     WorkersOption,
+    answer,
     episode_progress,
     own_name,
-    print_json,
     processes,
     say,
 )
@@ -66,11 +66,12 @@ def collect(
     except KeyboardInterrupt:
         say(f"{len(target.finished())} of {target.info.boards} episodes are there; the same command continues")
         raise
-    if json:
-        print_json({"dataset": dataset, "boards": result.boards, "episodes": result.done, "new": result.new})
-    else:
-        say(f"{result.done} of {result.boards} episodes in {dataset}, {result.new} of them new")
-        say(f"next: {own_name()} dataset info {quote(str(dataset))}; {own_name()} view {quote(str(dataset))}")
+    answer(
+        json,
+        {"dataset": dataset, "boards": result.boards, "episodes": result.done, "new": result.new},
+        f"{result.done} of {result.boards} episodes in {dataset}, {result.new} of them new",
+        f"next: {own_name()} dataset info {quote(str(dataset))}; {own_name()} view {quote(str(dataset))}",
+    )
 
 
 def _engine(name: str) -> "Engine":

@@ -95,6 +95,15 @@ def print_json(value: Any) -> None:
     print(json.dumps(value, default=_plain, allow_nan=False), flush=True)
 
 
+def answer(json: bool, facts: Any, *lines: str) -> None:
+    """What a command leaves: one JSON object with `--json`, else lines for people, on standard error."""
+    if json:
+        print_json(facts)
+    else:
+        for line in lines:
+            say(line)
+
+
 def _plain(value: Any) -> Any:
     """What json does not know: paths, dataclasses, pydantic models, numpy scalars and arrays."""
     if isinstance(value, Path):

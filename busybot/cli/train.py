@@ -13,9 +13,9 @@ from busybot.cli.common import (
     SeedOption,
     StrictOption,
     WorkersOption,
+    answer,
     episode_progress,
     kept_in,
-    print_json,
     processes,
     say,
 )
@@ -58,7 +58,7 @@ def interact(
     training = _interaction(out, (config, set_ or [], options), objects, tuple(data or ()), seed, processes(workers))
     with kept_in(out):
         trained = training.run()
-    _tell(out, {"training": trained.info.training}, json, "model", f"interact DATASET --model {out}")
+    _tell(json, out, "interact", trained.info.training)
 
 
 def _interaction(
@@ -118,7 +118,13 @@ def reason(
     parameters = build(CONFIGS[model], config, set_ or [], {"encoder": encoder})
     with kept_in(out):
         trained = train_reason(out, parameters, tuple(data), seed, episode_progress, workers)
-    _tell(out, {"training": trained.training}, json, "model", f"reason DATASET --model {out}")
+    _tell(json, out, "reason", trained.training)
+
+
+def _tell(json: bool, out: Path, skill: str, training: Any) -> None:
+    facts = {"out": out, "model": out / "model", "training": training}
+    hint = f"next: busybot eval {skill} DATASET --model {out}"
+    answer(json, facts, f"the model is in {out / 'model'}", hint)
 
 
 def _planner(agent: str, about: str) -> Callable[..., None]:
@@ -155,11 +161,14 @@ def _planner(agent: str, about: str) -> Callable[..., None]:
         named, count = policy_model or DEFAULT_MODEL, processes(workers)
         with kept_in(out):
             info, budget = train_policy(out, built, tuple(data), named, assets, seed, count, episode_progress, explored)
-        if not json:
-            minutes = f"{budget['minutes']} of at most {budget['minutes_allowed']} minutes"
-            say(f"{budget['iterations']} iterations in {minutes}")
-        facts = {"training": info.training, "budget": budget}
-        _tell(out, facts, json, "policy", f"plan DATASET --agents {agent}={out}")
+        minutes = f"{budget['minutes']} of at most {budget['minutes_allowed']} minutes"
+        answer(
+            json,
+            {"out": out, "model": out / "model", "training": info.training, "budget": budget},
+            f"{budget['iterations']} iterations in {minutes}",
+            f"the policy is in {out / 'model'}",
+            f"next: busybot eval plan DATASET --agents {agent}={out}",
+        )
 
     train.__doc__ = about
     return train
@@ -169,12 +178,3 @@ bc = app.command("bc")(_planner("bc", "Learn to reach goals by imitating an orac
 ppo = app.command("ppo")(
     _planner("ppo", "Learn to reach goals by trial and error, on training boards; needs the extra `baselines`.")
 )
-
-
-def _tell(out: Path, facts: dict[str, Any], json: bool, what: str, judged: str) -> None:
-    """Where the model is, and how it is judged: `busybot eval ...`."""
-    if json:
-        print_json({"out": out, "model": out / "model", **facts})
-    else:
-        say(f"the {what} is in {out / 'model'}")
-        say(f"next: busybot eval {judged}")

@@ -9,6 +9,7 @@ from busybot.cli.common import (
     AssetsOption,
     JsonOption,
     WorkersOption,
+    answer,
     counted,
     episode_progress,
     print_json,
@@ -197,7 +198,7 @@ def push(
     from busybot.datasets.dvc_remote import push as run
 
     shared = run(dataset, remote, endpoint)
-    _tell(shared, json, f"sent {dataset}", f"keep {shared.pointer} in version control")
+    answer(json, vars(shared), f"sent {dataset}{_size(shared)}", f"keep {shared.pointer} in version control")
 
 
 @app.command()
@@ -211,13 +212,9 @@ def pull(
     from busybot.datasets.dvc_remote import pull as run
 
     shared = run(dataset, remote, endpoint)
-    _tell(shared, json, f"fetched {dataset}" if shared.new else f"{dataset} is there and whole", "")
+    done = f"fetched {dataset}" if shared.new else f"{dataset} is there and whole"
+    answer(json, vars(shared), f"{done}{_size(shared)}")
 
 
-def _tell(shared: "Shared", json: bool, what: str, after: str) -> None:
-    if json:
-        print_json(vars(shared))
-        return
-    say(f"{what}: {shared.files} files, {shared.bytes / 1e6:.1f} MB")
-    if after:
-        say(after)
+def _size(shared: "Shared") -> str:
+    return f": {shared.files} files, {shared.bytes / 1e6:.1f} MB"

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, answer, check_file, print_json, say
+from busybot.cli.common import answer, check_file, print_json, say
+from busybot.cli.options import JsonOption, SeedOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:

@@ -6,17 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from busybot.cli.common import (
-    AssetsOption,
-    JsonOption,
-    StrictOption,
-    WorkersOption,
-    answer,
-    episode_progress,
-    own_name,
-    processes,
-    say,
-)
+from busybot.cli.common import answer, episode_progress, own_name, processes, say
+from busybot.cli.options import AssetsOption, JsonOption, StrictOption, WorkersOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Options with one meaning, output for machines, and errors for people: shared by all subcommands.
+"""Output for machines and errors for people: shared by all subcommands.
 
 With `--json` a command prints exactly one JSON object on standard output, also when input or environment are at fault;
 progress and logs go to standard error. After wrong usage or Ctrl-C standard output stays empty.
@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Any, NoReturn
 
 import typer
 
@@ -20,23 +20,6 @@ from busybot.common.errors import BusybotError
 
 JSON_WANTED = "busybot.json"
 CONTEXT = {"help_option_names": ["-h", "--help"]}
-
-
-def _remember_json(context: typer.Context, wanted: bool) -> bool:
-    context.meta[JSON_WANTED] = wanted
-    return wanted
-
-
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output.", callback=_remember_json)
-]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn.")]
-WorkersOption = Annotated[
-    int | None,
-    typer.Option("--workers", min=1, help="Number of processes that share the work; by default one per core."),
-]
-AssetsOption = Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")]
-StrictOption = Annotated[bool, typer.Option("--strict", help="Refuse moves far off the annotated directions.")]
 
 
 def say(message: str) -> None:

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, WorkersOption, own_name, print_json, processes, say
+from busybot.cli.common import own_name, print_json, processes, say
+from busybot.cli.options import JsonOption, SeedOption, WorkersOption
 
 
 def demo(

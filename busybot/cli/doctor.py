@@ -18,7 +18,8 @@ from pathlib import Path
 
 import typer
 
-from busybot.cli.common import JsonOption, print_json
+from busybot.cli.common import print_json
+from busybot.cli.options import JsonOption
 
 SETUP = "make setup"
 PYTHONS = ((3, 11), (3, 13))

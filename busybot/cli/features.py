@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, WorkersOption, check_file, episode_progress, print_json, say
+from busybot.cli.common import check_file, episode_progress, print_json, say
+from busybot.cli.options import JsonOption, WorkersOption
 
 
 def features(

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import CONTEXT, JsonOption, counted, print_json, say
+from busybot.cli.common import CONTEXT, counted, print_json, say
+from busybot.cli.options import JsonOption
 
 if TYPE_CHECKING:
     from busybot.models import ModelDescription, ModelVerdict

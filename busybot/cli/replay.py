@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import AssetsOption, JsonOption, counted, pixel_shares, print_json, say
+from busybot.cli.common import counted, pixel_shares, print_json, say
+from busybot.cli.options import AssetsOption, JsonOption
 
 if TYPE_CHECKING:
     from busybot.sim.replay import Compared

@@ -6,19 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from busybot.cli.common import (
-    CONTEXT,
-    AssetsOption,
-    JsonOption,
-    SeedOption,
-    StrictOption,
-    WorkersOption,
-    answer,
-    episode_progress,
-    kept_in,
-    processes,
-    say,
-)
+from busybot.cli.common import CONTEXT, answer, episode_progress, kept_in, processes, say
+from busybot.cli.options import AssetsOption, JsonOption, SeedOption, StrictOption, WorkersOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:

@@ -5,18 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import (
-    AssetsOption,
-    JsonOption,
-    WorkersOption,
-    answer,
-    counted,
-    episode_progress,
-    print_json,
-    processes,
-    say,
-)
+from busybot.cli.common import answer, counted, episode_progress, print_json, processes, say
 from busybot.cli.dataset import printing
+from busybot.cli.options import AssetsOption, JsonOption, WorkersOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:

@@ -6,20 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from busybot.cli.common import (
-    CONTEXT,
-    AssetsOption,
-    JsonOption,
-    SeedOption,
-    StrictOption,
-    WorkersOption,
-    check_file,
-    episode_progress,
-    print_json,
-    processes,
-    say,
-)
+from busybot.cli.common import CONTEXT, check_file, episode_progress, print_json, processes, say
 from busybot.cli.eval import printing
+from busybot.cli.options import AssetsOption, JsonOption, SeedOption, StrictOption, WorkersOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:

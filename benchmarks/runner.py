@@ -155,6 +155,11 @@ def busybot(*arguments: str) -> dict[str, Any]:
     return dict(json.loads(printed))
 
 
+def option(name: str, value: Any) -> tuple[str, ...]:
+    """The words of an option, none if nothing was given for it."""
+    return (name, str(value)) if value else ()
+
+
 def generating(folder: Path, split: str, boards: int, seed: int, assets: str | Path) -> tuple[str, ...]:
     """The command that makes boards with an appearance each; it refuses others that are there already."""
     drawn = ("--split", split, "--boards", str(boards), "--seed", str(seed), "--group-size", "1")

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import busybot, chosen, finish, generating, one_of, parser
+from benchmarks.runner import busybot, chosen, finish, generating, one_of, option, parser
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.camera import Rays
 from busybot.episodes.mcap.reader import read_episode
@@ -143,7 +143,7 @@ def main(words: list[str]) -> None:
     names, work = chosen(arguments.constants, VALUES), arguments.work
     work.mkdir(parents=True, exist_ok=True)
     library = str(held_out_library(arguments.assets, work / OBJECTS))
-    config = ("--config", str(arguments.config)) if arguments.config else ()
+    config = option("--config", arguments.config)
     trained = busybot("train", "interact", "--out", str(work / MODEL), "--assets", library, "--strict", *config)[
         "training"
     ]

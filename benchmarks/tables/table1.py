@@ -13,25 +13,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, assets_name, busybot, chosen, finish, generating, parser, told_rows, train
+from benchmarks.runner import (
+    as_typed,
+    assets_name,
+    busybot,
+    chosen,
+    finish,
+    generating,
+    option,
+    parser,
+    told_rows,
+    train,
+)
 from busybot.common.process_pool import machine
 
 SPLITS = ("novel-config", "novel-object")
 JUDGE_SEED = 303
 KEYS = (
-    "precision",
-    "recall",
-    "recall_objects",
-    "precision_exploring",
-    "off_axis_share",
-    "precision_reward",
-    "reward_agreement",
-    "boards",
-    "intervals",
-    "failures_by_cause",
-    "failures_by_object",
-    "missed_links",
-    "by_step",
+    *("precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "precision_reward"),
+    *("reward_agreement", "boards", "intervals", "by_step"),
+    *("failures_by_cause", "failures_by_object", "missed_links"),
 )
 
 
@@ -77,20 +78,21 @@ NOTHING_LEARNED = "no recorded action succeeded"
 """What training says where not a single action was rewarded: there is no model to judge."""
 
 
-def training(row: Table1Row, out: Path, arguments: argparse.Namespace) -> tuple[str, ...]:
-    """The command that trains a row."""
-    command = ("train", "interact", "--out", str(out), "--assets", arguments.assets, "--seed", str(row.seed))
-    config = ("--config", str(arguments.config)) if arguments.config else ()
-    return (*command, *(row.train or ()), *config)
-
-
 def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     """Train a row if it has a training, and judge it on both novel splits."""
     row, work = ROWS[name], arguments.work
     commands, trained, places = [], None, {str(work): "WORK", arguments.assets: "ASSETS"}
     model = row.model if row.model == "random" else str(work / (row.model or name))
     if row.train is not None:
-        command = training(row, Path(model), arguments)
+        options = ("--assets", arguments.assets, "--seed", str(row.seed), *row.train)
+        command: tuple[str, ...] = (
+            "train",
+            "interact",
+            "--out",
+            model,
+            *options,
+            *option("--config", arguments.config),
+        )
         try:
             told = train(Path(model), *command)
         except RuntimeError as error:
@@ -106,11 +108,10 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         out = work / f"judged-{arguments.judge_seed}-{name}-{split}"
         commands.append(generating(folder, split, arguments.boards, arguments.judge_seed, arguments.assets))
         busybot(*commands[-1])
-        command = ("eval", "interact", str(folder), "--model", model, *row.judge)
-        result = busybot(*command, "--out", str(out), "--assets", arguments.assets)
+        commands.append(("eval", "interact", str(folder), "--model", model, *row.judge))
+        result = busybot(*commands[-1], "--out", str(out), "--assets", arguments.assets)
         judged[split] = {key: result[key] for key in (*KEYS, "dataset", "versions")}
         policy = judged_policy(result["provenance"])
-        commands.append(command)
     typed = [as_typed(command, places) for command in commands]
     return {"commands": typed, "machine": machine(), "training": trained, "policy": policy, **judged}
 

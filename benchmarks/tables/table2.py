@@ -21,50 +21,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, busybot, chosen, finish, generating, one_of, parser, told_rows, train
+from benchmarks.runner import as_typed, busybot, chosen, finish, generating, one_of, option, parser, told_rows, train
 from busybot.common.atomic_io import write_json
 from busybot.common.process_pool import machine
 
 SPLITS = ("validation", "novel-config", "novel-object")
 SCORES = (
-    "edge_p",
-    "edge_r",
-    "edge_acc",
-    "edge_r_bound",
-    "pred_a",
-    "pred_a_successful",
-    "pred_a_responder",
-    "pred_a_changed",
-    "pred_a_unchanged",
-    "pred_a_bound",
-    "ece",
-    "brier",
+    *("edge_p", "edge_r", "edge_acc", "edge_r_bound"),
+    *("pred_a", "pred_a_successful", "pred_a_responder", "pred_a_changed", "pred_a_unchanged", "pred_a_bound"),
+    *("ece", "brier"),
 )
 """Of which mean and extremes over seeds are told."""
 DETAILS = (
-    "boards",
-    "predicted_steps",
-    "failing",
-    "bounds",
-    "decoded",
-    "decoder_accuracy",
-    "persistence",
-    "baselines",
-    "calibration",
-    "intervals",
-    "macro",
-    "by_kind",
-    "pred_by_kind",
-    "pred_by_category",
-    "by_images",
-    "encoder",
-    "dataset",
-    "decoders",
-    "hashes",
-    "versions",
+    *("boards", "predicted_steps", "failing", "bounds", "decoded", "decoder_accuracy", "persistence", "baselines"),
+    *("calibration", "intervals", "macro", "by_kind", "pred_by_kind", "pred_by_category", "by_images"),
+    *("encoder", "dataset", "decoders", "hashes", "versions"),
 )
-
-
 STEPS = 30
 
 
@@ -144,30 +116,25 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     trained: list[dict[str, Any]] = []
     commands: list[tuple[str, ...]] = []
     judged: dict[str, list[dict[str, Any]]] = {}
+    decoders = data / "train" if row.model not in ("count", "pc") else None
+    judging = (*row.judge, *option("--decoders", decoders), *option("--assets", arguments.assets))
     for seed in range(row.seeds):
         model = row.model or str(arguments.work / f"{name}-{seed}")
         if row.model is None:
-            config = ("--config", str(arguments.config)) if arguments.config else ()
             options = ("--data", str(data / "train"), "--out", model, "--seed", str(seed))
-            commands.append(("train", "reason", *row.train, *options, *config))
+            commands.append(("train", "reason", *row.train, *options, *option("--config", arguments.config)))
             told = train(Path(model), *commands[-1])
             kept = {key: value for key, value in told.items() if key not in ("out", "model")}
             trained.append({**kept, "machine": machine()})
         for split in SPLITS:
             if (data / split).is_dir():
-                commands.append(_judging(row, model, data, split, arguments))
+                commands.append(("eval", "reason", str(data / split), "--model", model, *judging))
                 judged.setdefault(split, []).append(_told(commands[-1], arguments.work / f"{name}-{seed}-{split}.json"))
     return {
         "commands": [as_typed(command, places) for command in commands],
         "training": trained,
         "splits": {split: {**across(results), "seeds": results} for split, results in judged.items()},
     }
-
-
-def _judging(row: Table2Row, model: str, data: Path, split: str, arguments: argparse.Namespace) -> tuple[str, ...]:
-    decoders = ("--decoders", str(data / "train")) if row.model not in ("count", "pc") else ()
-    assets = ("--assets", str(arguments.assets)) if arguments.assets else ()
-    return ("eval", "reason", str(data / split), "--model", model, *row.judge, *decoders, *assets)
 
 
 def _told(command: tuple[str, ...], out: Path) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, assets_name, busybot, finish, one_of, parser
+from benchmarks.runner import as_typed, assets_name, busybot, finish, one_of, option, parser
 from busybot.common.atomic_io import read_json
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.results import read_result
@@ -53,15 +53,15 @@ def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -
         ("generate", str(tasks), *make, *assets),
         ("collect", str(tasks), "--policy", "learned", "--model", model, *seed, *assets),
     ]
-    played = [
-        (str(number), OURS if number else AGENTS, ("--model", str(reasoner)))
+    players = [
+        (str(number), ",".join(OURS if number else AGENTS), option("--model", reasoner))
         for number, reasoner in enumerate(options.reasoner)
     ]
-    played += [("learned", options.learned, ())] if options.learned else []
-    for who, agents, with_reasoner in played:
-        those = ("--agents", ",".join(agents), *with_reasoner, "--policy-model", model)
+    players += [("learned", ",".join(options.learned), ())] if options.learned else []
+    for who, agents, reasoner in players:
         out = ("--out", str(place(options, split, kind, who)))
-        commands.append(("eval", "plan", str(tasks), *those, *assets, *out))
+        given = ("--agents", agents, *reasoner, "--policy-model", model, *assets)
+        commands.append(("eval", "plan", str(tasks), *given, *out))
     typed += [as_typed(command, _places(options)) for command in commands]
     told = [busybot(*command) for command in commands][2:]
     names = [name for result in told for name in result["agents"]]

@@ -4,6 +4,7 @@ import argparse
 import json
 import os
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ import psutil
 
 from busybot.evaluation.results import KINDS, read_result, stamp, write_result
 
+BUSYBOT = (sys.executable, "-m", "busybot")
 Benchmark = Callable[[list[str]], None]
 """Runs with the words of a command line."""
 
@@ -137,7 +139,7 @@ def busybot(*arguments: str) -> dict[str, Any]:
     Raises:
         RuntimeError: the command failed; with the last lines of what it said.
     """
-    command = [sys.executable, "-m", "busybot", *arguments, "--json"]
+    command = [*BUSYBOT, *arguments, "--json"]
     said: deque[str] = deque(maxlen=5)
     with (
         tempfile.TemporaryFile("w+") as out,  # a pipe that nobody reads meanwhile would fill up
@@ -160,10 +162,26 @@ def option(name: str, value: Any) -> tuple[str, ...]:
     return (name, str(value)) if value else ()
 
 
+def settings(*values: str) -> tuple[str, ...]:
+    """Options that set parameters."""
+    return tuple(word for value in values for word in ("--set", value))
+
+
 def generating(folder: Path, split: str, boards: int, seed: int, assets: str | Path) -> tuple[str, ...]:
     """The command that makes boards with an appearance each; it refuses others that are there already."""
     drawn = ("--split", split, "--boards", str(boards), "--seed", str(seed), "--group-size", "1")
     return ("generate", str(folder), *drawn, "--assets", str(assets))
+
+
+def kill_when(process: subprocess.Popen[bytes], due: Callable[[], bool], every_seconds: float) -> bool:
+    """Kill the leader of a session with all its processes as soon as that is due; False if it ended before."""
+    while process.poll() is None and not due():
+        time.sleep(every_seconds)
+    if process.poll() is not None:
+        return False
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    return True
 
 
 def train(out: Path, *arguments: str) -> dict[str, Any]:

@@ -16,9 +16,7 @@ is drawn again. Looked at right after each kill:
 import fnmatch
 import hashlib
 import json
-import os
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -28,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import chosen, finish, parser
+from benchmarks.runner import BUSYBOT, chosen, finish, kill_when, parser, settings
 from busybot.common.atomic_io import scan, sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
@@ -36,15 +34,14 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.manifest import is_frozen, read_manifest
 from busybot.datasets.verify import verify
 
-SMALL = ["--set", "render.width=160", "--set", "render.height=120"]
+SMALL = settings("render.width=160", "render.height=120")
 COLLECT = ["collect", "{}", "--policy", "scripted", "--steps", "4", "--workers", "2", *SMALL]
 BOARDS = 8
 PARAMETERS = (
     *("validation=0", "interaction.delta=30", "position.checkpoint=5", "direction.checkpoint=5"),
     "rounds=[{boards: 4, steps: 12, position: 20, direction: 20}, {boards: 2, steps: 8, position: 20, direction: 20}]",
 )
-TRAINING = [word for parameter in PARAMETERS for word in ("--set", parameter)]
-TRAIN = ["train", "interact", "--out", "{}", "--workers", "1", *SMALL, *TRAINING]
+TRAIN = ["train", "interact", "--out", "{}", "--workers", "1", *SMALL, *settings(*PARAMETERS)]
 POLL_SECONDS = 0.005
 LONGEST_SECONDS = 1800
 DATA = "*"
@@ -70,7 +67,7 @@ class Subject:
 
 
 def command(arguments: list[str], folder: Path) -> list[str]:
-    return [sys.executable, "-m", "busybot", *(argument.replace("{}", str(folder)) for argument in arguments)]
+    return [*BUSYBOT, *(argument.replace("{}", str(folder)) for argument in arguments)]
 
 
 def run(arguments: list[str], folder: Path) -> None:
@@ -189,15 +186,10 @@ def killed(subject: Subject, folder: Path, start: Path, delay: float, after_chan
     while after_change and process.poll() is None and not changed(folder, before):
         time.sleep(POLL_SECONDS)
     end = time.monotonic() + delay
-    while process.poll() is None and time.monotonic() < end:
-        time.sleep(min(POLL_SECONDS, max(0.0, end - time.monotonic())))
-    if process.poll() is not None:
+    if not kill_when(process, lambda: time.monotonic() >= end, POLL_SECONDS):
         return None
-    moment = time.monotonic() - began
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
     time.sleep(0.2)  # workers end with their parent
-    return moment
+    return end - began
 
 
 def trial(subject: Subject, start: Path, folder: Path, expected: Facts) -> list[str]:
@@ -224,7 +216,6 @@ def times(folder: Path) -> dict[str, int]:
 
 
 def campaign(name: str, subject: Subject, kills: int, seed: int, base: Path) -> dict[str, Any]:
-    """All trials of one command."""
     start, folder = base / f"{name}-start", base / name
     subject.prepare(start)
     expected, first, seconds = undisturbed(subject, folder)

@@ -25,7 +25,6 @@ import os
 import resource
 import shlex
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -53,6 +52,7 @@ from benchmarks.reliability.same_results_cases import (
     stripped,
     within,
 )
+from benchmarks.runner import BUSYBOT, kill_when
 from busybot.evaluation.results import stamp
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -94,7 +94,7 @@ class Runner:
 
     def busybot(self, *words: str) -> Facts:
         """What the command prints with `--json`."""
-        command = [sys.executable, "-m", "busybot", *words, "--json"]
+        command = [*BUSYBOT, *words, "--json"]
         done = subprocess.run(command, cwd=self.work, env=self.environment(), capture_output=True, text=True)
         if done.returncode:
             said = f"{done.stdout[-1500:]}{done.stderr[-1500:]}"
@@ -109,7 +109,6 @@ class Runner:
         return json.loads(text)
 
     def generate(self, folder: str, options: str) -> Facts:
-        """The boards of a folder."""
         return self.busybot("generate", folder, "--seed", "7", *self.words(options))
 
     def dataset(self, folder: str) -> None:
@@ -124,16 +123,11 @@ class Runner:
 
     def kill(self, words: Sequence[str], folder: Path, patterns: tuple[str, ...]) -> None:
         """Start a command, and kill it with all its processes when each pattern matches a file that is not empty."""
-        command = [sys.executable, "-m", "busybot", *words]
         with open(self.work / "killed.log", "wb") as log:
             options: dict[str, Any] = {"stdout": log, "stderr": log, "start_new_session": True}
-            process = subprocess.Popen(command, cwd=self.work, env=self.environment(), **options)
-            while process.poll() is None and not all(_there(folder, pattern) for pattern in patterns):
-                time.sleep(0.002)
-            if process.poll() is not None:
+            process = subprocess.Popen([*BUSYBOT, *words], cwd=self.work, env=self.environment(), **options)
+            if not kill_when(process, lambda: all(_there(folder, pattern) for pattern in patterns), 0.002):
                 raise CommandError(f"busybot {shlex.join(words)}: ended before it was killed")
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
 
 
 def _there(folder: Path, pattern: str) -> bool:
@@ -141,7 +135,6 @@ def _there(folder: Path, pattern: str) -> bool:
 
 
 def boards(runner: Runner, options: str, name: str) -> Facts:
-    """Hash of boards alone."""
     made = runner.generate(f"boards/{name}", f"{options} --boards 4 --group-size 2")
     return {key: made[key] for key in ("board_hash", "redraws")}
 
@@ -177,7 +170,6 @@ def straight(runner: Runner, work: Work, name: str) -> Facts:
 
 
 def interrupt(runner: Runner, work: Work, name: str) -> None:
-    """Leave the work interrupted."""
     folder = f"interrupted/{name}"
     if work.generate:
         runner.generate(folder, work.generate)
@@ -223,7 +215,6 @@ def _sampled(values: np.ndarray) -> Facts:
 
 
 def judged(runner: Runner, work: Work, model: str) -> Facts:
-    """Figures of a trained model."""
     result = runner.busybot(*runner.words(work.judged, model=model), "--workers", "1")
     return {key: value for key, value in result.items() if key != "command"}
 
@@ -315,7 +306,6 @@ def write(file: Path, checkout: Path, facts: dict[str, Facts]) -> None:
 
 
 def read(file: Path) -> dict[str, Facts]:
-    """The cases of a file."""
     return dict(json.loads(file.read_text())["cases"])
 
 

@@ -15,6 +15,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.runner import settings
+
 Facts = Any  # JSON values
 
 SPLITS, ASSETS = ("train", "novel-config", "novel-object"), ("procedural", "{real}")
@@ -78,28 +80,27 @@ class Work:
     judged: str = ""
 
 
-def settings(*values: str) -> str:
-    """Options that set parameters."""
-    return shlex.join(word for value in values for word in ("--set", value))
+def setting(*values: str) -> str:
+    return shlex.join(settings(*values))
 
 
-SMALL_PICTURES = settings("render.width=160", "render.height=120")
-FAST = settings(
+SMALL_PICTURES = setting("render.width=160", "render.height=120")
+FAST = setting(
     *("interaction.delta=30", "validation=2", "validation_steps=8", "position.checkpoint=4", "direction.checkpoint=4"),
     "rounds=[{boards: 6, steps: 12, position: 12, direction: 12}, {boards: 3, steps: 6, position: 12, direction: 12}]",
 )
-PAPER = settings(
+PAPER = setting(
     *("epochs=3", "boards=3", "steps=12", "random_epochs=0", "all_directions_epochs=1", "joint_epochs=1", "threads=1"),
     *("checkpoint=1", "interaction.reward=joints", "position.epsilon_epochs=1", "direction.epsilon_epochs=1"),
     *("position.batch=2", "position.iterations=2", "direction.batch=2", "direction.iterations=2"),
 )
-EVENT = settings("iterations=24", "batch=4", "images=6", "loop.judge=4", "loop.report=4", "loop.held_out=0.2")
+EVENT = setting("iterations=24", "batch=4", "images=6", "loop.judge=4", "loop.report=4", "loop.held_out=0.2")
 WIDTHS = ("embedding", "edge_embedding", "action", "hidden", "convolution", "recurrent")
-GRAPH = settings(
+GRAPH = setting(
     *("images=6", "epochs=4", "batch=4", "threads=1", "loop.judge=2"), *(f"network.{width}=8" for width in WIDTHS)
 )
-AGENT = settings("iterations=16", "loop.judge=4", "loop.report=4", "net.hidden=16", "net.token=16")
-BC, PPO = settings("batch=4"), settings("batch=16", "envs=2", "steps=16")
+AGENT = setting("iterations=16", "loop.judge=4", "loop.report=4", "net.hidden=16", "net.token=16")
+BC, PPO = setting("batch=4"), setting("batch=16", "envs=2", "steps=16")
 
 EPISODE, CHECKPOINT, JUDGED_BOARD = "episodes/000000.mcap", "checkpoints/*.safetensors", "boards.jsonl"
 JUDGE_INTERACT = f"eval interact data/learned --model {{model}} --boards 1 --set actions=3 {SMALL_PICTURES}"

@@ -33,7 +33,6 @@ STAGES = ("single", "multi")
 
 
 def angle_deg(first: tuple[float, ...], second: tuple[float, ...]) -> float:
-    """Angle between two directions, degrees."""
     a, b = np.array(first), np.array(second)
     return float(np.rad2deg(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))))
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import busybot, chosen, finish, generating, one_of, option, parser
+from benchmarks.runner import busybot, chosen, finish, generating, one_of, option, parser, settings
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.camera import Rays
 from busybot.episodes.mcap.reader import read_episode
@@ -133,9 +133,9 @@ def held_out_library(assets: Path, folder: Path) -> Path:
     return folder
 
 
-def settings(values: dict[str, Any]) -> list[str]:
+def constants(values: dict[str, Any]) -> tuple[str, ...]:
     """Options that set constants of the learned policy."""
-    return [word for name, value in values.items() for word in ("--set", f"learned.{name}={value}")]
+    return settings(*(f"learned.{name}={value}" for name, value in values.items()))
 
 
 def main(words: list[str]) -> None:
@@ -164,7 +164,7 @@ def main(words: list[str]) -> None:
     for row, values in without_veto().items():
         result["free"][row] = dict(known.get("free", {}).get(row, {}))
         for place in everywhere:
-            told = place.judge(work / f"judged-free-{place.name}-{row}", *settings({**free, **values}))
+            told = place.judge(work / f"judged-free-{place.name}-{row}", *constants({**free, **values}))
             result["free"][row][place.name] = {key: told[key] for key in KEYS}
             result["boards"][place.name] = {key: told["dataset"][key] for key in ("boards", "board_hash")}
             result["models"][place.name] = told["provenance"]["model"]["sha256"]
@@ -172,7 +172,7 @@ def main(words: list[str]) -> None:
     varied: dict[str, dict[str, Any]] = {"defaults": {}, "before": BEFORE}
     varied |= {f"{name}={value}": {name: value} for name in names for value in VALUES[name]}
     for row, values in varied.items():
-        told = held_out.judge(work / f"judged-{row}", "--strict", *settings(values))
+        told = held_out.judge(work / f"judged-{row}", "--strict", *constants(values))
         result["rows"][row] = {key: told[key] for key in KEYS}
         _write(arguments, result)
 

@@ -22,19 +22,18 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks.runner import as_typed, assets_name, busybot, finish, generating, one_of, parser
+from benchmarks.runner import as_typed, assets_name, busybot, finish, generating, one_of, parser, settings
 
 SPLITS = ("train", "novel-config", "novel-object")
 POLICIES = ("scripted", "random")
 HASHES = ("board_hash", "trace_hash", "content_hash")
 DELTAS = (100, 500, 1000)
-SHOWN = {"with": (), "without": ("--set", "responders=false")}
+SHOWN = {"with": (), "without": settings("responders=false")}
 STEPS = 20
 METRICS = ("edge_p", "edge_r", "edge_acc", "edge_r_bound", "ece", "brier", "baselines")
 
 
 def run(split: str, policy: str, folder: Path, arguments: argparse.Namespace) -> dict[str, Any]:
-    """One row of the result."""
     out = folder / f"{split}-{policy}"
     commands = (
         generating(out, split, arguments.boards, arguments.seed, arguments.assets),

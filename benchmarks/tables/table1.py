@@ -22,6 +22,7 @@ from benchmarks.runner import (
     generating,
     option,
     parser,
+    settings,
     told_rows,
     train,
 )
@@ -54,21 +55,21 @@ class Table1Row:
 
 
 def _delta(pixels: int) -> Table1Row:
-    options = ("--set", "responders=false", "--set", f"interaction.delta={pixels}")
+    options = settings("responders=false", f"interaction.delta={pixels}")
     return Table1Row(options, judge=options)
 
 
-JOINTS, STRICT = ("--set", "interaction.reward=joints"), ("--strict",)
+JOINTS, STRICT = settings("interaction.reward=joints"), ("--strict",)
 
 ROWS = {
     **{f"free-{seed}": Table1Row(seed=seed) for seed in range(3)},
     **{f"strict-{seed}": Table1Row(STRICT, seed, STRICT) for seed in range(3)},
     "oracle": Table1Row(JOINTS, judge=JOINTS),
-    "rgb": Table1Row(("--set", "inputs=rgb")),
+    "rgb": Table1Row(settings("inputs=rgb")),
     "greedy": Table1Row(None, judge=("--mode", "greedy"), model="free-1"),
     "ucb": Table1Row(None, judge=("--mode", "ucb"), model="free-1"),
     "random": Table1Row(None, model="random"),
-    "free-0-delta-1000": Table1Row(None, judge=("--set", "interaction.delta=1000"), model="free-0"),
+    "free-0-delta-1000": Table1Row(None, judge=settings("interaction.delta=1000"), model="free-0"),
     **{f"without-responders-{pixels}": _delta(pixels) for pixels in (100, 500, 1000)},
     "paper": Table1Row(("--model", "paper")),
 }

@@ -21,7 +21,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, busybot, chosen, finish, generating, one_of, option, parser, told_rows, train
+from benchmarks.runner import (
+    as_typed,
+    busybot,
+    chosen,
+    finish,
+    generating,
+    one_of,
+    option,
+    parser,
+    settings,
+    told_rows,
+    train,
+)
 from busybot.common.atomic_io import write_json
 from busybot.common.process_pool import machine
 
@@ -91,17 +103,17 @@ BOARDS = (20, 100, 300)
 """Smaller trainings of `event`, for the curve over their number of boards."""
 ROWS = {
     "event": Table2Row(train=EVENT, seeds=3),
-    "event-without-inference": Table2Row(train=(*EVENT, "--set", "net.inference=false")),
+    "event-without-inference": Table2Row(train=(*EVENT, *settings("net.inference=false"))),
     "event-without-exploration": Table2Row(train=EVENT, data="random"),
-    **{f"event-{count}": Table2Row(train=(*EVENT, "--set", f"loop.boards={count}")) for count in BOARDS},
+    **{f"event-{count}": Table2Row(train=(*EVENT, *settings(f"loop.boards={count}"))) for count in BOARDS},
     "lookup": Table2Row("lookup"),
     "count": Table2Row("count"),
     "persistence": Table2Row("persistence"),
     "pc": Table2Row("pc"),
-    "pc-pairs": Table2Row("pc", judge=("--set", "condition=0")),
+    "pc-pairs": Table2Row("pc", judge=settings("condition=0")),
     "paper": Table2Row(train=PAPER),
-    "paper-50-epochs": Table2Row(train=(*PAPER, *(word for parameter in SHORT for word in ("--set", parameter)))),
-    "paper-without-inference": Table2Row(train=(*PAPER, "--set", "inference=false")),
+    "paper-50-epochs": Table2Row(train=(*PAPER, *settings(*SHORT))),
+    "paper-without-inference": Table2Row(train=(*PAPER, *settings("inference=false"))),
     "paper-without-exploration": Table2Row(train=PAPER, data="random"),
 }
 """By name. `pc` conditions on other variables, `pc-pairs` tests each pair by itself."""

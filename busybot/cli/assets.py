@@ -22,10 +22,7 @@ LibraryArgument = Annotated[str, typer.Argument(metavar="[DIR]", help="`procedur
 
 
 @app.command("list")
-def list_objects(
-    folder: LibraryArgument = "procedural",
-    json: JsonOption = False,
-) -> None:
+def list_objects(folder: LibraryArgument = "procedural", json: JsonOption = False) -> None:
     """Show a library: every object with its role, links, split and sampling weight."""
     from busybot.objects.resolve import find
 
@@ -86,8 +83,7 @@ def import_raw(
     review: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the annotation as YAML to edit.")] = None,
     overrides: Annotated[Path | None, typer.Option(metavar="FILE", help="YAML that a person has reviewed.")] = None,
     split: Annotated[
-        Literal["train", "novel"] | None,
-        typer.Option(help="By default the paper's for its objects, train for others."),
+        Literal["train", "novel"] | None, typer.Option(help="By default the paper's for its objects, train for others.")
     ] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Replace objects that the library has otherwise.")] = False,
     json: JsonOption = False,

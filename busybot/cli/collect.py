@@ -66,7 +66,6 @@ def collect(
 
 
 def _engine(name: str) -> "Engine":
-    """Who runs the workers."""
     from busybot.common.process_pool import run_tasks
     from busybot.common.ray_pool import run_on_ray
 

@@ -87,7 +87,6 @@ def verify(
 
 
 def _found(verdict: "ModelVerdict") -> str:
-    """What `verify` prints of one model."""
     hashes = "hashes compared" if verdict.hashes else "no hashes recorded"
     loads = "weights loaded" if verdict.loads else "weights do not load"
     found = "nothing is wrong" if verdict.ok else counted(len(verdict.problems), "problem")
@@ -95,7 +94,6 @@ def _found(verdict: "ModelVerdict") -> str:
 
 
 def _lines(told: "ModelDescription") -> list[str]:
-    """What `info` prints."""
     return [
         f"{told.name}: {told.skill}, {told.kind}, {told.parameters:,} trained values, {told.bytes / 1e6:.1f} MB",
         f"licence: {told.licence or 'not recorded'}",

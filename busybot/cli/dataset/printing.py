@@ -15,7 +15,6 @@ MOST_LINES = 20
 
 
 def summary(dataset: Path, values: dict[str, Any]) -> None:
-    """A table of a dataset's numbers."""
     from rich.console import Console
     from rich.table import Table
 
@@ -38,7 +37,6 @@ def _readable(key: str, value: Any) -> str:
 
 
 def difference(first: Path, second: Path, found: "DatasetDifference") -> None:
-    """What differs between two datasets."""
     if found.equal:
         print(f"{first} and {second} are equal")
         return
@@ -62,7 +60,6 @@ def _episodes(indices: list[int]) -> str:
 
 
 def sentence(one: "Difference") -> str:
-    """How an episode differs."""
     parts = [] if one.board else ["another board"]
     parts += [] if one.scene else ["another camera or other links"]
     parts += [] if one.steps[0] == one.steps[1] else [f"{one.steps[0]} steps, then {one.steps[1]}"]
@@ -77,7 +74,6 @@ def sentence(one: "Difference") -> str:
 
 
 def repaired(done: "Repaired") -> None:
-    """What was saved and what was not."""
     for verdict in done.damaged:
         kept = {
             "whole": "saved entirely",

@@ -108,11 +108,7 @@ def interaction(result: dict[str, Any]) -> None:
     failed = (f"{key} ({row['position'] + row['direction']} of {row['actions']})" for key, row in objects)
     links = list(result["missed_links"].items())[:6]
     missed = (f"{name} ({row['missed']} of {row['boards']})" for name, row in links)
-    told = {
-        "failed because of": _causes(result),
-        "failed most on": ", ".join(failed),
-        "missed most": ", ".join(missed),
-    }
+    told = {"failed because of": _causes(result), "failed most on": ", ".join(failed), "missed most": ", ".join(missed)}
     for what, which in told.items():
         if which:
             console.print(what, which)

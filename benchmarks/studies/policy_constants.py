@@ -143,10 +143,8 @@ def main(words: list[str]) -> None:
     names, work = chosen(arguments.constants, VALUES), arguments.work
     work.mkdir(parents=True, exist_ok=True)
     library = str(held_out_library(arguments.assets, work / OBJECTS))
-    config = option("--config", arguments.config)
-    trained = busybot("train", "interact", "--out", str(work / MODEL), "--assets", library, "--strict", *config)[
-        "training"
-    ]
+    made = ("--out", str(work / MODEL), "--assets", library, "--strict", *option("--config", arguments.config))
+    trained = busybot("train", "interact", *made)["training"]
     known = read_result(arguments.out, KIND) if arguments.out.exists() else {"training": trained}
     if known["training"] != trained:
         raise SystemExit(f"{arguments.out} has rows of another model: name another file, or remove it")

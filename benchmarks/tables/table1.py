@@ -13,19 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import (
-    as_typed,
-    assets_name,
-    busybot,
-    chosen,
-    finish,
-    generating,
-    option,
-    parser,
-    settings,
-    told_rows,
-    train,
-)
+from benchmarks import runner
 from busybot.common.process_pool import machine
 
 SPLITS = ("novel-config", "novel-object")
@@ -55,21 +43,21 @@ class Table1Row:
 
 
 def _delta(pixels: int) -> Table1Row:
-    options = settings("responders=false", f"interaction.delta={pixels}")
+    options = runner.settings("responders=false", f"interaction.delta={pixels}")
     return Table1Row(options, judge=options)
 
 
-JOINTS, STRICT = settings("interaction.reward=joints"), ("--strict",)
+JOINTS, STRICT = runner.settings("interaction.reward=joints"), ("--strict",)
 
 ROWS = {
     **{f"free-{seed}": Table1Row(seed=seed) for seed in range(3)},
     **{f"strict-{seed}": Table1Row(STRICT, seed, STRICT) for seed in range(3)},
     "oracle": Table1Row(JOINTS, judge=JOINTS),
-    "rgb": Table1Row(settings("inputs=rgb")),
+    "rgb": Table1Row(runner.settings("inputs=rgb")),
     "greedy": Table1Row(None, judge=("--mode", "greedy"), model="free-1"),
     "ucb": Table1Row(None, judge=("--mode", "ucb"), model="free-1"),
     "random": Table1Row(None, model="random"),
-    "free-0-delta-1000": Table1Row(None, judge=settings("interaction.delta=1000"), model="free-0"),
+    "free-0-delta-1000": Table1Row(None, judge=runner.settings("interaction.delta=1000"), model="free-0"),
     **{f"without-responders-{pixels}": _delta(pixels) for pixels in (100, 500, 1000)},
     "paper": Table1Row(("--model", "paper")),
 }
@@ -82,38 +70,32 @@ NOTHING_LEARNED = "no recorded action succeeded"
 def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     """Train a row if it has a training, and judge it on both novel splits."""
     row, work = ROWS[name], arguments.work
-    commands, trained, places = [], None, {str(work): "WORK", arguments.assets: "ASSETS"}
+    commands: list[tuple[str, ...]] = []
+    trained, places = None, {str(work): "WORK", arguments.assets: "ASSETS"}
     model = row.model if row.model == "random" else str(work / (row.model or name))
     if row.train is not None:
-        options = ("--assets", arguments.assets, "--seed", str(row.seed), *row.train)
-        command: tuple[str, ...] = (
-            "train",
-            "interact",
-            "--out",
-            model,
-            *options,
-            *option("--config", arguments.config),
-        )
+        config = runner.option("--config", arguments.config)
+        options = ("--assets", arguments.assets, "--seed", str(row.seed), *row.train, *config)
+        commands.append(("train", "interact", "--out", model, *options))
         try:
-            told = train(Path(model), *command)
+            told = runner.train(Path(model), *commands[0])
         except RuntimeError as error:
             if NOTHING_LEARNED not in str(error):
                 raise
-            told = {"commands": [as_typed(command, places)], "machine": machine()}
+            told = {"commands": [runner.as_typed(commands[0], places)], "machine": machine()}
             return {**told, "training": None, "untrained": NOTHING_LEARNED}
-        commands.append(command)
         trained = {**told["training"], "cost": told["cost"]}
     judged, policy = {}, {}
     for split in SPLITS:
         folder = work / f"judge-{arguments.judge_seed}-{split}"
         out = work / f"judged-{arguments.judge_seed}-{name}-{split}"
-        commands.append(generating(folder, split, arguments.boards, arguments.judge_seed, arguments.assets))
-        busybot(*commands[-1])
+        commands.append(runner.generating(folder, split, arguments.boards, arguments.judge_seed, arguments.assets))
+        runner.busybot(*commands[-1])
         commands.append(("eval", "interact", str(folder), "--model", model, *row.judge))
-        result = busybot(*commands[-1], "--out", str(out), "--assets", arguments.assets)
+        result = runner.busybot(*commands[-1], "--out", str(out), "--assets", arguments.assets)
         judged[split] = {key: result[key] for key in (*KEYS, "dataset", "versions")}
         policy = judged_policy(result["provenance"])
-    typed = [as_typed(command, places) for command in commands]
+    typed = [runner.as_typed(command, places) for command in commands]
     return {"commands": typed, "machine": machine(), "training": trained, "policy": policy, **judged}
 
 
@@ -124,7 +106,7 @@ def judged_policy(provenance: dict[str, Any]) -> dict[str, Any]:
 
 
 def main() -> None:
-    options = parser(__doc__)
+    options = runner.parser(__doc__)
     options.add_argument("--work", type=Path, required=True, help="for models and results; continued if it exists")
     usual = ",".join(name for name in ROWS if name not in ON_REQUEST)
     options.add_argument("--rows", default=usual, help=f"which rows, in this order; {', '.join(ON_REQUEST)} on request")
@@ -133,14 +115,14 @@ def main() -> None:
     options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = options.parse_args()
     result: dict[str, Any] = {
-        "assets": assets_name(arguments.assets),
+        "assets": runner.assets_name(arguments.assets),
         "judge_seed": arguments.judge_seed,
-        "rows": told_rows(arguments.out, "table1"),
+        "rows": runner.told_rows(arguments.out, "table1"),
     }
-    names = chosen(arguments.rows, ROWS)
+    names = runner.chosen(arguments.rows, ROWS)
     for name in names:
         result["rows"][name] = run(name, arguments)
-        finish("table1", arguments, result, seed=arguments.judge_seed)  # rows have hashes and seeds of their own
+        runner.finish("table1", arguments, result, seed=arguments.judge_seed)  # rows have hashes and seeds of their own
         for split in SPLITS:
             row = result["rows"][name].get(split, {"precision": 0.0, "recall": 0.0})
             print(f"{name:24} {split:13} P {100 * row['precision']:5.1f} R {100 * row['recall']:5.1f}", flush=True)

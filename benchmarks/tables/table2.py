@@ -21,19 +21,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import (
-    as_typed,
-    busybot,
-    chosen,
-    finish,
-    generating,
-    one_of,
-    option,
-    parser,
-    settings,
-    told_rows,
-    train,
-)
+from benchmarks import runner
 from busybot.common.atomic_io import write_json
 from busybot.common.process_pool import machine
 
@@ -103,17 +91,17 @@ BOARDS = (20, 100, 300)
 """Smaller trainings of `event`, for the curve over their number of boards."""
 ROWS = {
     "event": Table2Row(train=EVENT, seeds=3),
-    "event-without-inference": Table2Row(train=(*EVENT, *settings("net.inference=false"))),
+    "event-without-inference": Table2Row(train=(*EVENT, *runner.settings("net.inference=false"))),
     "event-without-exploration": Table2Row(train=EVENT, data="random"),
-    **{f"event-{count}": Table2Row(train=(*EVENT, *settings(f"loop.boards={count}"))) for count in BOARDS},
+    **{f"event-{count}": Table2Row(train=(*EVENT, *runner.settings(f"loop.boards={count}"))) for count in BOARDS},
     "lookup": Table2Row("lookup"),
     "count": Table2Row("count"),
     "persistence": Table2Row("persistence"),
     "pc": Table2Row("pc"),
-    "pc-pairs": Table2Row("pc", judge=settings("condition=0")),
+    "pc-pairs": Table2Row("pc", judge=runner.settings("condition=0")),
     "paper": Table2Row(train=PAPER),
-    "paper-50-epochs": Table2Row(train=(*PAPER, *settings(*SHORT))),
-    "paper-without-inference": Table2Row(train=(*PAPER, *settings("inference=false"))),
+    "paper-50-epochs": Table2Row(train=(*PAPER, *runner.settings(*SHORT))),
+    "paper-without-inference": Table2Row(train=(*PAPER, *runner.settings("inference=false"))),
     "paper-without-exploration": Table2Row(train=PAPER, data="random"),
 }
 """By name. `pc` conditions on other variables, `pc-pairs` tests each pair by itself."""
@@ -129,13 +117,13 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     commands: list[tuple[str, ...]] = []
     judged: dict[str, list[dict[str, Any]]] = {}
     decoders = data / "train" if row.model not in ("count", "pc") else None
-    judging = (*row.judge, *option("--decoders", decoders), *option("--assets", arguments.assets))
+    judging = (*row.judge, *runner.option("--decoders", decoders), *runner.option("--assets", arguments.assets))
     for seed in range(row.seeds):
         model = row.model or str(arguments.work / f"{name}-{seed}")
         if row.model is None:
             options = ("--data", str(data / "train"), "--out", model, "--seed", str(seed))
-            commands.append(("train", "reason", *row.train, *options, *option("--config", arguments.config)))
-            told = train(Path(model), *commands[-1])
+            commands.append(("train", "reason", *row.train, *options, *runner.option("--config", arguments.config)))
+            told = runner.train(Path(model), *commands[-1])
             kept = {key: value for key, value in told.items() if key not in ("out", "model")}
             trained.append({**kept, "machine": machine()})
         for split in SPLITS:
@@ -143,7 +131,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
                 commands.append(("eval", "reason", str(data / split), "--model", model, *judging))
                 judged.setdefault(split, []).append(_told(commands[-1], arguments.work / f"{name}-{seed}-{split}.json"))
     return {
-        "commands": [as_typed(command, places) for command in commands],
+        "commands": [runner.as_typed(command, places) for command in commands],
         "training": trained,
         "splits": {split: {**across(results), "seeds": results} for split, results in judged.items()},
     }
@@ -155,7 +143,7 @@ def _told(command: tuple[str, ...], out: Path) -> dict[str, Any]:
         known = json.loads(out.read_text())
         if known["typed"] == list(command):
             return dict(known["result"])
-    told = busybot(*command)
+    told = runner.busybot(*command)
     result = {key: told[key] for key in (*SCORES, *DETAILS)}
     write_json(out, {"typed": command, "result": result})
     return result
@@ -174,23 +162,23 @@ def across(results: list[dict[str, Any]]) -> dict[str, dict[str, float | None]]:
 
 def record(words: list[str]) -> None:
     """Generate the boards and act on them; what is there is left alone."""
-    options = parser(__doc__, out=None)
+    options = runner.parser(__doc__, out=None)
     options.add_argument("--model", required=True)
     options.add_argument("--data", type=Path, required=True)
     options.add_argument("--only", help="names, comma-separated; all by default")
     options.add_argument("--most", type=int, default=10_000, help="boards per recording")
     arguments = options.parse_args(words)
     recordings = {**LEARNED, **{f"random/{name}": one for name, one in RANDOM.items()}}
-    for name in chosen(arguments.only, recordings) if arguments.only else recordings:
+    for name in runner.chosen(arguments.only, recordings) if arguments.only else recordings:
         one, folder, assets = recordings[name], arguments.data / name, arguments.assets
         policy = ("random",) if name.startswith("random/") else ("learned", "--model", arguments.model)
-        busybot(*generating(folder, one.split, min(arguments.most, one.boards), one.seed, assets))
+        runner.busybot(*runner.generating(folder, one.split, min(arguments.most, one.boards), one.seed, assets))
         acting = ("--steps", str(STEPS), "--policy", *policy, "--seed", str(one.seed), "--assets", assets)
-        busybot("collect", str(folder), *acting)
+        runner.busybot("collect", str(folder), *acting)
 
 
 def main(words: list[str]) -> None:
-    options = parser(__doc__, assets=False)
+    options = runner.parser(__doc__, assets=False)
     options.add_argument("--data", type=Path, required=True, help="recorded datasets, see above")
     options.add_argument("--work", type=Path, required=True, help="for models and results; continued if it exists")
     options.add_argument("--assets", help="objects, if they are not found by their hashes")
@@ -199,10 +187,10 @@ def main(words: list[str]) -> None:
     options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = options.parse_args(words)
     arguments.work.mkdir(parents=True, exist_ok=True)
-    result: dict[str, Any] = {"rows": told_rows(arguments.out, "table2")}
-    for name in chosen(arguments.rows, ROWS):
+    result: dict[str, Any] = {"rows": runner.told_rows(arguments.out, "table2")}
+    for name in runner.chosen(arguments.rows, ROWS):
         result["rows"][name] = run(name, arguments)
-        finish("table2", arguments, result)  # every evaluation has hashes, seeds and versions of its own
+        runner.finish("table2", arguments, result)  # every evaluation has hashes, seeds and versions of its own
         for split, scores in result["rows"][name]["splits"].items():
             told = " ".join(f"{key} {_percent(scores['mean'][key])}" for key in ("edge_p", "edge_r", "pred_a"))
             print(f"{name:26} {split:13} {told}", flush=True)
@@ -213,4 +201,4 @@ def _percent(share: float | None) -> str:
 
 
 if __name__ == "__main__":
-    one_of(main, record=record)
+    runner.one_of(main, record=record)

@@ -35,7 +35,7 @@ def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.
         asked.append(arguments)
         return scores(pred_a=0.5)
 
-    monkeypatch.setattr(table2, "busybot", answer)
+    monkeypatch.setattr(runner, "busybot", answer)
     (tmp_path / "data" / "novel-object").mkdir(parents=True)
     out = tmp_path / "table2.json"
     words = ["--data", f"{tmp_path}/data", "--work", f"{tmp_path}/work", "--out", str(out), "--rows", "lookup"]
@@ -115,8 +115,7 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
         policy = {"explore": 0.25, "after_failure": [[0.0]]}
         return keys | {"provenance": {"policy": policy, "model": {"sha256": {"a": "b"}}}}
 
-    for module in (table1, runner):
-        monkeypatch.setattr(module, "busybot", answer)
+    monkeypatch.setattr(runner, "busybot", answer)
     (tmp_path / "w").mkdir()
     out, rows = tmp_path / "table1.json", "free-1,greedy,without-responders-1000"
     monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--rows", rows])

@@ -76,10 +76,7 @@ class Place:
     Attributes:
         name: of the boards: `novel-object` for held-out objects, `novel-config` for those that the model knows, `other`
             for the other model on boards of what it knows.
-        library: the objects.
         folder: of the boards.
-        split: of the library.
-        boards: how many.
     """
 
     name: str

@@ -3,6 +3,8 @@
 import argparse
 import json
 import os
+import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -13,21 +15,38 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 from busybot.evaluation.results import KINDS, read_result, stamp, write_result
 
+BUSYBOT = (sys.executable, "-m", "busybot")
+Benchmark = Callable[[list[str]], None]
+"""Runs with the words of a command line."""
 
-def parser(description: str | None, assets: bool = True, out: bool = True) -> argparse.ArgumentParser:
+
+def one_of(usual: Benchmark, **others: Benchmark) -> None:
+    """Run the benchmark of a module that the first word of the command line names, else the usual one."""
+    words = sys.argv[1:]
+    named = others.get(words[0].replace("-", "_")) if words else None
+    if named:
+        named(words[1:])
+    else:
+        usual(words)
+
+
+def parser(description: str | None, assets: bool = True, out: bool | None = True) -> argparse.ArgumentParser:
     """A command line with the options that benchmarks have alike.
 
     Args:
         description: the module's docstring.
         assets: whether it takes objects, by default procedural ones.
-        out: whether it has to be told a file for the result; otherwise the result is printed, too.
+        out: whether it has to be told a file for the result; otherwise the result is printed, too; None for no result.
     """
     made = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     if assets:
         made.add_argument("--assets", default="procedural", help="`procedural`, or a folder of objects")
-    made.add_argument("--out", type=Path, required=out, help="file for the result")
+    if out is not None:
+        made.add_argument("--out", type=Path, required=out, help="file for the result")
     return made
 
 
@@ -88,13 +107,39 @@ def timed(work: Callable[[], object], times: int, warm_up: int = 1, label: str =
     return wall[warm_up:], cpu[warm_up:]
 
 
+def cpu_seconds() -> float:
+    """Of this process and of those that it started and that have ended."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+def peak_mb() -> int:
+    """The most memory that this process had."""
+    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
+
+
+def load_average() -> list[float]:
+    """What else the machine does."""
+    return [round(load, 1) for load in os.getloadavg()]
+
+
+def torch_with(threads: int) -> dict[str, Any]:
+    """Give PyTorch so many threads; what a result tells of them and of the device."""
+    import torch
+
+    from busybot.training.device import device
+
+    torch.set_num_threads(threads)
+    return {"threads": threads, "device": torch.cuda.get_device_name() if device().type == "cuda" else "cpu"}
+
+
 def busybot(*arguments: str) -> dict[str, Any]:
     """Run a command with --json and return what it printed; its progress goes on being shown.
 
     Raises:
         RuntimeError: the command failed; with the last lines of what it said.
     """
-    command = [sys.executable, "-m", "busybot", *arguments, "--json"]
+    command = [*BUSYBOT, *arguments, "--json"]
     said: deque[str] = deque(maxlen=5)
     with (
         tempfile.TemporaryFile("w+") as out,  # a pipe that nobody reads meanwhile would fill up
@@ -110,6 +155,33 @@ def busybot(*arguments: str) -> dict[str, Any]:
     if process.returncode:
         raise RuntimeError(" ".join(said))
     return dict(json.loads(printed))
+
+
+def option(name: str, value: Any) -> tuple[str, ...]:
+    """The words of an option, none if nothing was given for it."""
+    return (name, str(value)) if value else ()
+
+
+def settings(*values: str) -> tuple[str, ...]:
+    """Options that set parameters."""
+    return tuple(word for value in values for word in ("--set", value))
+
+
+def generating(folder: Path, split: str, boards: int, seed: int, assets: str | Path) -> tuple[str, ...]:
+    """The command that makes boards with an appearance each; it refuses others that are there already."""
+    drawn = ("--split", split, "--boards", str(boards), "--seed", str(seed), "--group-size", "1")
+    return ("generate", str(folder), *drawn, "--assets", str(assets))
+
+
+def kill_when(process: subprocess.Popen[bytes], due: Callable[[], bool], every_seconds: float) -> bool:
+    """Kill the leader of a session with all its processes as soon as that is due; False if it ended before."""
+    while process.poll() is None and not due():
+        time.sleep(every_seconds)
+    if process.poll() is not None:
+        return False
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    return True
 
 
 def train(out: Path, *arguments: str) -> dict[str, Any]:
@@ -142,24 +214,8 @@ class Cost:
 
     def _sample(self) -> None:
         while not self._over.wait(2):
-            self.megabytes = max(self.megabytes, sum(_private(pid) for pid in _below(os.getpid())))
-
-
-def _below(pid: int) -> list[int]:
-    """Processes below one; what ends while this looks is left out."""
-    found: list[int] = []
-    try:
-        threads = os.listdir(f"/proc/{pid}/task")
-    except OSError:
-        return found
-    for thread in threads:
-        try:
-            children = Path(f"/proc/{pid}/task/{thread}/children").read_text().split()
-        except OSError:
-            continue
-        for child in children:
-            found += [int(child), *_below(int(child))]
-    return found
+            below = psutil.Process().children(recursive=True)
+            self.megabytes = max(self.megabytes, sum(_private(process.pid) for process in below))
 
 
 def _private(pid: int) -> float:

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.reliability import same_results_cases as cases
 from benchmarks.reliability.same_results import Runner, weights
-from benchmarks.reliability.same_results_compare import FAILED, ROUNDING, compare, tell
+from benchmarks.reliability.same_results_cases import FAILED, ROUNDING, compare, tell
 from busybot.cli.main import load_command
 
 FACTS: dict[str, Any] = {
@@ -64,6 +64,25 @@ def test_weights_of_graph_networks_may_round_relative_to_their_tensor(capsys: py
         other = changed(case, "weights", "net", "sample", 0, to=0.001 + 2.0 * by)
         assert tell(case, FACTS[case], other[case]) == wrong
         assert f"the most by {by:.1e}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("case", "tensor", "to", "wrong"),
+    [
+        ("straight/reason-event", "effects.attend.bias", {"largest": 0.5, "sample": [0.5, -0.25], "shape": [2]}, 0),
+        ("continued/reason-event", "effects.attend.bias", {"largest": 0.5, "sample": [0.5, -0.25], "shape": [2]}, 0),
+        ("straight/reason-event", "effects.attend.bias", {"largest": 0.5, "sample": [0.5, -0.25], "shape": [3]}, 1),
+        ("straight/reason-event", "effects.attend.bias", {"largest": 0.5, "sample": [0.5], "shape": [2]}, 1),
+        ("straight/reason-event", "effects.attend.weight", {"largest": 0.5, "sample": [0.5, -0.25], "shape": [2]}, 3),
+        ("straight/reason-event", "other.effects.attend.bias", {"largest": 0.5, "sample": [0, 0.1], "shape": [2]}, 3),
+        ("straight/reason-paper", "effects.attend.bias", {"largest": 0.5, "sample": [0.5, -0.25], "shape": [2]}, 3),
+        ("old model/reason-event", "effects.attend.bias", {"largest": 0.5, "sample": [0.5, -0.25], "shape": [2]}, 3),
+    ],
+)
+def test_only_what_a_softmax_ignores_may_be_any_number(case: str, tensor: str, to: dict[str, Any], wrong: int) -> None:
+    first = {"largest": 4e-4, "sample": [4e-4, 1e-7], "shape": [2]}
+    facts = [{"weights": {"weights.safetensors": {tensor: one}}} for one in (first, to)]
+    assert tell(case, *facts) == wrong
 
 
 def test_shipped_weights_are_hashed_or_sampled() -> None:

@@ -13,11 +13,10 @@ is drawn again. Looked at right after each kill:
 - train: the training in rounds, for which the last model and its networks are compared.
 """
 
+import fnmatch
 import hashlib
 import json
-import os
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -27,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import chosen, finish, parser
+from benchmarks.runner import BUSYBOT, chosen, finish, kill_when, parser, settings
 from busybot.common.atomic_io import scan, sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
@@ -35,22 +34,18 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.manifest import is_frozen, read_manifest
 from busybot.datasets.verify import verify
 
-BUSYBOT = [sys.executable, "-m", "busybot"]
-SMALL = ["--set", "render.width=160", "--set", "render.height=120"]
+SMALL = settings("render.width=160", "render.height=120")
 COLLECT = ["collect", "{}", "--policy", "scripted", "--steps", "4", "--workers", "2", *SMALL]
 BOARDS = 8
-ROUNDS = "[{boards: 4, steps: 12, position: 20, direction: 20}, {boards: 2, steps: 8, position: 20, direction: 20}]"
 PARAMETERS = (
-    "validation=0",
-    "interaction.delta=30",
-    "position.checkpoint=5",
-    "direction.checkpoint=5",
-    f"rounds={ROUNDS}",
+    *("validation=0", "interaction.delta=30", "position.checkpoint=5", "direction.checkpoint=5"),
+    "rounds=[{boards: 4, steps: 12, position: 20, direction: 20}, {boards: 2, steps: 8, position: 20, direction: 20}]",
 )
-SMALL_TRAINING = [*SMALL, *(word for parameter in PARAMETERS for word in ("--set", parameter))]
-TRAIN = ["train", "interact", "--out", "{}", "--workers", "1", *SMALL_TRAINING]
+TRAIN = ["train", "interact", "--out", "{}", "--workers", "1", *SMALL, *settings(*PARAMETERS)]
 POLL_SECONDS = 0.005
 LONGEST_SECONDS = 1800
+DATA = "*"
+"""All files, except for the lock."""
 Facts = dict[str, str]
 
 
@@ -61,13 +56,13 @@ class Subject:
     Attributes:
         arguments: `{}` stands for the folder.
         prepare: brings a new folder into the state in which the command starts.
-        compared: which of its files must come out equal.
+        compared: which of its files must come out equal, a pattern.
         after_kill: raises AssertionError if something was lost; given the folder as it was, and as it is.
     """
 
     arguments: list[str]
     prepare: Callable[[Path], None]
-    compared: Callable[[str], bool]
+    compared: str
     after_kill: Callable[[Path, Path], None]
 
 
@@ -82,9 +77,9 @@ def run(arguments: list[str], folder: Path) -> None:
         raise BusybotError(f"{' '.join(arguments)} exits with {done.returncode}: {done.stderr[-2000:]}")
 
 
-def files(folder: Path, compared: Callable[[str], bool]) -> Facts:
+def files(folder: Path, compared: str) -> Facts:
     """Hash and permissions of the files that are compared."""
-    names = [name for name in scan(folder).files if compared(name)]
+    names = [name for name in scan(folder).files if name != ".lock" and fnmatch.fnmatchcase(name, compared)]
     return {name: f"{sha256_of(folder / name)} {(folder / name).stat().st_mode & 0o777:o}" for name in names}
 
 
@@ -122,29 +117,22 @@ def subjects(base: Path) -> dict[str, Subject]:
             file.write_bytes(data[: int(rng.uniform(0.3, 1.0) * len(data))])
         (folder / "tables/steps/part-00000.parquet").write_bytes(b"torn")
 
-    def data(name: str) -> bool:
-        return name != ".lock"
+    def prepare_nothing(folder: Path) -> None:
+        copy(base / "none", folder)
 
     return {
-        "collect": Subject(COLLECT, prepare_boards, data, episodes_whole),
-        "freeze": Subject(["dataset", "freeze", "{}", "--workers", "1"], prepare_collected, data, frozen_or_not),
-        "repair": Subject(["dataset", "repair", "{}", "--workers", "1"], prepare_damaged, data, originals_there),
-        "train": Subject(TRAIN, lambda folder: copy(base / "none", folder), is_model, lambda before, after: None),
+        "collect": Subject(COLLECT, prepare_boards, DATA, episodes_whole),
+        "freeze": Subject(["dataset", "freeze", "{}", "--workers", "1"], prepare_collected, DATA, frozen_or_not),
+        "repair": Subject(["dataset", "repair", "{}", "--workers", "1"], prepare_damaged, DATA, originals_there),
+        "train": Subject(TRAIN, prepare_nothing, "model/*.safetensors", lambda before, after: None),
     }
 
 
-def is_model(name: str) -> bool:
-    return name.startswith("model/") and name.endswith(".safetensors")
-
-
 def episodes_whole(before: Path, after: Path) -> None:
-    report = verify_episodes(after)
-    assert not report, f"a finished episode is damaged: {report}"
-
-
-def verify_episodes(folder: Path) -> list[str]:
-    """Faults of episodes; tables may be behind."""
-    return [f"{problem.file}: {problem.what}" for problem in verify(folder).problems if problem.file.endswith(".mcap")]
+    """Only episodes; tables may be behind."""
+    problems = [problem for problem in verify(after).problems if problem.file.endswith(".mcap")]
+    faults = [f"{problem.file}: {problem.what}" for problem in problems]
+    assert not faults, f"a finished episode is damaged: {faults}"
 
 
 def frozen_or_not(before: Path, after: Path) -> None:
@@ -171,8 +159,8 @@ def changed(folder: Path, before: dict[str, int]) -> bool:
 
 
 def started(subject: Subject, folder: Path) -> subprocess.Popen[bytes]:
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen(command(subject.arguments, folder), start_new_session=True, **quiet)  # type: ignore[call-overload]
+    words, quiet = command(subject.arguments, folder), subprocess.DEVNULL
+    return subprocess.Popen(words, start_new_session=True, stdout=quiet, stderr=quiet)
 
 
 def undisturbed(subject: Subject, folder: Path) -> tuple[Facts, float, float]:
@@ -198,19 +186,14 @@ def killed(subject: Subject, folder: Path, start: Path, delay: float, after_chan
     while after_change and process.poll() is None and not changed(folder, before):
         time.sleep(POLL_SECONDS)
     end = time.monotonic() + delay
-    while process.poll() is None and time.monotonic() < end:
-        time.sleep(min(POLL_SECONDS, max(0.0, end - time.monotonic())))
-    if process.poll() is not None:
+    if not kill_when(process, lambda: time.monotonic() >= end, POLL_SECONDS):
         return None
-    moment = time.monotonic() - began
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
     time.sleep(0.2)  # workers end with their parent
-    return moment
+    return end - began
 
 
-def trial(subject: Subject, start: Path, folder: Path, expected: Facts) -> dict[str, Any]:
-    """After a kill: is anything lost, and does the same command end as the undisturbed one did?"""
+def trial(subject: Subject, start: Path, folder: Path, expected: Facts) -> list[str]:
+    """After a kill: what is lost, and how the same command ends unlike the undisturbed one."""
     faults = []
     try:
         subject.after_kill(start, folder)
@@ -224,7 +207,7 @@ def trial(subject: Subject, start: Path, folder: Path, expected: Facts) -> dict[
     if subject.arguments[0] == "collect":
         now = times(folder)
         faults += [f"{name} was recorded again" for name, when in finished.items() if now.get(name) != when]
-    return {"faults": faults}
+    return faults
 
 
 def times(folder: Path) -> dict[str, int]:
@@ -233,7 +216,6 @@ def times(folder: Path) -> dict[str, int]:
 
 
 def campaign(name: str, subject: Subject, kills: int, seed: int, base: Path) -> dict[str, Any]:
-    """All trials of one command."""
     start, folder = base / f"{name}-start", base / name
     subject.prepare(start)
     expected, first, seconds = undisturbed(subject, folder)
@@ -248,8 +230,8 @@ def campaign(name: str, subject: Subject, kills: int, seed: int, base: Path) -> 
         if moment is None:
             missed += 1
             continue
-        result = trial(subject, start, folder, expected)
-        faults += [f"kill {len(moments)} after {moment:.2f} s: {fault}" for fault in result["faults"]]
+        found = trial(subject, start, folder, expected)
+        faults += [f"kill {len(moments)} after {moment:.2f} s: {fault}" for fault in found]
         moments.append(round(moment, 3))
         print(f"{name}: kill {len(moments)} of {kills} after {moment:.2f} s", *faults[-1:], file=sys.stderr, flush=True)
     return {

@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import busybot, finish, parser
+from benchmarks.runner import BUSYBOT, busybot, finish, parser
 
 TINY = Path(__file__).parents[2] / "datasets" / "tiny"
 BUCKET = "frozen"
@@ -89,7 +89,7 @@ def _without_credentials(scratch: Path, pointer: Path, to: tuple[str, ...]) -> d
     # a profile that is not there: nothing of this machine's own credentials is found either
     kept = {name: value for name, value in os.environ.items() if name not in CREDENTIALS}
     environment = kept | {"AWS_SHARED_CREDENTIALS_FILE": os.devnull, "AWS_EC2_METADATA_DISABLED": "true"}
-    command = [sys.executable, "-m", "busybot", "dataset", "pull", str(folder / "tiny"), *to]
+    command = [*BUSYBOT, "dataset", "pull", str(folder / "tiny"), *to]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     left = sorted(path.name for path in folder.iterdir())
     return {"exit": done.returncode, "traceback": "Traceback" in done.stderr, "left": left}

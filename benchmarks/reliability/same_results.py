@@ -12,7 +12,7 @@ and judges the models that the first one trained. `--only 'eval/*'` runs some of
 Cases with real objects are left out where these are not found (BUSYBOT_PARTNET_DIR names their folder, else it is
 `../shared/partnet-mobility` beside this repository).
 
-The comparison (`same_results_compare`) is exact, except for a short list of keys and for rounding in graph networks. It
+The comparison is exact, except for a short list of keys and for rounding in graph networks. It
 also demands, of each checkout, that two workers give what one gives, and interrupted work what uninterrupted work
 gives. Exits with 1 if anything differs, or a command fails.
 """
@@ -25,7 +25,6 @@ import os
 import resource
 import shlex
 import shutil
-import signal
 import subprocess
 import sys
 import time
@@ -39,8 +38,21 @@ import numpy as np
 import pyarrow.parquet as pq
 from safetensors.numpy import load_file
 
-from benchmarks.reliability.same_results_cases import BOARDS, DATASETS, EVALUATIONS, OTHERS, WORKS, Work
-from benchmarks.reliability.same_results_compare import FAILED, Facts, compare, may_round, stripped, within
+from benchmarks.reliability.same_results_cases import (
+    BOARDS,
+    DATASETS,
+    EVALUATIONS,
+    FAILED,
+    OTHERS,
+    WORKS,
+    Facts,
+    Work,
+    compare,
+    may_round,
+    stripped,
+    within,
+)
+from benchmarks.runner import BUSYBOT, kill_when
 from busybot.evaluation.results import stamp
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -82,7 +94,7 @@ class Runner:
 
     def busybot(self, *words: str) -> Facts:
         """What the command prints with `--json`."""
-        command = [sys.executable, "-m", "busybot", *words, "--json"]
+        command = [*BUSYBOT, *words, "--json"]
         done = subprocess.run(command, cwd=self.work, env=self.environment(), capture_output=True, text=True)
         if done.returncode:
             said = f"{done.stdout[-1500:]}{done.stderr[-1500:]}"
@@ -97,7 +109,6 @@ class Runner:
         return json.loads(text)
 
     def generate(self, folder: str, options: str) -> Facts:
-        """The boards of a folder."""
         return self.busybot("generate", folder, "--seed", "7", *self.words(options))
 
     def dataset(self, folder: str) -> None:
@@ -112,16 +123,11 @@ class Runner:
 
     def kill(self, words: Sequence[str], folder: Path, patterns: tuple[str, ...]) -> None:
         """Start a command, and kill it with all its processes when each pattern matches a file that is not empty."""
-        command = [sys.executable, "-m", "busybot", *words]
         with open(self.work / "killed.log", "wb") as log:
             options: dict[str, Any] = {"stdout": log, "stderr": log, "start_new_session": True}
-            process = subprocess.Popen(command, cwd=self.work, env=self.environment(), **options)
-            while process.poll() is None and not all(_there(folder, pattern) for pattern in patterns):
-                time.sleep(0.002)
-            if process.poll() is not None:
+            process = subprocess.Popen([*BUSYBOT, *words], cwd=self.work, env=self.environment(), **options)
+            if not kill_when(process, lambda: all(_there(folder, pattern) for pattern in patterns), 0.002):
                 raise CommandError(f"busybot {shlex.join(words)}: ended before it was killed")
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
 
 
 def _there(folder: Path, pattern: str) -> bool:
@@ -129,7 +135,6 @@ def _there(folder: Path, pattern: str) -> bool:
 
 
 def boards(runner: Runner, options: str, name: str) -> Facts:
-    """Hash of boards alone."""
     made = runner.generate(f"boards/{name}", f"{options} --boards 4 --group-size 2")
     return {key: made[key] for key in ("board_hash", "redraws")}
 
@@ -165,7 +170,6 @@ def straight(runner: Runner, work: Work, name: str) -> Facts:
 
 
 def interrupt(runner: Runner, work: Work, name: str) -> None:
-    """Leave the work interrupted."""
     folder = f"interrupted/{name}"
     if work.generate:
         runner.generate(folder, work.generate)
@@ -211,7 +215,6 @@ def _sampled(values: np.ndarray) -> Facts:
 
 
 def judged(runner: Runner, work: Work, model: str) -> Facts:
-    """Figures of a trained model."""
     result = runner.busybot(*runner.words(work.judged, model=model), "--workers", "1")
     return {key: value for key, value in result.items() if key != "command"}
 
@@ -303,7 +306,6 @@ def write(file: Path, checkout: Path, facts: dict[str, Facts]) -> None:
 
 
 def read(file: Path) -> dict[str, Facts]:
-    """The cases of a file."""
     return dict(json.loads(file.read_text())["cases"])
 
 

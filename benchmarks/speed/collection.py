@@ -14,28 +14,27 @@ The second mode builds and plays so many boards in one process and reports its m
 """
 
 import json
-import resource
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 import psutil
 
-from benchmarks.runner import finish, parser
+from benchmarks.runner import finish, parser, peak_mb
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.camera import Rays
-from busybot.episodes.episode import Image, Step
 from busybot.episodes.mcap.writer import write_episode
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.sim.builtin_policies import RandomPolicy, ScriptedFactory, ScriptedPolicy
-from busybot.sim.interaction import Grasp, InteractionConfig, interact
+from busybot.sim.interaction import InteractionConfig, interact
 from busybot.sim.policy import Policy, oracle_observation
 from busybot.sim.recorder import grasp_at, record_episode
 from busybot.sim.scene.board_scene import BoardScene, Simulator
@@ -43,11 +42,12 @@ from busybot.sim.scene.render import RenderConfig, Surroundings
 
 STEPS = 30
 SEED = 1
+FRAMES = ("minimal frame", "minimal frame without shadows")
 Result = TypeVar("Result")
 Times = dict[str, list[float]]
 
 
-def timed(times: Times, name: str, work: Callable[[], Result]) -> Result:
+def noted(times: Times, name: str, work: Callable[[], Result]) -> Result:
     """Run `work` and note the process's CPU seconds under `name`."""
     began = time.process_time()
     result = work()
@@ -58,64 +58,53 @@ def timed(times: Times, name: str, work: Callable[[], Result]) -> Result:
 def measure_board(simulators: dict[str, Simulator], board: BoardSpec, folder: Path, times: Times) -> None:
     """Play one board; every moved link is a line in `times["moved"]` and a frame in each reference."""
     config = InteractionConfig()
-    scene = timed(times, "build", lambda: simulators["ours"].board(board))
-    image = timed(times, "first frame", scene.observe)
+    scene = noted(times, "build", lambda: simulators["ours"].board(board))
+    image = noted(times, "first frame", scene.observe)
     references = {name: simulator.board(board) for name, simulator in simulators.items() if name != "ours"}
     for reference in references.values():
-        timed_frame(reference)
+        show(reference)
     rays = Rays(scene.camera)
     policies: tuple[Policy, Policy] = (ScriptedPolicy(scene, rays, config), RandomPolicy(rays))
     rng = np.random.default_rng(board.index)
     episode = record_episode(simulators["ours"], board, ScriptedFactory(), STEPS, config, 0)
-    writing: Times = {}
-    size = timed(writing, "write", lambda: write_episode(folder / "episode.mcap", episode))
+    parts: Times = {}
+    size = noted(parts, "write", lambda: write_episode(folder / "episode.mcap", episode))
     times.setdefault("bytes per frame", []).append(size / len(episode.images))
     for number in range(2 * STEPS):
         action = policies[number % 2].select_action(oracle_observation(image, scene.camera), rng)
         assert action is not None, "every board has links to move"
-        step, after, seconds = timed_action(
-            scene, grasp_at(scene, image, rays, action.pixel), action.directions[0], image
-        )
+        grasp = grasp_at(scene, image, rays, action.pixel)
+        step, after = noted(parts, "act", partial(interact, scene, grasp, action.directions[0], config, image))
+        seconds = parts["act"][-1]
         if after is None:
             times.setdefault("unchanged interaction", []).append(seconds)
             continue
         image = after
         times.setdefault("moved: simulate, render, read", []).append(seconds)
-        times.setdefault("moved: encode, write", []).append(writing["write"][0] / len(episode.images))
+        times.setdefault("moved: encode, write", []).append(parts["write"][0] / len(episode.images))
         for name, reference in references.items():
             for trigger, state in enumerate(step.trigger_states_after):
                 reference.set_trigger(trigger, state)
-            times.setdefault(name, []).append(timed_frame(reference))
+            noted(times, name, partial(show, reference))
 
 
-def timed_action(scene: BoardScene, grasp: Grasp, direction: int, image: Image) -> tuple[Step, Image | None, float]:
-    """An interaction and its CPU seconds."""
-    began = time.process_time()
-    step, after = interact(scene, grasp, direction, InteractionConfig(), image)
-    return step, after, time.process_time() - began
-
-
-def timed_frame(scene: BoardScene) -> float:
-    """CPU seconds of rendering and reading back what `minimal` offers; nothing is converted."""
-    began = time.process_time()
+def show(scene: BoardScene) -> None:
+    """Render and read back what `minimal` offers; nothing is converted."""
     scene.scene.update_render()
     camera: Any = scene._camera
     camera.take_picture()
     camera.get_picture("Color"), camera.get_picture("PositionSegmentation")
-    return time.process_time() - began
 
 
 def benchmark(library: Library, boards: int) -> dict[str, Any]:
     """All figures, CPU milliseconds (medians) and ratios."""
-    ours = Simulator(library, RenderConfig())
-    times: Times = {}
+    # the shader pack belongs to the camera, so simulators with different packs live side by side
+    configs = {"ours": RenderConfig()} | dict.fromkeys(FRAMES, RenderConfig(shader="minimal"))
+    simulators = {name: Simulator(library, config) for name, config in configs.items()}
+    simulators[FRAMES[1]]._surroundings = Surroundings(lights=True, shadows=False)
     specs = list(generate_boards(BoardConfig(boards=boards, group_size=1, seed=SEED), library))
+    times: Times = {}
     with tempfile.TemporaryDirectory() as folder:
-        # the shader pack belongs to the camera, so simulators with different packs live side by side
-        with_shadows = Simulator(library, RenderConfig(shader="minimal"))
-        without = Simulator(library, RenderConfig(shader="minimal"))
-        without._surroundings = Surroundings(lights=True, shadows=False)
-        simulators = {"ours": ours, "minimal frame": with_shadows, "minimal frame without shadows": without}
         for spec in specs:
             measure_board(simulators, spec, Path(folder), times)
     milliseconds = {
@@ -130,9 +119,9 @@ def benchmark(library: Library, boards: int) -> dict[str, Any]:
         "cpu_ms_per_moved_interaction": round(total, 2),
         "cpu_ms": milliseconds,
         "kilobytes_per_frame": round(float(np.mean(times["bytes per frame"])) / 1e3, 1),
-        "ratio_to_minimal_frame": round(total / milliseconds["minimal frame"], 3),
-        "ratio_to_minimal_frame_without_shadows": round(total / milliseconds["minimal frame without shadows"], 3),
-        "device": ours.board(specs[0]).scene.render_system.device.name,
+        "ratio_to_minimal_frame": round(total / milliseconds[FRAMES[0]], 3),
+        "ratio_to_minimal_frame_without_shadows": round(total / milliseconds[FRAMES[1]], 3),
+        "device": simulators["ours"].board(specs[0]).scene.render_system.device.name,
     }
 
 
@@ -152,7 +141,7 @@ def memory(library: Library, boards: int) -> dict[str, Any]:
         "memory": trace,
         # until then caches fill
         "growth_mb_over_second_half": trace[-1]["rss_mb"] - trace[len(trace) // 2 - 1]["rss_mb"],
-        "peak_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3),
+        "peak_mb": peak_mb(),
         "more_open_files_over_second_half": trace[-1]["open_files"] - trace[len(trace) // 2 - 1]["open_files"],
     }
 
@@ -163,7 +152,7 @@ def main() -> None:
     options.add_argument("--memory", type=int, metavar="BOARDS", help="run the second mode over so many boards")
     arguments = options.parse_args()
     loading: Times = {}
-    library = timed(loading, "objects", lambda: find(arguments.assets))
+    library = noted(loading, "objects", lambda: find(arguments.assets))
     result = memory(library, arguments.memory) if arguments.memory else benchmark(library, arguments.boards)
     result["cpu_ms_per_object_loaded"] = round(1e3 * loading["objects"][0] / len(library.objects), 2)
     kind, hashes = "memory" if arguments.memory else "collection", {"data": {"objects": library.sha256}}

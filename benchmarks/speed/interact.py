@@ -1,6 +1,7 @@
 """Measures the cost of learning to interact: an iteration of training, a decision, a recorded action.
 
     python -m benchmarks.speed.interact [--assets DIR] [--boards 12] [--iterations 30] [--out FILE]
+    python -m benchmarks.speed.interact paper [--assets DIR] [--iterations 50] [--threads 1] [--out FILE]
 
 Figures are CPU seconds of one process with one thread, medians of one run. The limit of an iteration is the time that
 the same processor needs for as many multiplications in one large matrix product, in bfloat16 if it has that, else in
@@ -8,6 +9,16 @@ float32; its ratio to the limit is what could still be gained. Decisions and act
 dataset: the policy of the shipped model beside the scripted one, with everything that `busybot collect` does for an
 action. What the dense position network needs for a whole board, its features included, is told for each number of
 threads, by the clock.
+
+With `paper` the paper's training is measured (`train interact --model paper`). The data of the first epoch of every
+phase are collected at the paper's size (16 boards of 10 actions), with untrained networks and as the schedule has it
+there: random positions until the epsilon of positions falls, all directions until the last phase, whose first direction
+is random. Then each network is trained for so many iterations on these data, with the paper's pictures, batches and
+optimizer, and every iteration is timed, its batch included. The whole schedule's time is an extrapolation from the
+medians; nothing is said about how good the trained policy would be. What is collected is a lower bound: later in each
+phase a network is asked more often, and untrained networks mostly miss, and a miss need not be simulated. Wall seconds
+grow with whatever else the machine does (its load is noted); CPU seconds, of all threads and of the collecting
+processes, do so much less.
 """
 
 import json
@@ -15,6 +26,8 @@ import os
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +35,7 @@ import numpy as np
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks.runner import finish, parser, timed
+from benchmarks.runner import cpu_seconds, finish, load_average, one_of, parser, peak_mb, timed, torch_with
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
@@ -39,9 +52,11 @@ from busybot.interact.policy.policy_factory import (
     LearnedPolicyFactory,
     fingerprint,
 )
-from busybot.interact.training.config import TrainConfig
+from busybot.interact.training.config import PaperConfig, TrainConfig
 from busybot.interact.training.fast_learner import FastAffordanceLearner, FitJob
-from busybot.interact.training.sample_cache import cache_samples
+from busybot.interact.training.paper import PaperTraining
+from busybot.interact.training.round_recorder import Recorder, RoundProgress
+from busybot.interact.training.sample_cache import Samples, cache_samples
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.sim.builtin_policies import builtin_factory
@@ -51,12 +66,15 @@ from busybot.sim.policy import AnyPolicyFactory
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
+from busybot.training.checkpoint import parameters_of
 from busybot.training.device import multiplies_bfloat16
 
 SEED = 3
 STEPS = 10
 SIDE = 1024
 """Of the matrices whose product is the limit."""
+WARM_UP = 2
+"""Iterations of the paper's networks that do not count."""
 
 
 def seconds(work: Callable[[], Any], times: int) -> float:
@@ -151,11 +169,11 @@ def looking(library: Library, boards: list[BoardSpec], threads: int) -> float:
     return round(1000 * float(np.median(spent[1:])), 1)
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     options = parser(__doc__, out=False)
     options.add_argument("--boards", type=int, default=12)
     options.add_argument("--iterations", type=int, default=30)
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     torch.set_num_threads(1)
     library = find(arguments.assets)
     boards = list(generate_boards(BoardConfig(boards=arguments.boards, group_size=1, seed=SEED), library))
@@ -169,5 +187,93 @@ def main() -> None:
     print(json.dumps(finish("interact-speed", arguments, result, hashes=hashes, seed=SEED), indent=1))
 
 
+def collect_phases(training: PaperTraining, folder: Path, epochs: tuple[int, ...]) -> dict[str, Any]:
+    """Record the data of these epochs; seconds of each, the start of the worker processes included."""
+    figures = {}
+    config = training.config
+    for epoch in epochs:
+        began, began_cpu = time.perf_counter(), cpu_seconds()
+        path = folder / f"{epoch:03d}"
+        explorer = partial(training.factory, epoch)
+        dataset = training.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", explorer)
+        seconds, cpu = time.perf_counter() - began, cpu_seconds() - began_cpu
+        training.datasets.append(dataset)
+        rewards = dataset.table("steps", ["reward"]).column("reward").to_pylist()
+        figures[f"epoch {epoch}"] = {
+            "actions": len(rewards),
+            "rewarded": sum(rewards),
+            "seconds": round(seconds, 1),
+            "cpu_seconds": round(cpu, 1),
+            "actions_per_second": round(len(rewards) / seconds, 2),
+        }
+    return figures
+
+
+def phases(config: PaperConfig) -> tuple[int, int, int]:
+    """The epochs from which data are collected in another way."""
+    return 0, config.random_epochs, config.all_directions_epochs
+
+
+def measure_training(training: PaperTraining, kind: Kind, samples: Samples, iterations: int) -> dict[str, Any]:
+    """Seconds per iteration of a network's training."""
+    learner, batch = training.learners[kind], training.config.learn(kind).batch
+    rng = generator(0, "", 0, "benchmark")
+    wall, cpu = timed(lambda: learner.learn(samples, rng), iterations, WARM_UP, kind)
+    quartiles = [round(float(value), 4) for value in np.quantile(wall, [0.25, 0.75])]
+    return {
+        "parameters": parameters_of(learner.network),
+        "batch": batch,
+        "iterations": iterations,
+        "seconds_median": round(float(np.median(wall)), 4),
+        "seconds_quartiles": quartiles,
+        "cpu_seconds_median": round(float(np.median(cpu)), 4),
+    }
+
+
+def extrapolate(config: PaperConfig, networks: dict[str, Any], collecting: dict[str, Any]) -> dict[str, Any]:
+    """The whole schedule from the medians: hours by the clock, and of CPU."""
+    epochs = range(config.epochs)
+    iterations = {k: sum(config.learn(k).iterations for e in epochs if k in config.trained(e)) for k in KINDS}
+    result: dict[str, Any] = {"epochs": config.epochs, "iterations": iterations}
+    for name in ("seconds", "cpu_seconds"):
+        training = sum(iterations[kind] * networks[kind][f"{name}_median"] for kind in KINDS)
+        lengths = np.diff([*phases(config), config.epochs])
+        collected = float(sum(length * part[name] for length, part in zip(lengths, collecting.values(), strict=True)))
+        hours = {"training": training / 3600, "collecting": collected / 3600, "both": (training + collected) / 3600}
+        result[name.replace("seconds", "hours")] = {key: round(value, 2) for key, value in hours.items()}
+    return result
+
+
+def whole_schedule(library: Library, iterations: int, threads: int) -> dict[str, Any]:
+    """All figures of the paper's training."""
+    config = PaperConfig(threads=threads)
+    told = RoundProgress(lambda text: None, lambda label: nullcontext(lambda done, total: None))
+    with tempfile.TemporaryDirectory() as folder:
+        training = PaperTraining(Path(folder), config, Recorder(library, config, 0, threads, told))
+        training.begin((config.render.height, config.render.width))
+        collecting = collect_phases(training, Path(folder) / "rounds", phases(config))
+        samples = training.buffer(len(collecting) - 1)
+        networks: dict[str, Any] = {kind: measure_training(training, kind, samples, iterations) for kind in KINDS}
+    return {
+        "networks": networks,
+        "collecting": collecting,
+        "extrapolated": extrapolate(config, networks, collecting),
+        "peak_mb": peak_mb(),
+        "load_average": load_average(),
+    }
+
+
+def paper(words: list[str]) -> None:
+    options = parser(__doc__, out=False)
+    options.add_argument("--iterations", type=int, default=50, help="of each network")
+    options.add_argument("--threads", type=int, default=os.cpu_count() or 1, help="of PyTorch, and collecting workers")
+    arguments = options.parse_args(words)
+    library = find(arguments.assets)
+    used = torch_with(arguments.threads)
+    figures = whole_schedule(library, arguments.iterations, arguments.threads)
+    hashes = {"data": {"objects": library.sha256}}
+    print(json.dumps(finish("paper-interact-speed", arguments, figures, hashes=hashes, machine=used), indent=1))
+
+
 if __name__ == "__main__":
-    main()
+    one_of(main, paper=paper)

@@ -7,6 +7,7 @@ recorded if they had happened, because an action that fails restores the board e
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -64,7 +65,7 @@ def camera_noise(recording: DisturbedBoard, strength: float, rng: np.random.Gene
         shift = (int(rng.integers(field.shape[0])), int(rng.integers(field.shape[1])))
         rgb = cv2.add(frame.rgb.astype(np.int16), np.roll(field, shift, axis=(0, 1)), dtype=cv2.CV_8U)
         images.append(Image(rgb, frame.depth, None, NO_BOXES))
-    return _with_frames(recording, images)
+    return _observed(recording, images=images, image_of=tuple(range(len(images))))
 
 
 def patch(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
@@ -115,7 +116,7 @@ def _covered(
             cover(rgb, depth)
             image_of[number] = len(images)
             images.append(Image(rgb, depth, None, NO_BOXES))
-    return replace(recording, observed=replace(recording.observed, images=images, image_of=tuple(image_of)))
+    return _observed(recording, images=images, image_of=tuple(image_of))
 
 
 def missing_frames(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
@@ -123,7 +124,7 @@ def missing_frames(recording: DisturbedBoard, strength: float, rng: np.random.Ge
     for number in range(1, len(image_of)):
         if rng.random() < strength:
             image_of[number] = image_of[number - 1]
-    return replace(recording, observed=replace(recording.observed, image_of=tuple(image_of)))
+    return _observed(recording, image_of=tuple(image_of))
 
 
 def slips(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
@@ -188,7 +189,7 @@ def wrong_boxes(recording: DisturbedBoard, strength: float, rng: np.random.Gener
         u0, v0, u1, v1 = (boxes[index] + rng.normal(0, strength, 4).round()).astype(int)
         u0, v0 = np.clip((u0, v0), 0, (width - 2, height - 2))
         boxes[index] = u0, v0, *np.clip((u1, v1), (u0 + 2, v0 + 2), (width, height))
-    return _with_boxes(recording, boxes)
+    return _observed(recording, boxes=boxes.astype(np.int16))
 
 
 def swapped_boxes(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
@@ -197,7 +198,7 @@ def swapped_boxes(recording: DisturbedBoard, strength: float, rng: np.random.Gen
     if len(observed.responders) > 1 and rng.random() < strength:
         one, other = rng.choice(observed.responders, 2, replace=False)
         boxes[[one, other]] = boxes[[other, one]]
-    return _with_boxes(recording, boxes)
+    return _observed(recording, boxes=boxes)
 
 
 def compressed(recording: DisturbedBoard, strength: float, rng: np.random.Generator) -> DisturbedBoard:
@@ -207,15 +208,11 @@ def compressed(recording: DisturbedBoard, strength: float, rng: np.random.Genera
         _, data = cv2.imencode(".jpg", np.ascontiguousarray(image.rgb[..., ::-1]), quality)
         rgb = np.ascontiguousarray(np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))[..., ::-1], np.uint8)
         images.append(Image(rgb, image.depth, None, NO_BOXES))
-    return replace(recording, observed=replace(recording.observed, images=images))
+    return _observed(recording, images=images)
 
 
-def _with_frames(recording: DisturbedBoard, images: list[Image]) -> DisturbedBoard:
-    return replace(recording, observed=replace(recording.observed, images=images, image_of=tuple(range(len(images)))))
-
-
-def _with_boxes(recording: DisturbedBoard, boxes: np.ndarray) -> DisturbedBoard:
-    return replace(recording, observed=replace(recording.observed, boxes=boxes.astype(np.int16)))
+def _observed(recording: DisturbedBoard, **changed: Any) -> DisturbedBoard:
+    return replace(recording, observed=replace(recording.observed, **changed))
 
 
 @dataclass(frozen=True)

@@ -108,9 +108,15 @@ def share(values: list[bool]) -> float | None:
     return round(float(np.mean(values)), 4) if values else None
 
 
+def apart(parts: list[Board]) -> tuple[np.ndarray, np.ndarray]:
+    """Distances of all boards, of responders that changed and of those that did not."""
+    changed, unchanged = zip(*map(distances, parts), strict=True)
+    return np.concatenate(changed), np.concatenate(unchanged)
+
+
 def describe(parts: list[Board], threshold: float, unit: float) -> dict[str, Any]:
     """One split's row without decoders."""
-    different, alike = (np.concatenate(kind) for kind in zip(*map(distances, parts), strict=True))
+    different, alike = apart(parts)
     pairs = [pair for board in parts for pair in clustered(board, threshold)]
     return {
         "boards": len(parts),
@@ -135,16 +141,14 @@ def study_encoder(name: str, splits: list[Dataset], arguments: argparse.Namespac
     began = time.process_time()
     weights = arguments.weights if name.startswith("resnet50") else None
     taken = [features_of(one, name, weights=weights, store=arguments.store, workers=1) for one in splits]
-    seconds, frames = (
-        time.process_time() - began,
-        sum(len(v) for f, d in zip(taken, splits, strict=True) for v in f.values()),
-    )
+    seconds = time.process_time() - began
+    frames = sum(len(values) for features in taken for values in features.values())
     known = [
         list(boards(dataset, library_of(dataset, arguments.assets), features))
         for dataset, features in zip(splits, taken, strict=True)
     ]
     fitting, train = known[0][: 2 * len(known[0]) // 3], known[0][2 * len(known[0]) // 3 :]
-    different, alike = (np.concatenate(kind) for kind in zip(*map(distances, fitting), strict=True))
+    different, alike = apart(fitting)
     threshold = fit_threshold(alike, different)
     decoders = fit_decoders(examples(b.episode.board, b.features, b.shown, b.judged) for b in fitting)
     rows = {}
@@ -165,14 +169,11 @@ def study(arguments: argparse.Namespace) -> dict[str, Any]:
     splits = [Dataset.open(path) for path in (arguments.train, *arguments.novel)]
     result: dict[str, Any] = {"datasets": {}, "encoders": {}}
     for dataset in splits:
-        hashes = dataset.hashes()
         result["datasets"][dataset.info.split] = {
             "episodes": len(dataset.finished()),
             "generator": dataset.info.generator.config,
-            "policy": dataset.info.collect.policy if dataset.info.collect else None,
-            "steps": dataset.info.collect.steps if dataset.info.collect else None,
-            "images": dataset.info.collect.images if dataset.info.collect else None,
-            "content_hash": hashes.content,
+            **{name: getattr(dataset.info.collect, name, None) for name in ("policy", "steps", "images")},
+            "content_hash": dataset.hashes().content,
         }
     for name in arguments.encoders.split(","):
         result["encoders"][name] = study_encoder(name, splits, arguments)

@@ -29,10 +29,10 @@ from busybot.objects.model import Effect, ObjectModel, catalogue
 
 ANGLE_DEG = 30.0
 TURN_DEG = 5.0
+STAGES = ("single", "multi")
 
 
 def angle_deg(first: tuple[float, ...], second: tuple[float, ...]) -> float:
-    """Angle between two directions, degrees."""
     a, b = np.array(first), np.array(second)
     return float(np.rad2deg(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1))))
 
@@ -66,15 +66,11 @@ def amounts(effect: Effect, stage: str) -> np.ndarray | None:
 
 def same_amounts(rule: Effect, truth: Effect) -> bool:
     """Whether joints take the same positions in every stage that the annotation has (within 1e-3)."""
-    pairs = [(amounts(rule, stage), amounts(truth, stage)) for stage in ("single", "multi")]
+    pairs = [(amounts(rule, stage), amounts(truth, stage)) for stage in STAGES]
     return all(
         there is None or (here is not None and here.shape == there.shape and np.allclose(here, there, atol=1e-3))
         for here, there in pairs
     )
-
-
-def stages(effect: Effect) -> tuple[bool, bool]:
-    return effect.single is not None, effect.multi is not None
 
 
 Judge = Callable[[ObjectModel, ObjectModel], bool | None]
@@ -85,8 +81,13 @@ def of_triggers(judge: Callable[[ObjectModel, ObjectModel], bool]) -> Judge:
     return lambda rule, truth: (rule.role == "trigger" and judge(rule, truth)) if truth.role == "trigger" else None
 
 
-def of_effects(judge: Callable[[Effect, Effect], bool]) -> Judge:
-    return lambda rule, truth: (rule.effect is not None and judge(rule.effect, truth.effect)) if truth.effect else None
+def of_effects(judge: Callable[[Effect, Effect], bool], kind: str | None = None) -> Judge:
+    def judged(rule: ObjectModel, truth: ObjectModel) -> bool | None:
+        if truth.effect is None or kind not in (None, truth.effect.type):
+            return None
+        return rule.effect is not None and judge(rule.effect, truth.effect)
+
+    return judged
 
 
 JUDGES: dict[str, Judge] = {
@@ -110,12 +111,10 @@ JUDGES: dict[str, Judge] = {
     "responders: what changes (painted link, moved joints)": of_effects(
         lambda rule, truth: moved(rule) == moved(truth)
     ),
-    "responders: single-stage, multi-stage": of_effects(lambda rule, truth: stages(rule) == stages(truth)),
-    "responders: joint positions (doors, toys)": lambda rule, truth: (
-        (rule.effect is not None and same_amounts(rule.effect, truth.effect))
-        if truth.effect is not None and truth.effect.type == "joint"
-        else None
+    "responders: single-stage, multi-stage": of_effects(
+        lambda rule, truth: all((getattr(rule, it) is None) == (getattr(truth, it) is None) for it in STAGES)
     ),
+    "responders: joint positions (doors, toys)": of_effects(same_amounts, "joint"),
 }
 
 
@@ -138,18 +137,14 @@ def compare(truth: ObjectModel, category_known: bool) -> dict[str, Any]:
 
 def shares(rows: list[dict[str, Any]]) -> dict[str, str]:
     """Per question how many of the objects that it concerns agree."""
-    counted = {}
-    for name in JUDGES:
-        verdicts = [row["agrees"][name] for row in rows if name in row["agrees"]]
-        counted[name] = f"{sum(verdicts)} of {len(verdicts)}"
-    return counted
+    verdicts = {name: [row["agrees"][name] for row in rows if name in row["agrees"]] for name in JUDGES}
+    return {name: f"{sum(found)} of {len(found)}" for name, found in verdicts.items()}
 
 
 def brief(row: dict[str, Any]) -> dict[str, Any]:
     """The row with the questions in which it disagrees in place of all verdicts."""
-    return {name: value for name, value in row.items() if name != "agrees"} | {
-        "disagrees": sorted(name for name, verdict in row["agrees"].items() if not verdict)
-    }
+    disagrees = sorted(name for name, verdict in row["agrees"].items() if not verdict)
+    return {name: value for name, value in row.items() if name != "agrees"} | {"disagrees": disagrees}
 
 
 def main() -> None:

@@ -2,25 +2,37 @@
 
     python -m benchmarks.studies.policy_constants --assets DIR --work FOLDER --other MODEL \
         --out benchmarks/results/policy_constants.json
+    python -m benchmarks.studies.policy_constants coverage --data DATASET --model MODEL --out FILE
 
 Of the training objects some are held out: a copy of the library calls them novel and has no real novel object at all. A
 strict model is trained on the others and judged, under the veto, on boards of those that were held out, where it makes
 the mistakes that the constants are for. What differs without the veto is varied without it, there, on new boards of the
 objects that the model knows, and, with `--other`, with a model that was trained on all training objects without the
 veto, on new boards of them. Run it again with the same FOLDER after an interruption: it goes on.
+
+`coverage` counts the links that the policy would touch when it collects, by the least promise that it accepts. On the
+first picture of each recorded board: of the trigger links those whose best candidate promises less (they are never
+touched, as long as the board looks like that), and the candidates elsewhere that promise as much (they waste a step
+each). `PolicyConfig.collect` was chosen by this on boards of training objects.
 """
 
 import argparse
 import json
 import shutil
 import sys
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import busybot, chosen, finish, parser
+from benchmarks.runner import busybot, chosen, finish, generating, one_of, option, parser, settings
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.camera import Rays
+from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.results import read_result
+from busybot.interact.policy.candidates import find_candidates
 from busybot.interact.policy.config import FIXED, STRICT_POLICY, PolicyConfig
+from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 
 KIND, SEED = "policy-constants", 78
 OBJECTS, MODEL = "objects", "model"
@@ -54,7 +66,7 @@ BEFORE = {
 }
 """What was there before doubt on new objects was: one row varies them together."""
 KEYS = ("precision", "recall", "precision_exploring", "intervals", "failures_by_object", "missed_links")
-TRAIN = ("--strict",)
+PROMISES = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
 
 
 @dataclass(frozen=True)
@@ -64,10 +76,7 @@ class Place:
     Attributes:
         name: of the boards: `novel-object` for held-out objects, `novel-config` for those that the model knows, `other`
             for the other model on boards of what it knows.
-        library: the objects.
         folder: of the boards.
-        split: of the library.
-        boards: how many.
     """
 
     name: str
@@ -79,8 +88,7 @@ class Place:
 
     def judge(self, out: Path, *options: str) -> dict[str, Any]:
         """All metrics of the model with these options; what was judged before is read."""
-        drawn = ("--split", self.split, "--boards", str(self.boards), "--seed", str(SEED), "--group-size", "1")
-        busybot("generate", str(self.folder), *drawn, "--assets", str(self.library))  # refuses other boards there
+        busybot(*generating(self.folder, self.split, self.boards, SEED, self.library))
         command = ("eval", "interact", str(self.folder), "--model", str(self.model), "--assets", str(self.library))
         values = busybot(*command, *options, "--out", str(out))
         shares = f"P {100 * values['precision']:5.1f} R {100 * values['recall']:5.1f}"
@@ -122,18 +130,18 @@ def held_out_library(assets: Path, folder: Path) -> Path:
     return folder
 
 
-def settings(values: dict[str, Any]) -> list[str]:
+def constants(values: dict[str, Any]) -> tuple[str, ...]:
     """Options that set constants of the learned policy."""
-    return [word for name, value in values.items() for word in ("--set", f"learned.{name}={value}")]
+    return settings(*(f"learned.{name}={value}" for name, value in values.items()))
 
 
-def main() -> None:
-    arguments = parsed()
+def main(words: list[str]) -> None:
+    arguments = parsed(words)
     names, work = chosen(arguments.constants, VALUES), arguments.work
     work.mkdir(parents=True, exist_ok=True)
     library = str(held_out_library(arguments.assets, work / OBJECTS))
-    config = ("--config", str(arguments.config)) if arguments.config else ()
-    trained = busybot("train", "interact", "--out", str(work / MODEL), "--assets", library, *TRAIN, *config)["training"]
+    made = ("--out", str(work / MODEL), "--assets", library, "--strict", *option("--config", arguments.config))
+    trained = busybot("train", "interact", *made)["training"]
     known = read_result(arguments.out, KIND) if arguments.out.exists() else {"training": trained}
     if known["training"] != trained:
         raise SystemExit(f"{arguments.out} has rows of another model: name another file, or remove it")
@@ -151,7 +159,7 @@ def main() -> None:
     for row, values in without_veto().items():
         result["free"][row] = dict(known.get("free", {}).get(row, {}))
         for place in everywhere:
-            told = place.judge(work / f"judged-free-{place.name}-{row}", *settings({**free, **values}))
+            told = place.judge(work / f"judged-free-{place.name}-{row}", *constants({**free, **values}))
             result["free"][row][place.name] = {key: told[key] for key in KEYS}
             result["boards"][place.name] = {key: told["dataset"][key] for key in ("boards", "board_hash")}
             result["models"][place.name] = told["provenance"]["model"]["sha256"]
@@ -159,7 +167,7 @@ def main() -> None:
     varied: dict[str, dict[str, Any]] = {"defaults": {}, "before": BEFORE}
     varied |= {f"{name}={value}": {name: value} for name in names for value in VALUES[name]}
     for row, values in varied.items():
-        told = held_out.judge(work / f"judged-{row}", "--strict", *settings(values))
+        told = held_out.judge(work / f"judged-{row}", "--strict", *constants(values))
         result["rows"][row] = {key: told[key] for key in KEYS}
         _write(arguments, result)
 
@@ -175,7 +183,7 @@ def without_veto() -> dict[str, dict[str, Any]]:
     return {"defaults": {}, "strict": dict(STRICT_POLICY), **alone}
 
 
-def parsed() -> argparse.Namespace:
+def parsed(words: list[str]) -> argparse.Namespace:
     options = parser(__doc__, assets=False)
     options.add_argument("--assets", type=Path, required=True, help="folder of annotated objects")
     options.add_argument("--work", type=Path, required=True, help="for library, model and boards; continued")
@@ -184,8 +192,46 @@ def parsed() -> argparse.Namespace:
     options.add_argument("--other-boards", type=int, default=200)
     options.add_argument("--constants", default=",".join(VALUES))
     options.add_argument("--config", type=Path, help="YAML file with parameters of the training")
-    return options.parse_args()
+    return options.parse_args(words)
+
+
+def covered(dataset: Dataset, name: str) -> dict[str, Any]:
+    """Untouched links and wasted candidates by promise."""
+    model = load_once(name)
+    config = policy_config(model.info, {})
+    links, untouched, elsewhere = 0, Counter[float](), Counter[float]()
+    for index in sorted(dataset.finished()):
+        episode = read_episode(dataset.episode_path(index), "lazy")
+        image = episode.image(0)
+        found = find_candidates(model, episode.observation(0), Rays(episode.camera), None, config)
+        assert image.segmentation is not None
+        codes = image.segmentation[found.pixels[:, 1], found.pixels[:, 0]]
+        triggers = [code for code, link in enumerate(episode.links, 1) if link.trigger]
+        links += len(triggers)
+        for promise in PROMISES:
+            enough = found.scores >= promise
+            untouched[promise] += sum(not (enough & (codes == code)).any() for code in triggers)
+            elsewhere[promise] += int((enough & ~(codes[:, None] == triggers).any(axis=1)).sum())
+    origin = {"name": dataset.info.name, "split": dataset.info.split, "board_hash": dataset.hashes().board}
+    told = {str(one): {"untouched_links": untouched[one], "elsewhere": elsewhere[one]} for one in PROMISES}
+    return {"dataset": origin, "boards": len(dataset.finished()), "links": links, "by_promise": told}
+
+
+def coverage(words: list[str]) -> None:
+    options = parser(__doc__, assets=False)
+    options.add_argument("--data", type=Path, required=True, help="recorded dataset")
+    options.add_argument("--model", nargs="+", required=True)
+    arguments = options.parse_args(words)
+    names = [path.parent.name if path.name == "model" else path.name for path in map(Path, arguments.model)]
+    if len(set(names)) < len(names):
+        options.error(f"two models have the same name: {', '.join(names)}")
+    dataset, named = Dataset.open(arguments.data), dict(zip(names, arguments.model, strict=True))
+    judged = {name: covered(dataset, model) for name, model in named.items()}
+    models = {name: fingerprint(model)["sha256"] for name, model in named.items()}
+    hashes = {"models": models, "data": {dataset.info.name: {"board_hash": dataset.hashes().board}}}
+    finish("coverage", arguments, {"models": judged}, hashes=hashes)
+    print(json.dumps(judged, indent=1))
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main, coverage=coverage)

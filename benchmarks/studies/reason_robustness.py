@@ -15,7 +15,7 @@ their defaults and with the best of several settings, chosen for every row *with
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,7 @@ NOISE = {"": (1.0, 5000.0), "one change in 20 is none": (1.0, 20.0)}
 TOLERANCES, THRESHOLDS = (10, 30), (0.5, 1.0)
 """What counts as a change: of a pixel, and of features."""
 
+STRENGTHS = {name: one.strengths for name, one in DISTURBANCES.items()}
 BASELINES = ("lookup", "count")
 """Judged with several settings: behind the name and a comma."""
 SCORES = ("edge_p", "edge_r", "edge_r_bound", "pred_a", "pred_a_successful", "pred_a_bound", "ece", "failing")
@@ -76,30 +77,16 @@ class Asked:
     seed: int
 
 
-@dataclass
-class Told:
-    """Of one row: what the models said of each board, and how much of what they predict from could be read.
-
-    Attributes:
-        judged: by model.
-        known: bool (S,) for each board: steps that the bound gets right and before which every responder is read
-            rightly from the disturbed picture.
-    """
-
-    judged: dict[str, list[JudgedGraph]] = field(default_factory=dict)
-    known: list[np.ndarray] = field(default_factory=list)
-
-    def add(self, other: "Told") -> None:
-        """Another board."""
-        for model, judged in other.judged.items():
-            self.judged.setdefault(model, []).extend(judged)
-        self.known.extend(other.known)
+Told = tuple[dict[str, JudgedGraph], np.ndarray]
+"""Of one row and board: what was said by each model; and bool (S,) the steps that the bound gets right and before which
+every responder is read rightly from the disturbed picture, so how much of what they predict from could be read."""
 
 
-def told_row(told: Told, seed: int) -> dict[str, Any]:
+def told_row(told: list[Told], seed: int) -> dict[str, Any]:
     """JSON values: scores by model, for baselines those of the defaults and of the best setting."""
-    scores = {name: _scores(judged, seed) for name, judged in told.judged.items()}
-    row: dict[str, Any] = {"boards": len(told.known), "known": float(np.concatenate(told.known).mean()), "models": {}}
+    scores = {name: _scores([judged[name] for judged, _ in told], seed) for name in told[0][0]}
+    known = np.concatenate([known for _, known in told])
+    row: dict[str, Any] = {"boards": len(told), "known": float(known.mean()), "models": {}}
     for name, score in scores.items():
         base = name.split(",")[0]
         if base not in BASELINES:
@@ -127,14 +114,15 @@ def _worth(scores: dict[str, Any]) -> float:
     return float(scores["edge_f1"] + (scores["pred_a"] or 0))
 
 
-def rows_of(index: int, path: Path, asked: Asked) -> list[tuple[Row, Told]]:
-    """All rows of one board."""
+def rows_of(task: tuple[int, Path], asked: Asked) -> list[tuple[Row, Told]]:
+    """All rows of the board of that number in that file."""
+    index, path = task
     recording = recording_of(read_episode(path, "lazy"))
     encoder, unit = make_extractor(ENCODER), _unit(asked)
     looks = np.asarray(encoder.of(recording.observed), np.float32)
-    told = []
-    for name, strength in _wanted(asked.only):
-        board = recording.episode.board
+    told, board = [], recording.episode.board
+    wanted = [(name, strength) for name in asked.only for strength in STRENGTHS.get(name, (0.0,))]
+    for name, strength in wanted:
         rng = generator(asked.seed, board.split, board.index, f"robustness/{name}/{strength}")
         disturbance = DISTURBANCES.get(name)
         if name == PNG:
@@ -150,17 +138,11 @@ def rows_of(index: int, path: Path, asked: Asked) -> list[tuple[Row, Told]]:
         if name == "features":
             features = noisy(features, strength * unit, rng)
         moved = not np.array_equal(other.observed.boxes, recording.observed.boxes)
-        judged = _judge(other, features, features if moved else looks, recording, asked)
+        judged, known = _judge(other, features, features if moved else looks, recording, asked)
         if name != "features":  # counting reads pixels
-            judged.judged |= {n: [_judged(other, graph, None)] for n, graph in _counted(other)}
-        told.append(((name, strength), judged))
+            judged |= {setting: _judged(other, graph, None) for setting, graph in _counted(other)}
+        told.append(((name, strength), (judged, known)))
     return told
-
-
-def _wanted(only: tuple[str, ...]) -> Iterator[Row]:
-    for name in only:
-        strengths = DISTURBANCES[name].strengths if name in DISTURBANCES else (0.0,)
-        yield from ((name, strength) for strength in strengths)
 
 
 def _unit(asked: Asked) -> float:
@@ -174,7 +156,7 @@ def _unit(asked: Asked) -> float:
 def _judge(
     recording: DisturbedBoard, features: np.ndarray, looks: np.ndarray, undisturbed: DisturbedBoard, asked: Asked
 ) -> Told:
-    """What all that predict say of a recording.
+    """What all that predict say of a recording, and what could be known.
 
     Args:
         looks: by which predictions are read, (T + 1, N, C) of the undisturbed pictures.
@@ -185,13 +167,10 @@ def _judge(
     judge = NearestState(looks, states, states, judged)
     judge.truth = recording.truth.states
     watched = EvaluatedBoard(recording.truth, observed, judged, sequence, {NEAREST: judge})
-    told, seen = Told(), sequence.first(IMAGES)
-    for name, reasoner in _reasoners(asked):
-        predicted = judge_prediction(watched, reasoner, IMAGES)
-        told.judged[name] = [_judged(recording, reasoner.graph(seen), predicted)]
-        if not told.known:
-            told.known = [_known(predicted)]
-    return told
+    seen, reasoners = sequence.first(IMAGES), dict(_reasoners(asked))
+    predicted = {name: judge_prediction(watched, reasoner, IMAGES) for name, reasoner in reasoners.items()}
+    told = {name: _judged(recording, one.graph(seen), predicted[name]) for name, one in reasoners.items()}
+    return told, _known(next(iter(predicted.values())))
 
 
 def _reasoners(asked: Asked) -> Iterator[tuple[str, Reasoner]]:
@@ -261,12 +240,12 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     models = dict(model.split("=", 1) for model in arguments.model)
     only = (UNDISTURBED, *(arguments.only.split(",") if arguments.only else (*DISTURBANCES, PNG)))
     png = Dataset.open(arguments.png) if arguments.png else None
-    work = partial(_work, asked=Asked(models, only, png, arguments.seed))
-    gathered: dict[Row, Told] = {}
+    work = partial(rows_of, asked=Asked(models, only, png, arguments.seed))
+    gathered: dict[Row, list[Told]] = {}
     tasks = [(index, dataset.episode_path(index)) for index in indices]
     for number, told in enumerate(share(work, tasks, arguments.workers), start=1):
         for row, of_board in told:
-            gathered.setdefault(row, Told()).add(of_board)
+            gathered.setdefault(row, []).append(of_board)
         print(f"{number} of {len(indices)} boards", flush=True)
     rows: dict[str, Any] = told_rows(arguments.out, KIND)
     for name in only:
@@ -284,10 +263,6 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
         },
         "rows": rows,
     }
-
-
-def _work(task: tuple[int, Path], asked: Asked) -> list[tuple[Row, Told]]:
-    return rows_of(*task, asked)
 
 
 def _origin(folder: str) -> dict[str, Any]:

@@ -13,25 +13,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, assets_name, busybot, chosen, finish, parser, told_rows, train
+from benchmarks import runner
 from busybot.common.process_pool import machine
 
 SPLITS = ("novel-config", "novel-object")
 JUDGE_SEED = 303
 KEYS = (
-    "precision",
-    "recall",
-    "recall_objects",
-    "precision_exploring",
-    "off_axis_share",
-    "precision_reward",
-    "reward_agreement",
-    "boards",
-    "intervals",
-    "failures_by_cause",
-    "failures_by_object",
-    "missed_links",
-    "by_step",
+    *("precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "precision_reward"),
+    *("reward_agreement", "boards", "intervals", "by_step"),
+    *("failures_by_cause", "failures_by_object", "missed_links"),
 )
 
 
@@ -53,29 +43,22 @@ class Table1Row:
 
 
 def _delta(pixels: int) -> Table1Row:
-    options = ("--set", "responders=false", "--set", f"interaction.delta={pixels}")
+    options = runner.settings("responders=false", f"interaction.delta={pixels}")
     return Table1Row(options, judge=options)
 
 
-JOINTS = ("--set", "interaction.reward=joints")
-
+JOINTS, STRICT = runner.settings("interaction.reward=joints"), ("--strict",)
 
 ROWS = {
-    "free-0": Table1Row(seed=0),
-    "free-1": Table1Row(seed=1),
-    "free-2": Table1Row(seed=2),
-    "strict-0": Table1Row(("--strict",), 0, ("--strict",)),
-    "strict-1": Table1Row(("--strict",), 1, ("--strict",)),
-    "strict-2": Table1Row(("--strict",), 2, ("--strict",)),
+    **{f"free-{seed}": Table1Row(seed=seed) for seed in range(3)},
+    **{f"strict-{seed}": Table1Row(STRICT, seed, STRICT) for seed in range(3)},
     "oracle": Table1Row(JOINTS, judge=JOINTS),
-    "rgb": Table1Row(("--set", "inputs=rgb")),
+    "rgb": Table1Row(runner.settings("inputs=rgb")),
     "greedy": Table1Row(None, judge=("--mode", "greedy"), model="free-1"),
     "ucb": Table1Row(None, judge=("--mode", "ucb"), model="free-1"),
     "random": Table1Row(None, model="random"),
-    "free-0-delta-1000": Table1Row(None, judge=("--set", "interaction.delta=1000"), model="free-0"),
-    "without-responders-100": _delta(100),
-    "without-responders-500": _delta(500),
-    "without-responders-1000": _delta(1000),
+    "free-0-delta-1000": Table1Row(None, judge=runner.settings("interaction.delta=1000"), model="free-0"),
+    **{f"without-responders-{pixels}": _delta(pixels) for pixels in (100, 500, 1000)},
     "paper": Table1Row(("--model", "paper")),
 }
 ON_REQUEST = ("paper",)
@@ -84,48 +67,35 @@ NOTHING_LEARNED = "no recorded action succeeded"
 """What training says where not a single action was rewarded: there is no model to judge."""
 
 
-def boards(folder: Path, split: str, arguments: argparse.Namespace) -> tuple[str, ...]:
-    """The command that makes the boards that all rows are judged on; it refuses others that are there already."""
-    seed, number = str(arguments.judge_seed), str(arguments.boards)
-    options = ("--split", split, "--boards", number, "--seed", seed, "--group-size", "1")
-    return ("generate", str(folder), *options, "--assets", arguments.assets)
-
-
-def training(row: Table1Row, out: Path, arguments: argparse.Namespace) -> tuple[str, ...]:
-    """The command that trains a row."""
-    command = ("train", "interact", "--out", str(out), "--assets", arguments.assets, "--seed", str(row.seed))
-    config = ("--config", str(arguments.config)) if arguments.config else ()
-    return (*command, *(row.train or ()), *config)
-
-
 def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     """Train a row if it has a training, and judge it on both novel splits."""
     row, work = ROWS[name], arguments.work
-    commands, trained, places = [], None, {str(work): "WORK", arguments.assets: "ASSETS"}
+    commands: list[tuple[str, ...]] = []
+    trained, places = None, {str(work): "WORK", arguments.assets: "ASSETS"}
     model = row.model if row.model == "random" else str(work / (row.model or name))
     if row.train is not None:
-        command = training(row, Path(model), arguments)
+        config = runner.option("--config", arguments.config)
+        options = ("--assets", arguments.assets, "--seed", str(row.seed), *row.train, *config)
+        commands.append(("train", "interact", "--out", model, *options))
         try:
-            told = train(Path(model), *command)
+            told = runner.train(Path(model), *commands[0])
         except RuntimeError as error:
             if NOTHING_LEARNED not in str(error):
                 raise
-            told = {"commands": [as_typed(command, places)], "machine": machine()}
+            told = {"commands": [runner.as_typed(commands[0], places)], "machine": machine()}
             return {**told, "training": None, "untrained": NOTHING_LEARNED}
-        commands.append(command)
         trained = {**told["training"], "cost": told["cost"]}
     judged, policy = {}, {}
     for split in SPLITS:
         folder = work / f"judge-{arguments.judge_seed}-{split}"
         out = work / f"judged-{arguments.judge_seed}-{name}-{split}"
-        commands.append(boards(folder, split, arguments))
-        busybot(*commands[-1])
-        command = ("eval", "interact", str(folder), "--model", model, *row.judge)
-        result = busybot(*command, "--out", str(out), "--assets", arguments.assets)
+        commands.append(runner.generating(folder, split, arguments.boards, arguments.judge_seed, arguments.assets))
+        runner.busybot(*commands[-1])
+        commands.append(("eval", "interact", str(folder), "--model", model, *row.judge))
+        result = runner.busybot(*commands[-1], "--out", str(out), "--assets", arguments.assets)
         judged[split] = {key: result[key] for key in (*KEYS, "dataset", "versions")}
         policy = judged_policy(result["provenance"])
-        commands.append(command)
-    typed = [as_typed(command, places) for command in commands]
+    typed = [runner.as_typed(command, places) for command in commands]
     return {"commands": typed, "machine": machine(), "training": trained, "policy": policy, **judged}
 
 
@@ -136,7 +106,7 @@ def judged_policy(provenance: dict[str, Any]) -> dict[str, Any]:
 
 
 def main() -> None:
-    options = parser(__doc__)
+    options = runner.parser(__doc__)
     options.add_argument("--work", type=Path, required=True, help="for models and results; continued if it exists")
     usual = ",".join(name for name in ROWS if name not in ON_REQUEST)
     options.add_argument("--rows", default=usual, help=f"which rows, in this order; {', '.join(ON_REQUEST)} on request")
@@ -145,14 +115,14 @@ def main() -> None:
     options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = options.parse_args()
     result: dict[str, Any] = {
-        "assets": assets_name(arguments.assets),
+        "assets": runner.assets_name(arguments.assets),
         "judge_seed": arguments.judge_seed,
-        "rows": told_rows(arguments.out, "table1"),
+        "rows": runner.told_rows(arguments.out, "table1"),
     }
-    names = chosen(arguments.rows, ROWS)
+    names = runner.chosen(arguments.rows, ROWS)
     for name in names:
         result["rows"][name] = run(name, arguments)
-        finish("table1", arguments, result, seed=arguments.judge_seed)  # rows have hashes and seeds of their own
+        runner.finish("table1", arguments, result, seed=arguments.judge_seed)  # rows have hashes and seeds of their own
         for split in SPLITS:
             row = result["rows"][name].get(split, {"precision": 0.0, "recall": 0.0})
             print(f"{name:24} {split:13} P {100 * row['precision']:5.1f} R {100 * row['recall']:5.1f}", flush=True)

@@ -1,6 +1,11 @@
 """Table 2 of the protocol: who finds relations and predicts what follows, by the commands that a user types.
 
+    python -m benchmarks.tables.table2 record --model MODEL --assets DIR --data FOLDER [--only train,random/train]
     python -m benchmarks.tables.table2 --data FOLDER --work FOLDER --out benchmarks/results/table2.json [--rows a,b]
+
+`record` makes the recorded boards; `--model` is the interaction policy that acts on them (`busybot train interact`).
+Beneath `random` lie recordings of the same boards without exploration. Every board has an appearance of its own: 300
+tell more than 15.
 
 `--data` holds recorded datasets: `train` (to train on), `validation` (training objects, other boards), `novel-config`
 and `novel-object` (to judge on). The rows "without exploration" need the same beneath `random`, recorded with
@@ -12,52 +17,52 @@ the result as soon as it is judged. Trained rows have three seeds each; their me
 
 import argparse
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, busybot, chosen, finish, parser, told_rows, train
+from benchmarks import runner
 from busybot.common.atomic_io import write_json
 from busybot.common.process_pool import machine
 
 SPLITS = ("validation", "novel-config", "novel-object")
 SCORES = (
-    "edge_p",
-    "edge_r",
-    "edge_acc",
-    "edge_r_bound",
-    "pred_a",
-    "pred_a_successful",
-    "pred_a_responder",
-    "pred_a_changed",
-    "pred_a_unchanged",
-    "pred_a_bound",
-    "ece",
-    "brier",
+    *("edge_p", "edge_r", "edge_acc", "edge_r_bound"),
+    *("pred_a", "pred_a_successful", "pred_a_responder", "pred_a_changed", "pred_a_unchanged", "pred_a_bound"),
+    *("ece", "brier"),
 )
 """Of which mean and extremes over seeds are told."""
 DETAILS = (
-    "boards",
-    "predicted_steps",
-    "failing",
-    "bounds",
-    "decoded",
-    "decoder_accuracy",
-    "persistence",
-    "baselines",
-    "calibration",
-    "intervals",
-    "macro",
-    "by_kind",
-    "pred_by_kind",
-    "pred_by_category",
-    "by_images",
-    "encoder",
-    "dataset",
-    "decoders",
-    "hashes",
-    "versions",
+    *("boards", "predicted_steps", "failing", "bounds", "decoded", "decoder_accuracy", "persistence", "baselines"),
+    *("calibration", "intervals", "macro", "by_kind", "pred_by_kind", "pred_by_category", "by_images"),
+    *("encoder", "dataset", "decoders", "hashes", "versions"),
 )
+STEPS = 30
+
+
+@dataclass(frozen=True)
+class RecordedSplit:
+    """Boards of one split.
+
+    Attributes:
+        split: of `busybot generate`.
+        seed: no two recordings share boards, except with and without exploration.
+    """
+
+    split: str
+    boards: int
+    seed: int
+
+
+JUDGED = {
+    "novel-object": RecordedSplit("novel-object", 300, 604),
+    "novel-config": RecordedSplit("novel-config", 300, 603),
+    "validation": RecordedSplit("train", 150, 602),
+}
+LEARNED = {**JUDGED, "train": RecordedSplit("train", 1000, 601)}
+RANDOM = {name: replace(recording, boards=min(150, recording.boards)) for name, recording in JUDGED.items()}
+RANDOM["train"] = replace(LEARNED["train"], boards=300)
+"""The first of the same boards: without exploration there is little to find, and fewer boards tell it."""
 
 
 @dataclass(frozen=True)
@@ -86,17 +91,17 @@ BOARDS = (20, 100, 300)
 """Smaller trainings of `event`, for the curve over their number of boards."""
 ROWS = {
     "event": Table2Row(train=EVENT, seeds=3),
-    "event-without-inference": Table2Row(train=(*EVENT, "--set", "net.inference=false")),
+    "event-without-inference": Table2Row(train=(*EVENT, *runner.settings("net.inference=false"))),
     "event-without-exploration": Table2Row(train=EVENT, data="random"),
-    **{f"event-{count}": Table2Row(train=(*EVENT, "--set", f"loop.boards={count}")) for count in BOARDS},
+    **{f"event-{count}": Table2Row(train=(*EVENT, *runner.settings(f"loop.boards={count}"))) for count in BOARDS},
     "lookup": Table2Row("lookup"),
     "count": Table2Row("count"),
     "persistence": Table2Row("persistence"),
     "pc": Table2Row("pc"),
-    "pc-pairs": Table2Row("pc", judge=("--set", "condition=0")),
+    "pc-pairs": Table2Row("pc", judge=runner.settings("condition=0")),
     "paper": Table2Row(train=PAPER),
-    "paper-50-epochs": Table2Row(train=(*PAPER, *(word for parameter in SHORT for word in ("--set", parameter)))),
-    "paper-without-inference": Table2Row(train=(*PAPER, "--set", "inference=false")),
+    "paper-50-epochs": Table2Row(train=(*PAPER, *runner.settings(*SHORT))),
+    "paper-without-inference": Table2Row(train=(*PAPER, *runner.settings("inference=false"))),
     "paper-without-exploration": Table2Row(train=PAPER, data="random"),
 }
 """By name. `pc` conditions on other variables, `pc-pairs` tests each pair by itself."""
@@ -111,30 +116,25 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     trained: list[dict[str, Any]] = []
     commands: list[tuple[str, ...]] = []
     judged: dict[str, list[dict[str, Any]]] = {}
+    decoders = data / "train" if row.model not in ("count", "pc") else None
+    judging = (*row.judge, *runner.option("--decoders", decoders), *runner.option("--assets", arguments.assets))
     for seed in range(row.seeds):
         model = row.model or str(arguments.work / f"{name}-{seed}")
         if row.model is None:
-            config = ("--config", str(arguments.config)) if arguments.config else ()
             options = ("--data", str(data / "train"), "--out", model, "--seed", str(seed))
-            commands.append(("train", "reason", *row.train, *options, *config))
-            told = train(Path(model), *commands[-1])
+            commands.append(("train", "reason", *row.train, *options, *runner.option("--config", arguments.config)))
+            told = runner.train(Path(model), *commands[-1])
             kept = {key: value for key, value in told.items() if key not in ("out", "model")}
             trained.append({**kept, "machine": machine()})
         for split in SPLITS:
             if (data / split).is_dir():
-                commands.append(_judging(row, model, data, split, arguments))
+                commands.append(("eval", "reason", str(data / split), "--model", model, *judging))
                 judged.setdefault(split, []).append(_told(commands[-1], arguments.work / f"{name}-{seed}-{split}.json"))
     return {
-        "commands": [as_typed(command, places) for command in commands],
+        "commands": [runner.as_typed(command, places) for command in commands],
         "training": trained,
         "splits": {split: {**across(results), "seeds": results} for split, results in judged.items()},
     }
-
-
-def _judging(row: Table2Row, model: str, data: Path, split: str, arguments: argparse.Namespace) -> tuple[str, ...]:
-    decoders = ("--decoders", str(data / "train")) if row.model not in ("count", "pc") else ()
-    assets = ("--assets", str(arguments.assets)) if arguments.assets else ()
-    return ("eval", "reason", str(data / split), "--model", model, *row.judge, *decoders, *assets)
 
 
 def _told(command: tuple[str, ...], out: Path) -> dict[str, Any]:
@@ -143,7 +143,7 @@ def _told(command: tuple[str, ...], out: Path) -> dict[str, Any]:
         known = json.loads(out.read_text())
         if known["typed"] == list(command):
             return dict(known["result"])
-    told = busybot(*command)
+    told = runner.busybot(*command)
     result = {key: told[key] for key in (*SCORES, *DETAILS)}
     write_json(out, {"typed": command, "result": result})
     return result
@@ -160,20 +160,37 @@ def across(results: list[dict[str, Any]]) -> dict[str, dict[str, float | None]]:
     return told
 
 
-def main() -> None:
-    options = parser(__doc__, assets=False)
+def record(words: list[str]) -> None:
+    """Generate the boards and act on them; what is there is left alone."""
+    options = runner.parser(__doc__, out=None)
+    options.add_argument("--model", required=True)
+    options.add_argument("--data", type=Path, required=True)
+    options.add_argument("--only", help="names, comma-separated; all by default")
+    options.add_argument("--most", type=int, default=10_000, help="boards per recording")
+    arguments = options.parse_args(words)
+    recordings = {**LEARNED, **{f"random/{name}": one for name, one in RANDOM.items()}}
+    for name in runner.chosen(arguments.only, recordings) if arguments.only else recordings:
+        one, folder, assets = recordings[name], arguments.data / name, arguments.assets
+        policy = ("random",) if name.startswith("random/") else ("learned", "--model", arguments.model)
+        runner.busybot(*runner.generating(folder, one.split, min(arguments.most, one.boards), one.seed, assets))
+        acting = ("--steps", str(STEPS), "--policy", *policy, "--seed", str(one.seed), "--assets", assets)
+        runner.busybot("collect", str(folder), *acting)
+
+
+def main(words: list[str]) -> None:
+    options = runner.parser(__doc__, assets=False)
     options.add_argument("--data", type=Path, required=True, help="recorded datasets, see above")
     options.add_argument("--work", type=Path, required=True, help="for models and results; continued if it exists")
     options.add_argument("--assets", help="objects, if they are not found by their hashes")
     usual = ",".join(name for name in ROWS if name not in WHOLE_SCHEDULE)
     options.add_argument("--rows", default=usual, help="which rows, in this order")
     options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     arguments.work.mkdir(parents=True, exist_ok=True)
-    result: dict[str, Any] = {"rows": told_rows(arguments.out, "table2")}
-    for name in chosen(arguments.rows, ROWS):
+    result: dict[str, Any] = {"rows": runner.told_rows(arguments.out, "table2")}
+    for name in runner.chosen(arguments.rows, ROWS):
         result["rows"][name] = run(name, arguments)
-        finish("table2", arguments, result)  # every evaluation has hashes, seeds and versions of its own
+        runner.finish("table2", arguments, result)  # every evaluation has hashes, seeds and versions of its own
         for split, scores in result["rows"][name]["splits"].items():
             told = " ".join(f"{key} {_percent(scores['mean'][key])}" for key in ("edge_p", "edge_r", "pred_a"))
             print(f"{name:26} {split:13} {told}", flush=True)
@@ -184,4 +201,4 @@ def _percent(share: float | None) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    runner.one_of(main, record=record)

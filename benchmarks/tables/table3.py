@@ -1,11 +1,18 @@
 """Table 3 of the protocol: who reaches a goal picture, by the commands that a user types.
 
     python -m benchmarks.tables.table3 --policy-model MODEL --reasoner FOLDER FOLDER FOLDER --work FOLDER --out FILE
+    python -m benchmarks.tables.table3 procedural --work FOLDER --out benchmarks/results/plan-procedural.json
+    python -m benchmarks.tables.table3 decision-time --work FOLDER --out benchmarks/results/decision_time.json
 
 For each split and each kind of relations: tasks are generated, their histories recorded with the interaction model, and
 agents play them. With the first reasoner every agent plays, with the others (trained with other seeds) only those that
 are ours or the paper's whole system; learned baselines, which need no reasoner, play by themselves. Every command
 resumes, so this one does; a cell appears as soon as it is judged.
+
+By default `procedural` and `decision-time` take what ships with busybot: procedural objects, its policy, its model of
+relations. The result of `procedural` names its rows `agents`: a report's Table 3 is that of real objects.
+`decision-time` measures the processor time of every agent's decision on tasks of unseen objects, as `busybot eval plan`
+tells it: from the picture to the answer, with what is learned from the outcome, simulation and rendering left out.
 """
 
 import argparse
@@ -13,10 +20,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, assets_name, busybot, finish, parser
+from benchmarks.runner import as_typed, assets_name, busybot, finish, one_of, option, parser
 from busybot.common.atomic_io import read_json
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.results import read_result
+from busybot.interact.policy.policy_factory import DEFAULT_MODEL
+from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.training.model_cards import INFO_FILE
 
 SEEDS = {"train": 701, "novel-config": 702, "novel-object": 703}
@@ -27,6 +36,10 @@ AGENTS = (*OURS, "relation", "predictive", "random", "noop", "oracle", *TRUTHS)
 SPLITS = ("novel-object", "novel-config", "train")
 ORIGINS = ("dataset", "hashes", "provenance", "versions")
 PROVENANCE = ("best_iteration", "boards", "boards_held_out", "data", "held_out", "seed", "versions")
+TIMED = "novel-object"
+"""The split on which decisions are timed."""
+GATE_MS = 50.0
+"""Of a decision, on average."""
 DETAILS = ("interval", "micro", "by_features", "solved", "steps", "steps_more", "step_success", "failures_by_cause")
 
 
@@ -34,20 +47,21 @@ def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -
     """What every agent reached on one dataset of tasks: agent to success and details."""
     tasks = options.work / f"{split}-{kind}"
     assets, model = ("--assets", options.assets), options.policy_model
-    make = ("--split", split, "--tasks", kind, "--boards", str(options.boards), "--seed", str(SEEDS[split]))
+    seed = ("--seed", str(SEEDS[split]))
+    make = ("--split", split, "--tasks", kind, "--boards", str(options.boards), *seed)
     commands = [
         ("generate", str(tasks), *make, *assets),
-        ("collect", str(tasks), "--policy", "learned", "--model", model, "--seed", str(SEEDS[split]), *assets),
+        ("collect", str(tasks), "--policy", "learned", "--model", model, *seed, *assets),
     ]
-    for seed, reasoner in enumerate(options.reasoner):
-        agents = AGENTS if seed == 0 else OURS
-        who = ("--agents", ",".join(agents), "--model", str(reasoner), "--policy-model", model)
-        out = ("--out", str(place(options, split, kind, str(seed))))
-        commands.append(("eval", "plan", str(tasks), *who, *assets, *out))
-    if options.learned:
-        alone = ("--agents", ",".join(options.learned), "--policy-model", model)
-        out = ("--out", str(place(options, split, kind, "learned")))
-        commands.append(("eval", "plan", str(tasks), *alone, *assets, *out))
+    players = [
+        (str(number), ",".join(OURS if number else AGENTS), option("--model", reasoner))
+        for number, reasoner in enumerate(options.reasoner)
+    ]
+    players += [("learned", ",".join(options.learned), ())] if options.learned else []
+    for who, agents, reasoner in players:
+        out = ("--out", str(place(options, split, kind, who)))
+        given = ("--agents", agents, *reasoner, "--policy-model", model, *assets)
+        commands.append(("eval", "plan", str(tasks), *given, *out))
     typed += [as_typed(command, _places(options)) for command in commands]
     told = [busybot(*command) for command in commands][2:]
     names = [name for result in told for name in result["agents"]]
@@ -111,23 +125,44 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             yield {**about, "origins": origins, "rows": rows}
 
 
-def parsed(description: str | None, **given: Any) -> argparse.Namespace:
+def parsed(words: list[str], **given: Any) -> argparse.Namespace:
     """Options of the command line; what is given counts unless an option says otherwise."""
-    made = parser(description)
+    made = parser(__doc__)
     made.add_argument("--policy-model", required=not given)
     made.add_argument("--reasoner", nargs="+", required=not given, help="one for each seed")
     made.add_argument("--learned", nargs="*", default=[], help="learned baselines, as bc=FOLDER")
     made.add_argument("--boards", type=int, default=50, help="tasks in each cell")
     made.add_argument("--work", type=Path, required=True)
     made.set_defaults(**given)
-    return made.parse_args()
+    return made.parse_args(words)
 
 
-def main() -> None:
-    options = parsed(__doc__)
+def main(words: list[str]) -> None:
+    options = parsed(words)
     for result in measured(options):
         finish("table3", options, result)
 
 
+def procedural(words: list[str]) -> None:
+    options = parsed(words, policy_model=DEFAULT_MODEL, reasoner=[DEFAULT_REASONER])
+    for result in measured(options):
+        finish("plan-procedural", options, {"agents": result.pop("rows"), **result})
+
+
+def decision_time(words: list[str]) -> None:
+    options = parsed(words, policy_model=DEFAULT_MODEL, reasoner=[DEFAULT_REASONER], boards=10)
+    options.work.mkdir(parents=True, exist_ok=True)
+    typed: list[str] = []
+    agents: dict[str, Any] = {}
+    origins: dict[str, Any] = {}
+    for kind in KINDS:
+        for name, scores in cell(TIMED, kind, options, typed).items():
+            agents.setdefault(name, {})[kind] = scores["timing"]
+            print(f"{kind:12} {name:24} {scores['timing']['cpu_ms'] or 0:6.1f} ms", flush=True)
+        origins[kind] = origin(options, TIMED, kind)
+    figures = {"tasks": options.boards, "gate_ms": GATE_MS, "commands": typed, "origins": origins, "decisions": agents}
+    finish("decision-time", options, figures, seed=SEEDS[TIMED])  # every origin has hashes of its own
+
+
 if __name__ == "__main__":
-    main()
+    one_of(main, procedural=procedural, decision_time=decision_time)

@@ -1,11 +1,15 @@
 """`busybot assets`: which objects there are; make procedural ones, fetch and import real ones, check a folder."""
 
+import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, check_file, print_json, say
+from busybot.cli.common import answer, check_file, print_json, say
+from busybot.cli.options import JsonOption, SeedOption
+from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.objects.importing.annotation_edits import Overrides
@@ -14,12 +18,11 @@ if TYPE_CHECKING:
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help="List, make and check objects.")
 
+LibraryArgument = Annotated[str, typer.Argument(metavar="[DIR]", help="`procedural`, or a library's folder.")]
+
 
 @app.command("list")
-def list_objects(
-    folder: Annotated[str, typer.Argument(metavar="[DIR]", help="`procedural`, or a library's folder.")] = "procedural",
-    json: JsonOption = False,
-) -> None:
+def list_objects(folder: LibraryArgument = "procedural", json: JsonOption = False) -> None:
     """Show a library: every object with its role, links, split and sampling weight."""
     from busybot.objects.resolve import find
 
@@ -43,11 +46,12 @@ def make(
 
     keys = make_library(out, seed)
     library = load_and_remember(out)
-    if json:
-        print_json({"folder": out, "seed": seed, "sha256": library.sha256, "objects": keys})
-    else:
-        say(f"{len(keys)} objects in {out} (seed {seed}, sha256 {library.sha256[:12]})")
-        say(f"next: busybot assets list {out}; busybot generate OUT --assets {out}")
+    answer(
+        json,
+        {"folder": out, "seed": seed, "sha256": library.sha256, "objects": keys},
+        f"{len(keys)} objects in {out} (seed {seed}, sha256 {library.sha256[:12]})",
+        f"next: busybot assets list {out}; busybot generate OUT --assets {out}",
+    )
 
 
 @app.command()
@@ -79,8 +83,7 @@ def import_raw(
     review: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the annotation as YAML to edit.")] = None,
     overrides: Annotated[Path | None, typer.Option(metavar="FILE", help="YAML that a person has reviewed.")] = None,
     split: Annotated[
-        Literal["train", "novel"] | None,
-        typer.Option(help="By default the paper's for its objects, train for others."),
+        Literal["train", "novel"] | None, typer.Option(help="By default the paper's for its objects, train for others.")
     ] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Replace objects that the library has otherwise.")] = False,
     json: JsonOption = False,
@@ -89,13 +92,13 @@ def import_raw(
 
     Without --out nothing is imported: --review alone shows what the rules propose. Exits with 1 if any is refused.
     """
-    from busybot.objects.importing.annotation_edits import read_overrides
+    from busybot.objects.importing.annotation_edits import read_overrides, write_review
     from busybot.objects.importing.importer import import_objects, raw_folders
 
     if out is None and review is None:
         raise typer.BadParameter("nothing to do: give --out DIR, --review FILE or both", param_hint="--out")
-    if review is not None:
-        _refuse_existing(review)
+    if review is not None and review.exists():
+        raise BusybotError(f"{review}: exists, perhaps with somebody's changes", "name another file for the proposal")
     given = read_overrides(overrides) if overrides else None
     folders = raw_folders(raw)
     outcomes = []
@@ -103,13 +106,12 @@ def import_raw(
         say(f"{outcome.name}: {outcome.done}{f' as {outcome.key}' if outcome.key else ''}{_reason(outcome)}")
         outcomes.append(outcome)
     if review is not None:
-        _write_review(review, outcomes)
+        proposals = {outcome.name: (outcome.choices, outcome.notes) for outcome in outcomes if outcome.choices}
+        write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
     refused = any(outcome.problem for outcome in outcomes)
     facts = {"folder": out, "review": review, "objects": outcomes, "unused": _unused(given, folders)}
-    if json:
-        print_json({"ok": not refused, **facts})
-    elif out is not None:
-        say(f"next: busybot assets check {out}; busybot generate OUT --assets {out}")
+    hints = [f"next: busybot assets check {out}; busybot generate OUT --assets {out}"] if out is not None else []
+    answer(json, {"ok": not refused, **facts}, *hints)
     if refused:
         raise typer.Exit(1)
 
@@ -141,19 +143,11 @@ def fetch(
         new = fetch_object(instance, out, token)
         say(f"{instance}: {'downloaded' if new else 'is there already'}")
         fetched.append({"id": instance, "folder": out / instance, "new": new})
-    if json:
-        print_json({"folder": out, "objects": fetched})
-    else:
-        say(f"next: busybot assets import {out} --out LIBRARY")
+    answer(json, {"folder": out, "objects": fetched}, f"next: busybot assets import {out} --out LIBRARY")
 
 
 def _token() -> str:
     """The user's token, from the environment or a hidden prompt."""
-    import os
-    import sys
-
-    from busybot.common.errors import BusybotError
-
     token = os.environ.get("SAPIEN_ACCESS_TOKEN", "").strip()
     if not token and sys.stdin.isatty():
         token = typer.prompt("Access token of PartNet-Mobility", hide_input=True, err=True).strip()
@@ -165,20 +159,6 @@ def _token() -> str:
     return token
 
 
-def _refuse_existing(review: Path) -> None:
-    from busybot.common.errors import BusybotError
-
-    if review.exists():
-        raise BusybotError(f"{review}: exists, perhaps with somebody's changes", "name another file for the proposal")
-
-
-def _write_review(review: Path, outcomes: "list[ImportOutcome]") -> None:
-    from busybot.objects.importing.annotation_edits import write_review
-
-    proposals = {outcome.name: (outcome.choices, outcome.notes) for outcome in outcomes if outcome.choices}
-    write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
-
-
 def _reason(outcome: "ImportOutcome") -> str:
     if outcome.problem:
         return f": {outcome.problem}{f' (hint: {outcome.hint})' if outcome.hint else ''}"
@@ -187,7 +167,7 @@ def _reason(outcome: "ImportOutcome") -> str:
 
 @app.command()
 def sheet(
-    folder: Annotated[str, typer.Argument(metavar="[DIR]", help="`procedural`, or a library's folder.")] = "procedural",
+    folder: LibraryArgument = "procedural",
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Picture to write: PNG, JPEG or WebP.")] = Path(
         "sheet.png"
     ),
@@ -201,10 +181,7 @@ def sheet(
 
     check_file("--out", out, "sheet.png")
     count = draw(out, find(folder), cell, columns)
-    if json:
-        print_json({"sheet": out, "objects": count})
-    else:
-        say(f"{count} objects in {out}")
+    answer(json, {"sheet": out, "objects": count}, f"{count} objects in {out}")
 
 
 def _rows(library: "Library") -> list[dict[str, Any]]:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from busybot.cli.common import JsonOption, WorkersOption, episode_progress, own_name, print_json, say
+from busybot.cli.common import answer, episode_progress, own_name, processes, say
+from busybot.cli.options import AssetsOption, JsonOption, StrictOption, WorkersOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.common.process_pool import Engine
-    from busybot.sim.collect import Collected
     from busybot.sim.policy import AnyPolicyFactory
 
 
@@ -27,9 +27,9 @@ def collect(
     model: Annotated[
         str | None, typer.Option(help="With --policy learned: a shipped model's name or a folder.")
     ] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Refuse moves far off the annotated directions.")] = False,
+    strict: StrictOption = False,
     images: Annotated[str | None, typer.Option(help="Store pictures as jpeg (the default) or png.")] = None,
-    assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
+    assets: AssetsOption = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the policy; the dataset's by default.")] = None,
     workers: WorkersOption = None,
     engine: Annotated[str, typer.Option(help="local, or ray for the machines of a cluster.")] = "local",
@@ -39,7 +39,6 @@ def collect(
 ) -> None:
     """Act on every board and record what happens. Ctrl-C loses nothing: the same command continues."""
     from busybot.common.config import build
-    from busybot.common.process_pool import default_workers
     from busybot.datasets.bundled_assets import library_of
     from busybot.datasets.dataset import Dataset
     from busybot.sim.collect import CollectConfig
@@ -53,24 +52,20 @@ def collect(
     factory, provenance = _policy_factory(parameters.policy, model, parameters.learned)
     try:
         with episode_progress("collecting") as progress:
-            processes = workers or default_workers()
-            result = run(target, library, parameters, processes, progress, factory, provenance, _engine(engine))
+            count, runner = processes(workers), _engine(engine)
+            result = run(target, library, parameters, count, progress, factory, provenance, runner)
     except KeyboardInterrupt:
         say(f"{len(target.finished())} of {target.info.boards} episodes are there; the same command continues")
         raise
-    _print(dataset, result, json)
-
-
-def _print(dataset: Path, result: "Collected", json: bool) -> None:
-    if json:
-        print_json({"dataset": dataset, "boards": result.boards, "episodes": result.done, "new": result.new})
-    else:
-        say(f"{result.done} of {result.boards} episodes in {dataset}, {result.new} of them new")
-        say(f"next: {own_name()} dataset info {quote(str(dataset))}; {own_name()} view {quote(str(dataset))}")
+    answer(
+        json,
+        {"dataset": dataset, "boards": result.boards, "episodes": result.done, "new": result.new},
+        f"{result.done} of {result.boards} episodes in {dataset}, {result.new} of them new",
+        f"next: {own_name()} dataset info {quote(str(dataset))}; {own_name()} view {quote(str(dataset))}",
+    )
 
 
 def _engine(name: str) -> "Engine":
-    """Who runs the workers."""
     from busybot.common.process_pool import run_tasks
     from busybot.common.ray_pool import run_on_ray
 

@@ -1,4 +1,4 @@
-"""Options with one meaning, output for machines, and errors for people: shared by all subcommands.
+"""Output for machines and errors for people: shared by all subcommands.
 
 With `--json` a command prints exactly one JSON object on standard output, also when input or environment are at fault;
 progress and logs go to standard error. After wrong usage or Ctrl-C standard output stays empty.
@@ -6,14 +6,13 @@ progress and logs go to standard error. After wrong usage or Ctrl-C standard out
 
 import json
 import os
-import shlex
 import shutil
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Any, NoReturn
 
 import typer
 
@@ -23,24 +22,16 @@ JSON_WANTED = "busybot.json"
 CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 
-def _remember_json(context: typer.Context, wanted: bool) -> bool:
-    context.meta[JSON_WANTED] = wanted
-    return wanted
-
-
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output.", callback=_remember_json)
-]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn.")]
-WorkersOption = Annotated[
-    int | None,
-    typer.Option("--workers", min=1, help="Number of processes that share the work; by default one per core."),
-]
-
-
 def say(message: str) -> None:
     """A line of progress or explanation, on standard error."""
     print(message, file=sys.stderr, flush=True)
+
+
+def processes(wanted: int | None) -> int:
+    """How many share the work: as many as `--workers` says, or one per core."""
+    from busybot.common.process_pool import default_workers
+
+    return wanted or default_workers()
 
 
 @contextmanager
@@ -56,6 +47,11 @@ def kept_in(out: Path) -> Iterator[None]:
 def counted(number: int, thing: str) -> str:
     """`1 problem`, `2 problems`."""
     return f"{number} {thing}{'' if number == 1 else 's'}"
+
+
+def pixel_shares(image: Any) -> str:
+    """How much of a picture differs from another one (`ImageDifference`)."""
+    return f"colour {image.colour:.3%}, depth {image.depth:.3%}, links {image.links:.3%} of the pixels"
 
 
 def own_name() -> str:
@@ -80,6 +76,15 @@ def check_file(option: str, path: Path | None, example: str) -> None:
 def print_json(value: Any) -> None:
     """The one JSON object of a command with `--json`, on standard output. NaN and infinities are refused."""
     print(json.dumps(value, default=_plain, allow_nan=False), flush=True)
+
+
+def answer(json: bool, facts: Any, *lines: str) -> None:
+    """What a command leaves: one JSON object with `--json`, else lines for people, on standard error."""
+    if json:
+        print_json(facts)
+    else:
+        for line in lines:
+            say(line)
 
 
 def _plain(value: Any) -> Any:
@@ -193,13 +198,3 @@ class _LinePrinter:
         self._last = now
         rate = (done - self._first) / max(now - self._began, 1e-9)
         say(f"{self._label}: {done} of {total}, {rate:.2f}/s, {(total - done) / rate:.0f} s left")
-
-
-def command_again(skill: str, dataset: Path, settings: list[str] | None, config: Path | None, **options: Any) -> str:
-    """The command that gives the same result; options that are None or False were not given."""
-    words = ["busybot", "eval", skill, str(dataset)]
-    for name, value in options.items():
-        if value is not None and value is not False:
-            words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
-    words += [word for setting in settings or [] for word in ("--set", setting)]
-    return shlex.join([*words, *(["--config", str(config)] if config else [])])

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, SeedOption, WorkersOption, own_name, print_json, say
+from busybot.cli.common import own_name, print_json, processes, say
+from busybot.cli.options import JsonOption, SeedOption, WorkersOption
 
 
 def demo(
@@ -19,16 +20,13 @@ def demo(
     json: JsonOption = False,
 ) -> None:
     """Boards, recorded interactions, inferred relations, a goal, and a report with pictures, in a minute or two."""
-    from busybot.common.process_pool import default_workers
     from busybot.demo import run_demo
 
-    done = run_demo(out or _free("demo"), seed, workers or default_workers(), say, assets, model)
+    done = run_demo(out or _free("demo"), seed, processes(workers), say, assets, model)
     if json:
-        told = {name: done.result[name] for name in ("boards", "edge_p", "edge_r")}
-        told["task_success"] = done.task_success
-        print_json(
-            {"out": done.out, "report": done.report, "recording": done.recording, "pictures": done.pictures} | told
-        )
+        told = {name: getattr(done, name) for name in ("out", "report", "recording", "pictures")}
+        told |= {name: done.result[name] for name in ("boards", "edge_p", "edge_r")}
+        print_json({**told, "task_success": done.task_success})
         return
     say(f"\nthe story, to read:  {done.report}")
     say(f"the viewer:          {own_name()} view {done.out / 'boards'}")

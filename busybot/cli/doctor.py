@@ -18,7 +18,8 @@ from pathlib import Path
 
 import typer
 
-from busybot.cli.common import JsonOption, print_json
+from busybot.cli.common import print_json
+from busybot.cli.options import JsonOption
 
 SETUP = "make setup"
 PYTHONS = ((3, 11), (3, 13))
@@ -120,19 +121,13 @@ def vulkan() -> list[Check]:
     cure = (
         f"unset {chosen} (it names another driver)" if chosen else f"{SETUP} (installs a driver, or says what to run)"
     )
-    hint = None if found["renders"] else cure
-    return [
-        Check(
-            "Vulkan device", found["device"] is not None, found["device"] or "none", None if found["device"] else hint
-        ),
-        Check(
-            "Vulkan driver",
-            found["device"] is not None,
-            found["driver"] or "unknown",
-            None if found["device"] else hint,
-        ),
-        Check("rendering", found["renders"], "a test image is right" if found["renders"] else found["error"], hint),
-    ]
+    there, renders = found["device"] is not None, found["renders"]
+    rows = (
+        ("Vulkan device", there, found["device"] or "none"),
+        ("Vulkan driver", there, found["driver"] or "unknown"),
+        ("rendering", renders, "a test image is right" if renders else found["error"]),
+    )
+    return [Check(name, ok, value, None if ok or renders else cure) for name, ok, value in rows]
 
 
 def gpu() -> list[Check]:

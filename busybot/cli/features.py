@@ -1,11 +1,13 @@
 """`busybot features DATASET`: 256 numbers for every frame and object, kept beside the dataset."""
 
+import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, WorkersOption, check_file, episode_progress, print_json, say
+from busybot.cli.common import check_file, episode_progress, print_json, say
+from busybot.cli.options import JsonOption, WorkersOption
 
 
 def features(
@@ -25,10 +27,8 @@ def features(
 
     Training and evaluation do it themselves. Ctrl-C loses nothing: the same command continues.
     """
-    import time
-
     from busybot.datasets.dataset import Dataset
-    from busybot.reason.inputs.feature_store import features_of
+    from busybot.reason.inputs.feature_store import features_of, write_table
 
     check_file("--parquet", parquet, "features.parquet")
     began = time.monotonic()
@@ -38,24 +38,11 @@ def features(
         )
     seconds = time.monotonic() - began
     if parquet is not None:
-        from busybot.reason.inputs.feature_store import write_table
-
         write_table(parquet, found)
         say(f"wrote {parquet}")
     if json:
-        print_json(
-            {
-                "dataset": dataset,
-                "encoder": found.encoder,
-                "key": found.key,
-                "oracle": found.oracle,
-                "folder": found.folder,
-                "parquet": parquet,
-                "episodes": len(found),
-                "new": found.new,
-                "frames": sum(len(found[episode]) for episode in found),
-                "seconds": round(seconds, 2),
-            }
-        )
+        told = {name: getattr(found, name) for name in ("encoder", "key", "oracle", "folder", "new")}
+        counts = {"episodes": len(found), "frames": sum(len(found[episode]) for episode in found)}
+        print_json({"dataset": dataset, **told, "parquet": parquet, **counts, "seconds": round(seconds, 2)})
     else:
         say(f"features of {len(found)} episodes in {found.folder}, {found.new} of them new")

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, counted, episode_progress, own_name, print_json, say
+from busybot.cli.common import counted, episode_progress, own_name, print_json, say
+from busybot.cli.options import JsonOption
 
 
 def generate(

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import CONTEXT, JsonOption, counted, print_json, say
+from busybot.cli.common import CONTEXT, counted, print_json, say
+from busybot.cli.options import JsonOption
 
 if TYPE_CHECKING:
     from busybot.models import ModelDescription, ModelVerdict
@@ -40,14 +41,8 @@ def list_(
         print_json({"models": found})
         return
     table = Table()
-    for column, justify in (
-        ("model", "left"),
-        ("skill", "left"),
-        ("kind", "left"),
-        ("values", "right"),
-        ("MB", "right"),
-    ):
-        table.add_column(column, justify=justify, overflow="fold")  # type: ignore[arg-type]
+    for column in ("model", "skill", "kind", "values", "MB"):
+        table.add_column(column, justify="right" if column in ("values", "MB") else "left", overflow="fold")
     for model in found:
         table.add_row(model.name, model.skill, model.kind, f"{model.parameters:,}", f"{model.bytes / 1e6:.1f}")
     Console().print(table)
@@ -92,7 +87,6 @@ def verify(
 
 
 def _found(verdict: "ModelVerdict") -> str:
-    """What `verify` prints of one model."""
     hashes = "hashes compared" if verdict.hashes else "no hashes recorded"
     loads = "weights loaded" if verdict.loads else "weights do not load"
     found = "nothing is wrong" if verdict.ok else counted(len(verdict.problems), "problem")
@@ -100,8 +94,7 @@ def _found(verdict: "ModelVerdict") -> str:
 
 
 def _lines(told: "ModelDescription") -> list[str]:
-    """What `info` prints."""
-    lines = [
+    return [
         f"{told.name}: {told.skill}, {told.kind}, {told.parameters:,} trained values, {told.bytes / 1e6:.1f} MB",
         f"licence: {told.licence or 'not recorded'}",
         f"seed of the training: {'not recorded' if told.seed is None else told.seed}",
@@ -113,7 +106,6 @@ def _lines(told: "ModelDescription") -> list[str]:
         *([f"made with: {', '.join(f'{k} {v}' for k, v in told.versions.items())}"] if told.versions else []),
         *([f"card: {told.card}"] if told.card else []),
     ]
-    return lines
 
 
 def _dataset(entry: dict[str, object]) -> str:

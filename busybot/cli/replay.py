@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, counted, print_json, say
+from busybot.cli.common import counted, pixel_shares, print_json, say
+from busybot.cli.options import AssetsOption, JsonOption
 
 if TYPE_CHECKING:
     from busybot.sim.replay import Compared
@@ -15,7 +16,7 @@ def replay(
     episode: Annotated[Path, typer.Argument(metavar="EPISODE", help="An episode's .mcap file.", show_default=False)],
     step: Annotated[int | None, typer.Option(min=0, help="Step to put back, 0 is the start; all by default.")] = None,
     screenshot: Annotated[Path | None, typer.Option(help="Write the simulator's picture of that step, F.png.")] = None,
-    assets: Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")] = None,
+    assets: AssetsOption = None,
     json: JsonOption = False,
 ) -> None:
     """Put recorded steps back into the simulator and compare states, joints and picture with the recording.
@@ -44,11 +45,6 @@ def replay(
 
 def _sentence(one: "Compared") -> str:
     states = "states equal" if one.states else "states differ"
-    if one.image.equal:
-        picture = "picture equal"
-    else:
-        image = one.image
-        shares = f"colour {image.colour:.3%}, depth {image.depth:.3%}, links {image.links:.3%} of the pixels"
-        picture = f"picture differs: {shares}"
+    picture = "picture equal" if one.image.equal else f"picture differs: {pixel_shares(one.image)}"
     verdict = "holds" if one.holds else "does not hold"
     return f"step {one.step}: {states}, joints within {one.joints:.1e}, {picture}; rule {one.rule}: {verdict}"

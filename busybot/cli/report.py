@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, print_json, say
+from busybot.cli.common import print_json, say
+from busybot.cli.options import JsonOption
 
 
 def report(

@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from busybot.cli.common import JsonOption, print_json, say
+from busybot.cli.common import print_json, say
+from busybot.cli.options import JsonOption
 
 
 def view(

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from benchmarks import runner
-from benchmarks.runner import as_typed, finish, parser, told_rows, typed
+from benchmarks.runner import as_typed, finish, one_of, parser, told_rows, typed
 from benchmarks.tables import table1, table2, table3
 from benchmarks.tables.table2 import DETAILS, SCORES, across
 from busybot.common.errors import BusybotError
@@ -35,15 +35,12 @@ def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.
         asked.append(arguments)
         return scores(pred_a=0.5)
 
-    monkeypatch.setattr(table2, "busybot", answer)
+    monkeypatch.setattr(runner, "busybot", answer)
     (tmp_path / "data" / "novel-object").mkdir(parents=True)
     out = tmp_path / "table2.json"
-    monkeypatch.setattr(
-        "sys.argv",
-        ["table2", "--data", f"{tmp_path}/data", "--work", f"{tmp_path}/work", "--out", str(out), "--rows", "lookup"],
-    )
-    table2.main()
-    table2.main()
+    words = ["--data", f"{tmp_path}/data", "--work", f"{tmp_path}/work", "--out", str(out), "--rows", "lookup"]
+    table2.main(words)
+    table2.main(words)
     assert len(asked) == 1 and asked[0][:2] == ("eval", "reason")
     row = json.loads(out.read_text())["rows"]["lookup"]
     assert row["splits"]["novel-object"]["mean"]["pred_a"] == 0.5
@@ -76,6 +73,16 @@ def test_a_result_tells_its_command_without_places(tmp_path: Path) -> None:
     assert finish("memory", argparse.Namespace(out=None, seed=3), {})["seed"] == 3
 
 
+def test_the_first_word_may_name_another_benchmark_of_a_module(monkeypatch: pytest.MonkeyPatch) -> None:
+    ran: list[tuple[str, list[str]]] = []
+    for words in (["--out", "x"], ["decision-time", "--out", "x"], []):
+        monkeypatch.setattr("sys.argv", ["table3", *words])
+        one_of(lambda words: ran.append(("usual", words)), decision_time=lambda words: ran.append(("other", words)))
+    assert ran == [("usual", ["--out", "x"]), ("other", ["--out", "x"]), ("usual", [])]
+    told = typed("decision-time", argparse.Namespace(boards=2))
+    assert told == "python -m benchmarks.tables.table3 decision-time --boards 2"
+
+
 def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[str, ...]] = []
 
@@ -86,8 +93,8 @@ def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch:
 
     monkeypatch.setattr(table3, "busybot", answer)
     monkeypatch.setattr(table3, "origin", lambda options, split, kind: {"hashes": {"tasks": {kind: split}}})
-    monkeypatch.setattr("sys.argv", ["plan", "--work", f"{tmp_path}/w", "--out", f"{tmp_path}/o", "--boards", "2"])
-    *_, result = table3.measured(table3.parsed("", policy_model="procedural", reasoner=["event"]))
+    words = ["--work", f"{tmp_path}/w", "--out", f"{tmp_path}/o", "--boards", "2"]
+    *_, result = table3.measured(table3.parsed(words, policy_model="procedural", reasoner=["event"]))
     assert len(asked) == 3 * 6 and "--boards 2" in result["commands"][0]
     assert "--model event --policy-model procedural" in result["commands"][2], "what ships is told by its name"
     assert "WORK/judged-novel-object-one-to-one-0" in result["commands"][2]
@@ -108,8 +115,7 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
         policy = {"explore": 0.25, "after_failure": [[0.0]]}
         return keys | {"provenance": {"policy": policy, "model": {"sha256": {"a": "b"}}}}
 
-    for module in (table1, runner):
-        monkeypatch.setattr(module, "busybot", answer)
+    monkeypatch.setattr(runner, "busybot", answer)
     (tmp_path / "w").mkdir()
     out, rows = tmp_path / "table1.json", "free-1,greedy,without-responders-1000"
     monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--rows", rows])

@@ -12,7 +12,8 @@ import typer
 from typer.testing import CliRunner
 
 from busybot.cli import main
-from busybot.cli.common import JsonOption, print_json
+from busybot.cli.common import print_json
+from busybot.cli.options import JsonOption
 from busybot.common.errors import BusybotError
 
 RUNNER = CliRunner()

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from benchmarks.studies import changed_pixels
+from benchmarks.studies import splits as split_study
 from busybot.common.errors import BusybotError
 from tools import docs, prose, tables
 
@@ -131,7 +131,7 @@ def test_decision_times_are_compared_with_the_gate(results: Path) -> None:
 
 def test_moves_with_and_without_responders_beside_each_other(results: Path) -> None:
     both, alone = (
-        changed_pixels.summary(pd.DataFrame({"trigger": ["a", "a", "b"], "changed_pixels": pixels}))
+        split_study.summary(pd.DataFrame({"trigger": ["a", "a", "b"], "changed_pixels": pixels}))
         for pixels in ([900, 1200, 700], [90, 700, 50])
     )
     assert alone["exceeding"]["500"] == {"share_of_moves": 0.3333, "ever": ["a"], "mostly": []}

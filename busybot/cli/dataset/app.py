@@ -1,20 +1,28 @@
 """`busybot dataset`: look at a dataset, check it, mend it, freeze it, compare it, make it again, share it."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import JsonOption, WorkersOption, counted, episode_progress, print_json, say
-from busybot.cli.dataset import printing, share
+from busybot.cli.common import answer, counted, episode_progress, print_json, processes, say
+from busybot.cli.dataset import printing
+from busybot.cli.options import AssetsOption, JsonOption, WorkersOption
 from busybot.common.errors import BusybotError
+
+if TYPE_CHECKING:
+    from busybot.datasets.dvc_remote import Shared
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, help="Look at a dataset, check, mend, freeze, compare, share it."
 )
 
 DatasetArgument = Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.", show_default=False)]
-AssetsOption = Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")]
+RemoteOption = Annotated[
+    str,
+    typer.Option(help="A folder, or an address for DVC: s3://bucket/path, ssh://host/path.", envvar="BUSYBOT_REMOTE"),
+]
+EndpointOption = Annotated[str | None, typer.Option(help="Of S3-compatible storage that is not Amazon's.")]
 
 
 @app.command()
@@ -43,7 +51,7 @@ def verify(
     from busybot.datasets.verify import verify as verify_dataset
 
     with episode_progress("verifying") as progress:
-        report = verify_dataset(dataset, _workers(workers), progress, assets)
+        report = verify_dataset(dataset, processes(workers), progress, assets)
     for problem in report.problems:
         say(f"{problem.file}: {problem.what}\n  hint: {problem.hint}")
     if json:
@@ -82,7 +90,7 @@ def freeze(
         except BusybotError as error:
             raise BusybotError(error.what, f"{error.hint}; or --no-objects freezes without them") from None
     with episode_progress("verifying") as progress:
-        done = freeze_dataset(dataset, library, objects, licence, _workers(workers), progress)
+        done = freeze_dataset(dataset, library, objects, licence, processes(workers), progress)
     carried = sum(entry.carried for entry in done.manifest.assets.values())
     if json:
         facts = {"dataset": dataset, "new": done.new, "files": len(done.manifest.files), "objects_carried": carried}
@@ -106,7 +114,7 @@ def diff(
     from busybot.datasets.dataset_diff import diff as compare
 
     with episode_progress("comparing") as progress:
-        found = compare(first, second, _workers(workers), progress)
+        found = compare(first, second, processes(workers), progress)
     if json:
         print_json({"equal": found.equal, **vars(found)})
     else:
@@ -132,7 +140,7 @@ def repair(
     from busybot.datasets.repair import repair as repair_dataset
 
     with episode_progress("looking") as progress:
-        done = repair_dataset(dataset, out, partial, _workers(workers), progress)
+        done = repair_dataset(dataset, out, partial, processes(workers), progress)
     if json:
         print_json(done)
     else:
@@ -158,7 +166,7 @@ def regenerate(
 
     library = library_of(Dataset.open(dataset), assets)
     with episode_progress("replaying") as progress:
-        found = make_again(dataset, out, library, _workers(workers), progress)
+        found = make_again(dataset, out, library, processes(workers), progress)
     if json:
         print_json({"ok": found.ok, **vars(found)})
     else:
@@ -167,11 +175,37 @@ def regenerate(
         raise typer.Exit(1)
 
 
-push = app.command()(share.push)
-pull = app.command()(share.pull)
+@app.command()
+def push(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a frozen dataset.", show_default=False)],
+    remote: RemoteOption,
+    endpoint: EndpointOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Send a frozen dataset to shared storage; a pointer for version control, DATASET.dvc, is written beside it.
+
+    Credentials come from the environment, as the storage's own tools read them (AWS_ACCESS_KEY_ID, ...).
+    """
+    from busybot.datasets.dvc_remote import push as run
+
+    shared = run(dataset, remote, endpoint)
+    answer(json, vars(shared), f"sent {dataset}{_size(shared)}", f"keep {shared.pointer} in version control")
 
 
-def _workers(wanted: int | None) -> int:
-    from busybot.common.process_pool import default_workers
+@app.command()
+def pull(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Its pointer, DATASET.dvc, lies beside it.")],
+    remote: RemoteOption,
+    endpoint: EndpointOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Fetch the dataset that a pointer means, and compare every file with its manifest. Ctrl-C loses nothing."""
+    from busybot.datasets.dvc_remote import pull as run
 
-    return wanted or default_workers()
+    shared = run(dataset, remote, endpoint)
+    done = f"fetched {dataset}" if shared.new else f"{dataset} is there and whole"
+    answer(json, vars(shared), f"{done}{_size(shared)}")
+
+
+def _size(shared: "Shared") -> str:
+    return f": {shared.files} files, {shared.bytes / 1e6:.1f} MB"

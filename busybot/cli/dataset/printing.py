@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from busybot.cli.common import counted, say
+from busybot.cli.common import counted, pixel_shares, say
 
 if TYPE_CHECKING:
     from busybot.datasets.dataset_diff import DatasetDifference
@@ -15,7 +15,6 @@ MOST_LINES = 20
 
 
 def summary(dataset: Path, values: dict[str, Any]) -> None:
-    """A table of a dataset's numbers."""
     from rich.console import Console
     from rich.table import Table
 
@@ -38,7 +37,6 @@ def _readable(key: str, value: Any) -> str:
 
 
 def difference(first: Path, second: Path, found: "DatasetDifference") -> None:
-    """What differs between two datasets."""
     if found.equal:
         print(f"{first} and {second} are equal")
         return
@@ -62,7 +60,6 @@ def _episodes(indices: list[int]) -> str:
 
 
 def sentence(one: "Difference") -> str:
-    """How an episode differs."""
     parts = [] if one.board else ["another board"]
     parts += [] if one.scene else ["another camera or other links"]
     parts += [] if one.steps[0] == one.steps[1] else [f"{one.steps[0]} steps, then {one.steps[1]}"]
@@ -71,15 +68,12 @@ def sentence(one: "Difference") -> str:
             parts.append(f"{name}s differ from step {getattr(one, name)}")
     parts += [f"joints by {one.joints:.1e}"] if one.joints else []
     if not one.image.equal:
-        image = one.image
-        shares = f"colour {image.colour:.3%}, depth {image.depth:.3%}, links {image.links:.3%} of the pixels"
-        goal = "" if one.goal else " and of the goal"
+        goal, shares = "" if one.goal else " and of the goal", pixel_shares(one.image)
         parts.append(f"pictures of {len(one.frames)} frames{goal}, at worst beyond the tolerance: {shares}")
     return "; ".join(parts) or "objects seen elsewhere"
 
 
 def repaired(done: "Repaired") -> None:
-    """What was saved and what was not."""
     for verdict in done.damaged:
         kept = {
             "whole": "saved entirely",

@@ -1,15 +1,244 @@
 """`busybot eval`: measure a skill on a dataset."""
 
+import shlex
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
 
-from busybot.cli.common import CONTEXT
-from busybot.cli.eval import interact as eval_interact
-from busybot.cli.eval import plan as eval_plan
-from busybot.cli.eval import reason as eval_reason
+from busybot.cli.common import CONTEXT, check_file, episode_progress, print_json, processes, say
+from busybot.cli.eval import printing
+from busybot.cli.options import AssetsOption, JsonOption, SeedOption, StrictOption, WorkersOption
+from busybot.common.errors import BusybotError
+
+if TYPE_CHECKING:
+    from busybot.interact.evaluate import InteractEvaluation
+    from busybot.sim.policy import AnyPolicyFactory
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, context_settings=CONTEXT, help="Measure a skill on a dataset."
 )
-reason = app.command()(eval_reason.reason)
-interact = app.command()(eval_interact.interact)
-plan = app.command()(eval_plan.plan)
+
+OutOption = Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")]
+BUILT_IN = ("random", "scripted")
+
+
+@app.command()
+def reason(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
+    model: Annotated[
+        str, typer.Option(help="Who infers relations: count, pc, lookup, persistence, or a trained model.")
+    ] = "event",
+    images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
+    decoders: Annotated[
+        Path | None, typer.Option(help="Judge predictions by decoders trained on this training dataset, too.")
+    ] = None,
+    assets: Annotated[str | None, typer.Option(help="Objects for --decoders, if they are not found by hash.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the result as JSON to this file.")] = None,
+    figure: Annotated[
+        Path | None, typer.Option(help="Draw the scores against the number of images into this file, F.png.")
+    ] = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of the model.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as change.tolerance=5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Which trigger controls which responder, and what the next action does: compared with the truth.
+
+    Models see pictures, boxes and actions. Shares in JSON lie between 0 and 1, in the table they are percent. Pred-A is
+    null for count and pc: they predict no states.
+    """
+    from busybot.common.config import build
+    from busybot.datasets.dataset import Dataset
+    from busybot.evaluation.results import write_result
+    from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
+    from busybot.reason.models.registry import config_class
+
+    check_file("--out", out, "reason.json")
+    check_file("--figure", figure, "reason.png")
+    asked = ReasonEvaluation(model, images, build(config_class(model), config, set_ or [], {}))
+    training = Dataset.open(decoders) if decoders else None
+    with episode_progress("inferring") as progress:
+        result = evaluate_dataset(Dataset.open(dataset), asked, training, assets, seed, workers, progress)
+    given = {"model": model, "images": images, "seed": seed, "decoders": decoders}
+    result["command"] = _command_again("reason", dataset, set_, config, **given)
+    if out is not None:
+        write_result(out, result)
+        say(f"wrote {out}")
+    if figure is not None:
+        from busybot.view.figures.curves import images_figure
+
+        say(f"wrote {images_figure(figure, result)}")
+    if json:
+        print_json(result)
+    else:
+        printing.reasoning(result)
+
+
+@app.command()
+def interact(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset; only its boards are used.")],
+    model: Annotated[
+        str | None,
+        typer.Option(help="Shipped model (by default procedural) or folder; or random, scripted (an oracle)."),
+    ] = None,
+    mode: Annotated[
+        str | None,
+        typer.Option(help="How a model chooses: evaluate, greedy, ucb or collect; evaluate, for paper models ucb."),
+    ] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones; by default all.")] = None,
+    strict: StrictOption = False,
+    out: OutOption = None,
+    record: Annotated[Path | None, typer.Option(help="Record the episodes as a dataset in this folder.")] = None,
+    figures: Annotated[int, typer.Option(min=0, help="Draw so many of the recorded boards into OUT/figures.")] = 0,
+    assets: AssetsOption = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of EvaluateConfig.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """How often actions succeed, and how many of the movable links they find: ten actions on each board.
+
+    Shares in JSON lie between 0 and 1, in the table they are percent.
+    """
+    from busybot.common.config import build
+    from busybot.datasets.bundled_assets import library_of
+    from busybot.datasets.dataset import Dataset
+    from busybot.interact.evaluate import InteractEvaluation, evaluate_policy
+
+    _check_figures(figures, model, out, record)
+    parameters = build(InteractEvaluation, config, set_ or [], {"boards": boards, "interaction.strict": strict or None})
+    with episode_progress("acting") as progress:
+        target = Dataset.open(dataset)
+        library = library_of(target, assets)
+        factory, provenance = _policy(model, mode, parameters.learned)
+        count = processes(workers)
+        result = evaluate_policy(target, library, factory, parameters, seed, count, progress, out, record, provenance)
+    if figures and out is not None and record is not None:
+        _draw_figures(out / "figures", record, model, parameters, figures)
+    given = {"model": model, "mode": mode, "seed": seed, "strict": strict, "boards": boards}
+    result["command"] = _command_again("interact", dataset, set_, config, **given)
+    _write(out, result)
+    if json:
+        print_json(result)
+    else:
+        printing.interaction(result)
+
+
+def _policy(model: str | None, mode: str | None, learned: dict[str, Any]) -> "tuple[AnyPolicyFactory, dict[str, Any]]":
+    """What makes the policies of that name, and what it is made of."""
+    from busybot.interact.policy.learned import mode_named
+    from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory, usual_mode
+    from busybot.sim.builtin_policies import builtin_factory
+
+    if model in BUILT_IN:
+        if mode or learned:
+            unused = f"--mode {mode}" if mode else f"--set learned.{next(iter(learned))}"
+            raise BusybotError(f"{unused} is about a trained model's policy, {model} has none", "leave it out")
+        return builtin_factory(model), {"model": {"name": model}}
+    named = model or DEFAULT_MODEL
+    factory = LearnedPolicyFactory(named, mode_named(mode) if mode else usual_mode(named), learned)
+    return factory, factory.provenance()
+
+
+def _check_figures(figures: int, model: str | None, out: Path | None, record: Path | None) -> None:
+    """Refuse figures that could not be drawn, before anything else is done."""
+    if not figures:
+        return
+    if out is None or record is None:
+        raise BusybotError("--figures draws recorded boards into the results", "give --out and --record, too")
+    if model in BUILT_IN:
+        raise BusybotError(f"--figures shows a model's affordances, {model} has none", "leave --figures out")
+
+
+def _draw_figures(folder: Path, record: Path, model: str | None, config: "InteractEvaluation", count: int) -> None:
+    """Affordances, known links and actions of the first recorded boards."""
+    from busybot.datasets.dataset import Dataset
+    from busybot.episodes.mcap.reader import read_episode
+    from busybot.interact.policy.policy_factory import DEFAULT_MODEL, load_once, policy_config
+    from busybot.interact.policy.policy_trace import retrace
+    from busybot.view.figures.sequences import affordance_figure
+
+    dataset, loaded = Dataset.open(record), load_once(model or DEFAULT_MODEL)
+    policy = policy_config(loaded.info, config.learned)
+    for index in sorted(dataset.finished())[:count]:
+        episode = read_episode(dataset.episode_path(index), "lazy")
+        affordance_figure(folder / f"board-{index:06d}.png", episode, list(retrace(episode, loaded, policy)))
+
+
+@app.command()
+def plan(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with tasks and histories.")],
+    agents: Annotated[
+        str,
+        typer.Option(
+            help="Comma between them: noop, random, relation, predictive, busybot, search, oracle; trained ones with "
+            "their folders: bc=DIR, ppo=DIR; told a part of the truth: search-true-relations, search-true-contacts, "
+            "search-true-both.",
+            show_default="all that need no folder and are told nothing, and oracle",
+        ),
+    ] = "search,busybot,predictive,relation,random,noop,oracle",
+    model: Annotated[str, typer.Option(help="Who infers and predicts: lookup, or a trained reasoner.")] = "event",
+    policy_model: Annotated[
+        str | None,
+        typer.Option(
+            help="Interaction model that proposes candidates: a shipped one (by default procedural) or a folder."
+        ),
+    ] = None,
+    boards: Annotated[int | None, typer.Option(min=1, help="Only the first so many tasks; by default all.")] = None,
+    out: OutOption = None,
+    record: Annotated[
+        Path | None, typer.Option(help="Record the rollouts in this folder: in it a dataset for every agent.")
+    ] = None,
+    assets: AssetsOption = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of PlanConfig.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """How often agents make a board look as its goal picture: at most eight steps on each task.
+
+    Shares in JSON lie between 0 and 1, in the table they are percent. CPU ms are those of a decision, the interaction
+    model's part included, simulation and rendering left out.
+    """
+    from busybot.common.config import build
+    from busybot.datasets.bundled_assets import library_of
+    from busybot.datasets.dataset import Dataset
+    from busybot.interact.policy.policy_factory import DEFAULT_MODEL
+    from busybot.plan.evaluate import evaluate_agents
+    from busybot.plan.rollout import PlanConfig
+
+    parameters = build(PlanConfig, config, set_ or [], {"boards": boards})
+    names = list(dict.fromkeys(name.strip() for name in agents.split(",")))
+    with episode_progress("planning") as progress:
+        target = Dataset.open(dataset)
+        library, count, named = library_of(target, assets), processes(workers), policy_model or DEFAULT_MODEL
+        result = evaluate_agents(target, library, names, model, named, parameters, seed, count, progress, out, record)
+    given = {"agents": agents, "model": model, "policy-model": policy_model, "seed": seed, "boards": boards}
+    result["command"] = _command_again("plan", dataset, set_, config, **given)
+    _write(out, result)
+    if json:
+        print_json(result)
+    else:
+        printing.planning(result)
+
+
+def _write(folder: Path | None, result: dict[str, Any]) -> None:
+    from busybot.evaluation.folder import RESULT
+    from busybot.evaluation.results import write_result
+
+    if folder is not None:
+        write_result(folder / RESULT, result)
+
+
+def _command_again(skill: str, dataset: Path, settings: list[str] | None, config: Path | None, **options: Any) -> str:
+    """The command that gives the same result; options that are None or False were not given."""
+    words = ["busybot", "eval", skill, str(dataset)]
+    for name, value in options.items():
+        if value is not None and value is not False:
+            words += [f"--{name}"] if value is True else [f"--{name}", str(value)]
+    words += [word for setting in settings or [] for word in ("--set", setting)]
+    return shlex.join([*words, *(["--config", str(config)] if config else [])])

@@ -79,7 +79,7 @@ class PolicyConfig(FrozenModel):
             alone lets most pairs work, so that a failure says that the place is wrong.
         collect: least expected success of a new candidate when data for reasoning are collected. Low, because a link
             that is never touched has no relations that could be found; what fails soon promises less
-            (`benchmarks/studies/coverage.py`: so many places elsewhere promise as much).
+            (`benchmarks/studies/policy_constants.py coverage`: so many places elsewhere promise as much).
         untried_first: when data for reasoning are collected, candidates that were neither moved nor tried come before
             the others. Without it the draw is among all candidates, as in the paper: of six links, one in 55 is not
             among 22 draws.

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from busybot.cli.eval.plan import print_tables
+from busybot.cli.eval import printing
 from busybot.cli.main import app
 
 
@@ -26,7 +26,7 @@ def test_from_nothing_to_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert values["success"]["oracle"] == 1.0 and values["success"]["noop"] < 1
     assert values["command"].startswith("busybot eval plan") and values["tasks"] == 1
     assert json.loads((tmp_path / "out" / "result.json").read_text())["success"] == values["success"]
-    print_tables(values)
+    printing.planning(values)
     shown = capsys.readouterr().out
     assert "oracle*" in shown and "noop missed because of not tried" in shown
 

@@ -1,0 +1,161 @@
+"""Prints the results of `busybot eval` for people; shares are told in percent."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from busybot.cli.common import counted
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+PREDICTIONS = ("pred_a", "pred_a_successful", "pred_a_responder", "pred_a_changed", "pred_a_unchanged")
+ACTIONS = {
+    "precision": "precision",
+    "recall": "recall",
+    "recall_objects": "  of objects",
+    "precision_exploring": "  new links only",
+    "precision_reward": "  as pixels tell",
+    "off_axis_share": "successes off axis",
+}
+
+
+def reasoning(result: dict[str, Any]) -> None:
+    """The relations, then what was predicted, each with what stands beside it."""
+    from rich.console import Console
+
+    console = Console()
+    console.print(_edges(result))
+    if result["predicted_boards"]:
+        console.print(_predictions(result))
+    elif result["images_used"] and result["images_used"] <= result["images"]:
+        steps = counted(result["images_used"] - 1, "step")
+        console.print(
+            f"no Pred-A: the recordings have at most {steps}, so no step is left to predict; "
+            "use a smaller --images, or record more with collect --steps",
+            soft_wrap=True,
+        )
+
+
+def _edges(result: dict[str, Any]) -> "Table":
+    asked, used = result["images"], result["images_used"]
+    images = f"{used} of {asked} images" if used and used < asked else counted(asked, "image")
+    oracle = " (an oracle)" if result["oracle"] else ""
+    table = _table(
+        f"{_origin(result)}: relations of {counted(result['boards'], 'board')}, first "
+        f"{images}, actions by {result['policy'] or 'nobody'}{oracle}",
+        ("Edge-P", "Edge-R", "Edge-Acc", "ECE", "Brier"),
+    )
+    keys = ("edge_p", "edge_r", "edge_acc", "ece", "brier")
+    edges = ("precision", "recall", "accuracy")
+    table.add_row(result["model"], *(_percent(result[key]) for key in keys), style="bold")
+    for name, end in (("  95 % interval from", 0), ("  to", 1)):
+        ends = (result["intervals"][key] for key in edges)
+        table.add_row(name, *(_percent(interval and interval[end]) for interval in ends))
+    table.add_row("  mean over boards", *(_percent(result["macro"][key]) for key in edges))
+    table.add_row("  effect was visible", "", _percent(result["edge_r_bound"]), end_section=True)
+    for kind, scores in result["by_kind"].items():
+        name = f"  {kind} ({scores['relations']})"
+        table.add_row(name, _percent(scores["edge_p"]), _percent(scores["edge_r"]))
+    table.add_section()
+    for name, scores in result["baselines"].items():
+        table.add_row(name, *(_percent(scores[key]) for key in keys))
+    return table
+
+
+def _predictions(result: dict[str, Any]) -> "Table":
+    table = _table(
+        f"Pred-A: {counted(result['predicted_steps'], 'later step')} on "
+        f"{counted(result['predicted_boards'], 'board')}, "
+        f"{_percent(result['failing'])} % of them without success",
+        ("all", "success", "each", "changed", "same"),
+    )
+    rows = {
+        result["model"]: result,
+        "  by decoders": result["decoded"],
+        "nothing changes": result["persistence"],
+        "bound, failures unknown": result["bounds"]["not_knowing"],
+        "bound, failures known": result["bounds"]["knowing"],
+        **{f"  {kind} ({scores['steps']})": scores for kind, scores in result["pred_by_kind"].items()},
+    }
+    for name, scores in rows.items():
+        if scores is not None:
+            table.add_row(name, *(_percent(scores[key]) for key in PREDICTIONS))
+    for judge, shares in result["decoder_accuracy"].items():
+        if shares is not None:
+            accuracies = ", ".join(f"{name} {_percent(share)}" for name, share in shares.items())
+            table.caption = f"{table.caption or 'true features read rightly'}; {judge}: {accuracies}"
+    return table
+
+
+def interaction(result: dict[str, Any]) -> None:
+    """Shares with their 95 % intervals and their mean over boards, then what failed and what was missed."""
+    from rich.console import Console
+
+    veto, console = ", strict" if result["strict"] else "", Console()
+    table = _table(
+        f"{_origin(result)}: {counted(result['actions'], 'action')} on each of "
+        f"{counted(result['boards'], 'board')}{veto}",
+        ("all", "from", "to", "by board", "counted", "of"),
+        f"percent, {result['policy']}",
+    )
+    for key, name in ACTIONS.items():
+        low, high = result["intervals"][key] or (None, None)
+        shares = (result[key], low, high, result["macro"][key])
+        count = result["counts"][key]
+        table.add_row(name, *map(_percent, shares), str(count["part"]), str(count["whole"]))
+    console.print(table)
+    objects = list(result["failures_by_object"].items())[:6]
+    failed = (f"{key} ({row['position'] + row['direction']} of {row['actions']})" for key, row in objects)
+    links = list(result["missed_links"].items())[:6]
+    missed = (f"{name} ({row['missed']} of {row['boards']})" for name, row in links)
+    told = {"failed because of": _causes(result), "failed most on": ", ".join(failed), "missed most": ", ".join(missed)}
+    for what, which in told.items():
+        if which:
+            console.print(what, which)
+
+
+def planning(result: dict[str, Any]) -> None:
+    """Success with its 95 % interval and what stands beside it, then why responders were missed."""
+    from rich.console import Console
+
+    console = Console()
+    kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
+    table = _table(
+        f"{_origin(result)}: {kinds} tasks, at most {result['steps']} steps",
+        ("success", "95 %", "pooled", "looks", "solved", "steps", "CPU ms"),
+    )
+    for agent, row in result["agents"].items():
+        interval = "-".join(f"{100 * end:.0f}" for end in row["interval"] or ())
+        shares = (_percent(row[key]) for key in ("micro", "by_features", "solved"))
+        cpu = result["timing"][agent]["cpu_ms"]
+        steps = "-" if row["steps"] is None else f"{row['steps']:.1f}"
+        name = f"{agent}*" if agent in result["oracles"] else agent
+        table.add_row(name, _percent(row["success"]), interval, *shares, steps, "-" if cpu is None else f"{cpu:.0f}")
+    if result["oracles"]:
+        table.caption = "* knows what only the simulator knows"
+    console.print(table)
+    for agent, row in result["agents"].items():
+        if causes := _causes(row):
+            console.print(f"{agent} missed because of", causes)
+
+
+def _causes(judged: dict[str, Any]) -> str:
+    return ", ".join(f"{cause} ({count})" for cause, count in judged["failures_by_cause"].items() if count)
+
+
+def _origin(result: dict[str, Any]) -> str:
+    return f"{result['dataset']['name']} ({result['dataset']['split']})"
+
+
+def _table(title: str, columns: Iterable[str], corner: str = "percent") -> "Table":
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    table.add_column(corner, no_wrap=True)
+    for name in columns:
+        table.add_column(name, justify="right", no_wrap=True)
+    return table
+
+
+def _percent(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.1f}"

@@ -1,0 +1,169 @@
+"""`busybot train`: learn a skill from recorded files."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from busybot.cli.common import CONTEXT, answer, episode_progress, kept_in, processes, say
+from busybot.cli.options import AssetsOption, JsonOption, SeedOption, StrictOption, WorkersOption
+from busybot.common.errors import BusybotError
+
+if TYPE_CHECKING:
+    from busybot.interact.training.fast import Training
+    from busybot.interact.training.paper import PaperTraining
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, context_settings=CONTEXT, help="Learn a skill.")
+
+OutOption = Annotated[Path, typer.Option(help="Folder of the training; the same command continues in it.")]
+
+
+@app.command()
+def interact(
+    out: OutOption,
+    model: Annotated[
+        str | None, typer.Option(help="Variant of networks and schedule: fast (default) or paper.")
+    ] = None,
+    assets: Annotated[str | None, typer.Option(help="Objects to act on: procedural, or a folder.")] = None,
+    data: Annotated[
+        list[Path] | None, typer.Option(help="Recorded rounds to train on instead of collecting; repeatable.")
+    ] = None,
+    offline: Annotated[bool, typer.Option("--offline", help="Collect nothing: train on OUT/rounds.")] = False,
+    strict: StrictOption = False,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters (TrainConfig, PaperConfig).")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as interaction.delta=1000.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Learn where and how to act, in rounds: collect with what is known, then train on all that is recorded."""
+    if offline and not data and not (out / "rounds").is_dir():
+        raise BusybotError(f"{out}: it has no folder `rounds` to train on", "collect first: leave --offline out")
+    if assets and (offline or data):
+        raise BusybotError(f"--assets {assets}: nothing is collected", "leave it out, or --offline and --data")
+    options = {"variant": model, "interaction.strict": strict or None}
+    objects = None if offline or data else assets or "procedural"
+    training = _interaction(out, (config, set_ or [], options), objects, tuple(data or ()), seed, processes(workers))
+    with kept_in(out):
+        trained = training.run()
+    _tell(json, out, "interact", trained.info.training)
+
+
+def _interaction(
+    out: Path,
+    parameters: tuple[Path | None, list[str], dict[str, Any]],
+    assets: str | None,
+    data: tuple[Path, ...],
+    seed: int,
+    workers: int,
+) -> "Training | PaperTraining":
+    """The training of the variant that is asked for; without assets nothing is collected."""
+    from busybot.common.config import build
+    from busybot.interact.policy.policy_factory import ExplorePolicyFactory
+    from busybot.interact.training.config import STRICT, PaperConfig, TrainConfig
+    from busybot.interact.training.fast import Source, Training
+    from busybot.interact.training.paper import PaperTraining
+    from busybot.interact.training.round_recorder import Recorder, RoundProgress
+    from busybot.objects.resolve import find
+
+    variant = parameters[2]["variant"]
+    if variant not in (None, "fast", "paper"):
+        raise BusybotError(f"there is no variant {variant!r} of the interaction networks", "choose fast or paper")
+    told = RoundProgress(say, episode_progress)
+    if variant == "paper":
+        paper = build(PaperConfig, *parameters)
+        recorder = Recorder(find(assets) if assets else None, paper, seed, workers, told)
+        return PaperTraining(out, paper, recorder, data)
+    fast = build(TrainConfig, *parameters)
+    if fast.interaction.strict:  # whether the option said so, a setting or the file
+        fast = build(TrainConfig, *parameters, STRICT)
+    source = Source(find(assets) if assets else None, lambda known: ExplorePolicyFactory(known, fast.explore), data)
+    return Training(out, fast, source, seed, workers, told)
+
+
+@app.command()
+def reason(
+    out: OutOption,
+    data: Annotated[list[Path], typer.Option(help="Dataset with episodes to train on; repeatable.")],
+    model: Annotated[str, typer.Option(help="Which kind of networks: event or paper.")] = "event",
+    encoder: Annotated[
+        str | None, typer.Option(help="Features to read: embedded (default), resnet50 or random.")
+    ] = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    config: Annotated[
+        Path | None, typer.Option(help="YAML file with parameters (EventConfig, PaperReasonConfig).")
+    ] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as net.width=64.")] = None,
+    json: JsonOption = False,
+) -> None:
+    """Learn relations and effects from recorded episodes, without ever being told either."""
+    from busybot.common.config import build
+    from busybot.reason.train import CONFIGS, train_reason
+
+    if model not in CONFIGS:
+        raise BusybotError(f"there is no model {model!r} of relations to train", f"choose {' or '.join(CONFIGS)}")
+    parameters = build(CONFIGS[model], config, set_ or [], {"encoder": encoder})
+    with kept_in(out):
+        trained = train_reason(out, parameters, tuple(data), seed, episode_progress, workers)
+    _tell(json, out, "reason", trained.training)
+
+
+def _tell(json: bool, out: Path, skill: str, training: Any) -> None:
+    facts = {"out": out, "model": out / "model", "training": training}
+    hint = f"next: busybot eval {skill} DATASET --model {out}"
+    answer(json, facts, f"the model is in {out / 'model'}", hint)
+
+
+def _planner(agent: str, about: str) -> Callable[..., None]:
+    """The command that trains one of the paper's learned agents for reaching goals; both take the same options."""
+
+    def train(
+        out: OutOption,
+        data: Annotated[
+            list[Path],
+            typer.Option(help="Dataset of the training split with tasks and recorded histories; repeatable."),
+        ],
+        policy_model: Annotated[
+            str | None,
+            typer.Option(
+                help="Interaction model that proposes candidates: a shipped one (`procedural` by default) or a folder."
+            ),
+        ] = None,
+        explored: Annotated[
+            Path | None,
+            typer.Option(help="Folder of explored boards, which trainings may share; by default OUT/boards."),
+        ] = None,
+        assets: AssetsOption = None,
+        seed: SeedOption = 0,
+        workers: WorkersOption = None,
+        config: Annotated[Path | None, typer.Option(help="YAML file with parameters (BcConfig, PpoConfig).")] = None,
+        set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as minutes=10.")] = None,
+        json: JsonOption = False,
+    ) -> None:
+        from busybot.common.config import build
+        from busybot.interact.policy.policy_factory import DEFAULT_MODEL
+        from busybot.plan.learning.train import CONFIGS, train_policy
+
+        built: Any = build(CONFIGS[agent], config, set_ or [], {})
+        named, count = policy_model or DEFAULT_MODEL, processes(workers)
+        with kept_in(out):
+            info, budget = train_policy(out, built, tuple(data), named, assets, seed, count, episode_progress, explored)
+        minutes = f"{budget['minutes']} of at most {budget['minutes_allowed']} minutes"
+        answer(
+            json,
+            {"out": out, "model": out / "model", "training": info.training, "budget": budget},
+            f"{budget['iterations']} iterations in {minutes}",
+            f"the policy is in {out / 'model'}",
+            f"next: busybot eval plan DATASET --agents {agent}={out}",
+        )
+
+    train.__doc__ = about
+    return train
+
+
+bc = app.command("bc")(_planner("bc", "Learn to reach goals by imitating an oracle, on training boards."))
+ppo = app.command("ppo")(
+    _planner("ppo", "Learn to reach goals by trial and error, on training boards; needs the extra `baselines`.")
+)

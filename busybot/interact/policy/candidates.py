@@ -13,13 +13,12 @@ import cv2
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
-from busybot.boards.directions import OPPOSITE
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import BoardMemory
 from busybot.interact.policy.config import OPENING, PolicyConfig
-from busybot.interact.policy.direction_pairs import NOT_ELEVATED, PAIRS, pair_scores, sigmoid, tempered
+from busybot.interact.policy.direction_pairs import NOT_ELEVATED, better_of_pairs, pair_scores, sigmoid, tempered
 
 MOST_POINTS = 4000
 """K-means looks at no more pixels than these, evenly chosen."""
@@ -87,10 +86,7 @@ class Candidates:
     @property
     def best_directions(self) -> np.ndarray:
         """int (K,), of the best pair the direction that is believed in more."""
-        first = PAIRS[self.best_pairs]
-        rows = np.arange(len(self))
-        swap = self.directions[rows, OPPOSITE[first]] > self.directions[rows, first]
-        return np.where(swap, OPPOSITE[first], first)
+        return better_of_pairs(self.directions, self.best_pairs)
 
     def take(self, chosen: np.ndarray) -> "Candidates":
         """Those candidates, by index or mask."""
@@ -251,11 +247,5 @@ def _regions(affordance: np.ndarray, links: np.ndarray, pixels: np.ndarray, conf
 
 def _nothing() -> Candidates:
     empty = np.zeros(0)
-    return Candidates(
-        pixels=np.zeros((0, 2), int),
-        positions=np.zeros((0, 3), np.float32),
-        beliefs=empty,
-        directions=np.zeros((0, 18)),
-        pairs=np.zeros((0, 9)),
-        regions=np.zeros(0, int),
-    )
+    pixels, positions = np.zeros((0, 2), int), np.zeros((0, 3), np.float32)
+    return Candidates(pixels, positions, empty, np.zeros((0, 18)), np.zeros((0, 9)), np.zeros(0, int))

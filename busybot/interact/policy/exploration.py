@@ -21,10 +21,9 @@ from busybot.episodes.camera import Rays, normals
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import moved_window
 from busybot.interact.policy.candidates import ActionModel, V, held
-from busybot.interact.policy.direction_pairs import ELEVATED, PAIRS, pair_scores, sigmoid
+from busybot.interact.policy.config import Share
+from busybot.interact.policy.direction_pairs import ELEVATED, PAIRS, pair_scores, pixel_at, sigmoid
 from busybot.sim.policy import Action, StatelessPolicy
-
-Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class ExplorationConfig(FrozenModel):
@@ -96,16 +95,15 @@ class UnguidedExplorer(StatelessPolicy):
         self._classes = [_classes(height[one], slopes[one], self._config.height_classes) for one in self._components]
 
     def _place(self, shape: tuple[int, ...], rng: np.random.Generator) -> tuple[int, int]:
-        height, width = shape
         if not self._components:
+            height, width = shape
             return int(rng.integers(width)), int(rng.integers(height))
         number = int(rng.integers(len(self._components)))
         pixels = self._components[number]
         if rng.random() < self._config.stratified:
             classes = self._classes[number]
             pixels = pixels[classes == rng.choice(np.unique(classes))]
-        row, column = divmod(int(rng.choice(pixels)), width)
-        return column, row
+        return pixel_at(rng.choice(pixels), shape)
 
 
 class GuidedExplorer(Generic[V]):
@@ -152,19 +150,13 @@ class GuidedExplorer(Generic[V]):
         self._unsure = belief * (1 - belief) * np.where(self._moved, self._config.moved_unsure, 1)
 
     def _place(self, rng: np.random.Generator) -> tuple[int, int]:
-        draw = rng.random()
-        width = self._best.shape[1]
-        if draw < self._config.best:
-            chosen = int((self._best * rng.uniform(self._config.noise, 1, self._best.shape)).argmax())
-        else:
-            weights = (self._unsure if draw < self._config.best + self._config.unsure else self._best).ravel()
-            total = np.cumsum(weights)
-            if total[-1] > 0:
-                chosen = int(np.searchsorted(total, rng.random() * total[-1], side="right"))
-            else:
-                chosen = int(rng.integers(len(weights)))
-        row, column = divmod(chosen, width)
-        return column, row
+        draw, config, shape = rng.random(), self._config, self._best.shape
+        if draw < config.best:
+            return pixel_at((self._best * rng.uniform(config.noise, 1, shape)).argmax(), shape)
+        total = np.cumsum(self._unsure if draw < config.best + config.unsure else self._best)
+        if total[-1] > 0:
+            return pixel_at(np.searchsorted(total, rng.random() * total[-1], side="right"), shape)
+        return pixel_at(rng.integers(len(total)), shape)
 
 
 def _classes(height: np.ndarray, slopes: np.ndarray, levels: int) -> np.ndarray:

@@ -84,7 +84,10 @@ def cut_batch(samples: Samples, chosen: np.ndarray, side: int, offsets: np.ndarr
         offsets: int (B, 2), rows and columns by which the crops are moved.
     """
     moved = np.zeros((len(chosen), 2), int) if offsets is None else offsets
-    features = (_cut_depth if samples.inputs == "depth" else _cut_colours)(samples, chosen, side, moved)
+    if samples.inputs == "depth":
+        features = _cut_depth(samples, chosen, side, moved)
+    else:
+        features = colour_features(_crops(samples, chosen, side, moved))
     labels, known = samples.direction_labels(chosen)
     return Batch(
         features=features,
@@ -99,13 +102,7 @@ def cut_batch(samples: Samples, chosen: np.ndarray, side: int, offsets: np.ndarr
 def _cut_depth(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> Tensor:
     """Features from depth, (B, 4, side, side); each needs a margin of one pixel."""
     around = np.arange(-1, side + 1) - side // 2
-    stored = np.empty((len(chosen), side + 2, side + 2), np.uint16)
-    for number, (index, (down, right)) in enumerate(zip(chosen, moved, strict=True)):
-        top, left = SIDE // 2 + around[0] + down, SIDE // 2 + around[0] + right
-        square = samples.squares[samples.dataset[index]][samples.row[index]]
-        stored[number] = square[top : top + side + 2, left : left + side + 2]
-    offset, step = samples.scale[chosen].T[:, :, None, None]
-    depth = torch.from_numpy(np.where(stored > 0, offset + stored * step, np.float32(0)))
+    depth = torch.from_numpy(samples.depths(chosen, _crops(samples, chosen, side + 2, moved)))
     rows = samples.pixels[chosen, 1, None] + moved[:, :1] + around
     columns = samples.pixels[chosen, 0, None] + moved[:, 1:] + around
     camera = samples.camera
@@ -113,14 +110,11 @@ def _cut_depth(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarra
     return depth_features(Pinhole(camera).points(depth, torch.from_numpy(rows), torch.from_numpy(columns)))
 
 
-def _cut_colours(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> Tensor:
-    """Features from colours, (B, 3, side, side)."""
-    crops = np.empty((len(chosen), side, side, 3), np.uint8)
-    for number, (index, (down, right)) in enumerate(zip(chosen, moved, strict=True)):
-        top, left = SIDE // 2 - side // 2 + down, SIDE // 2 - side // 2 + right
-        square = samples.squares[samples.dataset[index]][samples.row[index]]
-        crops[number] = square[top : top + side, left : left + side]
-    return colour_features(crops)
+def _crops(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> np.ndarray:
+    """The middle of the samples' squares as stored, moved: (B, side, side) or (B, side, side, 3)."""
+    corners = SIDE // 2 - side // 2 + moved
+    squares = zip(map(samples.picture, chosen), corners, strict=True)
+    return np.stack([square[top : top + side, left : left + side] for square, (top, left) in squares])
 
 
 def _narrow(batch: Batch, rows: int, columns: int) -> None:

@@ -9,8 +9,10 @@ written last. The `paper` variant sees whole pictures: its caches hold each one 
 was. Caches are derived from the episodes alone and can be deleted.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -71,6 +73,15 @@ class Samples:
         """The position label, bool (N,)."""
         return self.worked >= 0
 
+    def picture(self, number: int) -> np.ndarray:
+        """The square or whole picture of a sample, as stored."""
+        return self.squares[self.dataset[number]][self.row[number]]
+
+    def depths(self, chosen: np.ndarray, stored: np.ndarray) -> np.ndarray:
+        """Stored depths (B, h, w) of the chosen samples in board units, float32; 0 where nothing was hit."""
+        offset, step = self.scale[chosen].T[:, :, None, None]
+        return np.where(stored > 0, offset + stored * step, np.float32(0))
+
     def direction_labels(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which directions worked and of which that is known, both bool (B, 18), for the chosen samples.
 
@@ -93,18 +104,19 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
         return place
     make_folder(place, folder.parent)
     remove_leftovers(place, folder.parent)
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in ((*COLUMNS, ROW) if whole else COLUMNS)}
+    columns: dict[str, list[np.ndarray]] = defaultdict(list)
     camera: Camera | None = None
     with replacing(place / SQUARES, folder.parent) as file:
         for index in sorted(dataset.finished()):
             episode = read_episode(dataset.episode_path(index), "lazy")
             camera = _same_camera(camera, episode.camera, dataset.episode_path(index))
-            for name, values in _labels(episode).items():
-                columns[name].append(values)
+            found = _labels(episode)
             if whole:
-                columns[ROW].append(_write_pictures(file, episode, inputs))
+                found[ROW] = _write_pictures(file, episode, inputs)
             else:
                 _write_squares(file, episode, inputs)
+            for name, values in found.items():
+                columns[name].append(values)
     if camera is None:
         raise BusybotError(f"{dataset.path}: no episode has been recorded", "`busybot collect` records them")
     size = np.array([camera.width, camera.height])
@@ -125,12 +137,10 @@ def _same_camera(known: Camera | None, camera: Camera, where: Path) -> Camera:
 
 
 def _write_squares(file: BinaryIO, episode: Episode, inputs: Inputs) -> None:
-    """Append a square for each step."""
-    half = SIDE // 2
+    around = np.arange(-SIDE // 2, SIDE // 2)
     for step, (_, picture) in zip(episode.steps, _seen(episode, inputs), strict=True):
         u, v = step.pixel
-        rows = np.clip(np.arange(v - half, v + half), 0, picture.shape[0] - 1)
-        columns = np.clip(np.arange(u - half, u + half), 0, picture.shape[1] - 1)
+        rows, columns = (np.clip(one + around, 0, side - 1) for one, side in zip((v, u), picture.shape, strict=False))
         file.write(np.ascontiguousarray(picture[rows[:, None], columns]).tobytes())
 
 
@@ -150,16 +160,13 @@ def _seen(episode: Episode, inputs: Inputs) -> Iterator[tuple[int, np.ndarray]]:
     """Number and content of the picture before each step; each is decoded once."""
     images = episode.images
     assert isinstance(images, LazyImages)
-    current = -1
-    picture: np.ndarray = np.empty((0, 0))
-    for number in episode.frame_of[: len(episode.steps)]:
-        if number != current:
-            current, picture = number, _decode(images, number, inputs)
-        yield number, picture
+    for number, steps in groupby(episode.frame_of[: len(episode.steps)]):
+        picture = _decode(images, number, inputs)
+        yield from ((number, picture) for _ in steps)
 
 
 def _labels(episode: Episode) -> dict[str, np.ndarray]:
-    """What was done in each step and what came of it."""
+    """What was done in each step and what came of it, by `COLUMNS`."""
     images, steps = episode.images, episode.steps
     assert isinstance(images, LazyImages)
     executed = np.zeros((len(steps), len(DIRECTIONS)), bool)

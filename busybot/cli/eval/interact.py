@@ -88,7 +88,7 @@ def evaluate_model(
     """Find objects and policy by their names and evaluate."""
     from busybot.common.process_pool import default_workers
     from busybot.datasets.bundled_assets import library_of
-    from busybot.interact.evaluate import evaluate_policy
+    from busybot.interact.evaluate import PolicyEvaluation, evaluate_policy
     from busybot.interact.policy.learned import mode_named
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory, usual_mode
     from busybot.sim.builtin_policies import builtin_factory
@@ -105,8 +105,8 @@ def evaluate_model(
         named = model or DEFAULT_MODEL
         factory = LearnedPolicyFactory(named, mode_named(mode) if mode else usual_mode(named), config.learned)
         provenance = factory.provenance()
-    processes = workers or default_workers()
-    return evaluate_policy(dataset, library, factory, config, seed, processes, progress, out, record, provenance)
+    evaluation = PolicyEvaluation(dataset, library, factory, config, seed, record, provenance)
+    return evaluate_policy(evaluation, workers or default_workers(), progress, out)
 
 
 def check_figures(figures: int, model: str | None, out: Path | None, record: Path | None) -> None:

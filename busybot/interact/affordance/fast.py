@@ -15,7 +15,14 @@ from torch.nn import functional
 
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.affordance.inputs import Inputs, Pinhole, colour_features, heights_of, picture_features
+from busybot.interact.affordance.inputs import (
+    Inputs,
+    Pinhole,
+    colour_features,
+    heights_of,
+    picture_features,
+    square_around,
+)
 from busybot.interact.affordance.networks import CROP, POSITION_STRIDE, Kind, make_network
 from busybot.interact.policy.config import PairTable, Threshold, check_thresholds
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
@@ -34,7 +41,7 @@ class AffordanceInfo(ModelCard):
         variant: which networks.
         inputs: what they see; the height is always known to the policy.
         prior: share of elevated pixels that work, as training batches (half of each) do not show it.
-        after_failure: what to try where a direction failed, see `interact.training.direction_prior`.
+        after_failure: what to try where a direction failed, see `interact.training.fast`.
         thresholds: constants of the policy that go with this model.
     """
 
@@ -115,21 +122,16 @@ class AffordanceModel:
         height = heights_of(features)
         if self.info.inputs == "rgb":
             features = colour_features(seen.rgb)
-        elevated = height > ELEVATED
-        affordance = torch.full_like(height, NOT_ELEVATED)
+        elevated, affordance = height > ELEVATED, torch.full_like(height, NOT_ELEVATED)
         if elevated.any():
             window = _window(elevated)
-            logits = self._run("position", _pad_to_stride(features[:, *window])[None])[0]
-            part = elevated[window]
+            part, logits = elevated[window], self._run("position", _pad_to_stride(features[:, *window])[None])[0]
             affordance[window] = torch.where(part, logits[: part.shape[0], : part.shape[1]], NOT_ELEVATED)
         closer = {} if earlier is None else earlier.closer
         return AffordanceView(height.numpy(), affordance.numpy(), features.numpy(), closer)
 
     def directions(self, view: AffordanceView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A closer look at some pixels.
-
-        Args:
-            pixels: int (K, 2), u and v.
+        """A closer look at pixels, int (K, 2), u and v.
 
         Returns:
             the logit that acting there works, float32 (K,), and the probability that each direction works there if any
@@ -170,21 +172,8 @@ def weights_file(folder: Path, kind: Kind) -> Path:
 
 
 def crops_around(features: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Crops with pixel (u, v) at (CROP / 2, CROP / 2); outside the picture its border is repeated.
-
-    Shapes:
-        features: (C, H, W); pixels: int (K, 2).
-        returns: (K, C, CROP, CROP).
-    """
-    return np.stack([_crop(features, int(u) - CROP // 2, int(v) - CROP // 2) for u, v in pixels])
-
-
-def _crop(features: np.ndarray, left: int, top: int) -> np.ndarray:
-    height, width = features.shape[1:]
-    if 0 <= left <= width - CROP and 0 <= top <= height - CROP:
-        return features[:, top : top + CROP, left : left + CROP]
-    rows, columns = np.clip(top + np.arange(CROP), 0, height - 1), np.clip(left + np.arange(CROP), 0, width - 1)
-    return features[:, rows[:, None], columns]
+    """What the direction network looks at: of (C, H, W), around pixels (K, 2), crops (K, C, CROP, CROP)."""
+    return np.stack([features[:, *square_around(pixel, CROP, *features.shape[1:])] for pixel in pixels])
 
 
 def _window(elevated: Tensor) -> tuple[slice, slice]:

@@ -37,11 +37,6 @@ def logit(probabilities: np.ndarray) -> np.ndarray:
     return np.asarray(np.log(sure / (1 - sure)))
 
 
-def tempered(probabilities: np.ndarray, temperature: np.ndarray | float) -> np.ndarray:
-    """Probabilities whose logits are divided by the temperature: the higher it is, the less sure."""
-    return sigmoid(logit(probabilities) / temperature)
-
-
 def pixel_at(place: int | np.integer, shape: tuple[int, ...]) -> tuple[int, int]:
     """The pixel (u, v) with this flat index in a picture of this shape, (H, W)."""
     row, column = divmod(int(place), shape[1])

@@ -73,35 +73,31 @@ class UnguidedExplorer(StatelessPolicy):
     def __init__(self, rays: Rays, config: ExplorationConfig | None = None):
         self._rays, self._config = rays, config or ExplorationConfig()
         self._seen: Observation | None = None
-        self._components: list[np.ndarray] = []
-        self._classes: list[np.ndarray] = []
+        self._components: list[tuple[np.ndarray, np.ndarray]] = []
 
     def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
         if observation is not self._seen:
-            self._seen = observation
-            self._divide(observation.depth)
+            self._seen, self._components = observation, self._divide(observation.depth)
         pixel = self._place(observation.depth.shape, rng)
         return Action(pixel, _in_order(rng.permutation(len(PAIRS)), rng, self._config))
 
-    def _divide(self, depth: np.ndarray) -> None:
+    def _divide(self, depth: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """Elevated components as flat pixel indices, and each pixel's class of height and slope."""
+        config = self._config
         points = self._rays.points(depth)
         height, slopes = points[..., 2].ravel(), normals(points).reshape(-1, 3)
-        elevated = (points[..., 2] > self._config.elevation).astype(np.uint8)
+        elevated = (points[..., 2] > config.elevation).astype(np.uint8)
         count, labels, sizes, _ = cv2.connectedComponentsWithStats(elevated, connectivity=8)
-        large = [label for label in range(1, count) if sizes[label, cv2.CC_STAT_AREA] >= self._config.smallest]
-        flat = labels.ravel()
-        self._components = [np.flatnonzero(flat == label) for label in large]
-        self._classes = [_classes(height[one], slopes[one], self._config.height_classes) for one in self._components]
+        large = [label for label in range(1, count) if sizes[label, cv2.CC_STAT_AREA] >= config.smallest]
+        found = [np.flatnonzero(labels.ravel() == label) for label in large]
+        return [(pixels, _classes(height[pixels], slopes[pixels], config.height_classes)) for pixels in found]
 
     def _place(self, shape: tuple[int, ...], rng: np.random.Generator) -> tuple[int, int]:
         if not self._components:
             height, width = shape
             return int(rng.integers(width)), int(rng.integers(height))
-        number = int(rng.integers(len(self._components)))
-        pixels = self._components[number]
+        pixels, classes = self._components[int(rng.integers(len(self._components)))]
         if rng.random() < self._config.stratified:
-            classes = self._classes[number]
             pixels = pixels[classes == rng.choice(np.unique(classes))]
         return pixel_at(rng.choice(pixels), shape)
 

@@ -16,7 +16,7 @@ followed by its opposite, in a random order, until one works. For t and N of the
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Generic, Literal, get_args
+from typing import Annotated, Generic, Literal, cast, get_args
 
 import numpy as np
 from pydantic import Field
@@ -163,10 +163,9 @@ class LearnedPolicy(Generic[V]):
 
 def mode_named(name: str) -> Mode:
     """The mode of that name, or an error that lists them."""
-    for mode in MODES:
-        if mode == name:
-            return mode
-    raise BusybotError(f"the learned policy has no mode {name!r}", f"choose {', '.join(MODES)}")
+    if name not in MODES:
+        raise BusybotError(f"the learned policy has no mode {name!r}", f"choose {', '.join(MODES)}")
+    return cast(Mode, name)
 
 
 def policy_name(mode: Mode) -> str:
@@ -232,9 +231,8 @@ class PaperPolicy(StatelessPolicy, Generic[V]):
             return Action(pixel, tuple(map(int, rng.permutation(len(DIRECTIONS)))))
         if random_direction:
             return Action(pixel, (int(rng.integers(len(DIRECTIONS))),))
-        view = self._look(observation)
         assert self._model is not None
-        _, scores = self._model.directions(view, np.array([pixel]))
+        _, scores = self._model.directions(self._look(observation), np.array([pixel]))
         return Action(pixel, (int(np.asarray(scores)[0].argmax()),))
 
     def _best_position(self, seen: Observation, elevated: np.ndarray) -> tuple[int, int]:

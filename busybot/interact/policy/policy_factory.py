@@ -49,7 +49,7 @@ class LearnedPolicyFactory:
 
     def make_policy(self, rays: Rays) -> Policy:
         model, constants = load_once(self.model), self._constants()
-        if model.info.variant == "paper" and self.mode in ("ucb", "greedy"):
+        if self._acts_as_paper(model.info):
             c = constants.ucb_c if self.mode == "ucb" else 0
             return PaperPolicy(model, rays, PaperRules(ucb_c=c, ucb_window=constants.ucb_window), self.name)
         return LearnedPolicy(model, rays, constants, self.mode)
@@ -66,12 +66,13 @@ class LearnedPolicyFactory:
         """
         info = load_once(self.model).info
         config = policy_config(info, self.overrides)
-        by_paper = info.variant == "paper" and self.mode in ("ucb", "greedy")
-        unread = _NOT_READ[self.mode] | ({"blur", "prior"} if by_paper else set())
-        for name in sorted(unread.intersection(self.overrides)):
-            what = f"learned.{name} changes nothing in mode {self.mode}" + (" of the paper's model" if by_paper else "")
-            raise BusybotError(what, "leave it out")
+        more, of_which = ({"blur", "prior"}, " of the paper's model") if self._acts_as_paper(info) else (set(), "")
+        for name in sorted((_NOT_READ[self.mode] | more).intersection(self.overrides)):
+            raise BusybotError(f"learned.{name} changes nothing in mode {self.mode}{of_which}", "leave it out")
         return config
+
+    def _acts_as_paper(self, info: AffordanceInfo) -> bool:
+        return info.variant == "paper" and self.mode in ("ucb", "greedy")
 
 
 @dataclass(frozen=True)

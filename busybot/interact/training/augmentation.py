@@ -147,22 +147,19 @@ def _resize(batch: Batch, side: int, heights: Tensor | None) -> None:
 
 def apply_symmetry(batch: Batch, matrix: np.ndarray, chosen: Tensor, depth: bool) -> None:
     """Mirror or transpose the chosen crops (bool (B,)) with their labels; `matrix` is one of the three above."""
-    transposed = matrix is TRANSPOSE
-    axis = -1 if matrix is MIRROR_X else -2
-    part = batch.features[chosen]
-    part = part.transpose(-1, -2) if transposed else part.flip(axis)
+    part, rows, columns = batch.features[chosen], batch.rows, batch.columns
+    last = part.shape[-1] - 1
+    if matrix is TRANSPOSE:
+        part, moved = part.transpose(-1, -2), (columns, rows)
+    elif matrix is MIRROR_X:
+        part, moved = part.flip(-1), (rows, last - columns)
+    else:
+        part, moved = part.flip(-2), (last - rows, columns)
     if depth:
         turn = torch.tensor(matrix, dtype=part.dtype)
         part = torch.cat([part[:, :1], torch.einsum("ij,bjhw->bihw", turn, part[:, 1:])], dim=1)
     batch.features[chosen] = part
-    last = batch.features.shape[-1] - 1
-    rows, columns = batch.rows, batch.columns
-    if transposed:
-        batch.rows, batch.columns = torch.where(chosen, columns, rows), torch.where(chosen, rows, columns)
-    elif axis == -1:
-        batch.columns = torch.where(chosen, last - columns, columns)
-    else:
-        batch.rows = torch.where(chosen, last - rows, rows)
+    batch.rows, batch.columns = torch.where(chosen, moved[0], rows), torch.where(chosen, moved[1], columns)
     order = torch.from_numpy(remapped_directions(matrix))
     batch.labels[chosen] = batch.labels[chosen][:, order]
     batch.known[chosen] = batch.known[chosen][:, order]

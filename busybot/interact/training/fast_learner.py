@@ -12,11 +12,10 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional
 
 from busybot.common.errors import BusybotError
@@ -24,7 +23,7 @@ from busybot.common.rng import generator
 from busybot.interact.affordance.networks import HIDDEN, DirectionNet, Kind, make_network
 from busybot.interact.metrics import direction_figures, position_figures
 from busybot.interact.training.augmentation import Batch, cut_batch, draw_batch
-from busybot.interact.training.config import FitConfig, ReplayConfig, TrainConfig
+from busybot.interact.training.config import ReplayConfig, TrainConfig
 from busybot.interact.training.sample_cache import open_samples
 from busybot.training.checkpoint import Checkpoint, initialise
 from busybot.training.device import device, multiplies_bfloat16, repeat_exactly
@@ -38,16 +37,12 @@ HINT = {
 
 
 class Priorities:
-    """Running mean losses of all samples, float32 (N,), which grow with the samples."""
+    """Running mean losses of `count` samples, float32 (N,); of the first ones they may be known."""
 
-    def __init__(self, config: ReplayConfig, values: np.ndarray | None = None):
-        self.config = config
-        self.values = np.empty(0, np.float32) if values is None else values.astype(np.float32)
-
-    def grow(self, count: int) -> None:
-        """Make room for samples that were recorded since."""
-        new = np.full(max(0, count - len(self.values)), self.config.initial, np.float32)
-        self.values = np.concatenate([self.values, new])
+    def __init__(self, config: ReplayConfig, count: int, known: np.ndarray | None = None):
+        old = np.empty(0, np.float32) if known is None else known.astype(np.float32)
+        new = np.full(max(0, count - len(old)), config.initial, np.float32)
+        self.config, self.values = config, np.concatenate([old, new])
 
     def draw(
         self, reward: np.ndarray, weights: np.ndarray, first: int, count: int, rng: np.random.Generator
@@ -127,11 +122,7 @@ class FastAffordanceLearner(Learner):
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
         self.weights = np.where(self.samples.dataset > 0, config.replay.later_rounds, 1.0)
-        self._prioritise(None)
-
-    def _prioritise(self, known: np.ndarray | None) -> None:
-        self.priorities = Priorities(self.config.replay, known)
-        self.priorities.grow(self.samples.first + len(self.samples))
+        self.priorities = Priorities(config.replay, self.samples.first + len(self.samples))
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """One step of the optimizer on a batch drawn by priority."""
@@ -150,11 +141,23 @@ class FastAffordanceLearner(Learner):
         return chosen, draw_batch(samples, chosen, config, rng)
 
     def learn(self, batch: Batch, rate: float, rng: np.random.Generator) -> tuple[float, np.ndarray]:
-        """One step of the optimizer; returns the loss, and each sample's loss, float32 (B,)."""
+        """One step of the optimizer; returns the loss, and what each sample adds to its priority, float32 (B,).
+
+        Position: binary cross entropy of the affordance at the one pixel that was tried. Direction: the mean over all
+        directions whose outcome is known, plus the cross entropy of "any direction works".
+        """
+        weight, entropy = self.config.direction_weight, functional.binary_cross_entropy_with_logits
         self.network.train()
-        loss, losses = sample_losses(self.network, batch, self.job.kind, self.config, rng)
+        *directions, works = self._outputs(batch, rng)
+        losses = entropy(works, batch.reward, reduction="none")
+        loss = losses.mean()
+        if directions:
+            by_direction = (entropy(directions[0], batch.labels, reduction="none") * batch.known).sum(dim=1)
+            known = batch.known.sum(dim=1)
+            loss = weight * by_direction.sum() / known.sum().clamp(min=1) + loss
+            losses = weight * by_direction / known.clamp(min=1) + losses
         descend(self.optimizer, loss, rate)
-        return float(loss.detach()), losses.detach().cpu().numpy()
+        return float(loss.detach()), losses.detach().numpy()
 
     def judge(self) -> dict[str, float | None]:
         """How well the network ranks what was tried on boards that it is never trained on (`interact.metrics`)."""
@@ -162,20 +165,35 @@ class FastAffordanceLearner(Learner):
         if job.validation is None:
             return {}
         samples = open_samples((job.validation,), job.config.inputs, sys.maxsize)
+        everything = np.arange(len(samples))
         self.network.eval()
-        parts: list[tuple[np.ndarray, ...]] = []
+        parts = []
         for start in range(0, len(samples), VALIDATION_BATCH):
-            chosen = np.arange(start, min(start + VALIDATION_BATCH, len(samples)))
-            batch = cut_batch(samples, chosen, self.config.side)
+            batch = cut_batch(samples, everything[start : start + VALIDATION_BATCH], self.config.side)
             with torch.no_grad():
-                outputs = forward(self.network, batch.features, self.config)
-            outputs = outputs if job.kind == "direction" else (at_pixels(outputs, batch),)
-            parts.append(tuple(output.numpy() for output in outputs))
-        scores = [np.concatenate(columns) for columns in zip(*parts, strict=True)]
-        figures = position_figures(scores[-1], samples.reward)
-        if job.kind == "direction":
-            figures |= direction_figures(scores[0], *samples.direction_labels(np.arange(len(samples))))
+                parts.append(self._outputs(batch))
+        *directions, works = (torch.cat(outputs).numpy() for outputs in zip(*parts, strict=True))
+        figures = position_figures(works, samples.reward)
+        if directions:
+            figures |= direction_figures(directions[0], *samples.direction_labels(everything))
         return figures
+
+    def _outputs(self, batch: Batch, rng: np.random.Generator | None = None) -> tuple[Tensor, ...]:
+        """Logits that the directions work, if the network knows, (B, 18), and that acting at the pixels does, (B,).
+
+        They are float32 and on the CPU: a batch of them is small. `rng` draws the dropout.
+        """
+        network, config, on = self.network, self.config, next(self.network.parameters()).device
+        arguments = [batch.features.to(on).contiguous(memory_format=torch.channels_last)]
+        if rng is not None and config.dropout and isinstance(network, DirectionNet):
+            keep = (rng.random((len(batch.rows), HIDDEN), np.float32) >= config.dropout) / (1 - config.dropout)
+            arguments.append(torch.from_numpy(keep.astype(np.float32)).to(on))
+        rounded = multiplies_bfloat16() if config.bfloat16 is None else config.bfloat16
+        with torch.autocast(on.type, torch.bfloat16, enabled=rounded):
+            outputs = network(*arguments)
+        if isinstance(outputs, tuple):
+            return tuple(output.float().cpu() for output in outputs)
+        return (outputs.float().cpu()[torch.arange(len(batch.rows)), batch.rows, batch.columns],)
 
     def state(self) -> Checkpoint:
         """Priorities of all samples."""
@@ -183,7 +201,8 @@ class FastAffordanceLearner(Learner):
 
     def restore(self, saved: Checkpoint) -> None:
         """Samples that were recorded since are new."""
-        self._prioritise(saved.tensors["priorities"].numpy())
+        known = saved.tensors["priorities"].numpy()
+        self.priorities = Priorities(self.config.replay, len(self.priorities.values), known)
 
 
 def fit(job: FitJob) -> dict[str, float | None]:
@@ -203,42 +222,3 @@ def fit(job: FitJob) -> dict[str, float | None]:
 def make_fit(jobs: list[FitJob]) -> Callable[[int], dict[str, float | None]]:
     """What a worker process does with a job's number."""
     return lambda index: fit(jobs[index])
-
-
-def sample_losses(
-    network: nn.Module, batch: Batch, kind: Kind, config: FitConfig, rng: np.random.Generator | None = None
-) -> tuple[Tensor, Tensor]:
-    """The loss, a scalar, and what each sample adds to its priority, (B,), on the CPU; `rng` draws the dropout.
-
-    Position: binary cross entropy of the affordance at the one pixel that was tried. Direction: the mean over all
-    directions whose outcome is known, plus the cross entropy of "any direction works".
-    """
-    entropy = functional.binary_cross_entropy_with_logits
-    outputs = forward(network, batch.features, config, rng)
-    if kind == "position":
-        losses = entropy(at_pixels(outputs, batch), batch.reward, reduction="none")
-        return losses.mean(), losses
-    directions, any_works = outputs
-    by_direction = (entropy(directions, batch.labels, reduction="none") * batch.known).sum(dim=1)
-    position = entropy(any_works, batch.reward, reduction="none")
-    known = batch.known.sum(dim=1)
-    loss = config.direction_weight * by_direction.sum() / known.sum().clamp(min=1) + position.mean()
-    return loss, config.direction_weight * by_direction / known.clamp(min=1) + position
-
-
-def at_pixels(outputs: Tensor, batch: Batch) -> Tensor:
-    """Of outputs (B, S, S) those at the pixels that were acted on, (B,)."""
-    return outputs[torch.arange(len(batch.rows)), batch.rows, batch.columns]
-
-
-def forward(network: nn.Module, features: Tensor, config: FitConfig, rng: np.random.Generator | None = None) -> Any:
-    """The network's outputs in float32, on the CPU: a batch of them is small."""
-    on = next(network.parameters()).device
-    arguments = [features.to(on).contiguous(memory_format=torch.channels_last)]
-    if rng is not None and config.dropout and isinstance(network, DirectionNet):
-        keep = (rng.random((len(features), HIDDEN), np.float32) >= config.dropout) / (1 - config.dropout)
-        arguments.append(torch.from_numpy(keep.astype(np.float32)).to(on))
-    rounded = multiplies_bfloat16() if config.bfloat16 is None else config.bfloat16
-    with torch.autocast(on.type, torch.bfloat16, enabled=rounded):
-        outputs = network(*arguments)
-    return tuple(output.float().cpu() for output in outputs) if isinstance(outputs, tuple) else outputs.float().cpu()

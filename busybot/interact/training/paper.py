@@ -48,6 +48,9 @@ from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, Loop, descend
 from busybot.training.run_folder import Lines, Panel, learner_versions
 
+PLOT_EVERY = 10
+"""Epochs between pictures of the training's course."""
+
 
 class PaperAffordanceLearner(Learner):
     """A network of the `paper` variant, epoch by epoch; it begins with new weights, or those of the last checkpoint.
@@ -152,10 +155,6 @@ def paper_labels(samples: Samples, chosen: np.ndarray) -> tuple[np.ndarray, np.n
     return worked, np.where(samples.reward[chosen, None], worked, samples.executed[chosen])
 
 
-PLOT_EVERY = 10
-"""Epochs between pictures of the training's course."""
-
-
 class PaperTraining:
     """One training in its folder.
 
@@ -188,7 +187,9 @@ class PaperTraining:
         for epoch in range(self.config.epochs):
             self.datasets.append(self._recorded(epoch))
             if not self.learners:
-                self.begin(_size(self.datasets[0]))
+                first = self.datasets[0]
+                camera = read_episode(first.episode_path(min(first.finished())), "lazy").camera
+                self.begin((camera.height, camera.width))
             self._train(epoch)
             if (epoch + 1) % PLOT_EVERY == 0 or epoch + 1 == self.config.epochs:
                 self._report()
@@ -218,37 +219,35 @@ class PaperTraining:
 
     def _train(self, epoch: int) -> None:
         """Train the networks whose turn it is on the buffer."""
-        kinds = [kind for kind in self.config.trained(epoch) if self.learners[kind].behind(epoch)]
-        if not kinds:
-            return
-        samples = self.buffer(epoch)
-        for kind in kinds:
-            self.learners[kind].train(samples, epoch)
+        behind = [self.learners[kind] for kind in self.config.trained(epoch) if self.learners[kind].behind(epoch)]
+        if behind:
+            samples = self.buffer(epoch)
+            for learner in behind:
+                learner.train(samples, epoch)
 
     def buffer(self, epoch: int) -> Samples:
         """The last steps recorded until an epoch, with whole pictures; caches that hold none of them are removed."""
-        first, steps = epoch + 1, 0
-        while first and steps < self.config.buffer:
+        config, folder, first, steps = self.config, self.out / "cache", epoch + 1, 0
+        while first and steps < config.buffer:
             first -= 1
-            steps += _steps(self.datasets[first])
-        folder = self.out / "cache"
-        for number in range(first, epoch + 1):
-            if number not in self.caches:
-                self.caches[number] = cache_samples(self.datasets[number], folder, self.config.inputs, whole=True)
-        caches = [self.caches[number] for number in range(first, epoch + 1)]
-        for left in set(folder.iterdir()) - set(caches):
+            collect = self.datasets[first].info.collect
+            steps += self.datasets[first].info.boards * collect.steps if collect else 0
+        self.caches = {
+            number: self.caches.get(number) or cache_samples(self.datasets[number], folder, config.inputs, whole=True)
+            for number in range(first, epoch + 1)
+        }
+        for left in set(folder.iterdir()) - set(self.caches.values()):
             remove(left, self.out)
-        self.caches = {number: place for number, place in self.caches.items() if place in caches}
-        return open_samples(caches, self.config.inputs, self.config.buffer, whole=True)
+        return open_samples(list(self.caches.values()), config.inputs, config.buffer, whole=True)
 
     def _model(self, training: dict[str, Any]) -> PaperModel:
-        origin = {"seed": self.recorder.seed, "config": self.config.model_dump(mode="json"), **training}
+        config = self.config
         info = AffordanceInfo(
-            variant="paper",
-            inputs=self.config.inputs,
+            variant=config.variant,
+            inputs=config.inputs,
             prior=PAPER_PRIOR,
             thresholds=PAPER_POLICY,
-            training=origin,
+            training={"seed": self.recorder.seed, "config": config.model_dump(mode="json"), **training},
         )
         return PaperModel(info, {kind: learner.network for kind, learner in self.learners.items()})
 
@@ -276,16 +275,6 @@ def _epochs_panel(kind: Kind, epochs: Lines) -> Panel:
     by_chance = [(line["epoch"], line[f"epsilon_{kind}"]) for line in epochs]
     curves = {"actions with reward": rewarded, f"random {kind}s": by_chance}
     return Panel("share of an epoch's actions", curves, along="epoch", shares=True)
-
-
-def _size(dataset: Dataset) -> Size:
-    camera = read_episode(dataset.episode_path(min(dataset.finished())), "lazy").camera
-    return camera.height, camera.width
-
-
-def _steps(dataset: Dataset) -> int:
-    collect = dataset.info.collect
-    return dataset.info.boards * collect.steps if collect else 0
 
 
 def _collected(dataset: Dataset) -> dict[str, int]:

@@ -13,6 +13,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,9 +24,9 @@ from busybot.common.atomic_io import make_folder, remove_leftovers, replacing
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.codec import LazyImages, decode_plain, decode_rgb
-from busybot.episodes.episode import Camera, Episode
+from busybot.episodes.episode import Camera, Episode, Step
 from busybot.episodes.mcap.reader import read_episode
-from busybot.interact.affordance.inputs import Inputs
+from busybot.interact.affordance.inputs import Inputs, square_around
 
 SIDE = 160
 """Side of the cached squares, pixels. The sample's pixel is pixel (SIDE / 2, SIDE / 2)."""
@@ -34,7 +35,7 @@ INDEX, SQUARES = "index.npz", "squares.bin"
 COLUMNS = ("pixels", "executed", "worked", "scale")
 ONE_CAMERA = "record all episodes of a dataset with the same --set render.* parameters"
 ROW = "row"
-"""A further column of caches of whole pictures: which picture a sample saw."""
+"""A further column: which square or picture a sample saw. Former caches of squares, one per sample, lack it."""
 
 
 @dataclass(frozen=True)
@@ -110,13 +111,9 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
         for index in sorted(dataset.finished()):
             episode = read_episode(dataset.episode_path(index), "lazy")
             camera = _same_camera(camera, episode.camera, dataset.episode_path(index))
-            found = _labels(episode)
-            if whole:
-                found[ROW] = _write_pictures(file, episode, inputs)
-            else:
-                _write_squares(file, episode, inputs)
-            for name, values in found.items():
+            for name, values in _labels(episode).items():
                 columns[name].append(values)
+            columns[ROW].append(_write(file, episode, inputs, whole))
     if camera is None:
         raise BusybotError(f"{dataset.path}: no episode has been recorded", "`busybot collect` records them")
     size = np.array([camera.width, camera.height])
@@ -130,39 +127,30 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
 def _same_camera(known: Camera | None, camera: Camera, where: Path) -> Camera:
     if known is None:
         return camera
-    same = (known.width, known.height) == (camera.width, camera.height)
-    if not same or not np.array_equal(known.matrix, camera.matrix) or not np.array_equal(known.pose, camera.pose):
+    if not all(np.array_equal(getattr(known, name), getattr(camera, name)) for name in known.__dataclass_fields__):
         raise BusybotError(f"{where}: recorded with another camera than the episodes before it", ONE_CAMERA)
     return camera
 
 
-def _write_squares(file: BinaryIO, episode: Episode, inputs: Inputs) -> None:
-    around = np.arange(-SIDE // 2, SIDE // 2)
-    for step, (_, picture) in zip(episode.steps, _seen(episode, inputs), strict=True):
-        u, v = step.pixel
-        rows, columns = (np.clip(one + around, 0, side - 1) for one, side in zip((v, u), picture.shape, strict=False))
-        file.write(np.ascontiguousarray(picture[rows[:, None], columns]).tobytes())
-
-
-def _write_pictures(file: BinaryIO, episode: Episode, inputs: Inputs) -> np.ndarray:
-    """Append every picture that was acted on; returns the picture of each step, counted from the file's first."""
+def _write(file: BinaryIO, episode: Episode, inputs: Inputs, whole: bool) -> np.ndarray:
+    """Append a square for each step, or each picture that was acted on; returns which of the file's is each step's."""
     rows: list[int] = []
-    last = -1
-    for number, picture in _seen(episode, inputs):
-        if number != last:
-            row, last = file.tell() // picture.nbytes, number
-            file.write(np.ascontiguousarray(picture).tobytes())
-        rows.append(row)
+    for picture, steps in _seen(episode, inputs):
+        size = picture.shape[:2]
+        shown = [picture] if whole else [picture[square_around(step.pixel, SIDE, *size)] for step in steps]
+        first = file.tell() // shown[0].nbytes
+        rows += [first] * len(steps) if whole else range(first, first + len(steps))
+        for one in shown:
+            file.write(one.tobytes())
     return np.array(rows, np.int32)
 
 
-def _seen(episode: Episode, inputs: Inputs) -> Iterator[tuple[int, np.ndarray]]:
-    """Number and content of the picture before each step; each is decoded once."""
+def _seen(episode: Episode, inputs: Inputs) -> Iterator[tuple[np.ndarray, list[Step]]]:
+    """Every picture that was acted on, and the steps before which it was seen."""
     images = episode.images
     assert isinstance(images, LazyImages)
-    for number, steps in groupby(episode.frame_of[: len(episode.steps)]):
-        picture = _decode(images, number, inputs)
-        yield from ((number, picture) for _ in steps)
+    for number, seen in groupby(zip(episode.frame_of, episode.steps, strict=False), itemgetter(0)):
+        yield _decode(images, number, inputs), [step for _, step in seen]
 
 
 def _labels(episode: Episode) -> dict[str, np.ndarray]:
@@ -208,7 +196,7 @@ def open_samples(caches: Sequence[Path], inputs: Inputs, window: int, whole: boo
             width, height = (int(side) for side in index["size"])
             camera = _same_camera(camera, Camera(width, height, index["matrix"], index["pose"]), place)
             parts.append({name: index[name] for name in COLUMNS})
-            rows.append(index[ROW] if whole else np.arange(len(parts[-1]["worked"])))
+            rows.append(index[ROW] if ROW in index else np.arange(len(index["worked"])))
         count, sides = int(rows[-1].max(initial=-1)) + 1, (height, width) if whole else (SIDE, SIDE)
         squares.append(_map_pixels(place / SQUARES, inputs, (count, *sides)))
     assert camera is not None

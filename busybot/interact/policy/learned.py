@@ -16,7 +16,7 @@ followed by its opposite, in a random order, until one works. For t and N of the
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Generic, Literal, cast, get_args
+from typing import Annotated, Generic, Literal, get_args
 
 import numpy as np
 from pydantic import Field
@@ -165,7 +165,7 @@ def mode_named(name: str) -> Mode:
     """The mode of that name, or an error that lists them."""
     if name not in MODES:
         raise BusybotError(f"the learned policy has no mode {name!r}", f"choose {', '.join(MODES)}")
-    return cast(Mode, name)
+    return name
 
 
 def policy_name(mode: Mode) -> str:

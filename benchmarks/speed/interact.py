@@ -99,9 +99,7 @@ def record(folder: Path, library: Library, boards: int) -> Path:
 
 def iteration(kind: Kind, cache: Path, folder: Path, iterations: int) -> dict[str, float]:
     """One iteration of a network's training with the default configuration."""
-    config = getattr(TrainConfig(), kind)
-    nowhere = folder / "unused"
-    job = FitJob(kind, kind, "depth", config, SEED, (cache,), None, 10**6, 0, 10**6, nowhere, nowhere)
+    job = FitJob(folder / "unused", TrainConfig(), SEED, kind, (cache,), None, 0, 10**6)
     learner = FastAffordanceLearner(job)
     rng = generator(SEED, "train", 0, f"benchmark/{kind}")
     _, batch = learner.draw(rng)
@@ -112,7 +110,7 @@ def iteration(kind: Kind, cache: Path, folder: Path, iterations: int) -> dict[st
     learning = seconds(lambda: learner.learn(batch, 1e-4, rng), iterations)
     limit = counted.get_total_flops() * per_operation
     return {
-        "batch": config.batch,
+        "batch": learner.config.batch,
         "milliseconds": round(1000 * (drawing + learning), 1),
         "of_them_drawing_the_batch": round(1000 * drawing, 1),
         "gigaflop": round(counted.get_total_flops() / 1e9, 2),

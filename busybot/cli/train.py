@@ -60,9 +60,8 @@ def _interaction(
 ) -> "Training | PaperTraining":
     """The training of the variant that is asked for; without assets nothing is collected."""
     from busybot.common.config import build
-    from busybot.interact.policy.policy_factory import ExplorePolicyFactory
-    from busybot.interact.training.config import STRICT, PaperConfig, TrainConfig
-    from busybot.interact.training.fast import Source, Training
+    from busybot.interact.training.config import STRICT, PaperConfig, RecordConfig, TrainConfig
+    from busybot.interact.training.fast import Training
     from busybot.interact.training.paper import PaperTraining
     from busybot.interact.training.round_recorder import Recorder, RoundProgress
     from busybot.objects.resolve import find
@@ -71,15 +70,17 @@ def _interaction(
     if variant not in (None, "fast", "paper"):
         raise BusybotError(f"there is no variant {variant!r} of the interaction networks", "choose fast or paper")
     told = RoundProgress(say, episode_progress)
+
+    def recorder(config: RecordConfig) -> Recorder:
+        return Recorder(find(assets) if assets else None, config, seed, workers, told)
+
     if variant == "paper":
         paper = build(PaperConfig, *parameters)
-        recorder = Recorder(find(assets) if assets else None, paper, seed, workers, told)
-        return PaperTraining(out, paper, recorder, data)
+        return PaperTraining(out, paper, recorder(paper), data)
     fast = build(TrainConfig, *parameters)
     if fast.interaction.strict:  # whether the option said so, a setting or the file
         fast = build(TrainConfig, *parameters, STRICT)
-    source = Source(find(assets) if assets else None, lambda known: ExplorePolicyFactory(known, fast.explore), data)
-    return Training(out, fast, source, seed, workers, told)
+    return Training(out, fast, recorder(fast), data)
 
 
 @app.command()

@@ -1,12 +1,11 @@
 """Measure an interaction policy on a dataset's boards (protocol "Interaction", Table 1).
 
-The boards alone are needed: every evaluation acts on them anew. The result of a board depends on the board, the policy
-and the seed.
-
-Judges an episode's actions by the simulator's states, in the terms of the metrics.
+The boards alone are needed: every evaluation acts on them anew, and judges the actions by the simulator's states. The
+result of a board depends on the board, the policy and the seed.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,7 +23,6 @@ from busybot.evaluation.bootstrap import LEVEL
 from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards, versions
 from busybot.evaluation.results import stamp
 from busybot.interact import metrics as m
-from busybot.interact.metrics import JudgedAction, JudgedBoard, JudgedLink, Target
 from busybot.objects.library import Library
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import AnyPolicyFactory
@@ -34,11 +32,13 @@ from busybot.sim.scene.render import RenderConfig
 
 AnnotatedDirections = Mapping[str, Sequence[Sequence[float]]]
 """Object key to its annotated effective directions, not normalised, board frame."""
+SIMULATED = ("responders", "interaction", "render")
+"""Parameters that decide how episodes come about."""
 OFF_AXIS_DEG = 30.0
 """`off_axis_share` counts successes farther off, whatever angle a veto has (protocol "Interaction")."""
 
 
-def judge_episode(episode: Episode, annotated: AnnotatedDirections, delta: int) -> JudgedBoard:
+def judge_episode(episode: Episode, annotated: AnnotatedDirections, delta: int) -> m.JudgedBoard:
     """Put the truth beside every action.
 
     Args:
@@ -50,25 +50,17 @@ def judge_episode(episode: Episode, annotated: AnnotatedDirections, delta: int) 
     first = episode.image(0).segmentation
     assert first is not None, "a simulator's images have a segmentation"
     visible = np.bincount(first.ravel(), minlength=len(episode.links) + 1)
-    movable = [index for index, link in enumerate(episode.links) if link.trigger]
-    numbers = {(episode.links[i].object, episode.links[i].name): number for number, i in enumerate(movable)}
+    movable = [(code, link) for code, link in enumerate(episode.links, start=1) if link.trigger]
+    numbers = {(link.object, link.name): number for number, (_, link) in enumerate(movable)}
     links = tuple(
-        JudgedLink(
-            object=episode.links[i].object,
-            key=keys[episode.links[i].object],
-            link=episode.links[i].name,
-            pixels=int(visible[i + 1]),
-        )
-        for i in movable
+        m.JudgedLink(object=link.object, key=keys[link.object], link=link.name, pixels=int(visible[code]))
+        for code, link in movable
     )
     actions = []
     for index, step in enumerate(episode.steps):
         on, key = _target(episode, episode.image(index), step)
-        off = None
-        if step.success:
-            off = off_axis(step.executed[-1], annotated[keys[step.acted_object]])
         actions.append(
-            JudgedAction(
+            m.JudgedAction(
                 pixel=step.pixel,
                 direction=step.direction,
                 executed=step.executed,
@@ -78,11 +70,11 @@ def judge_episode(episode: Episode, annotated: AnnotatedDirections, delta: int) 
                 success=step.success,
                 reward=step.changed_pixels > delta,
                 changed_pixels=step.changed_pixels,
-                off_axis=off,
+                off_axis=off_axis(step.executed[-1], annotated[keys[step.acted_object]]) if step.success else None,
                 vetoed=step.vetoed,
             )
         )
-    return JudgedBoard(board=episode.board.index, links=links, actions=tuple(actions))
+    return m.JudgedBoard(board=episode.board.index, links=links, actions=tuple(actions))
 
 
 def off_axis(direction: int, annotated: Sequence[Sequence[float]]) -> bool:
@@ -94,7 +86,7 @@ def off_axis(direction: int, annotated: Sequence[Sequence[float]]) -> bool:
     return bool((known @ DIRECTIONS[direction]).max() <= np.cos(np.deg2rad(OFF_AXIS_DEG)))
 
 
-def _target(episode: Episode, image: Image, step: Step) -> tuple[Target, str]:
+def _target(episode: Episode, image: Image, step: Step) -> tuple[m.Target, str]:
     """What the chosen pixel showed, and of which object."""
     assert image.segmentation is not None
     code = int(image.segmentation[step.pixel[1], step.pixel[0]])
@@ -125,51 +117,59 @@ class InteractEvaluation(FrozenModel):
     render: RenderConfig = RenderConfig()
 
 
+@dataclass(frozen=True)
+class PolicyEvaluation:
+    """A policy on the boards of a dataset; plain data for worker processes.
+
+    Attributes:
+        dataset: its boards are used, its episodes are not.
+        library: the objects on them.
+        factory: makes the policy.
+        config: how it is measured.
+        seed: of the policy's draws.
+        record: folder of a new dataset for the episodes.
+        provenance: what decides the policy's actions, JSON values, as `LearnedPolicyFactory.provenance` tells it.
+    """
+
+    dataset: Dataset
+    library: Library
+    factory: AnyPolicyFactory
+    config: InteractEvaluation
+    seed: int = 0
+    record: Path | None = None
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+
 def evaluate_policy(
-    dataset: Dataset,
-    library: Library,
-    factory: AnyPolicyFactory,
-    config: InteractEvaluation,
-    seed: int = 0,
-    workers: int = 1,
-    progress: Progress | None = None,
-    out: Path | None = None,
-    record: Path | None = None,
-    provenance: dict[str, Any] | None = None,
+    evaluation: PolicyEvaluation, workers: int = 1, progress: Progress | None = None, out: Path | None = None
 ) -> dict[str, Any]:
     """Act on every board and compute the metrics; JSON values, see `summarise`.
 
     Args:
-        dataset: its boards are used, its episodes are not.
-        seed: of the policy's draws.
         out: folder for the results, with which a stopped evaluation goes on.
-        record: folder of a new dataset for the episodes.
-        provenance: what decides the policies' actions, JSON values, as `LearnedPolicyFactory.provenance` tells it.
 
     Raises:
-        BusybotError: `out` or `record` hold something else, or a worker is at fault.
+        BusybotError: `out` or the folder for the episodes hold something else, or a worker is at fault.
     """
-    settings = _settings(dataset, factory.name, config, seed, provenance or {})
-    count = min(config.boards or dataset.info.boards, dataset.info.boards)
-    work = BoardWork(m.JudgedBoard, make_work, (dataset.path, library, config, seed, factory, record), workers)
+    dataset, record, settings = evaluation.dataset, evaluation.record, _settings(evaluation)
+    count = min(evaluation.config.boards or dataset.info.boards, dataset.info.boards)
+    work = BoardWork(m.JudgedBoard, make_work, (evaluation,), workers)
     recordings = [EvaluationRecording(record, dataset, _collected(settings))] if record else []
     judged = judge_boards(range(count), work, settings, progress, out, recordings)
-    summary = summarise(judged, seed, dataset.info.split)
+    summary = summarise(judged, evaluation.seed, dataset.info.split)
     return conclude(out, {**stamp("interact", hashes=_hashes(settings)), **summary, **settings})
 
 
-def make_work(
-    path: Path, library: Library, config: InteractEvaluation, seed: int, factory: AnyPolicyFactory, record: Path | None
-) -> Callable[[int], m.JudgedBoard]:
+def make_work(evaluation: PolicyEvaluation) -> Callable[[int], m.JudgedBoard]:
     """What a worker does with a board's index: act on it, record it if wanted, judge it."""
-    dataset = Dataset.open(path)
-    recorded = Dataset.open(record) if record else None
+    config, library = evaluation.config, evaluation.library
+    recorded = Dataset.open(evaluation.record) if evaluation.record else None
     simulator = Simulator(library, config.render, config.responders)
     annotated = {key: model.directions for key, model in library.objects.items()}
 
     def work(index: int) -> m.JudgedBoard:
-        board = dataset.board(index)
-        episode = record_episode(simulator, board, factory, config.actions, config.interaction, seed)
+        board, factory = evaluation.dataset.board(index), evaluation.factory
+        episode = record_episode(simulator, board, factory, config.actions, config.interaction, evaluation.seed)
         if recorded is not None:
             write_episode(recorded.episode_path(index), episode, "jpeg", recorded.path)
         judged = judge_episode(episode, annotated, config.interaction.delta)
@@ -187,9 +187,7 @@ def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> di
         "boards": len(boards),
         "macro": m.macro(boards),
         "intervals": {"level": LEVEL, **m.intervals(boards, rng)},
-        "counts": {
-            name: dict(zip(("part", "whole"), counts, strict=True)) for name, counts in m.counts(boards).items()
-        },
+        "counts": {name: {"part": part, "whole": whole} for name, (part, whole) in m.counts(boards).items()},
         "failures_by_cause": m.failures_by_cause(boards),
         "failures_by_object": m.failures_by_object(boards),
         "missed_links": m.missed_links(boards),
@@ -212,24 +210,21 @@ def _collected(settings: dict[str, Any]) -> CollectInfo:
         strict=settings["strict"],
         delta=config["interaction"]["delta"],
         seed=settings["seed"],
-        settings={name: config[name] for name in ("responders", "interaction", "render")}
-        | {"chooser": settings["provenance"]},
+        settings={name: config[name] for name in SIMULATED} | {"chooser": settings["provenance"]},
     )
 
 
-def _settings(
-    dataset: Dataset, policy: str, config: InteractEvaluation, seed: int, provenance: dict[str, Any]
-) -> dict[str, Any]:
+def _settings(evaluation: PolicyEvaluation) -> dict[str, Any]:
     """What is measured; two results are comparable as far as these agree."""
-    info = dataset.info
+    dataset, config, info = evaluation.dataset, evaluation.config, evaluation.dataset.info
     origin = {"name": info.name, "split": info.split, "boards": info.boards, "board_hash": dataset.hashes().board}
     return {
-        "policy": policy,
+        "policy": evaluation.factory.name,
         "actions": config.actions,
         "strict": config.interaction.strict,
-        "provenance": provenance,
+        "provenance": evaluation.provenance,
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "seed": info.seed},
-        "seed": seed,
+        "seed": evaluation.seed,
         "versions": versions(),
     }

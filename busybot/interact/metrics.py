@@ -2,12 +2,11 @@
 
 A success is a true change of a trigger's state caused by the action. Every proposed action counts, also when nothing
 was held. All values are shares from 0 to 1; what is not defined is None. Micro pools the actions or links of all
-boards, macro averages over boards. Intervals are bootstraps over boards.
-
-How well scores order what works before what does not: numpy only.
+boards, macro averages over boards. Intervals are bootstraps over boards. Networks are judged by how well their scores
+order what works before what does not.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -15,7 +14,11 @@ import numpy as np
 
 from busybot.boards.directions import OPPOSITE
 from busybot.common.frozen_model import FrozenModel
-from busybot.evaluation.bootstrap import LEVEL, Interval, share_interval
+from busybot.evaluation.bootstrap import Interval, share_interval
+from busybot.interact.policy.direction_pairs import PAIRS
+
+DRAWS = 1000
+"""Of the bootstrap."""
 
 
 def average_precision(scores: np.ndarray, works: np.ndarray) -> float | None:
@@ -59,21 +62,23 @@ def direction_figures(logits: np.ndarray, labels: np.ndarray, known: np.ndarray)
 
     A pair (a direction and its opposite) works when one of the two does: `pair_auc` judges 1 - (1 - p)(1 - p').
     """
-    failing = 1 / (1 + np.exp(np.clip(logits, -30, 30)))  # 1 - p
-    first = np.flatnonzero(np.arange(len(OPPOSITE)) < OPPOSITE)
-    second = OPPOSITE[first]
-    pairs = 1 - failing[:, first] * failing[:, second]
-    pair_known = known[:, first] | known[:, second]
-    pair_works = labels[:, first] | labels[:, second]
+    failing, others = 1 / (1 + np.exp(np.clip(logits, -30, 30))), OPPOSITE[PAIRS]  # 1 - p
+    pairs = 1 - failing[:, PAIRS] * failing[:, others]
+    pair_known = known[:, PAIRS] | known[:, others]
+    pair_works = labels[:, PAIRS] | labels[:, others]
     return {
         "direction_auc": area_under_curve(logits[known], labels[known]),
         "pair_auc": area_under_curve(pairs[pair_known], pair_works[pair_known]),
     }
 
 
-DRAWS = 1000
-
 Target = Literal["link", "trigger", "responder", "board"]
+CAUSES: dict[Target, str] = {
+    "trigger": "position: trigger body",
+    "responder": "position: responder",
+    "board": "position: board",
+}
+"""Why an action failed that held nothing movable."""
 
 
 class JudgedLink(FrozenModel):
@@ -158,7 +163,7 @@ SHARES: dict[str, Parts] = {
     "recall_objects": lambda board: board.objects(),
     "precision_exploring": lambda board: (sum(a.success for a in board.exploring()), len(board.exploring())),
     "off_axis_share": lambda board: (
-        sum(bool(a.off_axis) for a in board.actions),
+        sum(a.off_axis or 0 for a in board.actions),
         sum(a.success for a in board.actions),
     ),
     "precision_reward": lambda board: (sum(a.reward for a in board.actions), len(board.actions)),
@@ -176,42 +181,31 @@ def micro(boards: Sequence[JudgedBoard]) -> dict[str, float | None]:
 
 def counts(boards: Sequence[JudgedBoard]) -> dict[str, tuple[int, int]]:
     """Numerators and denominators of the pooled shares."""
-    sums = {name: _table(boards, parts).sum(0) for name, parts in SHARES.items()}
-    return {name: (int(part), int(whole)) for name, (part, whole) in sums.items()}
+    return {name: (int(table[:, 0].sum()), int(table[:, 1].sum())) for name, table in _tables(boards).items()}
 
 
 def macro(boards: Sequence[JudgedBoard]) -> dict[str, float | None]:
     """Mean over the boards on which a share is defined."""
     means = {}
-    for name, parts in SHARES.items():
-        table = _table(boards, parts)
+    for name, table in _tables(boards).items():
         defined = table[table[:, 1] > 0]
         means[name] = float((defined[:, 0] / defined[:, 1]).mean()) if len(defined) else None
     return means
 
 
-def intervals(
-    boards: Sequence[JudgedBoard], rng: np.random.Generator, draws: int = DRAWS, level: float = LEVEL
-) -> dict[str, Interval]:
+def intervals(boards: Sequence[JudgedBoard], rng: np.random.Generator) -> dict[str, Interval]:
     """Percentile intervals of the pooled shares, boards drawn with replacement; None where a draw has none."""
     if not boards:
         return dict.fromkeys(SHARES)
-    chosen = rng.integers(len(boards), size=(draws, len(boards)))
-    found: dict[str, Interval] = {}
-    for name, parts in SHARES.items():
-        part, whole = _table(boards, parts)[chosen].sum(1).T
-        found[name] = share_interval(part, whole, level)
-    return found
+    chosen = rng.integers(len(boards), size=(DRAWS, len(boards)))
+    return {name: share_interval(*table[chosen].sum(1).T) for name, table in _tables(boards).items()}
 
 
 def failures_by_cause(boards: Sequence[JudgedBoard]) -> dict[str, int]:
     """Failed actions by what they held: nothing movable (where), or a link in a direction that does not move it."""
-    causes = {"link": "direction", "trigger": "position: trigger body"}
-    names = ["direction", "direction vetoed", *(f"position: {on}" for on in ("trigger body", "responder", "board"))]
-    counts = dict.fromkeys(names, 0)
-    for action in _failures(boards):
-        name = "direction vetoed" if action.vetoed else causes.get(action.on, f"position: {action.on}")
-        counts[name] += 1
+    counts = dict.fromkeys(("direction", "direction vetoed", *CAUSES.values()), 0)
+    for action in (action for board in boards for action in board.actions if not action.success):
+        counts["direction vetoed" if action.vetoed else CAUSES.get(action.on, "direction")] += 1
     return counts
 
 
@@ -231,17 +225,18 @@ def failures_by_object(boards: Sequence[JudgedBoard]) -> dict[str, dict[str, int
 def missed_links(boards: Sequence[JudgedBoard]) -> dict[str, dict[str, int]]:
     """For each `object/link` that was missed on a board: how often it was, on how many, its fewest visible pixels."""
     present: Counter[str] = Counter()
-    missed: dict[str, dict[str, int]] = {}
+    missed: dict[str, list[int]] = defaultdict(list)
     for board in boards:
         moved = board.moved()
         for number, link in enumerate(board.links):
             name = f"{link.key}/{link.link}"
             present[name] += 1
             if number not in moved:
-                row = missed.setdefault(name, {"missed": 0, "fewest_pixels": link.pixels})
-                row["missed"] += 1
-                row["fewest_pixels"] = min(row["fewest_pixels"], link.pixels)
-    rows = {name: {**row, "boards": present[name]} for name, row in missed.items()}
+                missed[name].append(link.pixels)
+    rows = {
+        name: {"missed": len(pixels), "fewest_pixels": min(pixels), "boards": present[name]}
+        for name, pixels in missed.items()
+    }
     return dict(sorted(rows.items(), key=lambda item: (-item[1]["missed"], item[0])))
 
 
@@ -257,13 +252,9 @@ def by_step(boards: Sequence[JudgedBoard]) -> list[dict[str, float | None]]:
     return rows
 
 
-def _failures(boards: Sequence[JudgedBoard]) -> list[JudgedAction]:
-    return [action for board in boards for action in board.actions if not action.success]
-
-
-def _table(boards: Sequence[JudgedBoard], parts: Parts) -> np.ndarray:
-    """int (boards, 2)."""
-    return np.array([parts(board) for board in boards], int).reshape(-1, 2)
+def _tables(boards: Sequence[JudgedBoard]) -> dict[str, np.ndarray]:
+    """Numerators and denominators of all shares on each board, int (boards, 2)."""
+    return {name: np.array([parts(board) for board in boards], int).reshape(-1, 2) for name, parts in SHARES.items()}
 
 
 def _share(part: int, whole: int) -> float | None:

@@ -154,26 +154,32 @@ class Progress:
         return True
 
 
+def files_of(out: Path, name: str) -> tuple[Path, Path]:
+    """Where a training's folder has the checkpoint and the metrics of a network."""
+    return out / "checkpoints" / f"{name}.safetensors", out / "metrics" / f"{name}.jsonl"
+
+
 class Loop:
     """The training of one network, from wherever its last checkpoint is.
 
     Args:
         learner: what is trained; it is put into the state of the checkpoint, if there is one.
-        checkpoint, metrics: files that are written.
+        out: folder of the training, in which a checkpoint and metrics are written.
         report: a line of metrics every so many iterations.
         every: a checkpoint every so many iterations, counted from where a run begins.
 
     Attributes:
+        checkpoint, metrics: the files, see `files_of`.
         progress: how far the training has come.
         best: the best weights so far, of trainings that are judged.
     """
 
-    def __init__(self, learner: Learner, checkpoint: Path, metrics: Path, report: int, every: int):
-        self.learner, self.checkpoint = learner, checkpoint
-        self._metrics, self._report, self._every = metrics, report, every
+    def __init__(self, learner: Learner, out: Path, report: int, every: int):
+        self.learner, self._report, self._every = learner, report, every
+        self.checkpoint, self.metrics = files_of(out, learner.name)
         self.progress = Progress()
         self.best: dict[str, Tensor] = {}
-        if checkpoint.exists():
+        if self.checkpoint.exists():
             self._restore()
 
     def run(self, name: str, start: int, until: int, judged: bool = False, patience: int = 0) -> Metrics:
@@ -188,7 +194,7 @@ class Loop:
             the metrics, to which the figures at the end of a round can be added.
         """
         progress = self.progress
-        metrics = Metrics(self._metrics, name, progress.iteration, start, until, self._report)
+        metrics = Metrics(self.metrics, name, progress.iteration, start, until, self._report)
         while not self._over(until) and not (patience and progress.waited >= patience):
             loss, rate = self.learner.iterate(progress.iteration)
             progress.iteration += 1
@@ -242,14 +248,12 @@ def fit(learner: Learner, out: Path, config: LoopConfig) -> dict[str, Any]:
     Returns:
         what `metrics.json` holds: the figures on held-out boards of the best and of the last weights.
     """
-    lines = out / "metrics" / f"{learner.name}.jsonl"
-    file = out / "checkpoints" / f"{learner.name}.safetensors"
-    loop = Loop(learner, file, lines, config.report, config.judge)
+    loop = Loop(learner, out, config.report, config.judge)
     loop.run(learner.name, 0, learner.iterations, judged=True, patience=config.patience)
     last = dict(learner.judge())
     if loop.best:
-        load_weights(learner.network, loop.best, file)
-    write_atomically(out / "metrics.csv", _table(read_metrics(lines)).encode())
+        load_weights(learner.network, loop.best, loop.checkpoint)
+    write_atomically(out / "metrics.csv", _table(read_metrics(loop.metrics)).encode())
     summary = {
         "iterations": loop.progress.iteration,
         "best_iteration": loop.progress.best,

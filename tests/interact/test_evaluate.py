@@ -14,7 +14,7 @@ from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.verify import verify
 from busybot.evaluation.folder import BOARDS, RESULT
-from busybot.interact.evaluate import InteractEvaluation, evaluate_policy
+from busybot.interact.evaluate import InteractEvaluation, PolicyEvaluation, evaluate_policy
 from busybot.interact.policy.config import PolicyConfig
 from busybot.objects.resolve import find
 from busybot.sim.interaction import InteractionConfig
@@ -35,8 +35,14 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     return create_dataset(path, BoardConfig(boards=4, group_size=1, split="novel-object"), find("procedural"))
 
 
-def run(dataset: Dataset, workers: int = 1, config: InteractEvaluation = CONFIG, **more: Any) -> dict[str, Any]:
-    return evaluate_policy(dataset, find("procedural"), CHOOSER, config, 3, workers, **more)
+def run(
+    dataset: Dataset,
+    workers: int = 1,
+    config: InteractEvaluation = CONFIG,
+    record: Path | None = None,
+    **more: Any,
+) -> dict[str, Any]:
+    return evaluate_policy(PolicyEvaluation(dataset, find("procedural"), CHOOSER, config, 3, record), workers, **more)
 
 
 @pytest.mark.usefixtures("in_process")

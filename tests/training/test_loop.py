@@ -43,7 +43,7 @@ class Line(Learner):
 
 
 def loop_of(learner: Line, folder: Path) -> Loop:
-    return Loop(learner, folder / "checkpoints" / "line.safetensors", folder / "metrics" / "line.jsonl", 2, 3)
+    return Loop(learner, folder, 2, 3)
 
 
 def test_a_killed_round_goes_on_and_leaves_the_files_of_one_that_was_not(tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def interact(
     from busybot.common.config import build
     from busybot.datasets.bundled_assets import library_of
     from busybot.datasets.dataset import Dataset
-    from busybot.interact.evaluate import InteractEvaluation, evaluate_policy
+    from busybot.interact.evaluate import InteractEvaluation, PolicyEvaluation, evaluate_policy
 
     _check_figures(figures, model, out, record)
     parameters = build(InteractEvaluation, config, set_ or [], {"boards": boards, "interaction.strict": strict or None})
@@ -114,8 +114,8 @@ def interact(
         target = Dataset.open(dataset)
         library = library_of(target, assets)
         factory, provenance = _policy(model, mode, parameters.learned)
-        count = processes(workers)
-        result = evaluate_policy(target, library, factory, parameters, seed, count, progress, out, record, provenance)
+        evaluation = PolicyEvaluation(target, library, factory, parameters, seed, record, provenance)
+        result = evaluate_policy(evaluation, processes(workers), progress, out)
     if figures and out is not None and record is not None:
         _draw_figures(out / "figures", record, model, parameters, figures)
     given = {"model": model, "mode": mode, "seed": seed, "strict": strict, "boards": boards}

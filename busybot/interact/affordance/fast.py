@@ -24,6 +24,7 @@ from busybot.interact.affordance.inputs import (
     colour_features,
     heights_of,
     picture_features,
+    square_around,
     updated_features,
 )
 from busybot.interact.affordance.networks import CROP, POSITION_STRIDE, Kind, PositionNet, make_network
@@ -44,7 +45,7 @@ class AffordanceInfo(ModelCard):
         variant: which networks.
         inputs: what they see; the height is always known to the policy.
         prior: share of elevated pixels that work, as training batches (half of each) do not show it.
-        after_failure: what to try where a direction failed, see `interact.training.direction_prior`.
+        after_failure: what to try where a direction failed, see `interact.training.fast`.
         thresholds: constants of the policy that go with this model.
     """
 
@@ -196,10 +197,7 @@ class AffordanceModel:
             return position(part.to(self._number_type), changes, wanted).float(), position
 
     def directions(self, view: AffordanceView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A closer look at some pixels.
-
-        Args:
-            pixels: int (K, 2), u and v.
+        """A closer look at pixels, int (K, 2), u and v.
 
         Returns:
             the logit that acting there works, float32 (K,), and the probability that each direction works there if any
@@ -249,21 +247,8 @@ def weights_file(folder: Path, kind: Kind) -> Path:
 
 
 def crops_around(features: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Crops with pixel (u, v) at (CROP / 2, CROP / 2); outside the picture its border is repeated.
-
-    Shapes:
-        features: (C, H, W); pixels: int (K, 2).
-        returns: (K, C, CROP, CROP).
-    """
-    return np.stack([_crop(features, int(u) - CROP // 2, int(v) - CROP // 2) for u, v in pixels])
-
-
-def _crop(features: np.ndarray, left: int, top: int) -> np.ndarray:
-    height, width = features.shape[1:]
-    if 0 <= left <= width - CROP and 0 <= top <= height - CROP:
-        return features[:, top : top + CROP, left : left + CROP]
-    rows, columns = np.clip(top + np.arange(CROP), 0, height - 1), np.clip(left + np.arange(CROP), 0, width - 1)
-    return features[:, rows[:, None], columns]
+    """What the direction network looks at: of (C, H, W), around pixels (K, 2), crops (K, C, CROP, CROP)."""
+    return np.stack([features[:, *square_around(pixel, CROP, *features.shape[1:])] for pixel in pixels])
 
 
 def _window(elevated: Tensor) -> tuple[slice, slice]:

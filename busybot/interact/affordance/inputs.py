@@ -5,12 +5,12 @@ height above the board instead of the distance from the camera, so that a shape 
 camera looks almost straight down: moving right in the picture is +x, moving down is -y of the board frame, and that is
 how pictures are turned and mirrored for training (`interact.training.augmentation`).
 
-One function computes the channels for whole pictures and for crops: a crop knows the pixels that it consists of.
-
-The RGB variant (row "RGB" of Table 1) sees colours only.
+One function computes the channels for whole pictures and for crops: a crop knows the pixels that it consists of. The
+RGB variant (row "RGB" of Table 1) sees colours only.
 """
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import Any, Literal
 
 import cv2
 import numpy as np
@@ -21,9 +21,7 @@ from torch.nn import functional
 from busybot.episodes.episode import Camera
 
 Inputs = Literal["depth", "rgb"]
-
 CHANNELS: dict[Inputs, int] = {"depth": 4, "rgb": 3}
-
 LOWEST, HIGHEST = -0.3, 1.2
 """Heights are clipped to this range, board units; where nothing was hit the height is `LOWEST`."""
 HEIGHT_GAIN = 4.0
@@ -86,17 +84,17 @@ def unit(vectors: Tensor) -> Tensor:
 
 
 def picture_features(depth: np.ndarray, camera: Pinhole) -> Tensor:
-    """The channels of a whole picture; at its border the nearest pixel stands in for the missing neighbour.
-
-    Shapes:
-        depth: float32 (H, W), board units, 0 where nothing was hit.
-        returns: float32 (4, H, W).
-    """
+    """The channels of one whole picture: float32 (H, W) to (4, H, W)."""
     return stack_features(torch.from_numpy(depth.astype(np.float32, copy=False))[None], camera)[0]
 
 
 def stack_features(depth: Tensor, camera: Pinhole) -> Tensor:
-    """The same for several pictures, on the device where they are: float32 (B, H, W) to (B, 4, H, W)."""
+    """The channels of whole pictures; at their borders the nearest pixel stands in for the missing neighbour.
+
+    Shapes:
+        depth: float32 (B, H, W), board units, 0 where nothing was hit.
+        returns: float32 (B, 4, H, W), on the device of `depth`.
+    """
     height, width = depth.shape[-2:]
     rows = torch.arange(-1, height + 1, device=depth.device).clamp(0, height - 1)[None]
     columns = torch.arange(-1, width + 1, device=depth.device).clamp(0, width - 1)[None]
@@ -132,6 +130,15 @@ def updated_features(
 def heights_of(features: Tensor) -> Tensor:
     """Height above the board in board units, from (..., 4, H, W) to (..., H, W)."""
     return features[..., 0, :, :] / HEIGHT_GAIN
+
+
+def square_around(pixel: Sequence[int], side: int, height: int, width: int) -> tuple[Any, Any]:
+    """Index of the square with (u, v) at (side / 2, side / 2); outside the picture its border is repeated."""
+    left, top = (int(middle) - side // 2 for middle in pixel)
+    if 0 <= left <= width - side and 0 <= top <= height - side:
+        return slice(top, top + side), slice(left, left + side)
+    along = np.arange(side)
+    return (top + along).clip(0, height - 1)[:, None], (left + along).clip(0, width - 1)
 
 
 def colour_features(rgb: np.ndarray) -> Tensor:

@@ -1,6 +1,12 @@
-"""The networks of the `paper` variant, as the paper's appendix A.1 "Network detail" describes them.
+"""The networks of both variants: where to act, and in which direction.
 
-What the paper leaves open, and what is chosen here:
+Those of the `fast` variant do what the paper's do (section 3.1, appendix A.1) at a cost that a laptop's processor can
+train and run: the position network sees the whole picture at full resolution, but works at half of it; the direction
+network sees a crop around the position instead of the picture with a Gaussian at the position, because what moves how
+is a local question.
+
+Those of the `paper` variant are as the paper's appendix A.1 "Network detail" describes them. What it leaves open, and
+what is chosen here:
 
 - Order in a block: pooling (or interpolation) first, then the convolutions, as the text lists them. The U-Net then
   goes from 480 x 640 to 30 x 40 and back, and the direction network's last layer has 7 x 10 cells (480 / 64 = 7.5:
@@ -12,12 +18,6 @@ What the paper leaves open, and what is chosen here:
 - All convolutions keep the size (zero padding of 1), no normalisation layers, ReLU after all other layers.
 - Weights and biases are drawn as torch does by default. Larger ones (He et al.) drove both channels of the last block
   to zero within a few iterations, in four trials of four: nothing was learnt any more.
-
-The networks of the `fast` variant: where to act, and in which direction.
-
-They do what the paper's do (section 3.1, appendix A.1) at a cost that a laptop's processor can train and run: the
-position network sees the whole picture at full resolution, but works at half of it; the direction network sees a crop
-around the position instead of the picture with a Gaussian at the position, because what moves how is a local question.
 """
 
 from typing import Literal
@@ -198,29 +198,21 @@ class PaperDirectionNet(nn.Module):
         super().__init__()
         self.register_buffer("size", torch.tensor(size))
         layers: list[nn.Module] = []
-        for number, (a, b) in enumerate(
-            zip((channels + 1, *PAPER_DIRECTION_WIDTHS), PAPER_DIRECTION_WIDTHS, strict=False)
-        ):
-            layers += [nn.MaxPool2d(2)] if number else []
-            layers += [nn.Conv2d(a, b, 3, padding=1), nn.ReLU(inplace=True)]
-        self.convolutions = nn.Sequential(*layers)
+        for a, b in zip((channels + 1, *PAPER_DIRECTION_WIDTHS), PAPER_DIRECTION_WIDTHS, strict=False):
+            layers += [nn.Conv2d(a, b, 3, padding=1), nn.ReLU(inplace=True), nn.MaxPool2d(2)]
+        self.convolutions = nn.Sequential(*layers[:-1])
         shrink = 2 ** (len(PAPER_DIRECTION_WIDTHS) - 1)
         cells = (size[0] // shrink) * (size[1] // shrink)
         self.embed = nn.Sequential(nn.Flatten(), *_perceptron(PAPER_DIRECTION_WIDTHS[-1] * cells, EMBEDDING_WIDTHS))
         self.score = nn.Sequential(*_perceptron(EMBEDDING_WIDTHS[-1], SCORE_WIDTHS)[:-1])  # the last are logits
 
     def forward(self, features: Tensor) -> Tensor:
-        seen = self.convolutions(features)  # (B, 512, 7, 10)
-        return self.score(self.embed(seen))
+        return self.score(self.embed(self.convolutions(features)))  # of (B, 512, 7, 10)
 
 
 def _convolutions(inputs: int, outputs: int) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Conv2d(inputs, outputs, 3, padding=1),
-        nn.ReLU(inplace=True),
-        nn.Conv2d(outputs, outputs, 3, padding=1),
-        nn.ReLU(inplace=True),
-    )
+    pairs = [(nn.Conv2d(a, outputs, 3, padding=1), nn.ReLU(inplace=True)) for a in (inputs, outputs)]
+    return nn.Sequential(*pairs[0], *pairs[1])
 
 
 def _perceptron(inputs: int, widths: tuple[int, ...]) -> list[nn.Module]:

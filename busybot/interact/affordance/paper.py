@@ -1,9 +1,8 @@
 """A trained model of the `paper` variant: the same folder and the same questions as `interact.affordance.fast`.
 
-Inputs of the `paper` variant's networks: whole pictures (paper appendix A.1 "Network detail").
-
-Four channels: the depth image and the surface normals from the cross product of neighbouring world coordinates; or
-three of colours. For the direction network one more, a 2-D Gaussian at the selected position.
+Its networks see whole pictures (paper appendix A.1 "Network detail") in four channels: the depth image and the surface
+normals from the cross product of neighbouring world coordinates; or in three of colours. For the direction network
+there is one more, a 2-D Gaussian at the selected position.
 
 What the paper leaves open: depth is given relative to the camera's height over the board, in board units, so that the
 board is near 0, and 0 where nothing was hit; the Gaussian has a standard deviation of 5 pixels and is 1 at its centre.
@@ -23,7 +22,6 @@ from busybot.interact.affordance.inputs import LOWEST, Inputs, Pinhole, colour_f
 from busybot.interact.affordance.networks import SIZE, Kind, PaperDirectionNet, make_paper_network
 from busybot.interact.policy.config import Threshold
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
-from busybot.interact.training.sample_cache import Samples
 
 GAUSSIAN_SIGMA = 5.0
 """Pixels."""
@@ -50,16 +48,6 @@ def with_positions(features: Tensor, pixels: Tensor) -> Tensor:
     return torch.cat([features, gaussian[:, None].to(features.dtype)], dim=1)
 
 
-def recorded_pictures(samples: Samples, chosen: np.ndarray, on: torch.device) -> Tensor:
-    """What the camera saw before the chosen samples' actions, (B, C, H, W), computed where it is used."""
-    stored = np.stack([samples.squares[samples.dataset[i]][samples.row[i]] for i in chosen])
-    if samples.inputs == "rgb":
-        return colour_features(stored).to(on)
-    offset, step = samples.scale[chosen].T[:, :, None, None]
-    depth = np.where(stored > 0, offset + stored * step, np.float32(0))
-    return depth_and_normals(torch.from_numpy(depth).to(on), Pinhole(samples.camera))
-
-
 PAPER_POLICY: dict[str, Threshold] = {
     "candidates": "kmeans",
     "blur": 1,
@@ -76,7 +64,6 @@ PAPER_POLICY: dict[str, Threshold] = {
 data for reasoning by a draw among all candidates (section 3.2, "Data collection")."""
 PAPER_PRIOR = 0.5
 """The affordance is taken as it is: no correction for how rare working places are."""
-SAVED_SIZE = "size"
 CHUNK = 8
 """Positions that the direction network looks at together."""
 
@@ -91,9 +78,9 @@ class PaperModel(AffordanceModel):
 
     @staticmethod
     def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
-        size = tensors.get(SAVED_SIZE)
-        rows, columns = SIZE if size is None or size.shape != (2,) else (int(side) for side in size)
-        return make_paper_network(kind, inputs, (rows, columns))
+        size = tensors.get("size", torch.tensor(SIZE))  # of the direction network alone
+        rows, columns = size.tolist() if size.shape == (2,) else SIZE
+        return make_paper_network(kind, inputs, (int(rows), int(columns)))
 
     def look(self, seen: Observation, rays: Rays, earlier: AffordanceView | None = None) -> AffordanceView:
         """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
@@ -114,11 +101,10 @@ class PaperModel(AffordanceModel):
         return AffordanceView(height, affordance.numpy(), features[0].numpy())
 
     def directions(self, view: AffordanceView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `Model.directions`; the position's logits are those of the affordance."""
+        """As `AffordanceModel.directions`; the position's logits are those of the affordance."""
         if not len(pixels):
             return np.empty(0, np.float32), np.empty((0, 18), np.float32)
-        features = torch.from_numpy(view.features)[None]
-        scores = []
+        features, scores = torch.from_numpy(view.features), []
         for chunk in torch.from_numpy(np.asarray(pixels)).split(CHUNK):
             seen = with_positions(features.expand(len(chunk), -1, -1, -1), chunk)
             scores.append(torch.sigmoid(self._run("direction", seen)))

@@ -40,6 +40,10 @@ class Failure:
 class BoardMemory:
     """One board's memory.
 
+    Args:
+        height: float32 (H, W), board units above the board, at the first look. Connected pixels of objects are one
+            component.
+
     Attributes:
         links: int32 (H, W), number of the known link that was seen moving at the pixel, 0 for none.
         pairs: link to the direction pair that moved it last.
@@ -48,12 +52,6 @@ class BoardMemory:
     """
 
     def __init__(self, height: np.ndarray, config: PolicyConfig):
-        """Start on a new board.
-
-        Args:
-            height: float32 (H, W), board units above the board, at the first look. Connected pixels of objects are one
-                component.
-        """
         self._config = config
         _, self._components = cv2.connectedComponents((height > ELEVATED).astype(np.uint8))
         self.links = np.zeros(height.shape, np.int32)
@@ -82,8 +80,7 @@ class BoardMemory:
 
     def _changed(self, before: np.ndarray, after: np.ndarray) -> set[int]:
         """Components that look otherwise in the second of two uint8 (H, W, 3) pictures."""
-        most = (ANOTHER_COLOUR,) * 3
-        differs = cv2.inRange(cv2.absdiff(before, after), (0, 0, 0), most) == 0
+        differs = cv2.inRange(cv2.absdiff(before, after), (0, 0, 0), (ANOTHER_COLOUR,) * 3) == 0
         counts = np.bincount(self._components[differs & (self._components > 0)])
         return set(np.flatnonzero(counts >= EFFECT).tolist())
 
@@ -117,8 +114,7 @@ class BoardMemory:
         for failure, near in zip(self.failures, nears, strict=True):
             same = components == self._components[failure.pixel[1], failure.pixel[0]]
             penalty += (1 - near) * (self._config.component_penalty * same + self._config.failure_penalty)
-        responding = np.isin(components, list(self.responders))
-        penalty += self._config.responder_penalty * responding
+        penalty += self._config.responder_penalty * np.isin(components, list(self.responders))
         penalty -= self._config.trigger_bonus * np.isin(components, list(self._triggers()))
         beliefs, pairs = sigmoid(logits - np.where(links == 0, penalty, 0)), pairs.copy()
         for failure, near in zip(self.failures, nears, strict=True):

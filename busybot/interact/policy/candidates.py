@@ -13,13 +13,12 @@ import cv2
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
-from busybot.boards.directions import OPPOSITE
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import BoardMemory
 from busybot.interact.policy.config import OPENING, PolicyConfig
-from busybot.interact.policy.direction_pairs import NOT_ELEVATED, PAIRS, pair_scores, sigmoid, tempered
+from busybot.interact.policy.direction_pairs import NOT_ELEVATED, better_of_pairs, logit, pair_scores, sigmoid
 
 MOST_POINTS = 4000
 """K-means looks at no more pixels than these, evenly chosen."""
@@ -87,10 +86,7 @@ class Candidates:
     @property
     def best_directions(self) -> np.ndarray:
         """int (K,), of the best pair the direction that is believed in more."""
-        first = PAIRS[self.best_pairs]
-        rows = np.arange(len(self))
-        swap = self.directions[rows, OPPOSITE[first]] > self.directions[rows, first]
-        return np.where(swap, OPPOSITE[first], first)
+        return better_of_pairs(self.directions, self.best_pairs)
 
     def take(self, chosen: np.ndarray) -> "Candidates":
         """Those candidates, by index or mask."""
@@ -119,7 +115,7 @@ def find_candidates(
         rays: of its camera: `Rays(episode.camera)`.
         memory: what was learnt on this board; without it every region is new and nothing has failed yet.
         config: the policy's constants. A model has some of its own, which commands use:
-            `chooser.policy_config(model.info, {})`. The defaults without it.
+            `policy_factory.policy_config(model.info, {})`. The defaults without it.
         view: what `model.look(seen, rays)` returned, if it was called already.
 
     Returns:
@@ -131,7 +127,8 @@ def find_candidates(
     smooth = smoothed(view.affordance, config.blur)
     pixels = _proposals(smooth, view.affordance, links, config)
     if not len(pixels):
-        return _nothing()
+        none, positions = np.zeros(0), np.zeros((0, 3), np.float32)
+        return Candidates(pixels, positions, none, np.zeros((0, 18)), np.zeros((0, 9)), none.astype(int))
     columns, rows = pixels.T
     at_crop, directions = model.directions(view, pixels)
     new = links[rows, columns] == 0
@@ -158,8 +155,8 @@ def pairs_at(
 
 
 def _doubting(directions: np.ndarray, new: np.ndarray, config: PolicyConfig) -> np.ndarray:
-    """The model's probabilities (K, 18), less sure where nothing has moved yet, bool (K,)."""
-    return tempered(np.asarray(directions, float), np.where(new, config.temperature, 1)[:, None])
+    """The model's probabilities (K, 18), less sure where nothing has moved yet, bool (K,): their logits are divided."""
+    return sigmoid(logit(np.asarray(directions, float)) / np.where(new, config.temperature, 1)[:, None])
 
 
 def smoothed(affordance: np.ndarray, width: int) -> np.ndarray:
@@ -247,15 +244,3 @@ def _regions(affordance: np.ndarray, links: np.ndarray, pixels: np.ndarray, conf
     known, label = links[rows, columns], labels[rows, columns]
     alone = count + np.arange(len(pixels))  # a peak outside of every region is a region of its own
     return np.where(known > 0, known, -np.where(label > 0, label, alone))
-
-
-def _nothing() -> Candidates:
-    empty = np.zeros(0)
-    return Candidates(
-        pixels=np.zeros((0, 2), int),
-        positions=np.zeros((0, 3), np.float32),
-        beliefs=empty,
-        directions=np.zeros((0, 18)),
-        pairs=np.zeros((0, 9)),
-        regions=np.zeros(0, int),
-    )

@@ -63,7 +63,7 @@ class PolicyConfig(FrozenModel):
         caution: logits taken from the belief in every candidate that has not moved yet.
         temperature: the logits of its directions are divided by it.
         after_failure: (9, 9), logits that direction pair j gains where pair i failed; None for nothing. Comes with the
-            model (`interact.training.direction_prior`).
+            model (`interact.training.fast`).
         change: depth that differs by more than this has moved, board units.
         reach: a link's motion is looked for this far around the action, pixels.
         disc: so far around the action the link is taken as moved whatever the depth says, pixels.

@@ -1,4 +1,4 @@
-"""Direction pairs, their scores and probabilities, and what is elevated enough to be held (paper section 3.1)."""
+"""Direction pairs, their scores and probabilities, and pixels elevated enough to be held (paper section 3.1)."""
 
 import numpy as np
 
@@ -19,6 +19,13 @@ def pair_scores(directions: np.ndarray) -> np.ndarray:
     return 1 - (1 - directions[..., PAIRS]) * (1 - directions[..., OPPOSITE[PAIRS]])
 
 
+def better_of_pairs(directions: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Of one pair per row, int (K,), the direction with the higher probability of (K, 18)."""
+    first, rows = PAIRS[pairs], np.arange(len(pairs))
+    swap = directions[rows, OPPOSITE[first]] > directions[rows, first]
+    return np.where(swap, OPPOSITE[first], first)
+
+
 def sigmoid(logits: np.ndarray) -> np.ndarray:
     """Probabilities of logits, without overflow."""
     return 1 / (1 + np.exp(-np.clip(np.asarray(logits, float), -30, 30)))
@@ -30,6 +37,13 @@ def logit(probabilities: np.ndarray) -> np.ndarray:
     return np.asarray(np.log(sure / (1 - sure)))
 
 
-def tempered(probabilities: np.ndarray, temperature: np.ndarray | float) -> np.ndarray:
-    """Probabilities whose logits are divided by the temperature: the higher it is, the less sure."""
-    return sigmoid(logit(probabilities) / temperature)
+def pixel_at(place: int | np.integer, shape: tuple[int, ...]) -> tuple[int, int]:
+    """The pixel (u, v) with this flat index in a picture of this shape, (H, W)."""
+    row, column = divmod(int(place), shape[1])
+    return column, row
+
+
+def random_pixel(elevated: np.ndarray, rng: np.random.Generator) -> tuple[int, int]:
+    """One of the elevated pixels, bool (H, W), or of all if there are none."""
+    places = np.flatnonzero(elevated)
+    return pixel_at(rng.choice(places) if len(places) else rng.integers(elevated.size), elevated.shape)

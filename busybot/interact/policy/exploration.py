@@ -21,10 +21,9 @@ from busybot.episodes.camera import Rays, normals
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import moved_window
 from busybot.interact.policy.candidates import ActionModel, V, held
-from busybot.interact.policy.direction_pairs import ELEVATED, PAIRS, pair_scores, sigmoid
+from busybot.interact.policy.config import Share
+from busybot.interact.policy.direction_pairs import ELEVATED, PAIRS, pair_scores, pixel_at, sigmoid
 from busybot.sim.policy import Action, StatelessPolicy
-
-Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class ExplorationConfig(FrozenModel):
@@ -74,38 +73,33 @@ class UnguidedExplorer(StatelessPolicy):
     def __init__(self, rays: Rays, config: ExplorationConfig | None = None):
         self._rays, self._config = rays, config or ExplorationConfig()
         self._seen: Observation | None = None
-        self._components: list[np.ndarray] = []
-        self._classes: list[np.ndarray] = []
+        self._components: list[tuple[np.ndarray, np.ndarray]] = []
 
     def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
         if observation is not self._seen:
-            self._seen = observation
-            self._divide(observation.depth)
+            self._seen, self._components = observation, self._divide(observation.depth)
         pixel = self._place(observation.depth.shape, rng)
         return Action(pixel, _in_order(rng.permutation(len(PAIRS)), rng, self._config))
 
-    def _divide(self, depth: np.ndarray) -> None:
+    def _divide(self, depth: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """Elevated components as flat pixel indices, and each pixel's class of height and slope."""
+        config = self._config
         points = self._rays.points(depth)
         height, slopes = points[..., 2].ravel(), normals(points).reshape(-1, 3)
-        elevated = (points[..., 2] > self._config.elevation).astype(np.uint8)
+        elevated = (points[..., 2] > config.elevation).astype(np.uint8)
         count, labels, sizes, _ = cv2.connectedComponentsWithStats(elevated, connectivity=8)
-        large = [label for label in range(1, count) if sizes[label, cv2.CC_STAT_AREA] >= self._config.smallest]
-        flat = labels.ravel()
-        self._components = [np.flatnonzero(flat == label) for label in large]
-        self._classes = [_classes(height[one], slopes[one], self._config.height_classes) for one in self._components]
+        large = [label for label in range(1, count) if sizes[label, cv2.CC_STAT_AREA] >= config.smallest]
+        found = [np.flatnonzero(labels.ravel() == label) for label in large]
+        return [(pixels, _classes(height[pixels], slopes[pixels], config.height_classes)) for pixels in found]
 
     def _place(self, shape: tuple[int, ...], rng: np.random.Generator) -> tuple[int, int]:
-        height, width = shape
         if not self._components:
+            height, width = shape
             return int(rng.integers(width)), int(rng.integers(height))
-        number = int(rng.integers(len(self._components)))
-        pixels = self._components[number]
+        pixels, classes = self._components[int(rng.integers(len(self._components)))]
         if rng.random() < self._config.stratified:
-            classes = self._classes[number]
             pixels = pixels[classes == rng.choice(np.unique(classes))]
-        row, column = divmod(int(rng.choice(pixels)), width)
-        return column, row
+        return pixel_at(rng.choice(pixels), shape)
 
 
 class GuidedExplorer(Generic[V]):
@@ -152,19 +146,13 @@ class GuidedExplorer(Generic[V]):
         self._unsure = belief * (1 - belief) * np.where(self._moved, self._config.moved_unsure, 1)
 
     def _place(self, rng: np.random.Generator) -> tuple[int, int]:
-        draw = rng.random()
-        width = self._best.shape[1]
-        if draw < self._config.best:
-            chosen = int((self._best * rng.uniform(self._config.noise, 1, self._best.shape)).argmax())
-        else:
-            weights = (self._unsure if draw < self._config.best + self._config.unsure else self._best).ravel()
-            total = np.cumsum(weights)
-            if total[-1] > 0:
-                chosen = int(np.searchsorted(total, rng.random() * total[-1], side="right"))
-            else:
-                chosen = int(rng.integers(len(weights)))
-        row, column = divmod(chosen, width)
-        return column, row
+        draw, config, shape = rng.random(), self._config, self._best.shape
+        if draw < config.best:
+            return pixel_at((self._best * rng.uniform(config.noise, 1, shape)).argmax(), shape)
+        total = np.cumsum(self._unsure if draw < config.best + config.unsure else self._best)
+        if total[-1] > 0:
+            return pixel_at(np.searchsorted(total, rng.random() * total[-1], side="right"), shape)
+        return pixel_at(rng.integers(len(total)), shape)
 
 
 def _classes(height: np.ndarray, slopes: np.ndarray, levels: int) -> np.ndarray:

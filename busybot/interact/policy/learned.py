@@ -1,29 +1,44 @@
-"""The learned interaction policy on one board (paper section 3.1, and section 3.2 "Data collection").
+"""Policies that act on one board by a trained model (paper section 3.1, and section 3.2 "Data collection").
 
-Modes:
+Modes of the learned policy:
 
 - `evaluate`: try new links while the best candidate's expected success exceeds a threshold, then repeat known ones.
 - `greedy`: always the highest affordance and its best direction (Table 1, row "w/o exploration").
 - `ucb`: the paper's Upper Confidence Bound, P + c sqrt(ln t / N) at every elevated pixel (`ucb_bonus`).
 - `collect`: a random one of the candidates, one per region, for data to reason from. The paper draws among all of them;
   here those that were not tried yet come first (`PolicyConfig.untried_first`).
+
+The paper's own policy (section 3.1 and appendix A.1) takes the affordance with a bonus for new places, and epsilon.
+What the paper leaves open: positions are pixels that lie above the board, because nothing else can be held; in the
+first 10 epochs, and where epsilon says so, one of them is drawn, all alike. Where all directions are tried, each is
+followed by its opposite, in a random order, until one works. For t and N of the bonus see `ucb_bonus`.
 """
 
-from dataclasses import dataclass
-from typing import Generic, Literal, get_args
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Generic, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import BoardMemory, Failure
 from busybot.interact.policy.candidates import ActionModel, Candidates, V, find_candidates, held, prior_shift, smoothed
-from busybot.interact.policy.config import PolicyConfig
-from busybot.interact.policy.direction_pairs import ELEVATED, PAIR_OF, PAIRS, pair_scores, sigmoid
-from busybot.interact.policy.paper import ucb_bonus
-from busybot.sim.policy import Action
+from busybot.interact.policy.config import PolicyConfig, Share
+from busybot.interact.policy.direction_pairs import (
+    ELEVATED,
+    PAIR_OF,
+    better_of_pairs,
+    pair_scores,
+    pixel_at,
+    random_pixel,
+    sigmoid,
+)
+from busybot.sim.policy import Action, StatelessPolicy
 
 Mode = Literal["evaluate", "greedy", "ucb", "collect"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -128,7 +143,7 @@ class LearnedPolicy(Generic[V]):
         two = [choice.direction, int(OPPOSITE[choice.direction])]
         weights = found.directions[index, two] + 1e-6
         direction = two[int(rng.random() * weights.sum() > weights[0])]
-        return ActionChoice(choice.pixel, direction, choice.why, choice.belief, choice.pair_belief)
+        return replace(choice, direction=direction)
 
     def _highest(self, view: V, with_bonus: bool) -> ActionChoice | None:
         """The pixel with the highest affordance, with the paper's bonus or without."""
@@ -136,21 +151,21 @@ class LearnedPolicy(Generic[V]):
         if with_bonus:
             scores = scores + ucb_bonus(scores.shape, self._picks, self._config.ucb_c, self._config.ucb_window)
         scores[~held(view.affordance)] = -1
-        row, column = np.unravel_index(int(scores.argmax()), scores.shape)
-        if scores[row, column] < 0:
+        if scores.max() < 0:
             return None
-        _, directions = self._model.directions(view, np.array([[column, row]]))
-        pairs = pair_scores(np.asarray(directions, float))[0]
-        direction = _better(np.asarray(directions)[0], int(pairs.argmax()))
-        return ActionChoice((int(column), int(row)), direction, "best", float(scores[row, column]), float(pairs.max()))
+        pixel = pixel_at(scores.argmax(), scores.shape)
+        _, answer = self._model.directions(view, np.array([pixel]))
+        directions = np.asarray(answer, float)
+        pairs = pair_scores(directions)
+        direction = int(better_of_pairs(directions, pairs.argmax(axis=1))[0])
+        return ActionChoice(pixel, direction, "best", float(scores.max()), float(pairs.max()))
 
 
 def mode_named(name: str) -> Mode:
     """The mode of that name, or an error that lists them."""
-    for mode in MODES:
-        if mode == name:
-            return mode
-    raise BusybotError(f"the learned policy has no mode {name!r}", f"choose {', '.join(MODES)}")
+    if name not in MODES:
+        raise BusybotError(f"the learned policy has no mode {name!r}", f"choose {', '.join(MODES)}")
+    return name
 
 
 def policy_name(mode: Mode) -> str:
@@ -159,22 +174,94 @@ def policy_name(mode: Mode) -> str:
 
 
 def _chosen(found: Candidates, index: int, why: str) -> ActionChoice:
-    column, row = found.pixels[index]
-    direction, pair = int(found.best_directions[index]), int(found.best_pairs[index])
-    return ActionChoice(
-        (int(column), int(row)), direction, why, float(found.beliefs[index]), float(found.pairs[index, pair])
-    )
-
-
-def _better(directions: np.ndarray, pair: int) -> int:
-    """Of a pair the direction with the higher probability, of (18,)."""
-    first = int(PAIRS[pair])
-    return max((first, int(OPPOSITE[first])), key=lambda one: directions[one])
+    column, row = map(int, found.pixels[index])
+    direction, pair = int(found.best_directions[index]), found.best_pairs[index]
+    return ActionChoice((column, row), direction, why, float(found.beliefs[index]), float(found.pairs[index, pair]))
 
 
 def _guess(height: np.ndarray, rng: np.random.Generator) -> ActionChoice:
     """Any elevated pixel, any direction."""
-    elevated = np.flatnonzero(height > ELEVATED)
-    chosen = int(rng.choice(elevated)) if len(elevated) else int(rng.integers(height.size))
-    row, column = divmod(chosen, height.shape[1])
-    return ActionChoice((column, row), int(rng.integers(len(DIRECTIONS))), "guess", 0.1, 0.1)
+    pixel = random_pixel(height > ELEVATED, rng)
+    return ActionChoice(pixel, int(rng.integers(len(DIRECTIONS))), "guess", 0.1, 0.1)
+
+
+class PaperRules(FrozenModel):
+    """How the paper's policy chooses.
+
+    Attributes:
+        epsilon_position, epsilon_direction: share of random choices.
+        all_directions: try all directions until one works, instead of one.
+        ucb_c, ucb_window: of the bonus; c = 0 is the row "w/o exploration" of Table 1.
+    """
+
+    epsilon_position: Share = 0.0
+    epsilon_direction: Share = 0.0
+    all_directions: bool = False
+    ucb_c: Annotated[float, Field(ge=0)] = 0.5
+    ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
+
+    def needs_model(self) -> bool:
+        """Whether a network is asked at all."""
+        return self.epsilon_position < 1 or (self.epsilon_direction < 1 and not self.all_directions)
+
+
+class PaperPolicy(StatelessPolicy, Generic[V]):
+    """Reads depth (and RGB, if the model sees colours) and where it acted before.
+
+    Args:
+        model: None where the rules leave everything to chance.
+    """
+
+    def __init__(self, model: ActionModel[V] | None, rays: Rays, rules: PaperRules, name: str):
+        self.name = name
+        self._model, self._rays, self._rules = model, rays, rules
+        self._picks: list[tuple[int, int]] = []
+        self._seen: Observation | None = None
+        self._view: V | None = None
+
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
+        rules, elevated = self._rules, np.nan_to_num(self._rays.heights(observation.depth), nan=-1) > ELEVATED
+        random_position, random_direction = rng.random(2) < (rules.epsilon_position, rules.epsilon_direction)
+        if random_position or not elevated.any():
+            pixel = random_pixel(elevated, rng)
+        else:
+            pixel = self._best_position(observation, elevated)
+        self._picks.append(pixel)
+        if rules.all_directions:
+            return Action(pixel, tuple(map(int, rng.permutation(len(DIRECTIONS)))))
+        if random_direction:
+            return Action(pixel, (int(rng.integers(len(DIRECTIONS))),))
+        assert self._model is not None
+        _, scores = self._model.directions(self._look(observation), np.array([pixel]))
+        return Action(pixel, (int(np.asarray(scores)[0].argmax()),))
+
+    def _best_position(self, seen: Observation, elevated: np.ndarray) -> tuple[int, int]:
+        """The elevated pixel with the highest P + c sqrt(ln t / N)."""
+        affordance = sigmoid(self._look(seen).affordance)
+        scores = affordance + ucb_bonus(affordance.shape, self._picks, self._rules.ucb_c, self._rules.ucb_window)
+        return pixel_at(np.where(elevated, scores, -1).argmax(), scores.shape)
+
+    def _look(self, seen: Observation) -> V:
+        assert self._model is not None
+        if self._view is None or seen is not self._seen:
+            self._seen, self._view = seen, self._model.look(seen, self._rays)
+        return self._view
+
+
+def ucb_bonus(shape: tuple[int, ...], picks: Sequence[tuple[int, int]], c: float = 0.5, window: int = 10) -> np.ndarray:
+    """The bonus for places that were not picked yet (Upper Confidence Bound): c sqrt(ln t / N), float (H, W).
+
+    t counts steps, and N those whose window holds the pixel. The paper does not say what happens where no window holds
+    it: N = 0, the bonus infinite. Here both counts include the step that is being decided, as if it picked the pixel:
+    t = 1 + earlier picks, N = 1 + earlier picks whose window x window square holds the pixel.
+
+    Args:
+        shape: rows and columns of the picture.
+        picks: pixels (u, v) chosen on this board so far. A window reaches from window / 2 pixels before its pick to
+            window / 2 - 1 after it.
+        window: its side, pixels, even.
+    """
+    counts, half = np.ones(shape), window // 2
+    for column, row in picks:
+        counts[max(row - half, 0) : row + half, max(column - half, 0) : column + half] += 1
+    return c * np.sqrt(np.log(len(picks) + 1) / counts)

@@ -12,8 +12,7 @@ from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
 from busybot.interact.affordance.load import find_model, load_model
 from busybot.interact.policy.config import PolicyConfig, without_fixed
 from busybot.interact.policy.exploration import ExplorationConfig, GuidedExplorer, UnguidedExplorer
-from busybot.interact.policy.learned import LearnedPolicy, Mode, policy_name
-from busybot.interact.policy.paper import PaperPolicy, PaperRules
+from busybot.interact.policy.learned import LearnedPolicy, Mode, PaperPolicy, PaperRules, policy_name
 from busybot.sim.policy import Policy
 from busybot.training.model_cards import INFO_FILE, file_hashes
 
@@ -50,7 +49,7 @@ class LearnedPolicyFactory:
 
     def make_policy(self, rays: Rays) -> Policy:
         model, constants = load_once(self.model), self._constants()
-        if model.info.variant == "paper" and self.mode in ("ucb", "greedy"):
+        if self._acts_as_paper(model.info):
             c = constants.ucb_c if self.mode == "ucb" else 0
             return PaperPolicy(model, rays, PaperRules(ucb_c=c, ucb_window=constants.ucb_window), self.name)
         return LearnedPolicy(model, rays, constants, self.mode)
@@ -67,60 +66,43 @@ class LearnedPolicyFactory:
         """
         info = load_once(self.model).info
         config = policy_config(info, self.overrides)
-        by_paper = info.variant == "paper" and self.mode in ("ucb", "greedy")
-        unread = _NOT_READ[self.mode] | ({"blur", "prior"} if by_paper else set())
-        for name in sorted(unread.intersection(self.overrides)):
-            what = f"learned.{name} changes nothing in mode {self.mode}" + (" of the paper's model" if by_paper else "")
-            raise BusybotError(what, "leave it out")
+        more, of_which = ({"blur", "prior"}, " of the paper's model") if self._acts_as_paper(info) else (set(), "")
+        for name in sorted((_NOT_READ[self.mode] | more).intersection(self.overrides)):
+            raise BusybotError(f"learned.{name} changes nothing in mode {self.mode}{of_which}", "leave it out")
         return config
+
+    def _acts_as_paper(self, info: AffordanceInfo) -> bool:
+        return info.variant == "paper" and self.mode in ("ucb", "greedy")
 
 
 @dataclass(frozen=True)
 class ExplorePolicyFactory:
-    """Makes the policy that collects a training round.
+    """Makes the policy that collects a training round, or an epoch of the `paper` variant's training.
 
     Attributes:
-        model: the model of the round before; None in the first round.
+        model: that of the round or epoch before; None in the first round, and where rules leave everything to chance.
+        config: how it explores; `PaperRules` for the paper's policy.
     """
 
     model: str | None
-    config: ExplorationConfig = ExplorationConfig()
+    config: ExplorationConfig | PaperRules = ExplorationConfig()
 
     @property
     def name(self) -> str:
+        if isinstance(self.config, PaperRules):
+            return "explore-paper"
         return UnguidedExplorer.name if self.model is None else GuidedExplorer.name
 
     def make_policy(self, rays: Rays) -> Policy:
-        if self.model is None:
-            return UnguidedExplorer(rays, self.config)
-        return GuidedExplorer(load_once(self.model), rays, self.config)
+        model = None if self.model is None else load_once(self.model)
+        if isinstance(self.config, PaperRules):
+            return PaperPolicy(model, rays, self.config, self.name)
+        return UnguidedExplorer(rays, self.config) if model is None else GuidedExplorer(model, rays, self.config)
 
     def provenance(self) -> dict[str, Any]:
         """Everything that decides the choices, JSON values."""
         model = None if self.model is None else fingerprint(self.model)
         return {"explore": self.config.model_dump(mode="json"), "model": model}
-
-
-@dataclass(frozen=True)
-class PaperPolicyFactory:
-    """Makes the policy that collects an epoch of the `paper` variant's training.
-
-    Attributes:
-        model: the model of the epoch before; None if the rules leave everything to chance.
-    """
-
-    model: str | None
-    rules: PaperRules
-    name = "explore-paper"
-
-    def make_policy(self, rays: Rays) -> Policy:
-        model = None if self.model is None else load_once(self.model)
-        return PaperPolicy(model, rays, self.rules, self.name)
-
-    def provenance(self) -> dict[str, Any]:
-        """Everything that decides the choices, JSON values."""
-        model = None if self.model is None else fingerprint(self.model)
-        return {"explore": self.rules.model_dump(mode="json"), "model": model}
 
 
 def usual_mode(model: str) -> Mode:

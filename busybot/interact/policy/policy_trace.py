@@ -19,10 +19,9 @@ from busybot.interact.policy.direction_pairs import PAIR_OF, sigmoid
 
 @dataclass(frozen=True)
 class PolicyTrace:
-    """Before one action.
+    """What a model believed before the action of index `step`.
 
     Attributes:
-        step: index of the action.
         affordance: float (H, W), probability that acting at the pixel works, before any memory.
         candidates: with the memory's doubts.
         links: int32 (H, W), number of the known link at the pixel, 0 for none.
@@ -37,10 +36,10 @@ class PolicyTrace:
 
 
 def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None = None) -> Iterator[PolicyTrace]:
-    """Thoughts before every action of an episode, in order.
+    """What a model believes before every action of an episode, in order.
 
     Args:
-        config: the policy's constants; a model's own are `chooser.policy_config(model.info, {})`.
+        config: the policy's constants; a model's own are `policy_factory.policy_config(model.info, {})`.
 
     Raises:
         BusybotError: the episode was recorded without depth.

@@ -84,7 +84,10 @@ def cut_batch(samples: Samples, chosen: np.ndarray, side: int, offsets: np.ndarr
         offsets: int (B, 2), rows and columns by which the crops are moved.
     """
     moved = np.zeros((len(chosen), 2), int) if offsets is None else offsets
-    features = (_cut_depth if samples.inputs == "depth" else _cut_colours)(samples, chosen, side, moved)
+    if samples.inputs == "depth":
+        features = _cut_depth(samples, chosen, side, moved)
+    else:
+        features = colour_features(_crops(samples, chosen, side, moved))
     labels, known = samples.direction_labels(chosen)
     return Batch(
         features=features,
@@ -99,13 +102,7 @@ def cut_batch(samples: Samples, chosen: np.ndarray, side: int, offsets: np.ndarr
 def _cut_depth(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> Tensor:
     """Features from depth, (B, 4, side, side); each needs a margin of one pixel."""
     around = np.arange(-1, side + 1) - side // 2
-    stored = np.empty((len(chosen), side + 2, side + 2), np.uint16)
-    for number, (index, (down, right)) in enumerate(zip(chosen, moved, strict=True)):
-        top, left = SIDE // 2 + around[0] + down, SIDE // 2 + around[0] + right
-        square = samples.squares[samples.dataset[index]][samples.row[index]]
-        stored[number] = square[top : top + side + 2, left : left + side + 2]
-    offset, step = samples.scale[chosen].T[:, :, None, None]
-    depth = torch.from_numpy(np.where(stored > 0, offset + stored * step, np.float32(0)))
+    depth = torch.from_numpy(samples.depths(chosen, _crops(samples, chosen, side + 2, moved)))
     rows = samples.pixels[chosen, 1, None] + moved[:, :1] + around
     columns = samples.pixels[chosen, 0, None] + moved[:, 1:] + around
     camera = samples.camera
@@ -113,14 +110,11 @@ def _cut_depth(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarra
     return depth_features(Pinhole(camera).points(depth, torch.from_numpy(rows), torch.from_numpy(columns)))
 
 
-def _cut_colours(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> Tensor:
-    """Features from colours, (B, 3, side, side)."""
-    crops = np.empty((len(chosen), side, side, 3), np.uint8)
-    for number, (index, (down, right)) in enumerate(zip(chosen, moved, strict=True)):
-        top, left = SIDE // 2 - side // 2 + down, SIDE // 2 - side // 2 + right
-        square = samples.squares[samples.dataset[index]][samples.row[index]]
-        crops[number] = square[top : top + side, left : left + side]
-    return colour_features(crops)
+def _crops(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> np.ndarray:
+    """The middle of the samples' squares as stored, moved: (B, side, side) or (B, side, side, 3)."""
+    corners = SIDE // 2 - side // 2 + moved
+    squares = zip(map(samples.picture, chosen), corners, strict=True)
+    return np.stack([square[top : top + side, left : left + side] for square, (top, left) in squares])
 
 
 def _narrow(batch: Batch, rows: int, columns: int) -> None:
@@ -153,22 +147,19 @@ def _resize(batch: Batch, side: int, heights: Tensor | None) -> None:
 
 def apply_symmetry(batch: Batch, matrix: np.ndarray, chosen: Tensor, depth: bool) -> None:
     """Mirror or transpose the chosen crops (bool (B,)) with their labels; `matrix` is one of the three above."""
-    transposed = matrix is TRANSPOSE
-    axis = -1 if matrix is MIRROR_X else -2
-    part = batch.features[chosen]
-    part = part.transpose(-1, -2) if transposed else part.flip(axis)
+    part, rows, columns = batch.features[chosen], batch.rows, batch.columns
+    last = part.shape[-1] - 1
+    if matrix is TRANSPOSE:
+        part, moved = part.transpose(-1, -2), (columns, rows)
+    elif matrix is MIRROR_X:
+        part, moved = part.flip(-1), (rows, last - columns)
+    else:
+        part, moved = part.flip(-2), (last - rows, columns)
     if depth:
         turn = torch.tensor(matrix, dtype=part.dtype)
         part = torch.cat([part[:, :1], torch.einsum("ij,bjhw->bihw", turn, part[:, 1:])], dim=1)
     batch.features[chosen] = part
-    last = batch.features.shape[-1] - 1
-    rows, columns = batch.rows, batch.columns
-    if transposed:
-        batch.rows, batch.columns = torch.where(chosen, columns, rows), torch.where(chosen, rows, columns)
-    elif axis == -1:
-        batch.columns = torch.where(chosen, last - columns, columns)
-    else:
-        batch.rows = torch.where(chosen, last - rows, rows)
+    batch.rows, batch.columns = torch.where(chosen, moved[0], rows), torch.where(chosen, moved[1], columns)
     order = torch.from_numpy(remapped_directions(matrix))
     batch.labels[chosen] = batch.labels[chosen][:, order]
     batch.known[chosen] = batch.known[chosen][:, order]

@@ -1,10 +1,7 @@
-"""Parameters of `busybot train interact`, with the values that were found to work.
+"""Parameters of `busybot train interact`, plain data that worker processes get.
 
-Constants of training the `fast` networks: plain data that worker processes get.
-
-Parameters of `busybot train interact --model paper`; the defaults are the paper's (appendix A.1 "Training detail").
-
-What the paper leaves open, and what is chosen here:
+Those of the `fast` variant have the values that were found to work, those of the `paper` variant the paper's (appendix
+A.1 "Training detail"). What the paper leaves open, and what is chosen here:
 
 - Epochs are counted from 0: "the first 10" are 0 to 9, "training starts at the 10th" is epoch 10.
 - From epoch 100 to 119 nothing is trained: the text has the position network trained "in the first 100 epochs" and
@@ -23,11 +20,12 @@ from pydantic import Field, model_validator
 from busybot.common.frozen_model import FrozenModel
 from busybot.interact.affordance.inputs import Inputs
 from busybot.interact.affordance.networks import CROP, KINDS, Kind
+from busybot.interact.policy.config import Share
 from busybot.interact.policy.exploration import ExplorationConfig
+from busybot.interact.policy.learned import PaperRules
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.scene.render import RenderConfig
 
-Share = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 
 
@@ -52,7 +50,7 @@ class Augmentation(FrozenModel):
 
 
 class ReplayConfig(FrozenModel):
-    """Which samples are shown (`interact.training.prioritized_replay`).
+    """Which samples are shown (`interact.training.fast_learner`).
 
     Attributes:
         positives: share of a batch with reward.
@@ -192,6 +190,10 @@ class TrainConfig(RecordConfig):
     position: FitConfig = FitConfig()
     direction: DirectionFitConfig = DirectionFitConfig()
 
+    def learn(self, kind: Kind) -> FitConfig:
+        """How a network is trained."""
+        return self.position if kind == "position" else self.direction
+
     @model_validator(mode="after")
     def _sides(self) -> "TrainConfig":
         if self.direction.side != CROP:
@@ -208,7 +210,7 @@ Epochs = Annotated[int, Field(ge=0, le=100_000)]
 
 
 class LearnConfig(FrozenModel):
-    """How one network is trained.
+    """How one network is trained; the defaults are the position network's.
 
     Attributes:
         batch: samples per iteration, half of them with reward.
@@ -218,14 +220,19 @@ class LearnConfig(FrozenModel):
             which the training starts.
     """
 
-    batch: Annotated[int, Field(ge=2, le=4096, multiple_of=2)]
-    iterations: Annotated[int, Field(ge=0, le=100_000)]
-    learning_rate: Annotated[float, Field(gt=0)]
-    epsilon_epochs: Annotated[int, Field(ge=1, le=100_000)]
+    batch: Annotated[int, Field(ge=2, le=4096, multiple_of=2)] = 16
+    iterations: Epochs = 8
+    learning_rate: Positive = 5e-4
+    epsilon_epochs: Annotated[int, Field(ge=1, le=100_000)] = 40
 
 
-POSITION = LearnConfig(batch=16, iterations=8, learning_rate=5e-4, epsilon_epochs=40)
-DIRECTION = LearnConfig(batch=32, iterations=24, learning_rate=1e-4, epsilon_epochs=80)
+class DirectionLearnConfig(LearnConfig):
+    """How the direction network is trained."""
+
+    batch: Annotated[int, Field(ge=2, le=4096, multiple_of=2)] = 32
+    iterations: Epochs = 24
+    learning_rate: Positive = 1e-4
+    epsilon_epochs: Annotated[int, Field(ge=1, le=100_000)] = 80
 
 
 class PaperConfig(RecordConfig):
@@ -255,24 +262,14 @@ class PaperConfig(RecordConfig):
     random_epochs: Epochs = 10
     all_directions_epochs: Epochs = 100
     joint_epochs: Epochs = 120
-    epsilon_lowest: Annotated[float, Field(ge=0, le=1)] = 0.1
+    epsilon_lowest: Share = 0.1
     buffer: Annotated[int, Field(ge=2)] = 6400
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
     ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
-    position: LearnConfig = POSITION
-    direction: LearnConfig = DIRECTION
+    position: LearnConfig = LearnConfig()
+    direction: DirectionLearnConfig = DirectionLearnConfig()
     checkpoint: Annotated[int, Field(ge=1)] = 8
     threads: Annotated[int, Field(ge=1, le=1024)] = 2
-
-    @model_validator(mode="before")
-    @classmethod
-    def _fill(cls, values: object) -> object:
-        """`--set position.batch=4` leaves the network's other values at the paper's."""
-        if not isinstance(values, dict):
-            return values
-        named = {"position": POSITION, "direction": DIRECTION}
-        given = {kind: values[kind] for kind in named if isinstance(values.get(kind), dict)}
-        return values | {kind: named[kind].model_dump() | value for kind, value in given.items()}
 
     @model_validator(mode="after")
     def _in_order(self) -> "PaperConfig":
@@ -290,12 +287,18 @@ class PaperConfig(RecordConfig):
             return KINDS
         return ("position",) if self.random_epochs <= epoch < self.all_directions_epochs else ()
 
-    def tries_all_directions(self, epoch: int) -> bool:
-        """Whether an epoch's actions try all directions until one works."""
-        return epoch < self.all_directions_epochs
-
     def epsilon(self, kind: Kind, epoch: int) -> float:
         """Share of random positions or directions while an epoch's data are collected."""
         since = epoch - (self.random_epochs if kind == "position" else self.joint_epochs)
         fallen = 1 - (1 - self.epsilon_lowest) * since / self.learn(kind).epsilon_epochs
         return min(1.0, max(self.epsilon_lowest, fallen))
+
+    def rules(self, epoch: int) -> PaperRules:
+        """How an epoch's data are collected."""
+        return PaperRules(
+            epsilon_position=self.epsilon("position", epoch),
+            epsilon_direction=self.epsilon("direction", epoch),
+            all_directions=epoch < self.all_directions_epochs,
+            ucb_c=self.ucb_c,
+            ucb_window=self.ucb_window,
+        )

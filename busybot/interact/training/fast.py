@@ -13,22 +13,21 @@ checkpoints/, cache/          to go on from where a killed training stopped; der
 The weights depend on the recorded steps, the seed and the kind of processor: on the same one, training again from a
 copy of the datasets ends in the same ones (`--offline`), and so does a training that was killed and continued.
 
-Learns from experience which direction pairs to try after one failed.
-
-The direction network has an opinion on every pair of directions by itself. That some of them are right or wrong
-together (what is not pressed is pulled sideways) it cannot say. Recorded training does: where pair i failed and another
-one was rewarded afterwards, it was pair j in a share T_ij of the cases, and in a share b_j of all cases. By Bayes' rule
-the odds of pair j change by the ratio of the odds of T_ij and of b_j.
+Which direction pairs to try after one failed is learnt by counting (`after_failure`). The direction network has an
+opinion on every pair by itself; that some are right or wrong together (what is not pressed is pulled sideways) it
+cannot say. Recorded training does: where pair i failed and another one was rewarded afterwards, it was pair j in a
+share T_ij of the cases, and in a share b_j of all cases. By Bayes' rule the odds of pair j change by the ratio of the
+odds of T_ij and of b_j.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from torch import nn
 
+from busybot.boards.directions import OPPOSITE
 from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine, run_tasks
 from busybot.datasets.dataset import INFO_FILE, Dataset
@@ -37,29 +36,23 @@ from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.networks import KINDS, Kind, make_network
 from busybot.interact.policy.config import STRICT_POLICY
 from busybot.interact.policy.direction_pairs import PAIR_OF, PAIRS, logit
+from busybot.interact.policy.policy_factory import ExplorePolicyFactory
 from busybot.interact.training.config import Round, TrainConfig
 from busybot.interact.training.fast_learner import FitJob, make_fit
-from busybot.interact.training.round_recorder import (
-    BEFORE,
-    ExplorerFactory,
-    Recorder,
-    RoundProgress,
-    checked,
-    finished,
-    given,
-    loss_panel,
-)
-from busybot.interact.training.sample_cache import cache_samples, open_samples
-from busybot.objects.library import Library
+from busybot.interact.training.round_recorder import Recorder, draw_training, finished
+from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
 from busybot.training.checkpoint import load_tensors, load_weights, network_tensors
+from busybot.training.loop import files_of
 from busybot.training.model_cards import INFO_FILE as MODEL_FILE
-from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, read_metrics
+from busybot.training.run_folder import Lines, Panel, judgements, learner_versions
 
 HALF = 0.5
 """Added to every count of the base rates."""
 SHRINK = 10.0
 """As so many cases with the base rates count in every T_i."""
 DIGITS = 3
+FIT_SECONDS = 7 * 86400.0
+"""One network may be trained for so long in one round."""
 
 
 def pair_outcomes(executed: np.ndarray, worked: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -71,50 +64,32 @@ def pair_outcomes(executed: np.ndarray, worked: np.ndarray) -> tuple[np.ndarray,
     """
     rewarded = worked >= 0
     right = PAIR_OF[worked[rewarded]][:, None] == np.arange(len(PAIRS))
-    tried = np.zeros(right.shape, bool)
-    for direction, pair in enumerate(PAIR_OF):
-        tried[:, pair] |= executed[rewarded, direction]
-    return tried & ~right, right
+    tried = executed[rewarded]
+    return (tried[:, PAIRS] | tried[:, OPPOSITE[PAIRS]]) & ~right, right
 
 
 def after_failure(executed: np.ndarray, worked: np.ndarray) -> tuple[tuple[float, ...], ...]:
     """Logits (9, 9) that pair j gains where pair i failed; arguments as of `pair_outcomes`."""
     failed, right = pair_outcomes(executed, worked)
-    base = right.sum(0) + HALF
-    base = base / base.sum()  # (9,)
+    counted = right.sum(0) + HALF
+    base = counted / counted.sum()  # (9,)
     counts = failed.T.astype(int) @ right.astype(int)  # (9, 9)
     shares = (counts + SHRINK * base) / (counts.sum(1, keepdims=True) + SHRINK)
     gained = np.round(logit(shares) - logit(base), DIGITS)
     return tuple(tuple(float(value) for value in row) for row in gained)
 
 
-FIT_SECONDS = 7 * 86400.0
-"""One network may be trained for so long in one round."""
+class Training:
+    """One training in its folder.
 
-
-@dataclass(frozen=True)
-class Source:
-    """Where the recorded steps come from.
-
-    Attributes:
-        library: the objects with which new rounds are recorded; None to train on what is there.
-        explore: from a model's folder (None: nothing is known yet) to who collects.
+    Args:
+        recorder: of the rounds' data.
         datasets: the rounds, if they lie elsewhere; else they are in the training's own folder.
     """
 
-    library: Library | None
-    explore: Callable[[str | None], ExplorerFactory]
-    datasets: tuple[Path, ...] = ()
-
-
-class Training:
-    """One training in its folder."""
-
-    def __init__(self, out: Path, config: TrainConfig, source: Source, seed: int, workers: int, told: RoundProgress):
-        self.out, self.config, self.source = out, config, source
-        self.seed, self.workers = seed, workers
-        self.recorder = Recorder(source.library, config, seed, workers, told)
-        self.schedule = schedule_for(config, len(source.datasets))
+    def __init__(self, out: Path, config: TrainConfig, recorder: Recorder, datasets: tuple[Path, ...] = ()):
+        self.out, self.config, self.recorder, self.given = out, config, recorder, datasets
+        self.schedule = schedule_for(config, len(datasets))
 
     def run(self) -> AffordanceModel:
         """All rounds that are not done yet; returns the final model.
@@ -122,15 +97,14 @@ class Training:
         Raises:
             BusybotError: the folder holds another training, or recorded rounds are missing or unfinished.
         """
-        checked(self.source.datasets, self.config, self.recorder.told)
-        begin_folder(self.out, self.config, self.seed, BEFORE, **given(self.source.datasets))
+        self.recorder.begin(self.out, self.given)
         validation = self._validation()
         datasets: list[Dataset] = []
         for number in range(len(self.schedule)):
             datasets.append(self._recorded(number))
             if not (self._model_folder(number) / MODEL_FILE).exists():
                 self._train(number, datasets, validation)
-                self._plot()
+                draw_training(self.out, "prioritised batches", _held_out_panel)
         final = load_model(self._model_folder(len(self.schedule) - 1))
         final.save(self.out / "model")
         return final
@@ -140,16 +114,16 @@ class Training:
 
     def _recorded(self, number: int) -> Dataset:
         """The dataset of a round, with an episode for each of its boards."""
-        if self.source.datasets:
-            return finished(Dataset.open(self.source.datasets[number]), self.config)
-        model = str(self._model_folder(number - 1)) if number else None
+        if self.given:
+            return finished(Dataset.open(self.given[number]), self.config)
         path, plan = self.out / "rounds" / f"{number:02d}", self.schedule[number]
+        model = str(self._model_folder(number - 1)) if number else None
         return self._collect(path, plan.boards, plan.steps, model, f"round {number}")
 
     def _validation(self) -> Dataset | None:
         """The boards that are never trained on."""
         config, path = self.config, self.out / "validation"
-        absent = not (path / INFO_FILE).exists() and self.source.library is None
+        absent = not (path / INFO_FILE).exists() and self.recorder.library is None
         if config.validation and absent:
             self.recorder.told.say("no boards are held out to watch the training on: none are recorded")
         if not config.validation or absent:
@@ -157,51 +131,42 @@ class Training:
         return self._collect(path, config.validation, config.validation_steps, None, "validation")
 
     def _collect(self, path: Path, boards: int, steps: int, model: str | None, purpose: str) -> Dataset:
-        return self.recorder.dataset(path, boards, steps, purpose, lambda: self.source.explore(model))
+        explorer = partial(ExplorePolicyFactory, model, self.config.explore)
+        return self.recorder.dataset(path, boards, steps, purpose, explorer)
 
     def _train(self, number: int, datasets: list[Dataset], validation: Dataset | None) -> None:
         """Train both networks on all that is recorded, side by side, and save the round's model."""
-        inputs, cache = self.config.inputs, self.out / "cache"
-        caches = tuple(cache_samples(dataset, cache, inputs) for dataset in datasets)
-        held_out = cache_samples(validation, cache, inputs) if validation else None
+        config, cache, workers = self.config, self.out / "cache", self.recorder.workers
+        caches = tuple(cache_samples(dataset, cache, config.inputs) for dataset in datasets)
+        held_out = cache_samples(validation, cache, config.inputs) if validation else None
         jobs = [self._job(kind, number, caches, held_out) for kind in KINDS]
-        results = dict(run_tasks(range(len(jobs)), make_fit, (jobs,), self.workers, task_seconds=FIT_SECONDS))
-        figures: dict[str, Any] = {job.kind: results[place] for place, job in enumerate(jobs)}
-        samples = open_samples(caches, inputs, self.config.window)
+        results = dict(run_tasks(range(len(jobs)), make_fit, (jobs,), workers, task_seconds=FIT_SECONDS))
+        samples = open_samples(caches, config.inputs, config.window)
         info = AffordanceInfo(
-            variant=self.config.variant,
-            inputs=inputs,
+            variant=config.variant,
+            inputs=config.inputs,
             after_failure=after_failure(samples.executed, samples.worked),
-            thresholds=STRICT_POLICY if self.config.interaction.strict else {},
-            training=describe(self.config, self.seed, datasets, caches, figures),
+            thresholds=STRICT_POLICY if config.interaction.strict else {},
+            training={
+                "seed": self.recorder.seed,
+                "config": config.model_dump(mode="json"),
+                "rounds": [_learnt_from(dataset, samples, number) for number, dataset in enumerate(datasets)],
+                "validation": {job.kind: results[place] for place, job in enumerate(jobs)},
+                "versions": learner_versions(),
+                "machine": machine(),
+            },
         )
         AffordanceModel(info, {job.kind: network_of(job) for job in jobs}).save(self._model_folder(number))
 
     def _job(self, kind: Kind, number: int, caches: tuple[Path, ...], validation: Path | None) -> FitJob:
-        ends = [0]
-        for plan in self.schedule:
-            ends.append(ends[-1] + getattr(plan, kind))
-        return FitJob(
-            name=f"round {number}: {kind} network",
-            kind=kind,
-            inputs=self.config.inputs,
-            config=getattr(self.config, kind),
-            seed=self.seed,
-            caches=caches,
-            validation=validation,
-            window=self.config.window,
-            start=ends[number],
-            until=ends[number + 1],
-            checkpoint=self.out / "checkpoints" / f"{kind}.safetensors",
-            metrics=self.out / "metrics" / f"{kind}.jsonl",
-        )
+        iterations = [getattr(plan, kind) for plan in self.schedule[: number + 1]]
+        start, until = sum(iterations[:-1]), sum(iterations)
+        return FitJob(self.out, self.config, self.recorder.seed, kind, caches, validation, start, until)
 
-    def _plot(self) -> None:
-        """Draw `training.png`: losses, and figures on boards that were never trained on."""
-        lines = {kind: read_metrics(self.out / "metrics" / f"{kind}.jsonl") for kind in KINDS}
-        above = [loss_panel(kind, lines[kind], "prioritised batches") for kind in KINDS]
-        below = [Panel("held-out boards, end of round", judgements(lines[kind])) for kind in KINDS]
-        draw(self.out / "training.png", [above, below])
+
+def _held_out_panel(kind: Kind, lines: Lines) -> Panel:
+    """Figures on boards that were never trained on."""
+    return Panel("held-out boards, end of round", judgements(lines))
 
 
 def schedule_for(config: TrainConfig, datasets: int) -> tuple[Round, ...]:
@@ -218,43 +183,23 @@ def schedule_for(config: TrainConfig, datasets: int) -> tuple[Round, ...]:
 
 def network_of(job: FitJob) -> nn.Module:
     """The network with the weights of the job's checkpoint."""
-    network = make_network(job.kind, job.inputs)
-    load_weights(network, network_tensors(load_tensors(job.checkpoint).tensors), job.checkpoint)
+    network, (checkpoint, _) = make_network(job.kind, job.config.inputs), files_of(job.out, job.kind)
+    load_weights(network, network_tensors(load_tensors(checkpoint).tensors), checkpoint)
     return network
 
 
-def describe(
-    config: TrainConfig,
-    seed: int,
-    datasets: Sequence[Dataset],
-    caches: Sequence[Path],
-    figures: Mapping[str, Mapping[str, float | None]],
-) -> dict[str, Any]:
-    """A model's provenance, JSON values."""
-    samples = open_samples(caches, config.inputs, config.window)
-    rounds = []
-    for number, dataset in enumerate(datasets):
-        of_round = samples.dataset == number
-        hashes, collect = dataset.hashes(), dataset.info.collect
-        assert collect is not None  # it has samples
-        rounds.append(
-            {
-                "boards": dataset.info.boards,
-                "split": dataset.info.split,
-                "seed": dataset.info.seed,
-                "assets": dataset.info.assets.name,
-                "policy": collect.policy,
-                "board_hash": hashes.board,
-                "content_hash": hashes.content,
-                "samples": int(of_round.sum()),
-                "rewarded": int(np.count_nonzero(samples.reward & of_round)),
-            }
-        )
+def _learnt_from(dataset: Dataset, samples: Samples, number: int) -> dict[str, Any]:
+    """For a model's provenance, the dataset of a round and its share of the samples; JSON values."""
+    info, hashes, of_round = dataset.info, dataset.hashes(), samples.dataset == number
+    assert info.collect is not None  # it has samples
     return {
-        "seed": seed,
-        "config": config.model_dump(mode="json"),
-        "rounds": rounds,
-        "validation": {kind: dict(values) for kind, values in figures.items()},
-        "versions": learner_versions(),
-        "machine": machine(),
+        "boards": info.boards,
+        "split": info.split,
+        "seed": info.seed,
+        "assets": info.assets.name,
+        "policy": info.collect.policy,
+        "board_hash": hashes.board,
+        "content_hash": hashes.content,
+        "samples": int(of_round.sum()),
+        "rewarded": int(np.count_nonzero(samples.reward & of_round)),
     }

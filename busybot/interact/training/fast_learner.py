@@ -3,36 +3,33 @@
 One thread per network: sums have one order whatever the number of cores, and the two networks are trained side by side.
 Where there is a GPU both are trained on it.
 
-Prioritised replay: rare successes and hard failures are shown more often than what is known.
-
-Each sample's priority is a running mean of its loss. A batch holds a fixed share of successes, drawn by priority; the
-others are failures, drawn by priority times a weight for those of later rounds. The paper draws half and half,
-uniformly (appendix A.1).
+Replay is prioritised: rare successes and hard failures are shown more often than what is known. Each sample's priority
+is a running mean of its loss. A batch holds a fixed share of successes, drawn by priority; the others are failures,
+drawn by priority times a weight for those of later rounds. The paper draws half and half, uniformly (appendix A.1).
 """
 
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.interact.affordance.inputs import Inputs
 from busybot.interact.affordance.networks import HIDDEN, DirectionNet, Kind, make_network
 from busybot.interact.metrics import direction_figures, position_figures
 from busybot.interact.training.augmentation import Batch, cut_batch, draw_batch
-from busybot.interact.training.config import FitConfig, ReplayConfig
+from busybot.interact.training.config import ReplayConfig, TrainConfig
 from busybot.interact.training.sample_cache import open_samples
 from busybot.training.checkpoint import Checkpoint, initialise
 from busybot.training.device import device, multiplies_bfloat16, repeat_exactly
 from busybot.training.loop import Learner, Loop, cosine_rate, descend
 
+VALIDATION_BATCH = 128
 HINT = {
     "succeeded": "or lower the reward's threshold: --set interaction.delta=500",
     "failed": "with a policy that fails, too: both kinds are learned from",
@@ -40,16 +37,12 @@ HINT = {
 
 
 class Priorities:
-    """Running mean losses of all samples, float32 (N,), which grow with the samples."""
+    """Running mean losses of `count` samples, float32 (N,); of the first ones they may be known."""
 
-    def __init__(self, config: ReplayConfig, values: np.ndarray | None = None):
-        self.config = config
-        self.values = np.empty(0, np.float32) if values is None else values.astype(np.float32)
-
-    def grow(self, count: int) -> None:
-        """Make room for samples that were recorded since."""
-        new = np.full(max(0, count - len(self.values)), self.config.initial, np.float32)
-        self.values = np.concatenate([self.values, new])
+    def __init__(self, config: ReplayConfig, count: int, known: np.ndarray | None = None):
+        old = np.empty(0, np.float32) if known is None else known.astype(np.float32)
+        new = np.full(max(0, count - len(old)), config.initial, np.float32)
+        self.config, self.values = config, np.concatenate([old, new])
 
     def draw(
         self, reward: np.ndarray, weights: np.ndarray, first: int, count: int, rng: np.random.Generator
@@ -64,12 +57,9 @@ class Priorities:
         config = self.config
         priority = np.clip(self.values[first : first + len(reward)], config.lowest, config.highest).astype(float)
         positives = round(count * config.positives)
-        return np.concatenate(
-            [
-                _draw(np.where(reward, priority, 0), positives, rng, "succeeded"),
-                _draw(np.where(reward, 0, priority * weights), count - positives, rng, "failed"),
-            ]
-        )
+        succeeded = _draw(np.where(reward, priority, 0), positives, rng, "succeeded")
+        failed = _draw(np.where(reward, 0, priority * weights), count - positives, rng, "failed")
+        return np.concatenate([succeeded, failed])
 
     def update(self, numbers: np.ndarray, losses: np.ndarray) -> None:
         """Enter the losses (B,) of the samples with these numbers (B,); of one that was drawn twice the last counts."""
@@ -87,53 +77,44 @@ def _draw(weights: np.ndarray, count: int, rng: np.random.Generator, kind: str) 
     return np.minimum(drawn, np.flatnonzero(weights)[-1])
 
 
-VALIDATION_BATCH = 128
-
-
 @dataclass(frozen=True)
 class FitJob:
     """What a worker process needs to train one network for one round; plain data.
 
     Attributes:
-        name: for people.
+        out: folder of the training.
+        config: of the training.
+        seed: of the network's first weights and of all batches.
         kind: which network.
-        inputs: what it sees.
-        config: how it is trained.
-        seed: of its first weights and of all batches.
         caches: of the rounds recorded so far, the oldest first.
         validation: cache of the boards that are never trained on.
-        window: only the last so many samples are used.
         start, until: iterations of this round; earlier rounds ended at `start`.
-        checkpoint, metrics: files that this training writes.
     """
 
-    name: str
-    kind: Kind
-    inputs: Inputs
-    config: FitConfig
+    out: Path
+    config: TrainConfig
     seed: int
+    kind: Kind
     caches: tuple[Path, ...]
     validation: Path | None
-    window: int
     start: int
     until: int
-    checkpoint: Path
-    metrics: Path
 
 
 class FastAffordanceLearner(Learner):
     """One round of a network of the `fast` variant.
 
     Attributes:
+        config: how it is trained.
         samples: recorded so far.
         priorities: of all samples.
     """
 
     def __init__(self, job: FitJob):
-        config = job.config
         self.job, self.name = job, job.kind
-        self.samples = open_samples(job.caches, job.inputs, job.window)
-        self.network = make_network(job.kind, job.inputs)
+        self.config = config = job.config.learn(job.kind)
+        self.samples = open_samples(job.caches, job.config.inputs, job.config.window)
+        self.network = make_network(job.kind, job.config.inputs)
         draws = generator(job.seed, "train", 0, f"initial weights/{job.kind}")
         initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))))
         self.network.to(device())
@@ -141,18 +122,13 @@ class FastAffordanceLearner(Learner):
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
         self.weights = np.where(self.samples.dataset > 0, config.replay.later_rounds, 1.0)
-        self._prioritise(None)
-
-    def _prioritise(self, known: np.ndarray | None) -> None:
-        self.priorities = Priorities(self.job.config.replay, known)
-        self.priorities.grow(self.samples.first + len(self.samples))
+        self.priorities = Priorities(config.replay, self.samples.first + len(self.samples))
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """One step of the optimizer on a batch drawn by priority."""
-        job = self.job
+        job, config = self.job, self.config
         rng = generator(job.seed, "train", iteration, job.kind)
         chosen, batch = self.draw(rng)
-        config = job.config
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration - job.start, job.until - job.start)
         loss, losses = self.learn(batch, rate, rng)
         self.priorities.update(self.samples.first + chosen, losses)
@@ -160,20 +136,64 @@ class FastAffordanceLearner(Learner):
 
     def draw(self, rng: np.random.Generator) -> tuple[np.ndarray, Batch]:
         """Samples of the window, int (B,), and their batch."""
-        samples, config = self.samples, self.job.config
+        samples, config = self.samples, self.config
         chosen = self.priorities.draw(samples.reward, self.weights, samples.first, config.batch, rng)
         return chosen, draw_batch(samples, chosen, config, rng)
 
     def learn(self, batch: Batch, rate: float, rng: np.random.Generator) -> tuple[float, np.ndarray]:
-        """One step of the optimizer; returns the loss, and each sample's loss, float32 (B,)."""
+        """One step of the optimizer; returns the loss, and what each sample adds to its priority, float32 (B,).
+
+        Position: binary cross entropy of the affordance at the one pixel that was tried. Direction: the mean over all
+        directions whose outcome is known, plus the cross entropy of "any direction works".
+        """
+        weight, entropy = self.config.direction_weight, functional.binary_cross_entropy_with_logits
         self.network.train()
-        loss, losses = sample_losses(self.network, batch, self.job.kind, self.job.config, rng)
+        *directions, works = self._outputs(batch, rng)
+        losses = entropy(works, batch.reward, reduction="none")
+        loss = losses.mean()
+        if directions:
+            by_direction = (entropy(directions[0], batch.labels, reduction="none") * batch.known).sum(dim=1)
+            known = batch.known.sum(dim=1)
+            loss = weight * by_direction.sum() / known.sum().clamp(min=1) + loss
+            losses = weight * by_direction / known.clamp(min=1) + losses
         descend(self.optimizer, loss, rate)
-        return float(loss.detach()), losses.detach().cpu().numpy()
+        return float(loss.detach()), losses.detach().numpy()
 
     def judge(self) -> dict[str, float | None]:
         """How well the network ranks what was tried on boards that it is never trained on (`interact.metrics`)."""
-        return validate(self.job, self.network)
+        job = self.job
+        if job.validation is None:
+            return {}
+        samples = open_samples((job.validation,), job.config.inputs, sys.maxsize)
+        everything = np.arange(len(samples))
+        self.network.eval()
+        parts = []
+        for start in range(0, len(samples), VALIDATION_BATCH):
+            batch = cut_batch(samples, everything[start : start + VALIDATION_BATCH], self.config.side)
+            with torch.no_grad():
+                parts.append(self._outputs(batch))
+        *directions, works = (torch.cat(outputs).numpy() for outputs in zip(*parts, strict=True))
+        figures = position_figures(works, samples.reward)
+        if directions:
+            figures |= direction_figures(directions[0], *samples.direction_labels(everything))
+        return figures
+
+    def _outputs(self, batch: Batch, rng: np.random.Generator | None = None) -> tuple[Tensor, ...]:
+        """Logits that the directions work, if the network knows, (B, 18), and that acting at the pixels does, (B,).
+
+        They are float32 and on the CPU: a batch of them is small. `rng` draws the dropout.
+        """
+        network, config, on = self.network, self.config, next(self.network.parameters()).device
+        arguments = [batch.features.to(on).contiguous(memory_format=torch.channels_last)]
+        if rng is not None and config.dropout and isinstance(network, DirectionNet):
+            keep = (rng.random((len(batch.rows), HIDDEN), np.float32) >= config.dropout) / (1 - config.dropout)
+            arguments.append(torch.from_numpy(keep.astype(np.float32)).to(on))
+        rounded = multiplies_bfloat16() if config.bfloat16 is None else config.bfloat16
+        with torch.autocast(on.type, torch.bfloat16, enabled=rounded):
+            outputs = network(*arguments)
+        if isinstance(outputs, tuple):
+            return tuple(output.float().cpu() for output in outputs)
+        return (outputs.float().cpu()[torch.arange(len(batch.rows)), batch.rows, batch.columns],)
 
     def state(self) -> Checkpoint:
         """Priorities of all samples."""
@@ -181,7 +201,8 @@ class FastAffordanceLearner(Learner):
 
     def restore(self, saved: Checkpoint) -> None:
         """Samples that were recorded since are new."""
-        self._prioritise(saved.tensors["priorities"].numpy())
+        known = saved.tensors["priorities"].numpy()
+        self.priorities = Priorities(self.config.replay, len(self.priorities.values), known)
 
 
 def fit(job: FitJob) -> dict[str, float | None]:
@@ -189,9 +210,9 @@ def fit(job: FitJob) -> dict[str, float | None]:
     torch.set_num_threads(1)
     repeat_exactly()
     learner = FastAffordanceLearner(job)
-    loop = Loop(learner, job.checkpoint, job.metrics, job.config.report, job.config.checkpoint)
-    metrics = loop.run(job.name, job.start, job.until)
-    if not job.checkpoint.exists():  # a round without iterations
+    loop = Loop(learner, job.out, learner.config.report, learner.config.checkpoint)
+    metrics = loop.run(f"round {len(job.caches) - 1}: {job.kind} network", job.start, job.until)
+    if not loop.checkpoint.exists():  # a round without iterations
         loop.save()
     figures = learner.judge()
     metrics.end(loop.progress.iteration, figures)
@@ -201,60 +222,3 @@ def fit(job: FitJob) -> dict[str, float | None]:
 def make_fit(jobs: list[FitJob]) -> Callable[[int], dict[str, float | None]]:
     """What a worker process does with a job's number."""
     return lambda index: fit(jobs[index])
-
-
-def validate(job: FitJob, network: nn.Module) -> dict[str, float | None]:
-    """How well the network ranks what was tried on boards that it is never trained on (`interact.metrics`)."""
-    if job.validation is None:
-        return {}
-    samples = open_samples((job.validation,), job.inputs, sys.maxsize)
-    network.eval()
-    parts: list[tuple[np.ndarray, ...]] = []
-    for start in range(0, len(samples), VALIDATION_BATCH):
-        batch = cut_batch(samples, np.arange(start, min(start + VALIDATION_BATCH, len(samples))), job.config.side)
-        with torch.no_grad():
-            outputs = forward(network, batch.features, job.config)
-        if job.kind == "position":
-            parts.append((outputs[torch.arange(len(batch.rows)), batch.rows, batch.columns].numpy(),))
-        else:
-            parts.append(tuple(output.numpy() for output in outputs))
-    scores = [np.concatenate(columns) for columns in zip(*parts, strict=True)]
-    figures = position_figures(scores[-1], samples.reward)
-    if job.kind == "direction":
-        figures |= direction_figures(scores[0], *samples.direction_labels(np.arange(len(samples))))
-    return figures
-
-
-def sample_losses(
-    network: nn.Module, batch: Batch, kind: Kind, config: FitConfig, rng: np.random.Generator | None = None
-) -> tuple[Tensor, Tensor]:
-    """The loss, a scalar, and what each sample adds to its priority, (B,), on the CPU; `rng` draws the dropout.
-
-    Position: binary cross entropy of the affordance at the one pixel that was tried. Direction: the mean over all
-    directions whose outcome is known, plus the cross entropy of "any direction works".
-    """
-    entropy = functional.binary_cross_entropy_with_logits
-    outputs = forward(network, batch.features, config, rng)
-    if kind == "position":
-        logits = outputs[torch.arange(len(batch.rows)), batch.rows, batch.columns]
-        losses = entropy(logits, batch.reward, reduction="none")
-        return losses.mean(), losses
-    directions, any_works = outputs
-    by_direction = (entropy(directions, batch.labels, reduction="none") * batch.known).sum(dim=1)
-    position = entropy(any_works, batch.reward, reduction="none")
-    known = batch.known.sum(dim=1)
-    loss = config.direction_weight * by_direction.sum() / known.sum().clamp(min=1) + position.mean()
-    return loss, config.direction_weight * by_direction / known.clamp(min=1) + position
-
-
-def forward(network: nn.Module, features: Tensor, config: FitConfig, rng: np.random.Generator | None = None) -> Any:
-    """The network's outputs in float32, on the CPU: a batch of them is small."""
-    on = next(network.parameters()).device
-    arguments = [features.to(on).contiguous(memory_format=torch.channels_last)]
-    if rng is not None and config.dropout and isinstance(network, DirectionNet):
-        keep = (rng.random((len(features), HIDDEN), np.float32) >= config.dropout) / (1 - config.dropout)
-        arguments.append(torch.from_numpy(keep.astype(np.float32)).to(on))
-    rounded = multiplies_bfloat16() if config.bfloat16 is None else config.bfloat16
-    with torch.autocast(on.type, torch.bfloat16, enabled=rounded):
-        outputs = network(*arguments)
-    return tuple(output.float().cpu() for output in outputs) if isinstance(outputs, tuple) else outputs.float().cpu()

@@ -10,8 +10,6 @@ The buffer is a window over the recorded steps. Pictures that have left it are n
 recorded steps, the seed and, in their last bits, on the device and the number of threads: on a CPU, training again from
 copied rounds and going on after a kill end in the same ones.
 
-Training one network of the `paper` variant on what is recorded, epoch by epoch.
-
 A sample is the paper's tuple of picture, position, direction and reward. Where it leaves room:
 
 - The position network learns the reward at the one pixel that was acted on: binary cross entropy of the affordance.
@@ -23,7 +21,6 @@ A sample is the paper's tuple of picture, position, direction and reward. Where 
 
 import hashlib
 import json
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -39,67 +36,54 @@ from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.fast import AffordanceInfo
-from busybot.interact.affordance.inputs import Inputs
+from busybot.interact.affordance.inputs import Pinhole, colour_features
 from busybot.interact.affordance.networks import KINDS, Kind, Size, make_paper_network
-from busybot.interact.affordance.paper import PAPER_POLICY, PAPER_PRIOR, PaperModel, recorded_pictures, with_positions
-from busybot.interact.policy.paper import PaperRules
-from busybot.interact.policy.policy_factory import PaperPolicyFactory
-from busybot.interact.training.config import LearnConfig, PaperConfig
-from busybot.interact.training.round_recorder import BEFORE, Recorder, checked, finished, given, loss_panel
+from busybot.interact.affordance.paper import PAPER_POLICY, PAPER_PRIOR, PaperModel, depth_and_normals, with_positions
+from busybot.interact.policy.policy_factory import ExplorePolicyFactory
+from busybot.interact.training.config import PaperConfig
+from busybot.interact.training.round_recorder import Recorder, draw_training, finished
 from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
 from busybot.training.checkpoint import Checkpoint, initialise
 from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, Loop, descend
-from busybot.training.run_folder import Panel, begin_folder, draw, learner_versions, read_metrics
+from busybot.training.run_folder import Lines, Panel, learner_versions
 
-
-@dataclass(frozen=True)
-class PaperJob:
-    """One network's training.
-
-    Attributes:
-        kind: which network.
-        inputs: what it sees.
-        size: rows and columns of the pictures.
-        config: how it is trained.
-        seed: of its first weights and of all batches.
-        every: iterations between checkpoints.
-        checkpoint, metrics: files that this training writes.
-    """
-
-    kind: Kind
-    inputs: Inputs
-    size: Size
-    config: LearnConfig
-    seed: int
-    every: int
-    checkpoint: Path
-    metrics: Path
+PLOT_EVERY = 10
+"""Epochs between pictures of the training's course."""
 
 
 class PaperAffordanceLearner(Learner):
     """A network of the `paper` variant, epoch by epoch; it begins with new weights, or those of the last checkpoint.
 
+    Args:
+        out: folder of the training.
+        config: of the training.
+        seed: of the network's first weights and of all batches.
+        kind: which network.
+        size: rows and columns of the pictures.
+
     Attributes:
+        config: how it is trained.
         loop: its training.
         epoch: the next one to train in, or the one that was begun.
         done: iterations done in it.
     """
 
-    def __init__(self, job: PaperJob):
-        self.job, self.name = job, job.kind
-        self.network = make_paper_network(job.kind, job.inputs, job.size)
-        draws = generator(job.seed, "train", 0, f"paper/initial weights/{job.kind}")
+    def __init__(self, out: Path, config: PaperConfig, seed: int, kind: Kind, size: Size):
+        self.name: Kind = kind
+        self.config, self.seed = config.learn(kind), seed
+        self.network = make_paper_network(kind, config.inputs, size)
+        draws = generator(seed, "train", 0, f"paper/initial weights/{kind}")
         initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))), biases=True)
         self.network.to(device())
-        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=job.config.learning_rate)
+        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=self.config.learning_rate)
         self.epoch = self.done = 0
         self._samples: Samples | None = None
-        self.loop = Loop(self, job.checkpoint, job.metrics, report=1, every=job.every)
+        self.loop = Loop(self, out, report=1, every=config.checkpoint)
 
     def behind(self, epoch: int) -> bool:
         """Whether iterations of this epoch are left to do."""
-        return self.epoch < epoch or (self.epoch == epoch and self.done < self.job.config.iterations)
+        return self.epoch < epoch or (self.epoch == epoch and self.done < self.config.iterations)
 
     def train(self, samples: Samples, epoch: int) -> None:
         """All iterations of an epoch that are not done yet."""
@@ -109,21 +93,20 @@ class PaperAffordanceLearner(Learner):
             return
         self._samples = samples
         start = self.loop.progress.iteration - self.done
-        self.loop.run(f"epoch {epoch}: {self.job.kind} network", start, start + self.job.config.iterations)
+        self.loop.run(f"epoch {epoch}: {self.name} network", start, start + self.config.iterations)
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """One step of the optimizer on the epoch's samples."""
         assert self._samples is not None, "`train` gives them"
-        job = self.job
-        loss = self.learn(self._samples, generator(job.seed, "train", self.epoch, f"paper/{job.kind}/{self.done}"))
+        loss = self.learn(self._samples, generator(self.seed, "train", self.epoch, f"paper/{self.name}/{self.done}"))
         self.done += 1
-        return loss, job.config.learning_rate
+        return loss, self.config.learning_rate
 
     def learn(self, samples: Samples, rng: np.random.Generator) -> float:
         """Draw a batch and take one step of the optimizer; returns the loss."""
         self.network.train()
-        chosen = draw_half(samples.reward, self.job.config.batch, rng)
-        loss = batch_loss(self.network, self.job.kind, samples, chosen)
+        chosen = draw_half(samples.reward, self.config.batch, rng)
+        loss = batch_loss(self.network, self.name, samples, chosen)
         descend(self.optimizer, loss)
         return float(loss.detach())
 
@@ -139,6 +122,14 @@ class PaperAffordanceLearner(Learner):
 def draw_half(reward: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """Indices of a batch: `count` / 2 samples with reward, then as many without."""
     return np.concatenate([rng.choice(np.flatnonzero(reward == wanted), count // 2) for wanted in (True, False)])
+
+
+def recorded_pictures(samples: Samples, chosen: np.ndarray, on: torch.device) -> Tensor:
+    """What the camera saw before the chosen samples' actions, (B, C, H, W), computed where it is used."""
+    stored = np.stack([samples.picture(index) for index in chosen])
+    if samples.inputs == "rgb":
+        return colour_features(stored).to(on)
+    return depth_and_normals(torch.from_numpy(samples.depths(chosen, stored)).to(on), Pinhole(samples.camera))
 
 
 def batch_loss(network: nn.Module, kind: Kind, samples: Samples, chosen: np.ndarray) -> Tensor:
@@ -162,10 +153,6 @@ def paper_labels(samples: Samples, chosen: np.ndarray) -> tuple[np.ndarray, np.n
     """Which directions worked, and which ones are learnt from, both bool (B, 18)."""
     worked, _ = samples.direction_labels(chosen)
     return worked, np.where(samples.reward[chosen, None], worked, samples.executed[chosen])
-
-
-PLOT_EVERY = 10
-"""Epochs between pictures of the training's course."""
 
 
 class PaperTraining:
@@ -194,14 +181,15 @@ class PaperTraining:
         Raises:
             BusybotError: the folder holds another training, or recorded epochs are missing or unfinished.
         """
-        checked(self.given, self.config, self.recorder.told)
-        begin_folder(self.out, self.config, self.recorder.seed, BEFORE, **given(self.given))
+        self.recorder.begin(self.out, self.given)
         torch.set_num_threads(self.config.threads)
         repeat_exactly()
         for epoch in range(self.config.epochs):
             self.datasets.append(self._recorded(epoch))
             if not self.learners:
-                self.begin(_size(self.datasets[0]))
+                first = self.datasets[0]
+                camera = read_episode(first.episode_path(min(first.finished())), "lazy").camera
+                self.begin((camera.height, camera.width))
             self._train(epoch)
             if (epoch + 1) % PLOT_EVERY == 0 or epoch + 1 == self.config.epochs:
                 self._report()
@@ -211,70 +199,55 @@ class PaperTraining:
 
     def begin(self, size: Size) -> None:
         """New networks for pictures of this size, or those of the last checkpoints."""
-        self.learners = {kind: PaperAffordanceLearner(self._job(kind, size)) for kind in KINDS}
+        seed = self.recorder.seed
+        self.learners = {kind: PaperAffordanceLearner(self.out, self.config, seed, kind, size) for kind in KINDS}
 
     def _recorded(self, epoch: int) -> Dataset:
         """The data of an epoch; what is missing is collected with the networks of the epoch before."""
         if self.given:
             return finished(Dataset.open(self.given[epoch]), self.config)
-        path = self.out / "rounds" / f"{epoch:03d}"
-        config = self.config
+        path, config = self.out / "rounds" / f"{epoch:03d}", self.config
         return self.recorder.dataset(path, config.boards, config.steps, f"epoch {epoch}", lambda: self.factory(epoch))
 
-    def factory(self, epoch: int) -> PaperPolicyFactory:
+    def factory(self, epoch: int) -> ExplorePolicyFactory:
         """Who collects an epoch's data, with the networks as they are now."""
-        rules = rules_for(self.config, epoch)
+        rules, current = self.config.rules(epoch), self.out / "current"
         if not rules.needs_model():
-            return PaperPolicyFactory(None, rules)
-        current = self.out / "current"
+            return ExplorePolicyFactory(None, rules)
         self._model({"epochs": epoch}).save(current)
-        return PaperPolicyFactory(str(current), rules)
+        return ExplorePolicyFactory(str(current), rules)
 
     def _train(self, epoch: int) -> None:
         """Train the networks whose turn it is on the buffer."""
-        kinds = [kind for kind in self.config.trained(epoch) if self.learners[kind].behind(epoch)]
-        if not kinds:
-            return
-        samples = self.buffer(epoch)
-        for kind in kinds:
-            self.learners[kind].train(samples, epoch)
+        behind = [self.learners[kind] for kind in self.config.trained(epoch) if self.learners[kind].behind(epoch)]
+        if behind:
+            samples = self.buffer(epoch)
+            for learner in behind:
+                learner.train(samples, epoch)
 
     def buffer(self, epoch: int) -> Samples:
         """The last steps recorded until an epoch, with whole pictures; caches that hold none of them are removed."""
-        first, steps = epoch + 1, 0
-        while first and steps < self.config.buffer:
+        config, folder, first, steps = self.config, self.out / "cache", epoch + 1, 0
+        while first and steps < config.buffer:
             first -= 1
-            steps += _steps(self.datasets[first])
-        folder = self.out / "cache"
-        for number in range(first, epoch + 1):
-            if number not in self.caches:
-                self.caches[number] = cache_samples(self.datasets[number], folder, self.config.inputs, whole=True)
-        caches = [self.caches[number] for number in range(first, epoch + 1)]
-        for left in set(folder.iterdir()) - set(caches):
+            collect = self.datasets[first].info.collect
+            steps += self.datasets[first].info.boards * collect.steps if collect else 0
+        self.caches = {
+            number: self.caches.get(number) or cache_samples(self.datasets[number], folder, config.inputs, whole=True)
+            for number in range(first, epoch + 1)
+        }
+        for left in set(folder.iterdir()) - set(self.caches.values()):
             remove(left, self.out)
-        self.caches = {number: place for number, place in self.caches.items() if place in caches}
-        return open_samples(caches, self.config.inputs, self.config.buffer, whole=True)
-
-    def _job(self, kind: Kind, size: Size) -> PaperJob:
-        return PaperJob(
-            kind=kind,
-            inputs=self.config.inputs,
-            size=size,
-            config=self.config.learn(kind),
-            seed=self.recorder.seed,
-            every=self.config.checkpoint,
-            checkpoint=self.out / "checkpoints" / f"{kind}.safetensors",
-            metrics=self.out / "metrics" / f"{kind}.jsonl",
-        )
+        return open_samples(list(self.caches.values()), config.inputs, config.buffer, whole=True)
 
     def _model(self, training: dict[str, Any]) -> PaperModel:
-        origin = {"seed": self.recorder.seed, "config": self.config.model_dump(mode="json"), **training}
+        config = self.config
         info = AffordanceInfo(
-            variant="paper",
-            inputs=self.config.inputs,
+            variant=config.variant,
+            inputs=config.inputs,
             prior=PAPER_PRIOR,
             thresholds=PAPER_POLICY,
-            training=origin,
+            training={"seed": self.recorder.seed, "config": config.model_dump(mode="json"), **training},
         )
         return PaperModel(info, {kind: learner.network for kind, learner in self.learners.items()})
 
@@ -293,38 +266,15 @@ class PaperTraining:
             lines.append({"epoch": epoch, **_collected(dataset), **epsilons})
         text = "".join(json.dumps(line, sort_keys=True) + "\n" for line in lines)
         write_atomically(self.out / "metrics" / "epochs.jsonl", text.encode(), self.out)
-        known = {kind: read_metrics(self.out / "metrics" / f"{kind}.jsonl") for kind in KINDS}
-        above = [loss_panel(kind, known[kind], "half-positive batches") for kind in KINDS]
-        draw(self.out / "training.png", [above, [_epochs_panel(kind, lines) for kind in KINDS]])
+        draw_training(self.out, "half-positive batches", lambda kind, _: _epochs_panel(kind, lines))
 
 
-def rules_for(config: PaperConfig, epoch: int) -> PaperRules:
-    """How an epoch's data are collected."""
-    return PaperRules(
-        epsilon_position=config.epsilon("position", epoch),
-        epsilon_direction=config.epsilon("direction", epoch),
-        all_directions=config.tries_all_directions(epoch),
-        ucb_c=config.ucb_c,
-        ucb_window=config.ucb_window,
-    )
-
-
-def _epochs_panel(kind: Kind, lines: list[dict[str, Any]]) -> Panel:
+def _epochs_panel(kind: Kind, epochs: Lines) -> Panel:
     """What each epoch's actions earned."""
-    rewarded = [(line["epoch"], line["rewarded"] / max(line["steps"], 1)) for line in lines]
-    by_chance = [(line["epoch"], line[f"epsilon_{kind}"]) for line in lines]
+    rewarded = [(line["epoch"], line["rewarded"] / max(line["steps"], 1)) for line in epochs]
+    by_chance = [(line["epoch"], line[f"epsilon_{kind}"]) for line in epochs]
     curves = {"actions with reward": rewarded, f"random {kind}s": by_chance}
     return Panel("share of an epoch's actions", curves, along="epoch", shares=True)
-
-
-def _size(dataset: Dataset) -> Size:
-    camera = read_episode(dataset.episode_path(min(dataset.finished())), "lazy").camera
-    return camera.height, camera.width
-
-
-def _steps(dataset: Dataset) -> int:
-    collect = dataset.info.collect
-    return dataset.info.boards * collect.steps if collect else 0
 
 
 def _collected(dataset: Dataset) -> dict[str, int]:

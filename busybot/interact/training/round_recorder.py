@@ -1,11 +1,13 @@
-"""Recording the data that a training learns from: one dataset per round, which can be browsed like any other."""
+"""What trainings of both variants begin with: their folder, and the recorded data that they learn from.
+
+There is one dataset per round (or epoch), which can be browsed like any other.
+"""
 
 import json
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
 
 from busybot.boards.config import BoardConfig
 from busybot.common.config import flat
@@ -14,21 +16,16 @@ from busybot.common.rng import generator
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
+from busybot.interact.affordance.networks import KINDS, Kind
+from busybot.interact.policy.policy_factory import ExplorePolicyFactory
 from busybot.interact.training.config import RecordConfig
 from busybot.objects.library import Library
 from busybot.sim.collect import CollectConfig, Progress, collect
-from busybot.sim.policy import PolicyFactory
-from busybot.training.run_folder import Lines, Panel, losses
+from busybot.training.loop import files_of
+from busybot.training.run_folder import Lines, Panel, begin_folder, draw, losses, read_metrics
 
 BEFORE = ("rounds", "validation")
 """What may lie in a folder in which a training begins: recorded rounds, to train on with `--offline`."""
-
-
-class ExplorerFactory(PolicyFactory, Protocol):
-    """Makes the policies that collect a round."""
-
-    def provenance(self) -> dict[str, Any]:
-        """All that decides the choices, JSON values."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +52,24 @@ class Recorder:
     workers: int
     told: RoundProgress
 
+    def begin(self, out: Path, datasets: Sequence[Path]) -> None:
+        """Begin or continue the folder of a training that learns from these datasets, or from its own rounds.
+
+        All datasets are looked at before anything is written; of boards on which models are judged, it is said.
+
+        Raises:
+            BusybotError: the folder holds another training; and see `finished`.
+        """
+        for path in datasets:
+            split = finished(Dataset.open(path), self.config).info.split
+            if split != "train":
+                what = f"{path}: its boards are of the split {split}; the model cannot be judged on that split honestly"
+                self.told.say(what)
+        given = {"data": [Dataset.open(path).hashes().content for path in datasets]} if datasets else {}
+        begin_folder(out, self.config, self.seed, BEFORE, **given)
+
     def dataset(
-        self, path: Path, boards: int, steps: int, purpose: str, explorer: Callable[[], ExplorerFactory]
+        self, path: Path, boards: int, steps: int, purpose: str, explorer: Callable[[], ExplorePolicyFactory]
     ) -> Dataset:
         """The dataset in `path`, with an episode for each of its boards; what is missing is recorded.
 
@@ -92,18 +105,6 @@ class Recorder:
         return Dataset.open(path)
 
 
-def checked(given: Sequence[Path], config: RecordConfig, told: RoundProgress) -> None:
-    """Look at all given datasets before anything is written; of boards on which models are judged, it is said.
-
-    Raises:
-        BusybotError: see `finished`.
-    """
-    for path in given:
-        split = finished(Dataset.open(path), config).info.split
-        if split != "train":
-            told.say(f"{path}: its boards are of the split {split}; the model cannot be judged on that split honestly")
-
-
 def finished(dataset: Dataset, config: RecordConfig, offline: bool = False) -> Dataset:
     """The dataset, if all its episodes are recorded, and as the training says.
 
@@ -129,11 +130,9 @@ def finished(dataset: Dataset, config: RecordConfig, offline: bool = False) -> D
     return dataset
 
 
-def given(datasets: Sequence[Path]) -> dict[str, Any]:
-    """For `train.json`, hashes of the contents of datasets that a training is given; of its own rounds, nothing."""
-    return {"data": [Dataset.open(path).hashes().content for path in datasets]} if datasets else {}
-
-
-def loss_panel(kind: str, lines: Lines, batches: str) -> Panel:
-    """The losses of a network's batches, for the picture of a training."""
-    return Panel(f"{kind} network", {f"loss of {batches}": losses(lines)}, logarithmic=True)
+def draw_training(out: Path, batches: str, below: Callable[[Kind, Lines], Panel]) -> None:
+    """Draw `training.png`: the losses of each network's batches, and below them what else is told of it."""
+    lines = {kind: read_metrics(files_of(out, kind)[1]) for kind in KINDS}
+    label = f"loss of {batches}"
+    above = [Panel(f"{kind} network", {label: losses(lines[kind])}, logarithmic=True) for kind in KINDS]
+    draw(out / "training.png", [above, [below(kind, lines[kind]) for kind in KINDS]])

@@ -9,8 +9,11 @@ written last. The `paper` variant sees whole pictures: its caches hold each one 
 was. Caches are derived from the episodes alone and can be deleted.
 """
 
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -21,9 +24,9 @@ from busybot.common.atomic_io import make_folder, remove_leftovers, replacing
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.codec import LazyImages, decode_plain, decode_rgb
-from busybot.episodes.episode import Camera, Episode
+from busybot.episodes.episode import Camera, Episode, Step
 from busybot.episodes.mcap.reader import read_episode
-from busybot.interact.affordance.inputs import Inputs
+from busybot.interact.affordance.inputs import Inputs, square_around
 
 SIDE = 160
 """Side of the cached squares, pixels. The sample's pixel is pixel (SIDE / 2, SIDE / 2)."""
@@ -32,7 +35,7 @@ INDEX, SQUARES = "index.npz", "squares.bin"
 COLUMNS = ("pixels", "executed", "worked", "scale")
 ONE_CAMERA = "record all episodes of a dataset with the same --set render.* parameters"
 ROW = "row"
-"""A further column of caches of whole pictures: which picture a sample saw."""
+"""A further column: which square or picture a sample saw. Former caches of squares, one per sample, lack it."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,15 @@ class Samples:
         """The position label, bool (N,)."""
         return self.worked >= 0
 
+    def picture(self, number: int) -> np.ndarray:
+        """The square or whole picture of a sample, as stored."""
+        return self.squares[self.dataset[number]][self.row[number]]
+
+    def depths(self, chosen: np.ndarray, stored: np.ndarray) -> np.ndarray:
+        """Stored depths (B, h, w) of the chosen samples in board units, float32; 0 where nothing was hit."""
+        offset, step = self.scale[chosen].T[:, :, None, None]
+        return np.where(stored > 0, offset + stored * step, np.float32(0))
+
     def direction_labels(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which directions worked and of which that is known, both bool (B, 18), for the chosen samples.
 
@@ -93,7 +105,7 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
         return place
     make_folder(place, folder.parent)
     remove_leftovers(place, folder.parent)
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in ((*COLUMNS, ROW) if whole else COLUMNS)}
+    columns: dict[str, list[np.ndarray]] = defaultdict(list)
     camera: Camera | None = None
     with replacing(place / SQUARES, folder.parent) as file:
         for index in sorted(dataset.finished()):
@@ -101,10 +113,7 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
             camera = _same_camera(camera, episode.camera, dataset.episode_path(index))
             for name, values in _labels(episode).items():
                 columns[name].append(values)
-            if whole:
-                columns[ROW].append(_write_pictures(file, episode, inputs))
-            else:
-                _write_squares(file, episode, inputs)
+            columns[ROW].append(_write(file, episode, inputs, whole))
     if camera is None:
         raise BusybotError(f"{dataset.path}: no episode has been recorded", "`busybot collect` records them")
     size = np.array([camera.width, camera.height])
@@ -118,48 +127,34 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
 def _same_camera(known: Camera | None, camera: Camera, where: Path) -> Camera:
     if known is None:
         return camera
-    same = (known.width, known.height) == (camera.width, camera.height)
-    if not same or not np.array_equal(known.matrix, camera.matrix) or not np.array_equal(known.pose, camera.pose):
+    if not all(np.array_equal(getattr(known, name), getattr(camera, name)) for name in known.__dataclass_fields__):
         raise BusybotError(f"{where}: recorded with another camera than the episodes before it", ONE_CAMERA)
     return camera
 
 
-def _write_squares(file: BinaryIO, episode: Episode, inputs: Inputs) -> None:
-    """Append a square for each step."""
-    half = SIDE // 2
-    for step, (_, picture) in zip(episode.steps, _seen(episode, inputs), strict=True):
-        u, v = step.pixel
-        rows = np.clip(np.arange(v - half, v + half), 0, picture.shape[0] - 1)
-        columns = np.clip(np.arange(u - half, u + half), 0, picture.shape[1] - 1)
-        file.write(np.ascontiguousarray(picture[rows[:, None], columns]).tobytes())
-
-
-def _write_pictures(file: BinaryIO, episode: Episode, inputs: Inputs) -> np.ndarray:
-    """Append every picture that was acted on; returns the picture of each step, counted from the file's first."""
+def _write(file: BinaryIO, episode: Episode, inputs: Inputs, whole: bool) -> np.ndarray:
+    """Append a square for each step, or each picture that was acted on; returns which of the file's is each step's."""
     rows: list[int] = []
-    last = -1
-    for number, picture in _seen(episode, inputs):
-        if number != last:
-            row, last = file.tell() // picture.nbytes, number
-            file.write(np.ascontiguousarray(picture).tobytes())
-        rows.append(row)
+    for picture, steps in _seen(episode, inputs):
+        size = picture.shape[:2]
+        shown = [picture] if whole else [picture[square_around(step.pixel, SIDE, *size)] for step in steps]
+        first = file.tell() // shown[0].nbytes
+        rows += [first] * len(steps) if whole else range(first, first + len(steps))
+        for one in shown:
+            file.write(one.tobytes())
     return np.array(rows, np.int32)
 
 
-def _seen(episode: Episode, inputs: Inputs) -> Iterator[tuple[int, np.ndarray]]:
-    """Number and content of the picture before each step; each is decoded once."""
+def _seen(episode: Episode, inputs: Inputs) -> Iterator[tuple[np.ndarray, list[Step]]]:
+    """Every picture that was acted on, and the steps before which it was seen."""
     images = episode.images
     assert isinstance(images, LazyImages)
-    current = -1
-    picture: np.ndarray = np.empty((0, 0))
-    for number in episode.frame_of[: len(episode.steps)]:
-        if number != current:
-            current, picture = number, _decode(images, number, inputs)
-        yield number, picture
+    for number, seen in groupby(zip(episode.frame_of, episode.steps, strict=False), itemgetter(0)):
+        yield _decode(images, number, inputs), [step for _, step in seen]
 
 
 def _labels(episode: Episode) -> dict[str, np.ndarray]:
-    """What was done in each step and what came of it."""
+    """What was done in each step and what came of it, by `COLUMNS`."""
     images, steps = episode.images, episode.steps
     assert isinstance(images, LazyImages)
     executed = np.zeros((len(steps), len(DIRECTIONS)), bool)
@@ -201,7 +196,7 @@ def open_samples(caches: Sequence[Path], inputs: Inputs, window: int, whole: boo
             width, height = (int(side) for side in index["size"])
             camera = _same_camera(camera, Camera(width, height, index["matrix"], index["pose"]), place)
             parts.append({name: index[name] for name in COLUMNS})
-            rows.append(index[ROW] if whole else np.arange(len(parts[-1]["worked"])))
+            rows.append(index[ROW] if ROW in index else np.arange(len(index["worked"])))
         count, sides = int(rows[-1].max(initial=-1)) + 1, (height, width) if whole else (SIDE, SIDE)
         squares.append(_map_pixels(place / SQUARES, inputs, (count, *sides)))
     assert camera is not None

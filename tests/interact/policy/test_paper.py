@@ -6,7 +6,7 @@ import pytest
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.rng import generator
 from busybot.interact.policy.direction_pairs import PAIR_OF
-from busybot.interact.policy.paper import PaperPolicy, PaperRules
+from busybot.interact.policy.learned import PaperPolicy, PaperRules
 from tests.interact.scenes import BODY, BUTTON, RAYS, ButtonModel, HeightView, picture
 
 LARGE, KNOBS = (40, 30, 140, 110), ((60, 60, 66, 66), (100, 60, 106, 66))

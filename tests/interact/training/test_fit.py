@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from busybot.interact.affordance.networks import KINDS, Kind
-from busybot.interact.training.config import DirectionFitConfig, FitConfig
+from busybot.interact.training.config import TrainConfig
 from busybot.interact.training.fast_learner import FastAffordanceLearner, FitJob, fit
 from busybot.interact.training.sample_cache import cache_samples
+from busybot.training.loop import files_of
 from busybot.training.run_folder import read_metrics
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import permute_privileged
@@ -21,22 +22,14 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def job_for(kind: Kind, cache: Path, folder: Path, until: int = 8) -> FitJob:
-    config = FitConfig() if kind == "position" else DirectionFitConfig()
     small = {"batch": 4, "report": 2, "checkpoint": 3} | ({"side": 32} if kind == "position" else {})
-    return FitJob(
-        name=kind,
-        kind=kind,
-        inputs="depth",
-        config=config.model_copy(update=small),
-        seed=0,
-        caches=(cache,),
-        validation=cache,
-        window=1000,
-        start=0,
-        until=until,
-        checkpoint=folder / f"{kind}.safetensors",
-        metrics=folder / f"{kind}.jsonl",
-    )
+    config = TrainConfig.model_validate({"window": 1000, kind: small})
+    return FitJob(folder, config, 0, kind, caches=(cache,), validation=cache, start=0, until=until)
+
+
+def weights(job: FitJob) -> bytes:
+    """All that the training has written beside its metrics."""
+    return files_of(job.out, job.kind)[0].read_bytes()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -57,10 +50,10 @@ def test_interrupted_and_resumed_ends_in_the_same_weights(
     monkeypatch.setattr(FastAffordanceLearner, "learn", dies)
     with pytest.raises(KeyboardInterrupt):
         fit(broken)
-    assert broken.checkpoint.read_bytes() != straight.checkpoint.read_bytes()
+    assert weights(broken) != weights(straight)
     assert fit(broken) == figures
-    assert broken.checkpoint.read_bytes() == straight.checkpoint.read_bytes()
-    assert [line["iteration"] for line in read_metrics(broken.metrics)] == [2, 4, 6, 8, 8]
+    assert weights(broken) == weights(straight)
+    assert [line["iteration"] for line in read_metrics(files_of(broken.out, kind)[1])] == [2, 4, 6, 8, 8]
 
 
 def test_rounds_continue_from_one_another(cache: Path, tmp_path: Path) -> None:
@@ -68,7 +61,7 @@ def test_rounds_continue_from_one_another(cache: Path, tmp_path: Path) -> None:
     fit(first)
     second = replace(first, caches=(cache, cache), start=4, until=8)
     fit(second)
-    lines = read_metrics(first.metrics)
+    lines = read_metrics(files_of(tmp_path, "position")[1])
     assert [line["iteration"] for line in lines] == [2, 4, 4, 6, 8, 8]
     assert "position_ap" in lines[2]["validation"]
 
@@ -82,7 +75,7 @@ def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, t
     assert jobs[0].caches != jobs[1].caches
     for job in jobs:
         fit(job)
-    assert jobs[0].checkpoint.read_bytes() == jobs[1].checkpoint.read_bytes()
+    assert weights(jobs[0]) == weights(jobs[1])
 
 
 def test_it_learns_where_synthetic_boards_react(cache: Path, tmp_path: Path) -> None:
@@ -93,13 +86,14 @@ def test_it_learns_where_synthetic_boards_react(cache: Path, tmp_path: Path) -> 
 def test_colours_alone_can_be_learned_from(tmp_path: Path) -> None:
     cache = cache_samples(make_dataset(tmp_path / "toys"), tmp_path, "rgb")
     for kind in KINDS:
-        auc = fit(replace(job_for(kind, cache, tmp_path, until=60), inputs="rgb"))["position_auc"]
+        job = job_for(kind, cache, tmp_path, until=60)
+        auc = fit(replace(job, config=job.config.model_copy(update={"inputs": "rgb"})))["position_auc"]
         assert auc is not None and auc > 0.7, kind
 
 
 def test_a_round_without_iterations_leaves_the_weights_alone(cache: Path, tmp_path: Path) -> None:
     job = job_for("direction", cache, tmp_path, until=0)
     fit(job)
-    before = job.checkpoint.read_bytes()
+    before = weights(job)
     fit(job)
-    assert job.checkpoint.read_bytes() == before
+    assert weights(job) == before

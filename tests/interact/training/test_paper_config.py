@@ -5,7 +5,6 @@ import pytest
 from busybot.common.config import build
 from busybot.common.errors import BusybotError
 from busybot.interact.training.config import PaperConfig
-from busybot.interact.training.paper import rules_for
 
 PAPER = PaperConfig()
 
@@ -24,7 +23,7 @@ def test_epochs_have_phases() -> None:
     assert trained[10:100] == [("position",)] * 90
     assert trained[100:120] == [()] * 20  # random directions, as negatives
     assert trained[120:] == [("position", "direction")] * 280
-    assert [PAPER.tries_all_directions(epoch) for epoch in range(400)] == [True] * 100 + [False] * 300
+    assert [PAPER.rules(epoch).all_directions for epoch in range(400)] == [True] * 100 + [False] * 300
 
 
 def test_epsilon_falls_linearly_from_where_the_training_starts() -> None:
@@ -37,12 +36,12 @@ def test_epsilon_falls_linearly_from_where_the_training_starts() -> None:
 
 
 def test_who_collects_an_epoch() -> None:
-    assert not rules_for(PAPER, 10).needs_model()
-    first = rules_for(PAPER, 50)
+    assert not PAPER.rules(10).needs_model()
+    first = PAPER.rules(50)
     assert (first.epsilon_position, first.all_directions, first.needs_model()) == (pytest.approx(0.1), True, True)
-    between = rules_for(PAPER, 110)
+    between = PAPER.rules(110)
     assert (between.all_directions, between.epsilon_direction) == (False, 1)
-    last = rules_for(PAPER, 399)
+    last = PAPER.rules(399)
     assert (last.epsilon_position, last.epsilon_direction) == (pytest.approx(0.1), pytest.approx(0.1))
     assert (last.ucb_c, last.ucb_window) == (0.5, 10)
 

@@ -14,7 +14,7 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.inputs import Inputs
 from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.training.config import PaperConfig
-from busybot.interact.training.paper import PaperAffordanceLearner, PaperJob, draw_half, paper_labels
+from busybot.interact.training.paper import PaperAffordanceLearner, draw_half, paper_labels
 from busybot.interact.training.sample_cache import SQUARES, Samples, cache_samples, open_samples
 from busybot.training.run_folder import read_metrics
 from tests.episodes.folders import make_dataset
@@ -29,18 +29,10 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Samples:
     )
 
 
-def job_for(kind: Kind, folder: Path, inputs: Inputs = "depth") -> PaperJob:
-    config = PaperConfig().learn(kind).model_copy(update={"batch": 2, "iterations": 3})
-    return PaperJob(
-        kind=kind,
-        inputs=inputs,
-        size=(120, 160),
-        config=config,
-        seed=0,
-        every=2,
-        checkpoint=folder / f"{kind}.safetensors",
-        metrics=folder / f"{kind}.jsonl",
-    )
+def learner_for(kind: Kind, folder: Path, inputs: Inputs = "depth", **changes: float) -> PaperAffordanceLearner:
+    small = {"batch": 2, "iterations": 3} | changes
+    config = PaperConfig.model_validate({"inputs": inputs, "checkpoint": 2, kind: small})
+    return PaperAffordanceLearner(folder, config, 0, kind, size=(120, 160))
 
 
 @pytest.fixture(autouse=True)
@@ -87,7 +79,7 @@ def test_a_damaged_cache_of_pictures_is_refused(tmp_path: Path) -> None:
 
 def test_adam_with_the_papers_learning_rates(tmp_path: Path) -> None:
     for kind, rate in zip(KINDS, (5e-4, 1e-4), strict=True):
-        optimizer = PaperAffordanceLearner(job_for(kind, tmp_path)).optimizer
+        optimizer = learner_for(kind, tmp_path).optimizer
         assert type(optimizer) is torch.optim.Adam
         assert [(group["lr"], group["weight_decay"]) for group in optimizer.param_groups] == [(rate, 0)]
 
@@ -96,10 +88,9 @@ def test_adam_with_the_papers_learning_rates(tmp_path: Path) -> None:
 def test_interrupted_and_resumed_ends_in_the_same_weights(
     kind: Kind, samples: Samples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    straight, broken = job_for(kind, tmp_path / "straight"), job_for(kind, tmp_path / "broken")
-    learner = PaperAffordanceLearner(straight)
+    straight = learner_for(kind, tmp_path / "straight")
     for epoch in (4, 5):
-        learner.train(samples, epoch)
+        straight.train(samples, epoch)
     learn, calls = PaperAffordanceLearner.learn, []
 
     def dies(self: PaperAffordanceLearner, samples: Samples, rng: np.random.Generator) -> float:
@@ -109,23 +100,23 @@ def test_interrupted_and_resumed_ends_in_the_same_weights(
         return learn(self, samples, rng)
 
     monkeypatch.setattr(PaperAffordanceLearner, "learn", dies)
-    interrupted = PaperAffordanceLearner(broken)
+    interrupted = learner_for(kind, tmp_path / "broken")
     interrupted.train(samples, 4)
     with pytest.raises(KeyboardInterrupt):
         interrupted.train(samples, 5)
-    resumed = PaperAffordanceLearner(broken)
+    resumed = learner_for(kind, tmp_path / "broken")
     assert not resumed.behind(4) and resumed.behind(5) and resumed.done == 2
     resumed.train(samples, 5)
-    assert broken.checkpoint.read_bytes() == straight.checkpoint.read_bytes()
-    assert read_metrics(broken.metrics) == read_metrics(straight.metrics)
-    assert [line["iteration"] for line in read_metrics(broken.metrics)] == [1, 2, 3, 4, 5, 6]
+    assert resumed.loop.checkpoint.read_bytes() == straight.loop.checkpoint.read_bytes()
+    assert read_metrics(resumed.loop.metrics) == read_metrics(straight.loop.metrics)
+    assert [line["iteration"] for line in read_metrics(resumed.loop.metrics)] == [1, 2, 3, 4, 5, 6]
 
 
 def test_without_successes_an_epoch_is_left_out(samples: Samples, tmp_path: Path) -> None:
-    learner = PaperAffordanceLearner(job_for("position", tmp_path))
+    learner = learner_for("position", tmp_path)
     learner.train(replace(samples, worked=np.full(len(samples), -1)), 0)
-    assert learner.loop.progress.iteration == 0 and not learner.job.checkpoint.exists()
-    assert not learner.job.metrics.exists()
+    assert learner.loop.progress.iteration == 0 and not learner.loop.checkpoint.exists()
+    assert not learner.loop.metrics.exists()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -134,9 +125,9 @@ def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, t
     weights = []
     for name in ("one", "two"):
         cache = cache_samples(dataset, tmp_path / "cache", "depth", whole=True)
-        job = job_for(kind, tmp_path / name)
-        PaperAffordanceLearner(job).train(open_samples([cache], "depth", 1000, whole=True), 0)
-        weights.append((cache, job.checkpoint.read_bytes()))
+        learner = learner_for(kind, tmp_path / name)
+        learner.train(open_samples([cache], "depth", 1000, whole=True), 0)
+        weights.append((cache, learner.loop.checkpoint.read_bytes()))
         permute_privileged(dataset)
     assert weights[0][0] != weights[1][0] and weights[0][1] == weights[1][1]
 
@@ -144,7 +135,6 @@ def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, t
 def test_colours_alone_can_be_learned_from(tmp_path: Path) -> None:
     cache = cache_samples(make_dataset(tmp_path / "toys"), tmp_path, "rgb", whole=True)
     colours = open_samples([cache], "rgb", 1000, whole=True)
-    job = job_for("direction", tmp_path, "rgb")
-    learner = PaperAffordanceLearner(replace(job, config=job.config.model_copy(update={"learning_rate": 1e-3})))
+    learner = learner_for("direction", tmp_path, "rgb", learning_rate=1e-3)
     losses = [learner.learn(colours, generator(0, "", 0, "test")) for _ in range(20)]  # one batch again and again
     assert losses[-1] < 0.5 * losses[0]

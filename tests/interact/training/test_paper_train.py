@@ -15,8 +15,7 @@ from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.paper import PaperModel
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED
-from busybot.interact.policy.learned import LearnedPolicy
-from busybot.interact.policy.paper import PaperPolicy
+from busybot.interact.policy.learned import LearnedPolicy, PaperPolicy
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory, usual_mode
 from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import PaperAffordanceLearner, PaperTraining

@@ -17,9 +17,7 @@ def draws(priorities: Priorities, weights: np.ndarray | None = None, count: int 
 
 
 def fresh() -> Priorities:
-    priorities = Priorities(ReplayConfig())
-    priorities.grow(100)
-    return priorities
+    return Priorities(ReplayConfig(), 100)
 
 
 def test_half_of_a_batch_was_rewarded() -> None:

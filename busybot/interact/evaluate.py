@@ -21,8 +21,8 @@ from busybot.datasets.info import CollectInfo
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.bootstrap import LEVEL
-from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards, versions
-from busybot.evaluation.results import stamp
+from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards
+from busybot.evaluation.results import package_versions, stamp
 from busybot.interact import metrics as m
 from busybot.interact.metrics import JudgedAction, JudgedBoard, JudgedLink, Target
 from busybot.objects.library import Library
@@ -231,5 +231,5 @@ def _settings(
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "seed": info.seed},
         "seed": seed,
-        "versions": versions(),
+        "versions": package_versions(),
     }

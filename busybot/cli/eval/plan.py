@@ -1,16 +1,11 @@
 """`busybot eval plan`: how often agents reach their goals."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from busybot.cli.common import JsonOption, SeedOption, WorkersOption, command_again, episode_progress, print_json
-
-if TYPE_CHECKING:
-    from busybot.datasets.dataset import Dataset
-    from busybot.plan.rollout import PlanConfig
 
 
 def plan(
@@ -49,26 +44,22 @@ def plan(
     model's part included, simulation and rendering left out.
     """
     from busybot.common.config import build
+    from busybot.common.process_pool import default_workers
+    from busybot.datasets.bundled_assets import library_of
     from busybot.datasets.dataset import Dataset
     from busybot.evaluation.folder import RESULT
     from busybot.evaluation.results import write_result
+    from busybot.interact.policy.policy_factory import DEFAULT_MODEL
+    from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
     from busybot.plan.rollout import PlanConfig
 
     parameters = build(PlanConfig, config, set_ or [], {"boards": boards})
+    names = list(dict.fromkeys(name.strip() for name in agents.split(",")))
     with episode_progress("planning") as progress:
-        result = evaluate_named(
-            Dataset.open(dataset),
-            agents,
-            model,
-            policy_model,
-            parameters,
-            assets,
-            seed,
-            workers,
-            progress,
-            out,
-            record,
-        )
+        data = Dataset.open(dataset)
+        library, proposer = library_of(data, assets), policy_model or DEFAULT_MODEL
+        evaluation = PlanEvaluation(data, library, names, model, proposer, parameters, seed, record)
+        result = evaluate_agents(evaluation, workers or default_workers(), progress, out)
     given = {"agents": agents, "model": model, "policy-model": policy_model, "seed": seed, "boards": boards}
     result["command"] = command_again("plan", dataset, set_, config, **given)
     if out is not None:
@@ -77,31 +68,6 @@ def plan(
         print_json(result)
     else:
         print_tables(result)
-
-
-def evaluate_named(
-    dataset: "Dataset",
-    agents: str,
-    model: str,
-    policy_model: str | None,
-    config: "PlanConfig",
-    assets: str | None,
-    seed: int,
-    workers: int | None,
-    progress: Callable[[int, int], None],
-    out: Path | None,
-    record: Path | None,
-) -> dict[str, Any]:
-    """Find objects, agents and models by their names and evaluate."""
-    from busybot.common.process_pool import default_workers
-    from busybot.datasets.bundled_assets import library_of
-    from busybot.interact.policy.policy_factory import DEFAULT_MODEL
-    from busybot.plan.evaluate import evaluate_agents
-
-    names = list(dict.fromkeys(name.strip() for name in agents.split(",")))
-    library, processes = library_of(dataset, assets), workers or default_workers()
-    named = policy_model or DEFAULT_MODEL
-    return evaluate_agents(dataset, library, names, model, named, config, seed, processes, progress, out, record)
 
 
 def print_tables(result: dict[str, Any]) -> None:

@@ -41,7 +41,21 @@ def command(agent: str, about: str) -> Callable[..., None]:
         set_: SetOption = None,
         json: JsonOption = False,
     ) -> None:
-        _train(agent, out, data, policy_model, (explored, assets, seed, workers), (config, set_ or []), json)
+        from busybot.common.config import build
+        from busybot.common.process_pool import default_workers
+        from busybot.interact.policy.policy_factory import DEFAULT_MODEL
+        from busybot.plan.learning.train import CONFIGS, PracticeSource, train_policy
+
+        built: Any = build(CONFIGS[agent], config, set_ or [], {})
+        source = PracticeSource(tuple(data), policy_model or DEFAULT_MODEL, assets, explored)
+        with kept_in(out):
+            info, budget = train_policy(out, built, source, seed, workers or default_workers(), episode_progress)
+        if json:
+            print_json({"out": out, "model": out / "model", "training": info.training, "budget": budget})
+            return
+        say(f"{budget['iterations']} iterations in {budget['minutes']} of at most {budget['minutes_allowed']} minutes")
+        say(f"the policy is in {out / 'model'}")
+        say(f"next: busybot eval plan DATASET --agents {agent}={out}")
 
     train.__doc__ = about
     return train
@@ -49,31 +63,3 @@ def command(agent: str, about: str) -> Callable[..., None]:
 
 bc = command("bc", "Learn to reach goals by imitating an oracle, on training boards.")
 ppo = command("ppo", "Learn to reach goals by trial and error, on training boards; needs the extra `baselines`.")
-
-
-def _train(
-    agent: str,
-    out: Path,
-    data: list[Path],
-    policy_model: str | None,
-    given: tuple[Path | None, str | None, int, int | None],
-    parameters: tuple[Path | None, list[str]],
-    json: bool,
-) -> None:
-    """Train an agent and tell about it."""
-    from busybot.common.config import build
-    from busybot.common.process_pool import default_workers
-    from busybot.interact.policy.policy_factory import DEFAULT_MODEL
-    from busybot.plan.learning.train import CONFIGS, train_policy
-
-    explored, assets, seed, workers = given
-    built: Any = build(CONFIGS[agent], *parameters, {})
-    named, processes = policy_model or DEFAULT_MODEL, workers or default_workers()
-    with kept_in(out):
-        info, budget = train_policy(out, built, tuple(data), named, assets, seed, processes, episode_progress, explored)
-    if json:
-        print_json({"out": out, "model": out / "model", "training": info.training, "budget": budget})
-    else:
-        say(f"{budget['iterations']} iterations in {budget['minutes']} of at most {budget['minutes_allowed']} minutes")
-        say(f"the policy is in {out / 'model'}")
-        say(f"next: busybot eval plan DATASET --agents {agent}={out}")

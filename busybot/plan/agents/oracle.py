@@ -13,10 +13,9 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.policy.direction_pairs import pair_scores
-from busybot.plan.contact_proposals import SURE
+from busybot.plan.contact_proposals import SURE, sure_contact
 from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
-from busybot.reason.inputs.observation import ObservedEpisode, trigger_at
+from busybot.reason.inputs.observation import ObservedEpisode
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, Reasoner
 from busybot.sim.builtin_policies import TrueContact, true_contacts
@@ -61,8 +60,7 @@ class OracleProposals:
     def _contact(self, one: TrueContact) -> Contact:
         directions = np.zeros(len(DIRECTIONS))
         directions[list(one.directions.values())] = SURE
-        pixel, pairs = one.pixel, pair_scores(directions)
-        return Contact(pixel, one.position, trigger_at(self._observed, pixel), one.number + 1, SURE, directions, pairs)
+        return sure_contact(self._observed, one.pixel, one.position, one.number + 1, directions)
 
 
 class OracleAgent:
@@ -103,9 +101,7 @@ class OracleRelations:
         self._edges = np.array(board.relation_matrix(), float).reshape(len(board.objects), -1)
 
     def graph(self, seen: BoardSequence) -> InferredGraph:
-        """See `Reasoner`."""
         return InferredGraph(self.name, self._edges[None], prior=self._edges)
 
     def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
-        """See `Reasoner`."""
         return self._reasoner.predict(seen, current, actions, acted)

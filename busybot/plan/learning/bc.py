@@ -55,6 +55,11 @@ class BcLearner(Learner):
         descend(self.optimizer, loss, rate, config.clip)
         return float(loss.detach()), rate
 
+    @property
+    def policy(self) -> PolicyNetwork:
+        """What plays."""
+        return self.network
+
     @torch.no_grad()
     def judge(self) -> Mapping[str, float]:
         """Loss on held-out boards, and success."""

@@ -19,7 +19,7 @@ from matplotlib.ticker import MaxNLocator, PercentFormatter
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
-from busybot.plan.decision_log import reason
+from busybot.plan.agent_policy import reason
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import anchors, check_inferred, drawing_scale, named, object_names, remaining_responders
 from busybot.view.figures.episode import WIDTH

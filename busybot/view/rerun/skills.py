@@ -23,7 +23,7 @@ from busybot.episodes.camera import project
 from busybot.episodes.codec import encode_plain, encode_rgb
 from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace
-from busybot.plan.decision_log import LoggedContact, offered, reason
+from busybot.plan.agent_policy import LoggedContact, offered, reason
 from busybot.reason.evaluation.prediction import Explanation
 from busybot.view.annotations import board_bounds, drawing_scale, named, object_names, remaining_responders, visible
 from busybot.view.palette import ACTION, CORRECT, INK, MUTED, STATES, TRIGGER, WRONG, Rgb, mix, text_on_dark

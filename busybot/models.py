@@ -58,7 +58,7 @@ class ModelDescription:
         data: the datasets it was trained on, with their hashes.
         figures: what the training measured.
         licence: an SPDX identifier; None if nothing is recorded.
-        card: the file to read, if there is one.
+        card: the file for people.
     """
 
     name: str

@@ -9,7 +9,7 @@ to stop: the agent's words, and the contacts that it could choose from.
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -68,7 +68,7 @@ class OnlineFeatures:
             self._features[index] = known[number]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Decision:
     """What an agent decided, and what it took.
 
@@ -130,7 +130,7 @@ class AgentPolicy:
             rng=rng,
         )
         answer = self._agent.decide(situation)
-        proposed: tuple[Contact, ...] | None = situation.__dict__.get("candidates")
+        proposed: tuple[Contact, ...] | None = vars(situation).get("candidates")
         if isinstance(answer, Act) and answer.contact not in (*situation.repeats, *(proposed or ())):
             what = f"agent {self.name} took hold of a contact that it was not offered"
             raise BusybotError(what, "answer with one of `repeats` or `candidates` of the same situation")
@@ -148,8 +148,7 @@ class AgentPolicy:
             PastAction(answer.contact, answer.direction, executed, bool(reward), before, self.features)
         )
         # what is learned from an action belongs to the decision for it
-        last = self.decisions[-1]
-        self.decisions[-1] = replace(last, cpu_ms=last.cpu_ms + _ms_since(began))
+        self.decisions[-1].cpu_ms += _ms_since(began)
 
     def _look(self, observation: Observation) -> None:
         if observation is not self._seen:

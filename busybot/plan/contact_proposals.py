@@ -25,12 +25,12 @@ SURE = 0.97
 class ContactProposals(Protocol):
     """Offers contacts on one board, and is told what came of them."""
 
-    proposing_s: float
+    proposing_s: float = 0.0
     """CPU seconds that were spent in models that look at pictures."""
 
     def repeats(self, seen: Observation) -> tuple[Contact, ...]:
         """What worked in the history."""
-        ...
+        return ()
 
     def propose(self, seen: Observation) -> tuple[Contact, ...]:
         """What seems possible now."""
@@ -40,10 +40,9 @@ class ContactProposals(Protocol):
         self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Observation, after: Observation
     ) -> None:
         """What came of an action."""
-        ...
 
 
-class LearnedProposals(Generic[V]):
+class LearnedProposals(ContactProposals, Generic[V]):
     """From an interaction model and a memory that has seen the history.
 
     Args:
@@ -64,13 +63,12 @@ class LearnedProposals(Generic[V]):
         self._model, self._config, self._rays, self._observed = model, config, rays, observed
         self._briefing, self._memory = briefing, deepcopy(memory)
         self._view: tuple[Observation, V] | None = None
-        self.proposing_s = 0.0
 
     def repeats(self, seen: Observation) -> tuple[Contact, ...]:
         return tuple(self._again(step, seen.depth) for step in np.flatnonzero(self._briefing.worked >= 0).tolist())
 
     def propose(self, seen: Observation) -> tuple[Contact, ...]:
-        """The candidates, the most promising first."""
+        """The interaction model's candidates, the most promising first."""
         began = time.process_time()
         if self._view is None or self._view[0] is not seen:
             earlier = None if self._view is None else self._view[1]

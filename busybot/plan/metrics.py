@@ -116,7 +116,20 @@ def summarise(tasks: Sequence[JudgedTask], agents: Sequence[str], rng: np.random
 
 def timing(tasks: Sequence[JudgedTask], agents: Sequence[str]) -> dict[str, Any]:
     """Processor milliseconds per decision, by agent; apart from the metrics because it differs from run to run."""
-    return {agent: _timing([task.of(agent) for task in tasks]) for agent in agents}
+    found = {}
+    for agent in agents:
+        rollouts = [task.of(agent) for task in tasks]
+        everything = [value for rollout in rollouts for value in rollout.cpu_ms]
+        model = [value for rollout in rollouts for value in rollout.model_ms]
+        found[agent] = {
+            "decisions": len(everything),
+            "cpu_ms": _mean(everything),
+            "cpu_ms_p95": float(np.quantile(everything, 0.95)) if everything else None,
+            "cpu_ms_without_model": _mean([a - b for a, b in zip(everything, model, strict=True)]),
+            "asked_model": _mean([value > 0 for value in model]),
+            "start_ms": _mean([rollout.start_ms for rollout in rollouts]),
+        }
+    return found
 
 
 def _row(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], chosen: np.ndarray) -> dict[str, Any]:
@@ -142,19 +155,6 @@ def _row(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], chosen:
             kind: _mean([one.reached for one in responders if one.kind == kind])
             for kind in sorted({one.kind for one in responders})
         },
-    }
-
-
-def _timing(rollouts: Sequence[JudgedRollout]) -> dict[str, float | None]:
-    everything = [value for rollout in rollouts for value in rollout.cpu_ms]
-    model = [value for rollout in rollouts for value in rollout.model_ms]
-    return {
-        "decisions": len(everything),
-        "cpu_ms": _mean(everything),
-        "cpu_ms_p95": float(np.quantile(everything, 0.95)) if everything else None,
-        "cpu_ms_without_model": _mean([a - b for a, b in zip(everything, model, strict=True)]),
-        "asked_model": _mean([value > 0 for value in model]),
-        "start_ms": _mean([rollout.start_ms for rollout in rollouts]),
     }
 
 

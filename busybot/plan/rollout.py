@@ -134,16 +134,10 @@ class RolloutRunner:
         """Features on a board of which only the history's first frame was seen."""
         return OnlineFeatures(task.observed, self._extractor)
 
-    def play(self, task: PreparedTask, agent: str | MakeAgent, name: str | None = None) -> PlayedRollout:
-        """Let an agent play.
-
-        Args:
-            agent: as `kind_of` takes it, or what makes one of a reasoner.
-            name: in the result; by default that of the agent.
-        """
-        kind = kind_of(agent) if isinstance(agent, str) else AgentSpec(agent)
-        known_as = name or (name_of(agent) if isinstance(agent, str) else None)
-        seat = (_OracleSeat if kind.oracle else _Seat)(lambda scene: self._policy(task, kind, known_as, scene))
+    def play(self, task: PreparedTask, agent: str | MakeAgent) -> PlayedRollout:
+        """Let an agent play; it is named as `kind_of` takes it, or given as what makes one of a reasoner."""
+        kind, name = (kind_of(agent), name_of(agent)) if isinstance(agent, str) else (AgentSpec(agent), None)
+        seat = (_OracleSeat if kind.oracle else _Seat)(lambda scene: self._policy(task, kind, name, scene))
         board = task.history.board
         episode = record_episode(self._simulator, board, seat, MAX_STEPS, self._interaction, self._seed)
         policy = seat.policy

@@ -137,6 +137,11 @@ def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, config
     assert 0 <= json.loads(lines.splitlines()[-1])["validation"]["success"] <= 1
 
 
+def test_the_learning_rate_falls_to_zero() -> None:
+    config = BcConfig(iterations=4, learning_rate=2.0)
+    assert [config.rate(iteration) for iteration in range(4)] == [2, 1.5, 1, 0.5]
+
+
 def test_a_training_ends_when_its_time_is_spent(tmp_path: Path) -> None:
     student = BcLearner(BC.model_copy(update={"minutes": 1e-6}), toys(2), [], 0)
     assert fit(student, tmp_path, LOOP)["iterations"] == 1

@@ -13,7 +13,7 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.plan.contact_proposals import SURE, sure_contact
+from busybot.plan.contact_proposals import SURE, ContactProposals, sure_contact
 from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
 from busybot.reason.inputs.observation import ObservedEpisode
 from busybot.reason.inputs.sequence import BoardSequence
@@ -24,7 +24,7 @@ from busybot.sim.policy import privileged
 from busybot.sim.scene.board_scene import BoardScene
 
 
-class OracleProposals:
+class OracleProposals(ContactProposals):
     """Contacts that work, one for every visible trigger link; of the history nothing is offered.
 
     Attributes:
@@ -41,21 +41,12 @@ class OracleProposals:
     ):
         self._scene, self._rays, self._config, self._observed, self._rng = scene, rays, config, observed, rng
         self.now: list[TrueContact] = []
-        self.proposing_s = 0.0
-
-    def repeats(self, seen: Observation) -> tuple[Contact, ...]:
-        return ()
 
     def propose(self, seen: Observation) -> tuple[Contact, ...]:
         began = time.process_time()
         self.now = true_contacts(self._scene, privileged(seen), self._rays, self._config, self._rng)
         self.proposing_s += time.process_time() - began
         return tuple(self._contact(one) for one in self.now)
-
-    def observe(
-        self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Observation, after: Observation
-    ) -> None:
-        pass
 
     def _contact(self, one: TrueContact) -> Contact:
         directions = np.zeros(len(DIRECTIONS))

@@ -127,13 +127,12 @@ def kind_of(agent: str) -> AgentSpec:
         BusybotError: there is none, or there is no such model.
     """
     name, given, model = agent.partition("=")
-    for trained in TRAINED:
-        if name == trained:
-            if not model:
-                what = f"agent {name} plays a trained policy, none was named"
-                raise BusybotError(what, f"--agents {name}=DIR; `busybot train {name} --out DIR` makes one")
-            load_policy(model, trained)
-            return AgentSpec(partial(learned, trained, model))
+    if trained := next((one for one in TRAINED if one == name), None):
+        if not model:
+            what = f"agent {name} plays a trained policy, none was named"
+            raise BusybotError(what, f"--agents {name}=DIR; `busybot train {name} --out DIR` makes one")
+        load_policy(model, trained)
+        return AgentSpec(partial(learned, trained, model))
     if name not in AGENTS or given:
         known = ", ".join([*AGENTS, *(f"{trained}=DIR" for trained in TRAINED)])
         raise BusybotError(f"there is no agent {agent!r}", f"choose from {known}")

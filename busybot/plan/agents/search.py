@@ -157,7 +157,7 @@ class SearchAgent:
         return found
 
     def _option(self, pair: Choice, responder: int, look: int, belief: float, ahead: float, why: str) -> Option:
-        """A choice; `belief` is that it works, before failures in this look count, `ahead` the steps that then follow."""
+        """A choice; `belief` is before its failures in this look count, `ahead` the steps that follow it."""
         belief *= self._config.after_failure ** self._book.failed(*pair, responder, look)
         return Option(*pair, responder, belief, 1 / max(belief, 1e-6) + ahead, why)
 

@@ -55,10 +55,6 @@ class BoardGraph:
     leads: np.ndarray
     worked: np.ndarray
 
-    def offered(self, state: int) -> CandidateArrays:
-        """Choices in a state."""
-        return CandidateArrays(self.facts[state], self.touched[state], int((self.leads[state] >= 0).sum()))
-
     @cached_property
     def right(self) -> np.ndarray:
         """bool (S, 25), what an oracle may choose: the first steps of the shortest ways to the greatest success that
@@ -123,21 +119,13 @@ def load_explored(path: Path) -> ExploredBoard:
         BusybotError: the file is absent or damaged.
     """
     saved = load_tensors(path)
-    arrays = {name: tensor.numpy() for name, tensor in saved.tensors.items()}
-    values = saved.values
-    briefing = TaskContext(
-        history=BoardSequence(**_under("history.", arrays)),
-        pixels=arrays["pixels"],
-        worked=arrays["worked"],
-        goal=arrays["goal"],
-        threshold=values["threshold"],
-        steps=values["steps"],
-    )
-    return ExploredBoard(briefing, BoardGraph(**_under("graph.", arrays)), values["group"], values["cpu_s"])
-
-
-def _under(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
+    arrays: dict[str, dict[str, np.ndarray]] = {"history": {}, "graph": {}, "": {}}
+    for name, tensor in saved.tensors.items():
+        part, _, field = name.rpartition(".")
+        arrays[part][field] = tensor.numpy()
+    told = {name: saved.values[name] for name in ("threshold", "steps")}
+    briefing = TaskContext(BoardSequence(**arrays["history"]), **arrays[""], **told)
+    return ExploredBoard(briefing, BoardGraph(**arrays["graph"]), saved.values["group"], saved.values["cpu_s"])
 
 
 class PracticeRollout:
@@ -179,8 +167,9 @@ class PracticeRollout:
 
     def observation(self) -> Observation:
         """The observation at this decision."""
-        looks, offered = self._graph.looks, self._graph.offered(self._state)
-        seen = self.board.encoder.seen(looks[self._state], looks[self._before], self._deed, offered)
+        graph, state = self._graph, self._state
+        offered = CandidateArrays(graph.facts[state], graph.touched[state], len(self.possible))
+        seen = self.board.encoder.seen(graph.looks[state], graph.looks[self._before], self._deed, offered)
         return self._ordered(seen)
 
     def act(self, choice: int) -> None:

@@ -113,7 +113,8 @@ def explore(player: RolloutRunner, task: PreparedTask, scene: BoardScene, config
     """
     contacts, sight = player.contacts(task), player.sight(task)
     start, board = scene.trigger_states(), task.history.board
-    away, rows = {start: 0}, []  # actions that lead to each state; a state's number is its place
+    rows: list[tuple[Any, ...]] = []
+    away = {start: 0}  # actions that lead to each state; a state's number is its place
     while len(rows) < len(away):
         number, state = len(rows), list(away)[len(rows)]
         scene.rest(BoardState(state))

@@ -115,12 +115,8 @@ class PpoLearner(Learner):
                 device="cpu",
             )
         self.network, self.optimizer = self._model.policy, self._model.policy.optimizer  # actor and critic
+        self.policy: PolicyNetwork = self._model.policy.network  # the actor, which is all that plays
         self.budget = Budget(config.minutes)
-
-    @property
-    def policy(self) -> PolicyNetwork:
-        """The actor, which is all that plays."""
-        return self._model.policy.network
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """Collect experience and learn from it."""

@@ -79,7 +79,10 @@ def train_policy(
     if config.agent == "ppo" and find_spec("sb3_contrib") is None:
         raise BusybotError("sb3-contrib is not installed", "pip install 'busybot[baselines]'")
     datasets = [_of_training(Dataset.open(path)) for path in source.data]
-    provenance = {"data": [origin_of(dataset) for dataset in datasets], "model": fingerprint(source.model)}
+    provenance: dict[str, Any] = {
+        "data": [origin_of(dataset) for dataset in datasets],
+        "model": fingerprint(source.model),
+    }
     begin_folder(out, config, seed, **provenance)
     if (out / "model" / INFO_FILE).exists():
         return read_info(out / "model", PolicyInfo), read_json(out / BUDGET)

@@ -72,7 +72,7 @@ class Story:
         pictures: by name.
         early: the step of the early picture of the viewer.
         rollout: of the agent that reaches for a goal.
-        planned: what `plan.evaluate.evaluate` tells of this agent.
+        planned: what `plan.evaluate.evaluate_agents` tells of this agent.
     """
 
     episodes: list[Episode]

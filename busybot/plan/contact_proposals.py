@@ -40,6 +40,7 @@ class ContactProposals(Protocol):
         self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Observation, after: Observation
     ) -> None:
         """What came of an action."""
+        return
 
 
 class LearnedProposals(ContactProposals, Generic[V]):

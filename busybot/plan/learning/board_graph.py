@@ -123,8 +123,8 @@ def load_explored(path: Path) -> ExploredBoard:
     for name, tensor in saved.tensors.items():
         part, _, field = name.rpartition(".")
         arrays[part][field] = tensor.numpy()
-    told = {name: saved.values[name] for name in ("threshold", "steps")}
-    briefing = TaskContext(BoardSequence(**arrays["history"]), **arrays[""], **told)
+    told: dict[str, Any] = arrays[""] | {name: saved.values[name] for name in ("threshold", "steps")}
+    briefing = TaskContext(BoardSequence(**arrays["history"]), **told)
     return ExploredBoard(briefing, BoardGraph(**arrays["graph"]), saved.values["group"], saved.values["cpu_s"])
 
 

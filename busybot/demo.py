@@ -24,9 +24,8 @@ from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyF
 from busybot.interact.policy.policy_trace import PolicyTrace, retrace
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.plan.decision_log import reason
-from busybot.plan.evaluate import evaluate_agents
-from busybot.plan.rollout import PlanConfig
+from busybot.plan.agent_policy import reason
+from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
 from busybot.reason.evaluation.prediction import inferred_over_time
 from busybot.reason.models.base import InferredGraph
@@ -144,7 +143,8 @@ def _reach_goal(out: Path, library: Library, seed: int, say: Say, model: str) ->
     dataset = _collect(out / "task", _task(library, seed), library, 1, say, model)
     say("reaching the goal with what was learned")
     record = out / "rollouts"
-    result = evaluate_agents(dataset, library, [AGENT], DEFAULT_REASONER, model, PlanConfig(), seed, record=record)
+    evaluation = PlanEvaluation(dataset, library, [AGENT], DEFAULT_REASONER, model, seed=seed, record=record)
+    result = evaluate_agents(evaluation)
     rollout = read_episode(Dataset.open(record / AGENT).episode_path(0), "lazy")
     return rollout, result["agents"][AGENT]
 

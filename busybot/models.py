@@ -4,7 +4,6 @@ A model is a folder with `model.json` and weights as safetensors, whatever the s
 `reason.models.model_folder` load them. Here only `verify` needs torch: it loads the weights into the networks.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
@@ -59,7 +58,7 @@ class ModelDescription:
         data: the datasets it was trained on, with their hashes.
         figures: what the training measured.
         licence: an SPDX identifier; None if nothing is recorded.
-        card: the file to read, if there is one.
+        card: the file for people.
     """
 
     name: str
@@ -131,9 +130,8 @@ def describe_model(folder: Path) -> ModelDescription:
         BusybotError: `model.json` or a file of weights cannot be read.
     """
     card, skill, kind = _card(folder)
-    training, shipped = card.training, _is_shipped(folder)
+    training, shipped, readme = card.training, folder.parent in SHIPPED.values(), folder / CARD_FILE
     told = {key: value for key, value in training.items() if key not in NOT_FIGURES}
-    licence = training.get("licence")
     return ModelDescription(
         name=_name(folder),
         skill=skill,
@@ -147,8 +145,8 @@ def describe_model(folder: Path) -> ModelDescription:
         data=[*training.get("rounds", []), *training.get("data", [])],
         figures={**training.get("validation", {}), **told},
         versions=training.get("versions", {}),
-        licence=licence or ("MIT" if shipped else None),
-        card=folder / CARD_FILE if (folder / CARD_FILE).is_file() else None,
+        licence=training.get("licence") or ("MIT" if shipped else None),
+        card=readme if readme.is_file() else None,
     )
 
 
@@ -165,7 +163,7 @@ def verify(folder: Path) -> ModelVerdict:
         problems += [f"{folder / name}: {INFO_FILE} does not record it" for name in strangers]
     loads = True
     try:
-        _LOADERS[skill](folder, kind)
+        _load(folder, skill, kind)
     except BusybotError as error:
         loads = False
         if not any(problem.startswith(error.what.split(": ")[0]) for problem in problems):
@@ -173,23 +171,16 @@ def verify(folder: Path) -> ModelVerdict:
     return ModelVerdict(_name(folder), skill, kind, bool(card.files), loads, problems)
 
 
-def _is_shipped(folder: Path) -> bool:
-    return folder.parent in SHIPPED.values()
-
-
 def _name(folder: Path) -> str:
-    return folder.name if _is_shipped(folder) else str(folder)
+    return folder.name if folder.parent in SHIPPED.values() else str(folder)
 
 
 def _card(folder: Path) -> tuple[Card, str, str]:
     """The card, the skill that it belongs to, and the kind of networks."""
     card = read_info(folder, Card)
-    if card.variant is not None:
-        return card, "interact", card.variant
-    if card.model is not None:
-        return card, "reason", card.model
-    if card.agent is not None:
-        return card, "plan", card.agent
+    for skill, kind in (("interact", card.variant), ("reason", card.model), ("plan", card.agent)):
+        if kind is not None:
+            return card, skill, kind
     raise BusybotError(f"{folder / INFO_FILE}: it has none of `variant`, `model` and `agent`: not a model's card")
 
 
@@ -214,26 +205,17 @@ def _values(file: Path) -> int:
         raise BusybotError(f"{file}: damaged: {error}", "copy the model again") from None
 
 
-def _load_interact(folder: Path, _: str) -> None:
-    from busybot.interact.affordance.load import load_model
+def _load(folder: Path, skill: str, kind: Any) -> None:
+    """Load the weights into the networks."""
+    if skill == "interact":
+        from busybot.interact.affordance.load import load_model
 
-    load_model(folder)
+        load_model(folder)
+    elif skill == "reason":
+        from busybot.reason.models.registry import load_reasoner
 
+        load_reasoner(folder)
+    else:
+        from busybot.plan.learning.network import read_policy
 
-def _load_reason(folder: Path, _: str) -> None:
-    from busybot.reason.models.registry import load_reasoner
-
-    load_reasoner(folder)
-
-
-def _load_plan(folder: Path, agent: Any) -> None:
-    from busybot.plan.learning.network import read_policy
-
-    read_policy(folder, agent)
-
-
-_LOADERS: dict[str, Callable[[Path, str], None]] = {
-    "interact": _load_interact,
-    "reason": _load_reason,
-    "plan": _load_plan,
-}
+        read_policy(folder, kind)

@@ -145,12 +145,12 @@ def _planner(agent: str, about: str) -> Callable[..., None]:
     ) -> None:
         from busybot.common.config import build
         from busybot.interact.policy.policy_factory import DEFAULT_MODEL
-        from busybot.plan.learning.train import CONFIGS, train_policy
+        from busybot.plan.learning.train import CONFIGS, PracticeSource, train_policy
 
         built: Any = build(CONFIGS[agent], config, set_ or [], {})
-        named, count = policy_model or DEFAULT_MODEL, processes(workers)
+        source = PracticeSource(tuple(data), policy_model or DEFAULT_MODEL, assets, explored)
         with kept_in(out):
-            info, budget = train_policy(out, built, tuple(data), named, assets, seed, count, episode_progress, explored)
+            info, budget = train_policy(out, built, source, seed, processes(workers), episode_progress)
         minutes = f"{budget['minutes']} of at most {budget['minutes_allowed']} minutes"
         answer(
             json,

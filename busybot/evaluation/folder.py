@@ -11,17 +11,14 @@ interruptions.
 """
 
 import json
-import platform
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from busybot import __version__
 from busybot.common.atomic_io import append_line, make_folder, read_json, write_atomically, write_json
 from busybot.common.errors import BusybotError
 from busybot.common.process_pool import run_tasks
@@ -96,7 +93,7 @@ def judge_boards(
         for index, one in run_tasks(missing, work.make, work.arguments, work.workers):
             judged[index] = one
             if out is not None:
-                append(out, one.model_dump_json())
+                append_line(out / BOARDS, one.model_dump_json())
             if progress:
                 progress(len(judged), len(boards))
     return [judged[index] for index in boards]
@@ -131,12 +128,6 @@ def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
     return dict(_judged_lines(out / BOARDS, kind))
 
 
-def versions() -> dict[str, str]:
-    """Of what results depend on."""
-    packages = {name: version(name) for name in ("numpy", "sapien", "torch")}
-    return {"busybot": __version__, "python": platform.python_version(), **packages}
-
-
 def plain(values: dict[str, Any]) -> dict[str, Any]:
     """As it comes back from a JSON file."""
     return dict(json.loads(json.dumps(values)))
@@ -156,11 +147,6 @@ def _judged_lines(file: Path, kind: type[J]) -> Iterator[tuple[int, J]]:
         except ValidationError as error:
             raise BusybotError(f"{file}: line {number}: {error.errors()[0]['msg']}", "remove the folder") from None
         yield judged.model_dump(include={"board"})["board"], judged
-
-
-def append(out: Path, line: str) -> None:
-    """Remember a judged board, given as JSON."""
-    append_line(out / BOARDS, line)
 
 
 @contextmanager

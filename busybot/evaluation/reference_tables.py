@@ -72,12 +72,11 @@ INTERACTION = Table(
     splits=NOVEL,
     keys={"precision": "precision", "recall": "recall", "precision_exploring": "new links"},
     rows=(
-        ReferenceRow("free-0", "**ours**, free, seed 0", "ours", "BusyBot", "free"),
-        ReferenceRow("free-1", "**ours**, free, seed 1", "ours", "BusyBot", "free"),
-        ReferenceRow("free-2", "**ours**, free, seed 2", "ours", "BusyBot", "free"),
-        ReferenceRow("strict-0", "**ours**, strict, seed 0", "ours", "BusyBot", "strict"),
-        ReferenceRow("strict-1", "**ours**, strict, seed 1", "ours", "BusyBot", "strict"),
-        ReferenceRow("strict-2", "**ours**, strict, seed 2", "ours", "BusyBot", "strict"),
+        *(
+            ReferenceRow(f"{mode}-{seed}", f"**ours**, {mode}, seed {seed}", "ours", "BusyBot", mode)
+            for mode in ("free", "strict")
+            for seed in range(3)
+        ),
         ReferenceRow(
             "free-0-delta-1000", "free seed 0, judged at the paper's threshold of 1000", "ablation", "BusyBot"
         ),

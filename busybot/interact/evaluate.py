@@ -20,8 +20,8 @@ from busybot.datasets.info import CollectInfo
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.bootstrap import LEVEL
-from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards, versions
-from busybot.evaluation.results import stamp
+from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards
+from busybot.evaluation.results import package_versions, stamp
 from busybot.interact import metrics as m
 from busybot.objects.library import Library
 from busybot.sim.interaction import InteractionConfig
@@ -226,5 +226,5 @@ def _settings(evaluation: PolicyEvaluation) -> dict[str, Any]:
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "seed": info.seed},
         "seed": evaluation.seed,
-        "versions": versions(),
+        "versions": package_versions(),
     }

@@ -1,18 +1,24 @@
-"""An agent on a board: it sees pictures as features, its acts become actions of the simulator.
+"""An agent on a board: it sees pictures as features, its acts become actions, its decisions are logged.
 
-Features of pictures as they come, one after the other: what `features_of` does for recorded episodes.
+`OnlineFeatures` does for pictures as they come what `features_of` does for recorded episodes. Places of the objects
+come from the first frame of the recorded interactions, and so does what an object looks like where something hides it.
 
-Places of the objects come from the first frame of the recorded interactions, and so does what an object looks like
-where something hides it.
+Notes of the decisions are among a rollout's settings, one entry for each action and then perhaps one for the decision
+to stop: the agent's words, and the contacts that it could choose from.
 """
 
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from pydantic import Field, TypeAdapter, ValidationError
 
+from busybot.boards.directions import DIRECTIONS
 from busybot.common.errors import BusybotError
-from busybot.episodes.episode import Observation
+from busybot.common.frozen_model import FrozenModel
+from busybot.episodes.episode import Episode, Observation
 from busybot.plan.contact_proposals import ContactProposals
 from busybot.plan.interfaces import Act, Agent, Contact, DecisionState, PastAction, Stop, TaskContext
 from busybot.reason.encoders.registry import FeatureExtractor
@@ -21,6 +27,11 @@ from busybot.reason.inputs.object_masks import MaskConfig, ObjectMasks
 from busybot.reason.inputs.observation import Frame, ObservedEpisode
 from busybot.reason.inputs.sequence import CHANNELS
 from busybot.sim.policy import Action
+
+WORDS, OFFERED = "decisions", "offered"
+"""Names among the settings."""
+LONGEST = 500
+"""Of an agent's words no more characters are shown."""
 
 
 class OnlineFeatures:
@@ -57,7 +68,7 @@ class OnlineFeatures:
             self._features[index] = known[number]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Decision:
     """What an agent decided, and what it took.
 
@@ -119,7 +130,7 @@ class AgentPolicy:
             rng=rng,
         )
         answer = self._agent.decide(situation)
-        proposed: tuple[Contact, ...] | None = situation.__dict__.get("candidates")
+        proposed: tuple[Contact, ...] | None = vars(situation).get("candidates")
         if isinstance(answer, Act) and answer.contact not in (*situation.repeats, *(proposed or ())):
             what = f"agent {self.name} took hold of a contact that it was not offered"
             raise BusybotError(what, "answer with one of `repeats` or `candidates` of the same situation")
@@ -137,8 +148,7 @@ class AgentPolicy:
             PastAction(answer.contact, answer.direction, executed, bool(reward), before, self.features)
         )
         # what is learned from an action belongs to the decision for it
-        last = self.decisions[-1]
-        self.decisions[-1] = replace(last, cpu_ms=last.cpu_ms + _ms_since(began))
+        self.decisions[-1].cpu_ms += _ms_since(began)
 
     def _look(self, observation: Observation) -> None:
         if observation is not self._seen:
@@ -148,3 +158,69 @@ class AgentPolicy:
 def _ms_since(began: float) -> float:
     """Processor time of this process since then, milliseconds."""
     return 1000 * (time.process_time() - began)
+
+
+class LoggedContact(FrozenModel):
+    """A contact that an agent could choose.
+
+    Attributes:
+        pixel: (u, v).
+        position: board frame, board units.
+        direction: of the best direction pair the likelier one, index into DIRECTIONS.
+        score: expected success of that pair.
+        step: of the history that worked there, -1 if the interaction model proposed the contact.
+    """
+
+    pixel: tuple[int, int]
+    position: tuple[float, float, float]
+    direction: int = Field(ge=0, lt=len(DIRECTIONS))
+    score: float = Field(ge=0, le=1)
+    step: int = Field(ge=-1)
+
+
+_LOGGED = TypeAdapter(list[LoggedContact])
+
+
+def notes(decisions: Sequence[Decision]) -> dict[str, Any]:
+    """Settings that tell of the decisions, JSON values."""
+    answers = [decision.answer for decision in decisions]
+    choices = [(*decision.repeats, *(decision.proposed or ())) for decision in decisions]
+    return {
+        WORDS: [f"stop: {answer.why}" if isinstance(answer, Stop) else answer.why for answer in answers],
+        OFFERED: [[_logged(contact).model_dump(mode="json") for contact in contacts] for contacts in choices],
+    }
+
+
+def _logged(contact: Contact) -> LoggedContact:
+    x, y, z = (round(float(value), 4) for value in contact.position)
+    return LoggedContact(
+        pixel=contact.pixel,
+        position=(x, y, z),
+        direction=contact.choices[0],
+        score=round(min(max(contact.score, 0.0), 1.0), 4),
+        step=contact.step,
+    )
+
+
+def is_rollout(episode: Episode) -> bool:
+    """Whether an agent's decisions are recorded."""
+    return isinstance(episode.settings.get(WORDS), list)
+
+
+def reason(episode: Episode, step: int) -> str:
+    """What an agent said about a step, or why it stopped before it; empty if nothing was recorded."""
+    words = episode.settings.get(WORDS)
+    if not isinstance(words, list) or step >= len(words) or not words[step]:
+        return ""
+    return str(words[step])[:LONGEST]
+
+
+def offered(episode: Episode, step: int) -> list[LoggedContact]:
+    """What an agent could choose from at a step; empty if it was not recorded, or cannot be understood."""
+    told = episode.settings.get(OFFERED)
+    if not isinstance(told, list) or step >= len(told):
+        return []
+    try:
+        return _LOGGED.validate_python(told[step])
+    except ValidationError:
+        return []

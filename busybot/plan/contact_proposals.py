@@ -1,9 +1,7 @@
 """Proposes contacts to agents: those that worked in the history, and those of the interaction model on a picture."""
 
 import time
-from collections.abc import Sequence as Several
 from copy import deepcopy
-from dataclasses import dataclass
 from functools import partial
 from typing import Generic, Protocol
 
@@ -11,37 +9,28 @@ import numpy as np
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.episodes.camera import Rays
-from busybot.episodes.episode import Episode, Observation
+from busybot.episodes.episode import Episode, Observation, Step
 from busybot.interact.policy.board_memory import BoardMemory, Failure
-from busybot.interact.policy.candidates import ActionModel, Candidates, V, find_candidates, pairs_at
+from busybot.interact.policy.candidates import ActionModel, V, find_candidates, pairs_at
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import PAIR_OF, pair_scores
 from busybot.interact.policy.policy_trace import remember
-from busybot.plan.interfaces import Contact
+from busybot.plan.interfaces import Contact, TaskContext
 from busybot.reason.inputs.observation import ObservedEpisode, trigger_at
 
 SURE = 0.97
 """Belief in a contact that has worked."""
 
 
-@dataclass(frozen=True)
-class SuccessfulAction:
-    """An action of the history that changed the picture: its step, pixel (u, v) and the direction that did it."""
-
-    step: int
-    pixel: tuple[int, int]
-    direction: int
-
-
 class ContactProposals(Protocol):
     """Offers contacts on one board, and is told what came of them."""
 
-    proposing_s: float
+    proposing_s: float = 0.0
     """CPU seconds that were spent in models that look at pictures."""
 
     def repeats(self, seen: Observation) -> tuple[Contact, ...]:
         """What worked in the history."""
-        ...
+        return ()
 
     def propose(self, seen: Observation) -> tuple[Contact, ...]:
         """What seems possible now."""
@@ -51,15 +40,15 @@ class ContactProposals(Protocol):
         self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Observation, after: Observation
     ) -> None:
         """What came of an action."""
-        ...
+        return
 
 
-class LearnedProposals(Generic[V]):
+class LearnedProposals(ContactProposals, Generic[V]):
     """From an interaction model and a memory that has seen the history.
 
     Args:
         observed: the recorded interactions.
-        worked: those of them that changed the picture.
+        briefing: says which of them worked.
         memory: it is copied.
     """
 
@@ -69,25 +58,38 @@ class LearnedProposals(Generic[V]):
         config: PolicyConfig,
         rays: Rays,
         observed: ObservedEpisode,
-        worked: Several[SuccessfulAction],
+        briefing: TaskContext,
         memory: BoardMemory,
     ):
         self._model, self._config, self._rays, self._observed = model, config, rays, observed
-        self._worked, self._memory = tuple(worked), deepcopy(memory)
+        self._briefing, self._memory = briefing, deepcopy(memory)
         self._view: tuple[Observation, V] | None = None
-        self.proposing_s = 0.0
 
     def repeats(self, seen: Observation) -> tuple[Contact, ...]:
-        return tuple(self._again(one, seen.depth) for one in self._worked)
+        return tuple(self._again(step, seen.depth) for step in np.flatnonzero(self._briefing.worked >= 0).tolist())
 
     def propose(self, seen: Observation) -> tuple[Contact, ...]:
+        """The interaction model's candidates, the most promising first."""
         began = time.process_time()
         if self._view is None or self._view[0] is not seen:
             earlier = None if self._view is None else self._view[1]
             self._view = (seen, self._model.look(seen, self._rays, earlier))
         found = find_candidates(self._model, seen, self._rays, self._memory, self._config, self._view[1])
         self.proposing_s += time.process_time() - began
-        return contacts_of(found.best_of_regions(), self._observed)
+        best = found.best_of_regions()
+        pixels = [(int(u), int(v)) for u, v in best.pixels]
+        return tuple(
+            Contact(
+                pixel=pixels[i],
+                position=best.positions[i],
+                trigger=trigger_at(self._observed, pixels[i]),
+                region=int(best.regions[i]),
+                belief=float(best.beliefs[i]),
+                directions=best.directions[i],
+                pairs=best.pairs[i],
+            )
+            for i in np.argsort(-best.scores, kind="stable")
+        )
 
     def observe(
         self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Observation, after: Observation
@@ -98,44 +100,27 @@ class LearnedProposals(Generic[V]):
             pair = int(PAIR_OF[executed[0]])
             self._memory.failed(Failure(contact.pixel, {pair: float(contact.pairs[pair])}))
 
-    def _again(self, one: SuccessfulAction, depth: np.ndarray) -> Contact:
-        directions = np.zeros(len(DIRECTIONS))
-        directions[one.direction], directions[OPPOSITE[one.direction]] = SURE, SURE / 2
-        u, v = one.pixel
-        return Contact(
-            pixel=one.pixel,
-            position=self._rays.point(depth, one.pixel),
-            trigger=trigger_at(self._observed, one.pixel),
-            region=int(self._memory.links[v, u]),
-            belief=SURE,
-            directions=directions,
-            pairs=pair_scores(directions),
-            step=one.step,
-        )
+    def _again(self, step: int, depth: np.ndarray) -> Contact:
+        """What worked in a step of the history, as the picture shows its pixel now."""
+        directions, worked = np.zeros(len(DIRECTIONS)), self._briefing.worked[step]
+        directions[worked], directions[OPPOSITE[worked]] = SURE, SURE / 2
+        u, v = self._briefing.pixels[step].tolist()
+        region = int(self._memory.links[v, u])
+        return sure_contact(self._observed, (u, v), self._rays.point(depth, (u, v)), region, directions, step)
 
 
-def contacts_of(found: Candidates, observed: ObservedEpisode) -> tuple[Contact, ...]:
-    """The candidates one by one, the most promising first."""
-    order = np.argsort(-found.scores, kind="stable")
-    pixels = [(int(u), int(v)) for u, v in found.pixels]
-    return tuple(
-        Contact(
-            pixel=pixels[i],
-            position=found.positions[i],
-            trigger=trigger_at(observed, pixels[i]),
-            region=int(found.regions[i]),
-            belief=float(found.beliefs[i]),
-            directions=found.directions[i],
-            pairs=found.pairs[i],
-        )
-        for i in order
+def sure_contact(
+    observed: ObservedEpisode,
+    pixel: tuple[int, int],
+    position: np.ndarray,
+    region: int,
+    directions: np.ndarray,
+    step: int = -1,
+) -> Contact:
+    """A contact of which it is known that something can be moved there."""
+    return Contact(
+        pixel, position, trigger_at(observed, pixel), region, SURE, directions, pair_scores(directions), step
     )
-
-
-def successful_actions(history: Episode) -> list[SuccessfulAction]:
-    """The history's actions that changed the picture, as the agent itself perceived it."""
-    steps = enumerate(history.steps)
-    return [SuccessfulAction(number, step.pixel, step.executed[-1]) for number, step in steps if step.reward]
 
 
 def memory_of(history: Episode, model: ActionModel[V], rays: Rays, config: PolicyConfig) -> BoardMemory:
@@ -146,17 +131,10 @@ def memory_of(history: Episode, model: ActionModel[V], rays: Rays, config: Polic
     """
     seen = [history.observation(number) for number in range(len(history.steps) + 1)]
     memory = BoardMemory(rays.heights(seen[0].depth), config)
+
+    def asked(step: Step, before: Observation) -> np.ndarray:
+        return pairs_at(model, model.look(before, rays), step.pixel, memory, config)
+
     for step, before, after in zip(history.steps, seen, seen[1:], strict=False):
-        remember(memory, step, before, after, partial(_asked, model, before, rays, step.pixel, memory, config))
+        remember(memory, step, before, after, partial(asked, step, before))
     return memory
-
-
-def _asked(
-    model: ActionModel[V],
-    seen: Observation,
-    rays: Rays,
-    pixel: tuple[int, int],
-    memory: BoardMemory,
-    config: PolicyConfig,
-) -> np.ndarray:
-    return pairs_at(model, model.look(seen, rays), pixel, memory, config)

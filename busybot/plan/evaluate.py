@@ -5,6 +5,7 @@ and stand apart, under `timing`.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,8 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo, collect_command
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
-from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards, versions
-from busybot.evaluation.results import stamp
+from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards
+from busybot.evaluation.results import package_versions, stamp
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
@@ -28,44 +29,52 @@ from busybot.sim.scene.board_scene import Simulator
 from busybot.training.model_cards import file_hashes, find_folder
 
 
+@dataclass(frozen=True)
+class PlanEvaluation:
+    """Agents on tasks; plain data for worker processes.
+
+    Attributes:
+        dataset: with tasks and recorded histories.
+        library: its objects.
+        agents: as `agents.registry.kind_of` takes them.
+        reasoner: one without training by its name, or a trained model's name or folder.
+        policy_model: interaction model, whose candidates agents choose from.
+        seed: of the agents' draws.
+        record: folder for the rollouts: in it a dataset for every agent.
+    """
+
+    dataset: Dataset
+    library: Library
+    agents: Sequence[str]
+    reasoner: str
+    policy_model: str
+    config: PlanConfig = PlanConfig()
+    seed: int = 0
+    record: Path | None = None
+
+
 def evaluate_agents(
-    dataset: Dataset,
-    library: Library,
-    agents: Sequence[str],
-    reasoner: str,
-    policy_model: str,
-    config: PlanConfig,
-    seed: int = 0,
-    workers: int = 1,
-    progress: Progress | None = None,
-    out: Path | None = None,
-    record: Path | None = None,
+    evaluation: PlanEvaluation, workers: int = 1, progress: Progress | None = None, out: Path | None = None
 ) -> dict[str, Any]:
     """Let every agent play every task and compute the metrics; JSON values, see `metrics.summarise`.
 
     Args:
-        dataset: with tasks and recorded histories.
-        agents: as `plan.rollout.kind_of` takes them.
-        reasoner: one without training by its name, or a trained model's name or folder.
-        policy_model: interaction model, whose candidates agents choose from.
-        seed: of the agents' draws.
         out: folder for the results, with which a stopped evaluation goes on.
-        record: folder for the rollouts: in it a dataset for every agent.
 
     Raises:
         BusybotError: the dataset has no tasks or histories, there is no such agent or model, `out` or `record` hold
             something else, or a worker is at fault.
     """
-    for agent in agents:
+    dataset, seed, record = evaluation.dataset, evaluation.seed, evaluation.record
+    for agent in evaluation.agents:
         kind_of(agent)
-    names = [name_of(agent) for agent in agents]
+    names = [name_of(agent) for agent in evaluation.agents]
     if len(set(names)) < len(names):
         raise BusybotError("an agent is named twice", "evaluate its models one after the other")
-    tasks = _tasks(dataset, config)
-    settings = _settings(dataset, agents, reasoner, policy_model, config, seed)
-    features_of(dataset, reasoner_of(reasoner).encoder, episodes=tasks, workers=workers)
-    arguments = (dataset.path, library, tuple(agents), reasoner, policy_model, config, seed, record)
-    work = BoardWork(m.JudgedTask, make_work, arguments, workers)
+    tasks = _tasks(dataset, evaluation.config)
+    settings = _settings(evaluation)
+    features_of(dataset, reasoner_of(evaluation.reasoner).encoder, episodes=tasks, workers=workers)
+    work = BoardWork(m.JudgedTask, make_work, (evaluation,), workers)
     recordings = [
         EvaluationRecording(record / one, dataset, _collected(settings, one), record) for one in names if record
     ]
@@ -75,36 +84,27 @@ def evaluate_agents(
     return conclude(out, {**stamp("plan", hashes=_hashes(settings)), **figures})
 
 
-def make_work(
-    path: Path,
-    library: Library,
-    agents: tuple[str, ...],
-    reasoner: str,
-    policy_model: str,
-    config: PlanConfig,
-    seed: int,
-    record: Path | None,
-) -> Callable[[int], m.JudgedTask]:
+def make_work(evaluation: PlanEvaluation) -> Callable[[int], m.JudgedTask]:
     """What a worker does with a board's index: all agents play its task."""
-    dataset, loaded, model = Dataset.open(path), reasoner_of(reasoner), load_once(policy_model)
-    simulator = Simulator(library, config.render)
+    dataset, record, config = evaluation.dataset, evaluation.record, evaluation.config
+    loaded, model = reasoner_of(evaluation.reasoner), load_once(evaluation.policy_model)
     policy = policy_config(model.info, config.learned)
-    player = RolloutRunner(simulator, loaded, model, policy, config.interaction, seed)
-    stored = {name: Dataset.open(record / name) for name in map(name_of, agents)} if record else {}
+    simulator = Simulator(evaluation.library, config.render)
+    player = RolloutRunner(simulator, loaded, model, policy, config.interaction, evaluation.seed)
+    stored = {agent: Dataset.open(record / name_of(agent)) for agent in evaluation.agents} if record else {}
 
     def work(index: int) -> m.JudgedTask:
         history = read_episode(dataset.episode_path(index))
         task = player.prepare(history, features_of(dataset, loaded.encoder, episodes=[index], workers=1)[index])
         rollouts = []
-        for agent in agents:
+        for agent in evaluation.agents:
             played = player.play(task, agent)
             rollouts.append(played.judged)
-            if (name := name_of(agent)) in stored:
-                write_episode(stored[name].episode_path(index), played.episode, "jpeg", stored[name].path)
-        board = history.board
-        least = least_steps(start_states(board), task_of(board).goal)
-        kind = task_of(board).kind
-        return m.JudgedTask(board=index, kind=kind, least_steps=least, rollouts=tuple(rollouts))
+            if agent in stored:
+                write_episode(stored[agent].episode_path(index), played.episode, "jpeg", stored[agent].path)
+        asked, start = task_of(history.board), start_states(history.board)
+        least = least_steps(start, asked.goal)
+        return m.JudgedTask(board=index, kind=asked.kind, least_steps=least, rollouts=tuple(rollouts))
 
     return work
 
@@ -123,18 +123,11 @@ def _tasks(dataset: Dataset, config: PlanConfig) -> list[int]:
     return list(range(count))
 
 
-def _reasoner_provenance(reasoner: str) -> dict[str, Any]:
-    """What decides what a reasoner says, without where it lies."""
-    if reasoner in REASONERS:
-        return {"name": reasoner, "config": config_class(reasoner)().model_dump(mode="json")}
-    folder = find_folder(reasoner, "reason")
-    return {"name": folder.name, "sha256": file_hashes(folder)}
-
-
-def _policy_provenance(agent: str) -> dict[str, Any]:
-    """What decides what a trained agent does, without where it lies."""
-    name, _, model = agent.partition("=")
-    folder = find_folder(model, name)
+def _provenance(model: str, skill: str) -> dict[str, Any]:
+    """What decides what a model does, without where it lies; `skill` is as of `find_folder`."""
+    if skill == "reason" and model in REASONERS:
+        return {"name": model, "config": config_class(model)().model_dump(mode="json")}
+    folder = find_folder(model, skill)
     return {"name": folder.name, "sha256": file_hashes(folder)}
 
 
@@ -162,25 +155,25 @@ def _collected(settings: dict[str, Any], agent: str) -> CollectInfo:
     )
 
 
-def _settings(
-    dataset: Dataset, agents: Sequence[str], reasoner: str, policy_model: str, config: PlanConfig, seed: int
-) -> dict[str, Any]:
+def _settings(evaluation: PlanEvaluation) -> dict[str, Any]:
     """What is measured; two results are comparable as far as these agree."""
+    dataset, agents, config = evaluation.dataset, evaluation.agents, evaluation.config
     info, hashes = dataset.info, dataset.hashes()
     origin = {"name": info.name, "split": info.split, "boards": info.boards, "seed": info.seed}
-    policy = policy_config(load_once(policy_model).info, config.learned)
+    policy = policy_config(load_once(evaluation.policy_model).info, config.learned)
+    trained = [agent.partition("=") for agent in agents if name_of(agent) in TRAINED]
     return {
         "names": [name_of(agent) for agent in agents],
         "oracles": [agent for agent in agents if kind_of(agent).oracle],
         "steps": MAX_STEPS,
-        "reasoner": reasoner_of(reasoner).name,
+        "reasoner": reasoner_of(evaluation.reasoner).name,
         "provenance": {
-            "reasoner": _reasoner_provenance(reasoner),
-            "agents": {name_of(agent): _policy_provenance(agent) for agent in agents if name_of(agent) in TRAINED},
-            "interaction": {"model": fingerprint(policy_model), "policy": policy.provenance()},
+            "reasoner": _provenance(evaluation.reasoner, "reason"),
+            "agents": {name: _provenance(model, name) for name, _, model in trained},
+            "interaction": {"model": fingerprint(evaluation.policy_model), "policy": policy.provenance()},
         },
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "board_hash": hashes.board, "content_hash": hashes.content},
-        "seed": seed,
-        "versions": versions(),
+        "seed": evaluation.seed,
+        "versions": package_versions(),
     }

@@ -77,6 +77,10 @@ class Contact:
         """Expected success of the best direction pair."""
         return self.belief * float(self.pairs.max())
 
+    def expected(self, direction: int) -> float:
+        """Expected success of one direction."""
+        return self.belief * float(self.directions[direction])
+
     @property
     def choices(self) -> tuple[int, int]:
         """The two directions of the best pair, the likelier one first."""

@@ -6,26 +6,19 @@ it by features, as the paper's authors judge it. Over tasks it is averaged (macr
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from busybot.common.frozen_model import FrozenModel
-from busybot.evaluation.bootstrap import Interval, percentile_interval
+from busybot.evaluation.bootstrap import percentile_interval
 
 DRAWS = 2000
 
 Cause = Literal[
     "", "no candidate", "wrong relation", "wrong prediction", "physical failure", "not noticed", "not tried"
 ]
-CAUSES: tuple[Cause, ...] = (
-    "no candidate",
-    "wrong relation",
-    "wrong prediction",
-    "physical failure",
-    "not noticed",
-    "not tried",
-)
+CAUSES: tuple[Cause, ...] = get_args(Cause)[1:]
 """Why a responder is not in its goal state: nothing was offered on its link; the inferred graph lacks its relation;
 an action on its link, or one that was meant for it, changed something else than wanted; its actions changed nothing; by
 features it looked as in the goal; none of these."""
@@ -123,59 +116,47 @@ def summarise(tasks: Sequence[JudgedTask], agents: Sequence[str], rng: np.random
 
 def timing(tasks: Sequence[JudgedTask], agents: Sequence[str]) -> dict[str, Any]:
     """Processor milliseconds per decision, by agent; apart from the metrics because it differs from run to run."""
-    return {agent: _timing([task.of(agent) for task in tasks]) for agent in agents}
+    found = {}
+    for agent in agents:
+        rollouts = [task.of(agent) for task in tasks]
+        everything = [value for rollout in rollouts for value in rollout.cpu_ms]
+        model = [value for rollout in rollouts for value in rollout.model_ms]
+        found[agent] = {
+            "decisions": len(everything),
+            "cpu_ms": _mean(everything),
+            "cpu_ms_p95": float(np.quantile(everything, 0.95)) if everything else None,
+            "cpu_ms_without_model": _mean([a - b for a, b in zip(everything, model, strict=True)]),
+            "asked_model": _mean([value > 0 for value in model]),
+            "start_ms": _mean([rollout.start_ms for rollout in rollouts]),
+        }
+    return found
 
 
 def _row(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], chosen: np.ndarray) -> dict[str, Any]:
     responders = [one for rollout in rollouts for one in rollout.responders]
     causes = Counter(one.cause for one in responders if not one.reached)
     success = np.array([rollout.success for rollout in rollouts])
-    looks = [_share([one.looks_reached for one in rollout.responders]) for rollout in rollouts]
+    looks = [_mean([one.looks_reached for one in rollout.responders]) for rollout in rollouts]
+    steps = sum(one.steps for one in rollouts)
     return {
         "success": _mean(success),
-        "interval": _interval(success, chosen),
-        "micro": _share([one.reached for one in responders]),
+        "interval": percentile_interval(success[chosen].mean(axis=1)) if len(success) else None,
+        "micro": _mean([one.reached for one in responders]),
         "by_features": _mean([share for share in looks if share is not None]),
-        "asked": _share([one.reached for one in responders if one.asked]),
-        "kept": _share([one.reached for one in responders if not one.asked]),
-        "solved": _share([all(one.reached for one in rollout.responders) for rollout in rollouts]),
+        "asked": _mean([one.reached for one in responders if one.asked]),
+        "kept": _mean([one.reached for one in responders if not one.asked]),
+        "solved": _mean([all(one.reached for one in rollout.responders) for rollout in rollouts]),
         "steps": _mean([rollout.steps for rollout in rollouts]),
         "steps_more": _mean([r.steps - task.least_steps for r, task in zip(rollouts, tasks, strict=True)]),
-        "step_success": _share([True] * sum(r.succeeded for r in rollouts) + _failed_steps(rollouts)),
+        "step_success": sum(one.succeeded for one in rollouts) / steps if steps else None,
         "stopped": dict(Counter(rollout.stopped or "steps used up" for rollout in rollouts).most_common(8)),
         "failures_by_cause": {cause: causes[cause] for cause in CAUSES},
         "by_relation": {
-            kind: _share([one.reached for one in responders if one.kind == kind])
+            kind: _mean([one.reached for one in responders if one.kind == kind])
             for kind in sorted({one.kind for one in responders})
         },
     }
 
 
-def _failed_steps(rollouts: Sequence[JudgedRollout]) -> list[bool]:
-    return [False] * sum(rollout.steps - rollout.succeeded for rollout in rollouts)
-
-
-def _timing(rollouts: Sequence[JudgedRollout]) -> dict[str, float | None]:
-    everything = [value for rollout in rollouts for value in rollout.cpu_ms]
-    model = [value for rollout in rollouts for value in rollout.model_ms]
-    return {
-        "decisions": len(everything),
-        "cpu_ms": _mean(everything),
-        "cpu_ms_p95": float(np.quantile(everything, 0.95)) if everything else None,
-        "cpu_ms_without_model": _mean([a - b for a, b in zip(everything, model, strict=True)]),
-        "asked_model": _share([value > 0 for value in model]),
-        "start_ms": _mean([rollout.start_ms for rollout in rollouts]),
-    }
-
-
-def _interval(values: np.ndarray, chosen: np.ndarray) -> Interval:
-    """Percentile interval of the mean."""
-    return percentile_interval(values[chosen].mean(axis=1)) if len(values) else None
-
-
 def _mean(values: Sequence[float] | np.ndarray) -> float | None:
     return float(np.mean(values)) if len(values) else None
-
-
-def _share(values: Sequence[bool]) -> float | None:
-    return sum(values) / len(values) if values else None

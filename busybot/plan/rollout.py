@@ -1,11 +1,10 @@
-"""Letting an agent play the task of a recorded board, in one simulator.
+"""Lets an agent play the task of a recorded board in one simulator, and judges what it did by the true states.
 
-From a recorded history with a goal picture to what an agent is told before it starts.
-
-Judges rollouts by the true states. For evaluators only.
+An agent is told of its task what the recorded history with its goal picture shows (`TaskContext`); judging is for
+evaluators only.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,12 +20,11 @@ from busybot.episodes.episode import Episode
 from busybot.interact.policy.board_memory import BoardMemory
 from busybot.interact.policy.candidates import ActionModel
 from busybot.interact.policy.config import PolicyConfig
-from busybot.plan.agent_policy import AgentPolicy, Decision, OnlineFeatures
+from busybot.plan.agent_policy import AgentPolicy, Decision, OnlineFeatures, notes
 from busybot.plan.agents.oracle import OracleAgent, OracleProposals, OracleRelations
 from busybot.plan.agents.registry import AgentSpec, MakeAgent, kind_of, name_of
-from busybot.plan.contact_proposals import ContactProposals, LearnedProposals, memory_of, successful_actions
-from busybot.plan.decision_log import notes
-from busybot.plan.interfaces import Act, Agent, Stop, TaskContext
+from busybot.plan.contact_proposals import ContactProposals, LearnedProposals, memory_of
+from busybot.plan.interfaces import Act, Stop, TaskContext
 from busybot.plan.metrics import Cause, JudgedResponder, JudgedRollout
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.observation import ObservedEpisode, goal_of, observe_episode
@@ -36,117 +34,6 @@ from busybot.sim.interaction import InteractionConfig
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import BoardScene, Simulator
 from busybot.sim.scene.render import RenderConfig
-
-
-def task_context(
-    history: Episode, steps: int, encoder: str = "embedded", features: np.ndarray | None = None
-) -> TaskContext:
-    """What agents are told of a task.
-
-    Args:
-        history: the recorded interactions, with a goal.
-        steps: so many actions are allowed.
-        encoder: of the features.
-        features: of the history, (T + 1, N, 256), if they are known already.
-
-    Raises:
-        BusybotError: the history has no goal, or there is no such encoder.
-    """
-    observed, goal, chosen = observe_episode(history), goal_of(history), make_extractor(encoder)
-    if goal is None:
-        what = f"board {history.board.index} has no goal"
-        raise BusybotError(
-            what, "make a dataset with tasks: busybot generate OUT --tasks one-to-one, busybot collect OUT"
-        )
-    worked = np.full(len(history.steps), -1)
-    for one in successful_actions(history):
-        worked[one.step] = one.direction
-    return TaskContext(
-        history=sequence_of(observed, chosen.of(observed) if features is None else features),
-        pixels=np.array([step.pixel for step in history.steps], int).reshape(-1, 2),
-        worked=worked,
-        goal=OnlineFeatures(observed, chosen).see(goal),
-        threshold=threshold_of(encoder),
-        steps=steps,
-    )
-
-
-def judge_rollout(rollout: Episode, policy: AgentPolicy, briefing: TaskContext, edges: np.ndarray) -> JudgedRollout:
-    """Put the truth beside what an agent did.
-
-    Args:
-        rollout: on a board with a task, with segmentation.
-        policy: that acted.
-        edges: bool (N, N), relations that the reasoner claims.
-    """
-    board, steps = rollout.board, rollout.steps
-    start = responder_states(board, start_states(board))
-    right = reached(board, steps[-1].responder_states_after if steps else start)
-    asked = reached(board, start)
-    differing = set(briefing.differing(policy.features).tolist())
-    relations = {relation.responder: relation for relation in board.relations}
-    last = policy.decisions[-1].answer if policy.decisions else None
-    responders = []
-    for index in affectable(board):
-        cause: Cause = ""
-        if not right[index]:
-            cause = _cause(rollout, policy.decisions, relations[index], edges, index not in differing)
-        responders.append(
-            JudgedResponder(
-                object=index,
-                key=board.objects[index].key,
-                kind=relations[index].kind,
-                asked=not asked[index],
-                reached=right[index],
-                looks_reached=index not in differing,
-                cause=cause,
-            )
-        )
-    return JudgedRollout(
-        agent=policy.name,
-        steps=len(steps),
-        succeeded=sum(step.success for step in steps),
-        stopped=last.why if isinstance(last, Stop) else "",
-        responders=tuple(responders),
-        cpu_ms=tuple(round(one.cpu_ms, 3) for one in policy.decisions),
-        model_ms=tuple(round(one.model_ms, 3) for one in policy.decisions),
-        start_ms=round(policy.start_ms, 3),
-    )
-
-
-def _cause(
-    rollout: Episode, decisions: Sequence[Decision], relation: Relation, edges: np.ndarray, looks_reached: bool
-) -> Cause:
-    """Why a responder is not in its goal state; the first of the reasons that applies."""
-    link = (relation.triggers[0].object, relation.triggers[0].link)
-    responder = relation.responder
-    steps = rollout.steps
-    meant = [isinstance(one.answer, Act) and one.answer.responder == responder for one in decisions[: len(steps)]]
-    if any(step.success and (step.acted_object, step.acted_link) == link for step in steps):
-        return "not noticed" if looks_reached else "wrong prediction"
-    if not edges[link[0], responder]:
-        return "wrong relation"
-    if any(one and step.success for one, step in zip(meant, steps, strict=True)):
-        return "wrong prediction"
-    on_link = [(step.acted_object, step.acted_link) == link for step in steps]
-    if any(one or on for one, on in zip(meant, on_link, strict=True)):
-        return "physical failure"
-    if looks_reached:
-        return "not noticed"
-    return "not tried" if _offered(rollout, decisions, link) else "no candidate"
-
-
-def _offered(rollout: Episode, decisions: Sequence[Decision], link: tuple[int, str]) -> bool:
-    """Whether the interaction model proposed a contact on a link, or was not even asked."""
-    codes = [number + 1 for number, one in enumerate(rollout.links) if (one.object, one.name) == link]
-    for number, decision in enumerate(decisions):
-        segmentation = rollout.image(number).segmentation
-        assert segmentation is not None
-        if decision.proposed is None:
-            return True
-        if any(int(segmentation[v, u]) in codes for u, v in (contact.pixel for contact in decision.proposed)):
-            return True
-    return False
 
 
 class PlanConfig(FrozenModel):
@@ -208,6 +95,7 @@ class RolloutRunner:
     ):
         self._simulator, self._reasoner, self._model = simulator, reasoner, model
         self._config, self._interaction = policy or PolicyConfig(), interaction or InteractionConfig()
+        self._extractor = make_extractor(reasoner.encoder)
         self._seed = seed
 
     def prepare(self, history: Episode, features: np.ndarray | None = None) -> PreparedTask:
@@ -217,77 +105,150 @@ class RolloutRunner:
             features: of the history, (T + 1, N, 256), if they are known already.
 
         Raises:
-            BusybotError: it has no goal or no depth.
+            BusybotError: it has no goal or no depth, or there is no encoder as the reasoner's.
         """
-        briefing = task_context(history, MAX_STEPS, self._reasoner.encoder, features)
-        rays = Rays(history.camera)
+        observed, goal, rays = observe_episode(history), goal_of(history), Rays(history.camera)
+        if goal is None:
+            what = f"board {history.board.index} has no goal"
+            raise BusybotError(
+                what, "make a dataset with tasks: busybot generate OUT --tasks one-to-one, busybot collect OUT"
+            )
+        known = sequence_of(observed, self._extractor.of(observed) if features is None else features)
+        briefing = TaskContext(
+            history=known,
+            pixels=np.array([step.pixel for step in history.steps], int).reshape(-1, 2),
+            worked=np.array([step.executed[-1] if step.reward else -1 for step in history.steps], int),
+            goal=OnlineFeatures(observed, self._extractor).see(goal),
+            threshold=threshold_of(self._reasoner.encoder),
+            steps=MAX_STEPS,
+        )
         memory = memory_of(history, self._model, rays, self._config)
-        edges = self._reasoner.graph(briefing.history).claimed(briefing.history.steps)
-        return PreparedTask(history, observe_episode(history), briefing, memory, rays, edges)
+        edges = self._reasoner.graph(known).claimed(known.steps)
+        return PreparedTask(history, observed, briefing, memory, rays, edges)
 
-    def play(self, task: PreparedTask, agent: str | MakeAgent, name: str | None = None) -> PlayedRollout:
-        """Let an agent play.
+    def contacts(self, task: PreparedTask) -> LearnedProposals[Any]:
+        """Proposals on a board of which nothing but the history is known."""
+        return LearnedProposals(self._model, self._config, task.rays, task.observed, task.briefing, task.memory)
 
-        Args:
-            agent: as `kind_of` takes it, or what makes one of a reasoner.
-            name: in the result; by default that of the agent.
-        """
-        kind = kind_of(agent) if isinstance(agent, str) else AgentSpec(agent)
-        seat = _Seat(self, task, kind, name or (name_of(agent) if isinstance(agent, str) else None))
-        factory = _OracleSeat(seat) if kind.oracle else seat
+    def sight(self, task: PreparedTask) -> OnlineFeatures:
+        """Features on a board of which only the history's first frame was seen."""
+        return OnlineFeatures(task.observed, self._extractor)
+
+    def play(self, task: PreparedTask, agent: str | MakeAgent) -> PlayedRollout:
+        """Let an agent play; it is named as `kind_of` takes it, or given as what makes one of a reasoner."""
+        kind, name = (kind_of(agent), name_of(agent)) if isinstance(agent, str) else (AgentSpec(agent), None)
+        seat = (_OracleSeat if kind.oracle else _Seat)(lambda scene: self._policy(task, kind, name, scene))
         board = task.history.board
-        episode = record_episode(self._simulator, board, factory, MAX_STEPS, self._interaction, self._seed)
+        episode = record_episode(self._simulator, board, seat, MAX_STEPS, self._interaction, self._seed)
         policy = seat.policy
         assert policy is not None
         episode.settings |= notes(policy.decisions)
         return PlayedRollout(episode, judge_rollout(episode, policy, task.briefing, task.edges))
 
-    def policy(self, task: PreparedTask, kind: AgentSpec, name: str | None) -> AgentPolicy:
-        """An agent that has what a robot has, as a policy."""
-        assert kind.make is not None
-        return self._policy(task, kind.make(self._reasoner), self._contacts(task), name)
-
-    def oracle(self, task: PreparedTask, kind: AgentSpec, name: str | None, scene: BoardScene) -> AgentPolicy:
-        """An agent that is told the truth about a scene, as a policy."""
-        rng = generator(self._seed, scene.spec.split, scene.spec.index, "plan/true contacts")
-        reasoner = OracleRelations(self._reasoner, scene.spec) if kind.relations else self._reasoner
-        true = OracleProposals(scene, task.rays, self._interaction, task.observed, rng)
-        agent = kind.make(reasoner) if kind.make else OracleAgent(scene, task_of(scene.spec).goal, true)
-        return self._policy(task, agent, true if kind.contacts else self._contacts(task), name)
-
-    def _contacts(self, task: PreparedTask) -> ContactProposals:
-        worked = successful_actions(task.history)
-        return LearnedProposals(self._model, self._config, task.rays, task.observed, worked, task.memory)
-
-    def _policy(self, task: PreparedTask, agent: Agent, contacts: ContactProposals, name: str | None) -> AgentPolicy:
-        sight = OnlineFeatures(task.observed, make_extractor(self._reasoner.encoder))
-        return AgentPolicy(agent, task.briefing, contacts, sight, name)
+    def _policy(self, task: PreparedTask, kind: AgentSpec, name: str | None, scene: BoardScene | None) -> AgentPolicy:
+        """An agent that has what a robot has, and the truth about a scene if one is given, as a policy."""
+        reasoner, make = self._reasoner, kind.make
+        contacts: ContactProposals = self.contacts(task)
+        if scene is not None:
+            rng = generator(self._seed, scene.spec.split, scene.spec.index, "plan/true contacts")
+            true = OracleProposals(scene, task.rays, self._interaction, task.observed, rng)
+            reasoner = OracleRelations(reasoner, scene.spec) if kind.relations else reasoner
+            contacts = true if kind.contacts else contacts
+            make = make or (lambda _: OracleAgent(scene, task_of(scene.spec).goal, true))
+        assert make is not None
+        return AgentPolicy(make(reasoner), task.briefing, contacts, self.sight(task), name)
 
 
 @dataclass
 class _Seat:
     """What `record_episode` makes the policy of an agent with; `policy` is it afterwards."""
 
-    player: RolloutRunner
-    task: PreparedTask
-    kind: AgentSpec
-    agent_name: str | None
+    make: Callable[[BoardScene | None], AgentPolicy]
     policy: AgentPolicy | None = None
     name: str = "plan"  # the same draws whoever plays
 
     def make_policy(self, rays: Rays) -> AgentPolicy:
-        self.policy = self.player.policy(self.task, self.kind, self.agent_name)
+        self.policy = self.make(None)
         return self.policy
 
 
-@dataclass
-class _OracleSeat:
+class _OracleSeat(_Seat):
     """The same of an oracle."""
 
-    seat: _Seat
-    name: str = _Seat.name
-
     def make_oracle(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> AgentPolicy:
-        seat = self.seat
-        seat.policy = seat.player.oracle(seat.task, seat.kind, seat.agent_name, scene)
-        return seat.policy
+        self.policy = self.make(scene)
+        return self.policy
+
+
+def judge_rollout(rollout: Episode, policy: AgentPolicy, briefing: TaskContext, edges: np.ndarray) -> JudgedRollout:
+    """Put the truth beside what an agent did.
+
+    Args:
+        rollout: on a board with a task, with segmentation.
+        policy: that acted.
+        edges: bool (N, N), relations that the reasoner claims.
+    """
+    board, steps = rollout.board, rollout.steps
+    start = responder_states(board, start_states(board))
+    right = reached(board, steps[-1].responder_states_after if steps else start)
+    asked = reached(board, start)
+    differing = set(briefing.differing(policy.features).tolist())
+    relations = {relation.responder: relation for relation in board.relations}
+    last = policy.decisions[-1].answer if policy.decisions else None
+    responders = [
+        JudgedResponder(
+            object=index,
+            key=board.objects[index].key,
+            kind=relations[index].kind,
+            asked=not asked[index],
+            reached=right[index],
+            looks_reached=index not in differing,
+            cause="" if right[index] else _cause(rollout, policy.decisions, relations[index], edges, differing),
+        )
+        for index in affectable(board)
+    ]
+    return JudgedRollout(
+        agent=policy.name,
+        steps=len(steps),
+        succeeded=sum(step.success for step in steps),
+        stopped=last.why if isinstance(last, Stop) else "",
+        responders=tuple(responders),
+        cpu_ms=tuple(round(one.cpu_ms, 3) for one in policy.decisions),
+        model_ms=tuple(round(one.model_ms, 3) for one in policy.decisions),
+        start_ms=round(policy.start_ms, 3),
+    )
+
+
+def _cause(
+    rollout: Episode, decisions: Sequence[Decision], relation: Relation, edges: np.ndarray, differing: set[int]
+) -> Cause:
+    """Why a responder is not in its goal state; the first of the reasons that applies."""
+    link, responder = (relation.triggers[0].object, relation.triggers[0].link), relation.responder
+    looks_reached = responder not in differing
+    steps = rollout.steps
+    meant = [isinstance(one.answer, Act) and one.answer.responder == responder for one in decisions[: len(steps)]]
+    on_link = [(step.acted_object, step.acted_link) == link for step in steps]
+    if any(on and step.success for on, step in zip(on_link, steps, strict=True)):
+        return "not noticed" if looks_reached else "wrong prediction"
+    if not edges[link[0], responder]:
+        return "wrong relation"
+    if any(one and step.success for one, step in zip(meant, steps, strict=True)):
+        return "wrong prediction"
+    if any(one or on for one, on in zip(meant, on_link, strict=True)):
+        return "physical failure"
+    if looks_reached:
+        return "not noticed"
+    return "not tried" if _offered(rollout, decisions, link) else "no candidate"
+
+
+def _offered(rollout: Episode, decisions: Sequence[Decision], link: tuple[int, str]) -> bool:
+    """Whether the interaction model proposed a contact on a link, or was not even asked."""
+    codes = [number + 1 for number, one in enumerate(rollout.links) if (one.object, one.name) == link]
+    for number, decision in enumerate(decisions):
+        segmentation = rollout.image(number).segmentation
+        assert segmentation is not None
+        if decision.proposed is None:
+            return True
+        if any(int(segmentation[v, u]) in codes for u, v in (contact.pixel for contact in decision.proposed)):
+            return True
+    return False

@@ -1,9 +1,8 @@
 """The state of a training in one file: safetensors, tensors by name and a header of text. Nothing is unpickled.
 
 Weights, AdamW's moments, replay priorities and the iteration: together with the seed they determine all that follows,
-because every iteration draws from a generator of its own.
-
-Weights before the first iteration, and what else PyTorch draws.
+because every iteration draws from a generator of its own. What PyTorch draws (`drawing`), the weights before the first
+iteration among it (`initialise`), comes from such a generator, too.
 """
 
 import json
@@ -79,33 +78,23 @@ def load_weights(network: nn.Module, tensors: dict[str, Tensor], where: Path) ->
 
 
 def training_tensors(network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """All that a network and its optimizer have learnt."""
-    return {NETWORK + name: value for name, value in network.state_dict().items()} | optimizer_tensors(optimizer)
+    """All that a network and its optimizer have learnt; the optimizer's states have a parameter's number and a name."""
+    state = optimizer.state_dict()["state"]
+    learnt = {f"{OPTIMIZER}{number}.{name}": value for number, entry in state.items() for name, value in entry.items()}
+    return {NETWORK + name: value for name, value in network.state_dict().items()} | learnt
 
 
 def restore_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimizer) -> Checkpoint:
     """Put back what `training_tensors` returned from a file; returns all that the file holds."""
     saved = load_tensors(path)
     load_weights(network, network_tensors(saved.tensors), path)
-    restore_optimizer(optimizer, saved.tensors)
-    return saved
-
-
-def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
-    """State of every parameter, by the parameter's number and the state's name."""
-    state = optimizer.state_dict()["state"]
-    return {f"{OPTIMIZER}{number}.{name}": value for number, entry in state.items() for name, value in entry.items()}
-
-
-def restore_optimizer(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
-    """Put back what `optimizer_tensors` returned."""
     state: dict[int, dict[str, Tensor]] = {}
-    for key, value in tensors.items():
+    for key, value in saved.tensors.items():
         if key.startswith(OPTIMIZER):
             number, name = key.removeprefix(OPTIMIZER).split(".")
             state.setdefault(int(number), {})[name] = value
-    groups = optimizer.state_dict()["param_groups"]
-    optimizer.load_state_dict({"state": state, "param_groups": groups})
+    optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
+    return saved
 
 
 def initialise(network: nn.Module, generator: torch.Generator, biases: bool = False) -> None:
@@ -129,16 +118,13 @@ def parameters_of(network: nn.Module) -> int:
     return sum(parameter.numel() for parameter in network.parameters())
 
 
-@contextmanager
-def drawing_nothing() -> Iterator[None]:
-    """What PyTorch draws within is as if it had not been drawn: for networks that get other weights anyway."""
-    with torch.random.fork_rng():
-        yield
+drawing_nothing = torch.random.fork_rng
+"""What PyTorch draws within is as if it had not been drawn: for networks that get other weights anyway."""
 
 
 @contextmanager
 def drawing(rng: np.random.Generator) -> Iterator[None]:
     """PyTorch's random numbers within come from this generator; those outside are as if nothing had been drawn."""
-    with torch.random.fork_rng():
+    with drawing_nothing():
         torch.manual_seed(int(rng.integers(2**63)))
         yield

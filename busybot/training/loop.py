@@ -7,12 +7,8 @@ judgements on held-out boards; `Loop` alone is for trainings in rounds or epochs
 Files of a network NAME in the folder of `fit`:
 
 checkpoints/NAME.safetensors   weights, optimizer, the best weights so far; and where the training stands (`Progress`)
-metrics/NAME.jsonl             see `metrics_file`
+metrics/NAME.jsonl             see `run_folder.Metrics`
 metrics.csv, metrics.json      the same as a table, and the figures on held-out boards
-
-Holds boards of a training back to judge by.
-
-Boards of one appearance group look alike, so a group is trained on or held out as a whole.
 """
 
 import csv
@@ -36,7 +32,7 @@ from busybot.training.run_folder import Metrics, read_metrics
 
 
 def groups_apart(groups: set[Any], share: float, seed: int, purpose: str) -> set[Any]:
-    """The groups that are held out.
+    """The groups that are held out: boards of one appearance group look alike, so it is held out as a whole.
 
     Args:
         share: of them, rounded up; 0 for none. Of a single group none is.
@@ -71,28 +67,18 @@ class LoopConfig(FrozenModel):
 
 
 class Budget:
-    """The time that a training may have, through all of its interruptions.
-
-    Args:
-        minutes: that it may have.
-
-    Attributes:
-        seconds: that it has had.
-    """
+    """The time that a training may have, through all of its interruptions; `seconds` are what it has had."""
 
     def __init__(self, minutes: float):
-        self._limit, self.seconds = 60 * minutes, 0.0
-        self._last = time.monotonic()
+        self._limit, self.seconds, self._last = 60 * minutes, 0.0, time.monotonic()
 
     def count(self) -> None:
         """Count until now."""
-        now = time.monotonic()
-        self.seconds += now - self._last
-        self._last = now
+        before, self._last = self._last, time.monotonic()
+        self.seconds += self._last - before
 
     @property
     def spent(self) -> bool:
-        """Whether no time is left."""
         return self.seconds >= self._limit
 
 
@@ -202,22 +188,22 @@ class Loop:
             if self.learner.budget is not None:
                 self.learner.budget.count()
             if (progress.iteration - start) % self._every == 0 or self._over(until):
-                if judged:
-                    self._judge(metrics)
+                if judged and (figures := self._judge()):
+                    metrics.end(progress.iteration, figures)
                 metrics.write()
                 self.save()
         return metrics
 
-    def _over(self, until: int) -> bool:
-        budget = self.learner.budget
-        return self.progress.iteration >= until or (budget is not None and budget.spent)
-
-    def _judge(self, metrics: Metrics) -> None:
+    def _judge(self) -> Mapping[str, float | None]:
+        """Figures on held-out boards; the weights are kept if they are the best."""
         figures = self.learner.judge()
         if self.progress.better(figures.get("loss")):
             self.best = {name: one.detach().clone() for name, one in self.learner.network.state_dict().items()}
-        if figures:
-            metrics.end(self.progress.iteration, figures)
+        return figures
+
+    def _over(self, until: int) -> bool:
+        budget = self.learner.budget
+        return self.progress.iteration >= until or (budget is not None and budget.spent)
 
     def save(self) -> None:
         """Write the checkpoint, whole or not at all."""
@@ -303,8 +289,3 @@ def cosine_rate(highest: float, warm_up: int, iteration: int, iterations: int) -
     """Learning rate of an iteration: it rises linearly over `warm_up` of them and falls as a cosine to zero."""
     cosine = 0.5 + 0.5 * math.cos(math.pi * iteration / iterations)
     return highest * min(1.0, (iteration + 1) / warm_up) * cosine
-
-
-def linear_rate(first: float, iteration: int, iterations: int) -> float:
-    """Learning rate of an iteration: it falls linearly to zero."""
-    return first * (1 - iteration / iterations)

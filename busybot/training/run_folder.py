@@ -1,8 +1,8 @@
-"""A training's folder: what was asked for, so that the same command continues and another one is refused.
+"""A training's folder: what was asked for, its metrics, and its course as a picture.
 
-Metrics of a running training: lines of JSON in a file, lines of text on standard error.
-
-The course of a training as a picture, drawn without a display from its lines of metrics (`metrics_file`).
+What was asked for is noted, so that the same command continues and another one is refused (`begin_folder`). Metrics of
+a running training are lines of JSON in a file and lines of text on standard error (`Metrics`); the picture is drawn
+from those lines, without a display (`draw`).
 """
 
 import json
@@ -43,9 +43,7 @@ def begin_folder(out: Path, config: BaseModel, seed: int, before: Collection[str
             raise BusybotError(f"{out}: it holds {strangers[0]!r} and no {TRAIN_FILE}", "name another folder")
         write_json(out / TRAIN_FILE, wanted)
         return
-    recorded = read_json(out / TRAIN_FILE)
-    differing = _differences(recorded, wanted, "")
-    if differing:
+    if differing := _differences(read_json(out / TRAIN_FILE), wanted, ""):
         raise BusybotError(
             f"{out}: a training with other parameters was begun there: {'; '.join(differing[:5])}",
             "continue it with the same parameters, or name another folder",
@@ -92,14 +90,10 @@ class Metrics:
             self._losses = []
             now = time.monotonic()
             if now - self._told >= PROGRESS_SECONDS or iteration == self._until:
-                self._told = now
-                self._tell(iteration, mean, (now - self._began) / (iteration - self._first))
-
-    def _tell(self, iteration: int, loss: float, seconds: float) -> None:
-        done, total = iteration - self._start, self._until - self._start
-        left = seconds * (self._until - iteration)
-        text = f"{self._name}: {done} of {total}, loss {loss:.3f}, {1e3 * seconds:.0f} ms each, {left:.0f} s left"
-        print(text, file=sys.stderr, flush=True)
+                self._told, seconds = now, (now - self._began) / (iteration - self._first)
+                done = f"{iteration - self._start} of {self._until - self._start}, loss {mean:.3f}"
+                left = f"{1e3 * seconds:.0f} ms each, {seconds * (self._until - iteration):.0f} s left"
+                print(f"{self._name}: {done}, {left}", file=sys.stderr, flush=True)
 
     def end(self, iteration: int, figures: Mapping[str, float | None]) -> None:
         """Enter the figures of a round's end."""
@@ -124,6 +118,7 @@ MARKED = 60
 """Curves of fewer points show each of them."""
 
 Lines = Sequence[Mapping[str, Any]]
+"""Of `read_metrics`."""
 Points = Sequence[tuple[float, float | None]]
 """A value of None is left out."""
 

@@ -13,7 +13,7 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.policy.policy_factory import load_once, policy_config
 from busybot.interact.policy.policy_trace import retrace
 from busybot.objects.library import Library
-from busybot.plan.decision_log import is_rollout
+from busybot.plan.agent_policy import is_rollout
 from busybot.reason.evaluation.prediction import explain
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.registry import infer, reasoner_of

@@ -3,9 +3,16 @@
 import numpy as np
 import pytest
 
-from busybot.plan.agents.paper import BusyBotAgent, PredictiveAgent, RelationAgent
+from busybot.plan.agents.paper import (
+    NO_CANDIDATE,
+    REACHED,
+    BusyBotAgent,
+    NoopAgent,
+    PredictiveAgent,
+    RandomAgent,
+    RelationAgent,
+)
 from busybot.plan.agents.search import SearchAgent
-from busybot.plan.agents.simple import NO_CANDIDATE, REACHED, NoopAgent, RandomAgent
 from busybot.plan.interfaces import Stop
 from busybot.reason.models.lookup import Lookup
 from tests.plan.toy import DOWN, RIGHT, UP, Link, World, two_buttons_and_a_lever

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from busybot.interact.policy.direction_pairs import pair_scores
-from busybot.plan.agent_policy import Decision
-from busybot.plan.decision_log import is_rollout, notes, offered, reason
+from busybot.plan.agent_policy import Decision, is_rollout, notes, offered, reason
 from busybot.plan.interfaces import Act, Contact, Stop
 from tests.episodes.synthetic import make_task_episode
 from tests.plan.toy import DOWN, UP

@@ -20,9 +20,9 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.folder import BOARDS, RESULT
 from busybot.interact.policy.policy_factory import load_once
 from busybot.objects.resolve import find
-from busybot.plan.agents.simple import NoopAgent
+from busybot.plan.agents.paper import NoopAgent
 from busybot.plan.contact_proposals import LearnedProposals
-from busybot.plan.evaluate import evaluate_agents
+from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
 from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
 from busybot.plan.rollout import PlanConfig, PreparedTask, RolloutRunner
 from busybot.reason.models.base import Reasoner
@@ -68,8 +68,11 @@ def task(simulator: Simulator, player: RolloutRunner) -> PreparedTask:
     return player.prepare(record_episode(simulator, board, ScriptedFactory(), 16, InteractionConfig(), 0))
 
 
-def run(dataset: Dataset, agents: list[str] = AGENTS, boards: int | None = None, **more: Any) -> dict[str, Any]:
-    return evaluate_agents(dataset, find("procedural"), agents, "lookup", MODEL, PlanConfig(boards=boards), **more)
+def run(
+    dataset: Dataset, agents: list[str] = AGENTS, boards: int | None = None, record: Path | None = None, **more: Any
+) -> dict[str, Any]:
+    config, library = PlanConfig(boards=boards), find("procedural")
+    return evaluate_agents(PlanEvaluation(dataset, library, agents, "lookup", MODEL, config, record=record), **more)
 
 
 def without_times(result: dict[str, Any]) -> dict[str, Any]:

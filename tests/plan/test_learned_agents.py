@@ -1,8 +1,10 @@
 """Networks, their trainings, and the agents that play them."""
 
 import json
+import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -11,10 +13,9 @@ from torch import Tensor
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.plan.agents.learned import LearnedAgent, learned
-from busybot.plan.agents.registry import kind_of, name_of
+from busybot.plan.agents.registry import LearnedAgent, kind_of, learned, name_of
 from busybot.plan.learning.bc import BcLearner, demonstrate
-from busybot.plan.learning.board_graph import PracticeRollout
+from busybot.plan.learning.board_graph import ExploredBoard, PracticeRollout
 from busybot.plan.learning.config import BcConfig, PpoConfig
 from busybot.plan.learning.encoding import STOP
 from busybot.plan.learning.network import (
@@ -26,7 +27,6 @@ from busybot.plan.learning.network import (
     play,
     rows_of,
 )
-from busybot.plan.learning.ppo import PpoLearner
 from busybot.plan.learning.train import make_learner
 from busybot.reason.models.lookup import Persistence
 from busybot.training.checkpoint import save_model
@@ -34,6 +34,10 @@ from busybot.training.loop import Learner, LoopConfig, fit
 from tests.plan.practice import ACTIONS, buttons, toys, two_buttons
 from tests.plan.toy import Link, World, two_buttons_and_a_lever
 
+if TYPE_CHECKING:
+    from busybot.plan.learning.ppo import PpoLearner
+
+ROOT = Path(__file__).resolve().parents[2]
 NET = PolicyNetworkConfig(looks=4, objects=8, token=16, hidden=16, choices=8)
 LOOP = LoopConfig(judge=2, report=1, patience=0)
 BC = BcConfig(iterations=6, batch=4, net=NET, loop=LOOP)
@@ -42,6 +46,13 @@ PPO = PpoConfig(iterations=4, envs=2, steps=30, batch=30, epochs=2, shuffle=Fals
 
 def sb3_or_skip() -> None:
     pytest.importorskip("sb3_contrib", reason="sb3-contrib is not installed: `make extras`")
+
+
+def ppo_learner(config: PpoConfig, boards: list[ExploredBoard]) -> "PpoLearner":
+    sb3_or_skip()
+    from busybot.plan.learning.ppo import PpoLearner
+
+    return PpoLearner(config, boards, [], 0)
 
 
 def network(seed: int = 0) -> PolicyNetwork:
@@ -126,15 +137,19 @@ def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, config
     assert 0 <= json.loads(lines.splitlines()[-1])["validation"]["success"] <= 1
 
 
+def test_the_learning_rate_falls_to_zero() -> None:
+    config = BcConfig(iterations=4, learning_rate=2.0)
+    assert [config.rate(iteration) for iteration in range(4)] == [2, 1.5, 1, 0.5]
+
+
 def test_a_training_ends_when_its_time_is_spent(tmp_path: Path) -> None:
     student = BcLearner(BC.model_copy(update={"minutes": 1e-6}), toys(2), [], 0)
     assert fit(student, tmp_path, LOOP)["iterations"] == 1
 
 
 def test_ppo_plays_the_same_after_its_export(tmp_path: Path) -> None:
-    sb3_or_skip()
     boards = toys(4)
-    student = PpoLearner(PPO, boards, [], 0)
+    student = ppo_learner(PPO, boards)
     student.iterate(0)
     save_model(tmp_path, PolicyInfo(agent="ppo", encoder="embedded", net=NET), student.policy.state_dict())
     alone = load_policy(tmp_path, "ppo")[1]
@@ -150,7 +165,6 @@ def test_ppo_plays_the_same_after_its_export(tmp_path: Path) -> None:
 
 
 def test_ppo_earns_more_with_practice() -> None:
-    sb3_or_skip()
     sizes = {
         "iterations": 15,
         "envs": 8,
@@ -161,16 +175,29 @@ def test_ppo_earns_more_with_practice() -> None:
         "shuffle": False,
     }
     boards = buttons(([1, 1],))
-    student = PpoLearner(PPO.model_copy(update=sizes), boards, [], 0)
+    student = ppo_learner(PPO.model_copy(update=sizes), boards)
     for iteration in range(15):
         student.iterate(iteration)
     assert play(student.policy, boards).tolist() == [1]
 
 
-def test_without_sb3_ppo_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
-    with pytest.raises(BusybotError, match="sb3-contrib is not installed"):
-        PpoLearner(PPO, toys(1), [], 0)
+def test_without_sb3_ppo_says_what_is_missing_and_bc_needs_none(tmp_path: Path) -> None:
+    """In a process that cannot import sb3-contrib."""
+    code = f"""
+import sys
+sys.modules["sb3_contrib"] = sys.modules["stable_baselines3"] = None
+from pathlib import Path
+from busybot.common.errors import BusybotError
+from busybot.plan.learning.train import PracticeSource, make_learner, train_policy
+from tests.plan.test_learned_agents import BC, PPO, toys
+make_learner(BC, toys(1), [], 0).iterate(0)
+try:
+    train_policy(Path({str(tmp_path / "out")!r}), PPO, PracticeSource((), "procedural"), 0, 1, None)
+except BusybotError as error:
+    print(error)
+"""
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True).stdout
+    assert "sb3-contrib is not installed" in told and not (tmp_path / "out").exists()
 
 
 class Watched(PolicyNetwork):

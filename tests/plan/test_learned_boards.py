@@ -8,9 +8,8 @@ from gymnasium.utils.env_checker import check_env
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.plan.learning.board_graph import PracticeRollout, load_explored, save_explored
+from busybot.plan.learning.board_graph import GoalEnv, PracticeRollout, load_explored, save_explored
 from busybot.plan.learning.encoding import CHOICES, CONTACTS, OBJECTS, SHAPES, STOP, ObservationEncoder, offer, shuffled
-from busybot.plan.learning.ppo import GoalEnv
 from tests.plan.practice import ACTIONS, explore_toy, toys
 from tests.plan.toy import DOWN, UP, Link, World, two_buttons_and_a_lever
 

@@ -9,7 +9,7 @@ from torch import nn
 
 from busybot.common.rng import generator
 from busybot.training.checkpoint import Checkpoint, load_tensors, save_tensors, training_tensors
-from busybot.training.loop import Budget, Learner, Loop, LoopConfig, cosine_rate, descend, fit, linear_rate
+from busybot.training.loop import Budget, Learner, Loop, LoopConfig, cosine_rate, descend, fit
 from busybot.training.run_folder import read_metrics
 
 
@@ -90,7 +90,6 @@ def test_learning_rates() -> None:
     rising = [cosine_rate(1.0, 10, iteration, 1000) for iteration in range(10)]
     assert rising == sorted(rising) and rising[0] == pytest.approx(0.1) and rising[-1] == pytest.approx(1, abs=1e-3)
     assert cosine_rate(1.0, 10, 500, 1000) == pytest.approx(0.5) and cosine_rate(1.0, 10, 999, 1000) < 1e-5
-    assert [linear_rate(2.0, iteration, 4) for iteration in range(4)] == [2, 1.5, 1, 0.5]
 
 
 def test_one_step_has_its_learning_rate_and_a_gradient_that_is_not_too_long() -> None:

@@ -208,15 +208,16 @@ def plan(
     from busybot.datasets.bundled_assets import library_of
     from busybot.datasets.dataset import Dataset
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL
-    from busybot.plan.evaluate import evaluate_agents
+    from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
     from busybot.plan.rollout import PlanConfig
 
     parameters = build(PlanConfig, config, set_ or [], {"boards": boards})
     names = list(dict.fromkeys(name.strip() for name in agents.split(",")))
     with episode_progress("planning") as progress:
         target = Dataset.open(dataset)
-        library, count, named = library_of(target, assets), processes(workers), policy_model or DEFAULT_MODEL
-        result = evaluate_agents(target, library, names, model, named, parameters, seed, count, progress, out, record)
+        library, proposer = library_of(target, assets), policy_model or DEFAULT_MODEL
+        evaluation = PlanEvaluation(target, library, names, model, proposer, parameters, seed, record)
+        result = evaluate_agents(evaluation, processes(workers), progress, out)
     given = {"agents": agents, "model": model, "policy-model": policy_model, "seed": seed, "boards": boards}
     result["command"] = _command_again("plan", dataset, set_, config, **given)
     _write(out, result)

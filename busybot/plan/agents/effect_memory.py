@@ -5,7 +5,7 @@ look names the state of its link. Looks of a responder are numbered; a look that
 by much less than any two known looks do, is the same.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,22 +51,20 @@ class Transition:
 
     Attributes:
         pixel, position: where.
-        trigger: as far as boxes tell.
         proposed, worked: directions.
+        name: for people.
         responder: what changed.
         before, after: numbers of its looks.
-        name: for people.
     """
 
     pixel: tuple[int, int]
     position: np.ndarray
-    trigger: int
     proposed: int
     worked: int
-    responder: int
-    before: int
-    after: int
     name: str
+    responder: int = NOBODY
+    before: int = 0
+    after: int = 0
 
 
 @dataclass(frozen=True)
@@ -96,18 +94,12 @@ class EffectMemory:
             self.numbers(features)
         self.goal = self.numbers(briefing.goal)
         for step in np.flatnonzero(briefing.worked >= 0):
-            trigger = int(history.acted[step])
+            trigger, worked = int(history.acted[step]), int(briefing.worked[step])
             allowed = np.flatnonzero(edges[trigger]) if trigger >= 0 else np.zeros(0, int)
-            responder = self._changed(history.features[step], history.features[step + 1], allowed)
-            if responder == NOBODY:
-                continue
-            before, after = (self.looks[responder].number(history.features[step + k, responder]) for k in (0, 1))
-            worked, pixel = int(briefing.worked[step]), (int(briefing.pixels[step][0]), int(briefing.pixels[step][1]))
+            u, v = briefing.pixels[step].tolist()
             # the history's action counts with the direction that worked: what was proposed may have failed before it
-            lesson = Transition(
-                pixel, history.actions[step, :3], trigger, worked, worked, responder, before, after, f"step {step + 1}"
-            )
-            self.lessons.append(lesson)
+            action = Transition((u, v), history.actions[step, :3], worked, worked, f"step {step + 1}")
+            self._learn(action, history.features[step], history.features[step + 1], allowed)
 
     def numbers(self, features: np.ndarray) -> dict[int, int]:
         """Number of each responder's look in features (N, 256)."""
@@ -115,24 +107,20 @@ class EffectMemory:
 
     def add(self, attempt: PastAction, name: str) -> None:
         """Learn from an action of the rollout."""
-        contact = attempt.contact
-        responder = self._changed(attempt.before, attempt.after, np.array(list(self.looks), int))
-        if responder == NOBODY:
+        contact, worked = attempt.contact, attempt.executed[-1]
+        action = Transition(contact.pixel, contact.position, attempt.direction, worked, name)
+        if not self._learn(action, attempt.before, attempt.after, np.array(list(self.looks), int)):
             self.failures.append(FailedAction(contact.pixel, attempt.executed, self.numbers(attempt.before)))
-            return
-        before, after = (self.looks[responder].number(looks[responder]) for looks in (attempt.before, attempt.after))
-        worked = attempt.executed[-1]
-        lesson = Transition(
-            contact.pixel, contact.position, contact.trigger, attempt.direction, worked, responder, before, after, name
-        )
-        self.lessons.append(lesson)
 
-    def _changed(self, before: np.ndarray, after: np.ndarray, allowed: np.ndarray) -> int:
-        """What changed most, `NOBODY` if nothing did."""
-        if not len(allowed):
-            return NOBODY
+    def _learn(self, action: Transition, before: np.ndarray, after: np.ndarray, allowed: np.ndarray) -> bool:
+        """Remember which of the allowed objects an action changed most, if it changed any."""
         sizes = np.linalg.norm(after[allowed] - before[allowed], axis=1)
-        return int(allowed[sizes.argmax()]) if sizes.max() > self._threshold else NOBODY
+        if not sizes.max(initial=0) > self._threshold:
+            return False
+        responder = int(allowed[sizes.argmax()])
+        looks = [self.looks[responder].number(features[responder]) for features in (before, after)]
+        self.lessons.append(replace(action, responder=responder, before=looks[0], after=looks[1]))
+        return True
 
     def nearest(self, contact: Contact) -> dict[int, float]:
         """Distance from a contact to the nearest experience with each responder, board units."""

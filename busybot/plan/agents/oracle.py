@@ -13,10 +13,9 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.policy.direction_pairs import pair_scores
-from busybot.plan.contact_proposals import SURE
+from busybot.plan.contact_proposals import SURE, ContactProposals, sure_contact
 from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
-from busybot.reason.inputs.observation import ObservedEpisode, trigger_at
+from busybot.reason.inputs.observation import ObservedEpisode
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, Reasoner
 from busybot.sim.builtin_policies import TrueContact, true_contacts
@@ -25,7 +24,7 @@ from busybot.sim.policy import privileged
 from busybot.sim.scene.board_scene import BoardScene
 
 
-class OracleProposals:
+class OracleProposals(ContactProposals):
     """Contacts that work, one for every visible trigger link; of the history nothing is offered.
 
     Attributes:
@@ -42,10 +41,6 @@ class OracleProposals:
     ):
         self._scene, self._rays, self._config, self._observed, self._rng = scene, rays, config, observed, rng
         self.now: list[TrueContact] = []
-        self.proposing_s = 0.0
-
-    def repeats(self, seen: Observation) -> tuple[Contact, ...]:
-        return ()
 
     def propose(self, seen: Observation) -> tuple[Contact, ...]:
         began = time.process_time()
@@ -53,16 +48,10 @@ class OracleProposals:
         self.proposing_s += time.process_time() - began
         return tuple(self._contact(one) for one in self.now)
 
-    def observe(
-        self, contact: Contact, executed: tuple[int, ...], reward: bool, before: Observation, after: Observation
-    ) -> None:
-        pass
-
     def _contact(self, one: TrueContact) -> Contact:
         directions = np.zeros(len(DIRECTIONS))
         directions[list(one.directions.values())] = SURE
-        pixel, pairs = one.pixel, pair_scores(directions)
-        return Contact(pixel, one.position, trigger_at(self._observed, pixel), one.number + 1, SURE, directions, pairs)
+        return sure_contact(self._observed, one.pixel, one.position, one.number + 1, directions)
 
 
 class OracleAgent:
@@ -103,9 +92,7 @@ class OracleRelations:
         self._edges = np.array(board.relation_matrix(), float).reshape(len(board.objects), -1)
 
     def graph(self, seen: BoardSequence) -> InferredGraph:
-        """See `Reasoner`."""
         return InferredGraph(self.name, self._edges[None], prior=self._edges)
 
     def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
-        """See `Reasoner`."""
         return self._reasoner.predict(seen, current, actions, acted)

@@ -21,9 +21,8 @@ import numpy as np
 from busybot.common.frozen_model import FrozenModel
 from busybot.interact.policy.direction_pairs import sigmoid
 from busybot.plan.agents.effect_memory import EffectMemory, Transition
-from busybot.plan.agents.paper import predicted
-from busybot.plan.agents.simple import NO_CANDIDATE, REACHED
-from busybot.plan.interfaces import NOBODY, Act, Contact, DecisionState, Stop, TaskContext
+from busybot.plan.agents.paper import NO_CANDIDATE, REACHED, Choice, predicted
+from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
 from busybot.reason.models.base import Reasoner
 
 
@@ -75,12 +74,11 @@ class Option:
 
 @dataclass(frozen=True)
 class _View:
-    """What there is to choose from: features (N, 256), contacts with the distances of `Book.nearest`, looks."""
+    """What there is to choose from: features (N, 256), looks, contacts with the distances of `EffectMemory.nearest`."""
 
     features: np.ndarray
-    contacts: tuple[Contact, ...]
-    nears: list[dict[int, float]]
     looks: dict[int, int]
+    contacts: list[tuple[Contact, dict[int, float]]]
 
 
 class SearchAgent:
@@ -123,76 +121,58 @@ class SearchAgent:
         self, situation: DecisionState, contacts: tuple[Contact, ...], differing: list[int], looks: dict[int, int]
     ) -> Option | None:
         """The cheapest choice for any of the responders."""
-        view = _View(situation.features, contacts, [self._book.nearest(contact) for contact in contacts], looks)
-        found: list[Option] = []
+        nears = [(contact, self._book.nearest(contact)) for contact in contacts]
+        view, found = _View(situation.features, looks, nears), []
         for responder in differing:
             known = any(lesson.responder == responder for lesson in self._book.lessons)
             found += self._on_its_link(view, responder) if known else self._on_unknown_links(view, responder)
-        return min(found, key=lambda choice: choice.cost, default=None)
+        return min(found, key=lambda option: option.cost, default=None)
 
-    def _on_its_link(self, view: "_View", responder: int) -> list[Option]:
+    def _on_its_link(self, view: _View, responder: int) -> list[Option]:
         """Choices at contacts that are probably on the link of a responder."""
-        mine = [
-            (contact, share)
-            for contact, near in zip(view.contacts, view.nears, strict=True)
-            if (share := self._share(near, responder)) > self._config.least_share
+        config, goal, costs = self._config, self._book.goal[responder], self._costs(responder)
+        shares = [
+            (contact, direction, share)
+            for contact, near in view.contacts
+            if (share := self._share(near, responder)) > config.least_share
+            for direction in contact.choices
         ]
-        look, costs = view.looks[responder], self._costs(responder)
-        pairs = [(contact, direction) for contact, _ in mine for direction in contact.choices]
-        shares = [share for _, share in mine for _ in range(2)]
-        lessons = [self._book.seen(contact, direction, responder, look) for contact, direction in pairs]
+        pairs, look, found = [(contact, direction) for contact, direction, _ in shares], view.looks[responder], []
+        lessons = [self._book.seen(*pair, responder, look) for pair in pairs]
         expected = self._expected(view, pairs, lessons, responder)
-        return [
-            self._choice(*pair, responder, share, look, lesson, after, costs)
-            for pair, share, lesson, after in zip(pairs, shares, lessons, expected, strict=True)
-        ]
+        for (contact, direction, share), lesson, after in zip(shares, lessons, expected, strict=True):
+            if lesson is not None:
+                belief, why = config.sure, f"as in {lesson.name}"
+            else:
+                belief = share * (config.moved if contact.step >= 0 else contact.score)
+                why = f"expected to work with {belief:.0%}"
+            ahead = costs.get(after, config.lost)
+            if after == look:
+                ahead += 1  # it is not even expected to change anything
+            if lesson is None and len(costs) == 1:
+                ahead = min(ahead, config.untried)
+            outcome = "look as in the goal" if after == goal else f"take look {after}, the goal is {goal}"
+            text = f"object {responder} should then {outcome}, {why}"
+            found.append(self._option((contact, direction), responder, look, belief, ahead, text))
+        return found
 
-    def _choice(
-        self,
-        contact: Contact,
-        direction: int,
-        responder: int,
-        share: float,
-        look: int,
-        lesson: Transition | None,
-        after: int,
-        costs: dict[int, float],
-    ) -> Option:
-        config = self._config
-        if lesson is not None:
-            belief, why = config.sure, f"as in {lesson.name}"
-        else:
-            works = config.moved if contact.step >= 0 else contact.belief * float(contact.pairs.max())
-            belief = share * works
-            why = f"expected to work with {belief:.0%}"
-        belief *= config.after_failure ** self._book.failed(contact, direction, responder, look)
-        ahead = costs.get(after, config.lost)
-        if after == look:
-            ahead += 1  # it is not even expected to change anything
-        if lesson is None and len(costs) == 1:
-            ahead = min(ahead, config.untried)
-        cost = 1 / max(belief, 1e-6) + ahead
-        reached = after == self._book.goal[responder]
-        outcome = "look as in the goal" if reached else f"take look {after}, the goal is {self._book.goal[responder]}"
-        text = f"object {responder} should then {outcome}, {why}"
-        return Option(contact, direction, responder, belief, cost, text)
+    def _option(self, pair: Choice, responder: int, look: int, belief: float, ahead: float, why: str) -> Option:
+        """A choice; `belief` is before its failures in this look count, `ahead` the steps that follow it."""
+        belief *= self._config.after_failure ** self._book.failed(*pair, responder, look)
+        return Option(*pair, responder, belief, 1 / max(belief, 1e-6) + ahead, why)
 
     def _expected(
-        self, view: "_View", pairs: list[tuple[Contact, int]], lessons: list[Transition | None], responder: int
+        self, view: _View, pairs: list[Choice], lessons: list[Transition | None], responder: int
     ) -> list[int]:
         """The look that follows each choice: seen, else concluded from the opposite direction, else predicted."""
         look = view.looks[responder]
-        after = [NOBODY] * len(pairs)
-        for number, ((contact, direction), lesson) in enumerate(zip(pairs, lessons, strict=True)):
-            turned = self._book.turned(contact, direction, responder, look)
-            after[number] = lesson.after if lesson is not None else NOBODY if turned is None else turned
-        unknown = [number for number, known in enumerate(after) if known == NOBODY]
-        if unknown:
-            asked = [pairs[number] for number in unknown]
-            features = predicted(self._reasoner, self._briefing, view.features, asked)
-            for number, row in zip(unknown, features[:, responder], strict=True):
-                after[number] = self._book.looks[responder].nearest(row)
-        return after
+        known = [
+            self._book.turned(*pair, responder, look) if lesson is None else lesson.after
+            for pair, lesson in zip(pairs, lessons, strict=True)
+        ]
+        asked = [pair for pair, after in zip(pairs, known, strict=True) if after is None]
+        rows = iter(predicted(self._reasoner, self._briefing, view.features, asked)[:, responder] if asked else ())
+        return [self._book.looks[responder].nearest(next(rows)) if after is None else after for after in known]
 
     def _share(self, near: dict[int, float], responder: int) -> float:
         """Probability that a contact is on the link of a responder, from the distances to what is known."""
@@ -214,20 +194,21 @@ class SearchAgent:
                     costs[start] = min(costs.get(start, np.inf), cost + costs[end])
         return costs
 
-    def _on_unknown_links(self, view: "_View", responder: int) -> list[Option]:
+    def _on_unknown_links(self, view: _View, responder: int) -> list[Option]:
         """Choices at contacts far from all experiences, if nothing is known to change the responder."""
-        found = []
-        triggers = np.flatnonzero(self._edges[:, responder])
-        for contact, near in zip(view.contacts, view.nears, strict=True):
+        config, triggers, look, found = (
+            self._config,
+            np.flatnonzero(self._edges[:, responder]),
+            view.looks[responder],
+            [],
+        )
+        why = f"nothing is known to change object {responder}; a link of which nothing is known"
+        for contact, near in view.contacts:
             if contact.step >= 0 or (len(triggers) and contact.trigger not in triggers):
                 continue
-            share = _sigmoid((min(near.values(), default=np.inf) - self._config.unknown) / self._config.steep)
+            belief = _sigmoid((min(near.values(), default=np.inf) - config.unknown) / config.steep) * contact.score
             for direction in contact.choices:
-                failures = self._book.failed(contact, direction, responder, view.looks[responder])
-                belief = share * contact.score * self._config.after_failure**failures
-                why = f"nothing is known to change object {responder}; a link of which nothing is known"
-                cost = 1 / max(belief, 1e-6) + self._config.guess
-                found.append(Option(contact, direction, responder, belief, cost, why))
+                found.append(self._option((contact, direction), responder, look, belief, config.guess, why))
         return found
 
 

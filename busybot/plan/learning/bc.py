@@ -37,7 +37,7 @@ class BcLearner(Learner):
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards, self.held_out = boards, held_out
         with drawing(generator(seed, "train", 0, "initial weights/bc")):
-            self.network = PolicyNetwork(config.net)
+            self.network = self.policy = PolicyNetwork(config.net)
         self.optimizer = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )

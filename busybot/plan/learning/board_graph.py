@@ -1,23 +1,30 @@
 """A task's board with all that can happen on it within a rollout, so that agents practise on it without a simulator.
 
 Between actions a board's state is that of its trigger links, and pictures, candidates and what they do depend on it
-alone: a board is a small graph. `explore` makes it; here it is data. Success and what leads where are the truth: they
-serve as reward and for the oracle that BC imitates, no agent sees them.
-
-Playing on explored boards: what happens to an agent there is what would happen in the simulator, at no cost.
+alone: a board is a small graph. `explore` makes it; here it is data, and what happens to an agent in a
+`PracticeRollout`, or in the same as a Gymnasium environment (`GoalEnv`), is what would happen in the simulator. Success
+and what leads where are the truth: they serve as reward and for the oracle that BC imitates, no agent sees them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
+import gymnasium
 import numpy as np
 import torch
+from gymnasium import spaces
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.common.rng import generator
 from busybot.plan.interfaces import TaskContext
 from busybot.plan.learning.encoding import (
+    CHOICES,
     HALF_BOARD,
+    OBJECTS,
+    SHAPES,
     STOP,
     ActionOutcome,
     CandidateArrays,
@@ -47,10 +54,6 @@ class BoardGraph:
     touched: np.ndarray
     leads: np.ndarray
     worked: np.ndarray
-
-    def offered(self, state: int) -> CandidateArrays:
-        """Choices in a state."""
-        return CandidateArrays(self.facts[state], self.touched[state], int((self.leads[state] >= 0).sum()))
 
     @cached_property
     def right(self) -> np.ndarray:
@@ -116,21 +119,13 @@ def load_explored(path: Path) -> ExploredBoard:
         BusybotError: the file is absent or damaged.
     """
     saved = load_tensors(path)
-    arrays = {name: tensor.numpy() for name, tensor in saved.tensors.items()}
-    values = saved.values
-    briefing = TaskContext(
-        history=BoardSequence(**_under("history.", arrays)),
-        pixels=arrays["pixels"],
-        worked=arrays["worked"],
-        goal=arrays["goal"],
-        threshold=values["threshold"],
-        steps=values["steps"],
-    )
-    return ExploredBoard(briefing, BoardGraph(**_under("graph.", arrays)), values["group"], values["cpu_s"])
-
-
-def _under(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
+    arrays: dict[str, dict[str, np.ndarray]] = {"history": {}, "graph": {}, "": {}}
+    for name, tensor in saved.tensors.items():
+        part, _, field = name.rpartition(".")
+        arrays[part][field] = tensor.numpy()
+    told: dict[str, Any] = arrays[""] | {name: saved.values[name] for name in ("threshold", "steps")}
+    briefing = TaskContext(BoardSequence(**arrays["history"]), **told)
+    return ExploredBoard(briefing, BoardGraph(**arrays["graph"]), saved.values["group"], saved.values["cpu_s"])
 
 
 class PracticeRollout:
@@ -172,8 +167,9 @@ class PracticeRollout:
 
     def observation(self) -> Observation:
         """The observation at this decision."""
-        looks, offered = self._graph.looks, self._graph.offered(self._state)
-        seen = self.board.encoder.seen(looks[self._state], looks[self._before], self._deed, offered)
+        graph, state = self._graph, self._state
+        offered = CandidateArrays(graph.facts[state], graph.touched[state], len(self.possible))
+        seen = self.board.encoder.seen(graph.looks[state], graph.looks[self._before], self._deed, offered)
         return self._ordered(seen)
 
     def act(self, choice: int) -> None:
@@ -192,3 +188,77 @@ class PracticeRollout:
 
     def _ordered(self, observation: Observation) -> Observation:
         return observation if self._order is None else shuffled(observation, self._order)
+
+
+class GoalEnv(gymnasium.Env[Observation, np.int64]):
+    """Reach a goal picture on a board of which recorded interactions are known.
+
+    ## Observation space
+    A `Dict` of float32 arrays, see `busybot.plan.learning.encoding`.
+
+    ## Action space
+    `Discrete(25)`: 0 stops, k takes candidate (k - 1) // 2 in one of its two directions. An episode begins with the
+    recorded history, T + 1 observations in which nothing can be chosen: whatever is answered, the next one follows.
+    A choice that is not `allowed` stops, too.
+
+    ## Reward
+    The change of the success rate: the share of the affectable responders that are in their goal state. Its sum over an
+    episode is the success at the end less that at the start.
+
+    ## End of an episode
+    Terminated when the agent stops or has acted eight times.
+
+    ## Ground truth
+    Only in `info`: `success`, and `deciding` (whether the next answer counts).
+
+    ## Arguments
+    `boards`: explored boards; `shuffle`: whether the objects come in an order that is drawn for every episode.
+    `reset(seed=...)` decides what is drawn; `reset(options={"board": i})` takes board i, its objects as they are.
+    """
+
+    metadata = {"render_modes": []}
+
+    def __init__(self, boards: Sequence[ExploredBoard], shuffle: bool = False):
+        self._boards, self._shuffle = boards, shuffle
+        self._rng = generator(0, "train", 0, "plan/goal env")
+        boxes: dict[str, spaces.Space[Any]] = {
+            name: spaces.Box(-np.inf, np.inf, shape, np.float32) for name, shape in SHAPES.items()
+        }
+        self.observation_space: Any = spaces.Dict(boxes)
+        self.action_space: Any = spaces.Discrete(CHOICES)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        super().reset(seed=seed)
+        if seed is not None:
+            self._rng = generator(seed, "train", 0, "plan/goal env")
+        chosen = (options or {}).get("board")
+        if chosen is None:
+            board = self._boards[int(self._rng.integers(len(self._boards)))]
+            self._rollout = PracticeRollout(board, self._rng.permutation(OBJECTS) if self._shuffle else None)
+        else:
+            self._rollout = PracticeRollout(self._boards[chosen])
+        self._history, self._at = self._rollout.history(), 0
+        return self._observation(), self._info()
+
+    def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        if self._at < self._length:
+            self._at += 1
+            return self._observation(), 0.0, False, False, self._info()
+        before = self._rollout.success
+        self._rollout.act(int(action))
+        return self._observation(), self._rollout.success - before, self._rollout.over, False, self._info()
+
+    @property
+    def _length(self) -> int:
+        return len(self._history["allowed"])
+
+    def _observation(self) -> Observation:
+        looking_on = self._at < self._length
+        seen = {name: value[self._at] for name, value in self._history.items()} if looking_on else None
+        # users keep what they are given
+        return {name: value.copy() for name, value in (seen or self._rollout.observation()).items()}
+
+    def _info(self) -> dict[str, Any]:
+        return {"success": self._rollout.success, "deciding": self._at >= self._length}

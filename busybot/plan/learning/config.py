@@ -2,16 +2,14 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from busybot.common.frozen_model import FrozenModel
 from busybot.plan.learning.explore import BoardGraphConfig
 from busybot.plan.learning.network import PolicyNetworkConfig
-from busybot.training.loop import LoopConfig, linear_rate
+from busybot.training.loop import LoopConfig
 
 Count = Annotated[int, Field(ge=1)]
-Positive = Annotated[float, Field(gt=0)]
-Weight = Annotated[float, Field(ge=0)]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -27,17 +25,17 @@ class _Common(FrozenModel):
         explore: how boards are explored.
     """
 
-    iterations: Annotated[int, Field(ge=0)]
-    minutes: Positive = 45.0
-    learning_rate: Positive
-    clip: Positive
+    iterations: NonNegativeInt
+    minutes: PositiveFloat = 45.0
+    learning_rate: PositiveFloat
+    clip: PositiveFloat
     shuffle: bool = True
     net: PolicyNetworkConfig = PolicyNetworkConfig()
     explore: BoardGraphConfig = BoardGraphConfig()
 
     def rate(self, iteration: int) -> float:
         """Learning rate of an iteration."""
-        return linear_rate(self.learning_rate, iteration, self.iterations)
+        return self.learning_rate * (1 - iteration / self.iterations)
 
 
 class BcConfig(_Common):
@@ -51,11 +49,11 @@ class BcConfig(_Common):
     """
 
     agent: Literal["bc"] = "bc"
-    iterations: Annotated[int, Field(ge=0)] = 8000
-    learning_rate: Positive = 2e-3
-    clip: Positive = 1.0
+    iterations: NonNegativeInt = 8000
+    learning_rate: PositiveFloat = 2e-3
+    clip: PositiveFloat = 1.0
     batch: Count = 32
-    weight_decay: Weight = 1e-3
+    weight_decay: NonNegativeFloat = 1e-3
     noise: Share = 0.2
     loop: LoopConfig = LoopConfig(judge=100, patience=15)
 
@@ -76,16 +74,16 @@ class PpoConfig(_Common):
     """
 
     agent: Literal["ppo"] = "ppo"
-    iterations: Annotated[int, Field(ge=0)] = 1300
-    learning_rate: Positive = 5e-4
-    clip: Positive = 0.5
+    iterations: NonNegativeInt = 1300
+    learning_rate: PositiveFloat = 5e-4
+    clip: PositiveFloat = 0.5
     envs: Count = 16
     steps: Annotated[int, Field(ge=2)] = 156
     batch: Annotated[int, Field(ge=2)] = 624
     epochs: Count = 4
     discount: Share = 0.99
     gae: Share = 0.95
-    clip_range: Positive = 0.2
-    entropy: Weight = 0.02
-    value: Weight = 0.5
+    clip_range: PositiveFloat = 0.2
+    entropy: NonNegativeFloat = 0.02
+    value: NonNegativeFloat = 0.5
     loop: LoopConfig = LoopConfig(report=5, judge=10, patience=0)

@@ -18,7 +18,7 @@ moving; row 0 (stop) is zeros |
 | `allowed` | (25,) | 1 where there is such a choice. Stop always is; within the history it stands for looking on |
 
 Choices are the candidates of the interaction model, those that the paper's agents of ours choose from
-(`agents.simple.promising`), in the two directions of their best pair.
+(`agents.paper.promising`), in the two directions of their best pair.
 
 Departures: the paper's agents see whole pictures; these see the objects' features, as all other agents do, and two
 distances made of them, because 45 minutes on two cores are too little to learn from pixels.
@@ -31,8 +31,7 @@ import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.errors import BusybotError
-from busybot.plan.agents.paper import Choice
-from busybot.plan.agents.simple import promising
+from busybot.plan.agents.paper import Choice, promising
 from busybot.plan.interfaces import Contact, TaskContext
 from busybot.reason.inputs.sequence import CHANNELS
 
@@ -173,9 +172,8 @@ def offer(candidates: tuple[Contact, ...]) -> tuple[CandidateArrays, list[Choice
     found = [(contact, one) for contact in promising(candidates)[:CONTACTS] for one in contact.choices]
     facts, touched = np.zeros((CHOICES, FACTS), np.float32), np.full(CHOICES, -1)
     for row, (contact, direction) in enumerate(found, start=1):
-        belief = contact.belief * float(contact.directions[direction])
         facts[row, :3], facts[row, 3:6] = contact.position / HALF_BOARD, DIRECTIONS[direction]
-        facts[row, 6:] = belief, contact.region > 0
+        facts[row, 6:] = contact.expected(direction), contact.region > 0
         touched[row] = contact.trigger
     return CandidateArrays(facts, touched, 1 + len(found)), found
 

@@ -1,4 +1,4 @@
-"""Exploring the boards of tasks datasets: every state that up to eight actions lead to, and what each choice does.
+"""Explores the boards of tasks datasets: every state that up to eight actions lead to, and what each choice does.
 
 One departure from how agents are measured: candidates of a state are those that the interaction model proposes after
 the recorded history, whatever was tried since in the rollout.
@@ -15,15 +15,14 @@ from busybot.boards.task import MAX_STEPS, reached, responder_states
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.process_pool import run_tasks
 from busybot.datasets.dataset import Dataset
+from busybot.datasets.dataset_stats import origin_of
 from busybot.episodes.mcap.reader import read_episode
+from busybot.evaluation.folder import Progress
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
-from busybot.plan.agent_policy import OnlineFeatures
-from busybot.plan.contact_proposals import ContactProposals, LearnedProposals, successful_actions
 from busybot.plan.learning.board_graph import BoardGraph, ExploredBoard, load_explored, save_explored
 from busybot.plan.learning.encoding import CHOICES, STOP, offer
 from busybot.plan.rollout import PreparedTask, RolloutRunner
-from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.observation import Frame
 from busybot.reason.models.lookup import Persistence
@@ -35,9 +34,6 @@ from busybot.training.run_folder import begin_folder
 
 BOARD_SECONDS = 3600.0
 """A board that takes longer is taken for one that hangs."""
-
-Told = Callable[[int, int], None]
-"""Told after each board: boards that are there, and all."""
 
 
 class BoardGraphConfig(FrozenModel):
@@ -55,25 +51,24 @@ class BoardGraphConfig(FrozenModel):
 def explored_boards(
     folder: Path,
     datasets: Sequence[tuple[Dataset, Library]],
-    origin: list[dict[str, Any]],
     model: str,
     config: BoardGraphConfig,
     workers: int,
-    told: Told,
+    told: Progress,
 ) -> list[ExploredBoard]:
     """The boards of several datasets, explored as far as they are not yet.
 
     Args:
         folder: where they are kept, a file for each board.
-        origin: of the datasets, JSON values.
         model: interaction model, whose candidates agents choose from.
 
     Raises:
         BusybotError: the folder holds other boards, there is no such model, or a worker is at fault.
     """
+    origin = [origin_of(dataset) for dataset, _ in datasets]
     begin_folder(folder, config, 0, data=origin, model=fingerprint(model))
     wanted = {
-        (number, index): folder / f"{number:02d}-{index:06d}.safetensors"
+        (number, index): _file_of(folder, number, index)
         for number, (dataset, _) in enumerate(datasets)
         for index in sorted(dataset.finished())
     }
@@ -96,50 +91,43 @@ def make_work(
     dataset, loaded, simulator = Dataset.open(path), load_once(model), Simulator(library, config.render)
     policy = policy_config(loaded.info, config.learned)
     player = RolloutRunner(simulator, Persistence(), loaded, policy, config.interaction)
-    sees = make_extractor(Persistence.encoder)
 
     def work(index: int) -> None:
         began = time.process_time()
         history = read_episode(dataset.episode_path(index))
         features = features_of(dataset, Persistence.encoder, episodes=[index], workers=1)[index]
         task = player.prepare(history, features)
-        contacts = LearnedProposals(loaded, policy, task.rays, task.observed, successful_actions(history), task.memory)
-        scene = simulator.board(history.board)
-        found = explore(task, scene, contacts, OnlineFeatures(task.observed, sees), config.interaction)
+        found = explore(player, task, simulator.board(history.board), config.interaction)
         group = f"{history.board.seed} {history.board.split} {history.board.appearance_group}"
         board = ExploredBoard(task.briefing, found, group, time.process_time() - began)
-        save_explored(folder / f"{number:02d}-{index:06d}.safetensors", board)
+        save_explored(_file_of(folder, number, index), board)
 
     return work
 
 
-def explore(
-    task: PreparedTask, scene: BoardScene, contacts: ContactProposals, sight: OnlineFeatures, config: InteractionConfig
-) -> BoardGraph:
+def explore(player: RolloutRunner, task: PreparedTask, scene: BoardScene, config: InteractionConfig) -> BoardGraph:
     """What can happen on a board.
 
     Args:
         scene: as the task starts.
-        contacts: that know the history.
-        sight: that has seen the history's first frame only.
     """
+    contacts, sight = player.contacts(task), player.sight(task)
     start, board = scene.trigger_states(), task.history.board
-    numbers, away, rows = {start: 0}, [0], []
-    for number, state in _growing(numbers):
+    rows: list[tuple[Any, ...]] = []
+    away = {start: 0}  # actions that lead to each state; a state's number is its place
+    while len(rows) < len(away):
+        number, state = len(rows), list(away)[len(rows)]
         scene.rest(BoardState(state))
         image = scene.observe()
         features = sight.see(Frame(image.rgb, image.depth))
-        last = away[number] >= MAX_STEPS
+        last = away[state] >= MAX_STEPS
         offered, choices = offer(() if last else contacts.propose(image.observation(scene.camera)))
         leads, worked = np.full(CHOICES, -1), np.full(CHOICES, -1)
         leads[STOP] = number
         for row, (contact, direction) in enumerate(choices, start=1):
             step, _ = interact(scene, grasp_at(scene, image, task.rays, contact.pixel), direction, config, None)
-            after = step.trigger_states_after
-            if after not in numbers:
-                numbers[after] = len(numbers)
-                away.append(away[number] + 1)
-            leads[row] = numbers[after]
+            away.setdefault(step.trigger_states_after, away[state] + 1)
+            leads[row] = list(away).index(step.trigger_states_after)
             if step.success:
                 worked[row] = step.executed[-1]
                 scene.rest(BoardState(state))
@@ -149,9 +137,6 @@ def explore(
     return BoardGraph(*(np.stack(column) for column in zip(*rows, strict=True)))
 
 
-def _growing(numbers: dict[tuple[int, ...], int]) -> Any:
-    """Numbers and states in the order of their numbers, those that are added meanwhile, too."""
-    number = 0
-    while number < len(numbers):
-        yield number, list(numbers)[number]
-        number += 1
+def _file_of(folder: Path, number: int, index: int) -> Path:
+    """Where a board of the dataset with a number is kept."""
+    return folder / f"{number:02d}-{index:06d}.safetensors"

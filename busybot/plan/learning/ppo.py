@@ -1,109 +1,34 @@
 """Proximal policy optimisation: maximise the success rate (paper appendix "Planning module", agent "PPO").
 
-RecurrentPPO of sb3-contrib learns on `GoalEnv`. Every iteration starts its environments and its random numbers anew
-from the seed, so a training that was killed goes on from its checkpoint as if nothing had happened; the episodes that
-are cut off at an iteration's end count as far as they came. sb3's own files are pickles: none is written or read.
+RecurrentPPO of sb3-contrib learns on `GoalEnv`, with our network as its policy; the value of a state is read from the
+same LSTM and trains it, too, and is left behind when the policy is exported. Every iteration starts its environments
+and its random numbers anew from the seed, so a training that was killed goes on from its checkpoint as if nothing had
+happened; the episodes that are cut off at an iteration's end count as far as they came. sb3's own files are pickles:
+none is written or read.
 
-Our network as a policy of sb3-contrib's RecurrentPPO. Needs the extra `baselines`; only `ppo` imports it.
-
-The value of a state is read from the same LSTM and trains it, too; it is left behind when the policy is exported.
-
-Tasks as a Gymnasium environment, on boards that were explored before (paper appendix "Planning module": PPO).
+Needs the extra `baselines`, so it is imported only where an agent is trained so (`train.make_learner`).
 """
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import gymnasium
-import numpy as np
 import torch
-from gymnasium import spaces
+from sb3_contrib import RecurrentPPO
 from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from sb3_contrib.common.recurrent.type_aliases import RNNStates
+from stable_baselines3.common.utils import set_random_seed
+from stable_baselines3.common.vec_env import DummyVecEnv
 from torch import Tensor, nn
 
-from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.plan.learning.board_graph import ExploredBoard, PracticeRollout
+from busybot.plan.learning.board_graph import ExploredBoard, GoalEnv
 from busybot.plan.learning.config import PpoConfig
-from busybot.plan.learning.encoding import CHOICES, OBJECTS, SHAPES, Observation
 from busybot.plan.learning.network import PolicyNetwork, PolicyNetworkConfig, State, Tensors, success_of
 from busybot.training.checkpoint import drawing
 from busybot.training.loop import Budget, Learner
 
-
-class GoalEnv(gymnasium.Env[Observation, np.int64]):
-    """Reach a goal picture on a board of which recorded interactions are known.
-
-    ## Observation space
-    A `Dict` of float32 arrays, see `busybot.plan.learning.encoding`.
-
-    ## Action space
-    `Discrete(25)`: 0 stops, k takes candidate (k - 1) // 2 in one of its two directions. An episode begins with the
-    recorded history, T + 1 observations in which nothing can be chosen: whatever is answered, the next one follows.
-    A choice that is not `allowed` stops, too.
-
-    ## Reward
-    The change of the success rate: the share of the affectable responders that are in their goal state. Its sum over an
-    episode is the success at the end less that at the start.
-
-    ## End of an episode
-    Terminated when the agent stops or has acted eight times.
-
-    ## Ground truth
-    Only in `info`: `success`, and `deciding` (whether the next answer counts).
-
-    ## Arguments
-    `boards`: explored boards; `shuffle`: whether the objects come in an order that is drawn for every episode.
-    `reset(seed=...)` decides what is drawn; `reset(options={"board": i})` takes board i, its objects as they are.
-    """
-
-    metadata = {"render_modes": []}
-
-    def __init__(self, boards: Sequence[ExploredBoard], shuffle: bool = False):
-        self._boards, self._shuffle = boards, shuffle
-        self._rng = generator(0, "train", 0, "plan/goal env")
-        boxes: dict[str, spaces.Space[Any]] = {
-            name: spaces.Box(-np.inf, np.inf, shape, np.float32) for name, shape in SHAPES.items()
-        }
-        self.observation_space: Any = spaces.Dict(boxes)
-        self.action_space: Any = spaces.Discrete(CHOICES)
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        super().reset(seed=seed)
-        if seed is not None:
-            self._rng = generator(seed, "train", 0, "plan/goal env")
-        chosen = (options or {}).get("board")
-        if chosen is None:
-            board = self._boards[int(self._rng.integers(len(self._boards)))]
-            self._rollout = PracticeRollout(board, self._rng.permutation(OBJECTS) if self._shuffle else None)
-        else:
-            self._rollout = PracticeRollout(self._boards[chosen])
-        self._history, self._at = self._rollout.history(), 0
-        return self._observation(), self._info()
-
-    def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        if self._at < self._length:
-            self._at += 1
-            return self._observation(), 0.0, False, False, self._info()
-        before = self._rollout.success
-        self._rollout.act(int(action))
-        return self._observation(), self._rollout.success - before, self._rollout.over, False, self._info()
-
-    @property
-    def _length(self) -> int:
-        return len(self._history["allowed"])
-
-    def _observation(self) -> Observation:
-        looking_on = self._at < self._length
-        seen = {name: value[self._at] for name, value in self._history.items()} if looking_on else None
-        # users keep what they are given
-        return {name: value.copy() for name, value in (seen or self._rollout.observation()).items()}
-
-    def _info(self) -> dict[str, Any]:
-        return {"success": self._rollout.success, "deciding": self._at >= self._length}
+MOST = 2**31
+"""Seeds of sb3 are smaller."""
 
 
 class GoalPolicy(RecurrentActorCriticPolicy):
@@ -155,27 +80,12 @@ class GoalPolicy(RecurrentActorCriticPolicy):
         return self.value_net(hidden), distribution.log_prob(actions), distribution.entropy()
 
 
-MOST = 2**31
-"""Seeds of sb3 are smaller."""
-
-
-def check_installed() -> None:
-    """BusybotError if sb3-contrib is not."""
-    try:
-        import sb3_contrib  # noqa: F401
-    except ImportError:
-        raise BusybotError("sb3-contrib is not installed", "pip install 'busybot[baselines]'") from None
-
-
 class PpoLearner(Learner):
     """One thread: sums have one order whatever the machine.
 
     Args:
         boards: to train on.
         held_out: to judge by.
-
-    Raises:
-        BusybotError: sb3-contrib is not installed.
     """
 
     name = "ppo"
@@ -184,24 +94,32 @@ class PpoLearner(Learner):
     def __init__(
         self, config: PpoConfig, boards: Sequence[ExploredBoard], held_out: Sequence[ExploredBoard], seed: int
     ):
-        check_installed()
         torch.set_num_threads(1)
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards, self.held_out = boards, held_out
         with drawing(generator(seed, "train", 0, "initial weights/ppo")):
-            self._model = _recurrent_ppo(config, boards)
+            self._model: Any = RecurrentPPO(
+                GoalPolicy,
+                DummyVecEnv([lambda: GoalEnv(boards, config.shuffle)] * config.envs),
+                learning_rate=config.learning_rate,
+                n_steps=config.steps,
+                batch_size=config.batch,
+                n_epochs=config.epochs,
+                gamma=config.discount,
+                gae_lambda=config.gae,
+                clip_range=config.clip_range,
+                ent_coef=config.entropy,
+                vf_coef=config.value,
+                max_grad_norm=config.clip,
+                policy_kwargs={"net": config.net},
+                device="cpu",
+            )
         self.network, self.optimizer = self._model.policy, self._model.policy.optimizer  # actor and critic
+        self.policy: PolicyNetwork = self._model.policy.network  # the actor, which is all that plays
         self.budget = Budget(config.minutes)
-
-    @property
-    def policy(self) -> PolicyNetwork:
-        """The actor, which is all that plays."""
-        return self._model.policy.network
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """Collect experience and learn from it."""
-        from stable_baselines3.common.utils import set_random_seed
-
         rng, rate = generator(self.seed, "train", iteration, "plan/ppo"), self.config.rate(iteration)
         with drawing(rng):
             # sb3 draws from the global generators of torch and numpy
@@ -215,25 +133,3 @@ class PpoLearner(Learner):
         """Success; what is to be least is the success that is missing on held-out boards."""
         figures = success_of(self.policy, self.boards, self.held_out)
         return figures | ({"loss": 1 - figures["success"]} if self.held_out else {})
-
-
-def _recurrent_ppo(config: PpoConfig, boards: Sequence[ExploredBoard]) -> Any:
-    from sb3_contrib import RecurrentPPO
-    from stable_baselines3.common.vec_env import DummyVecEnv
-
-    return RecurrentPPO(
-        GoalPolicy,
-        DummyVecEnv([lambda: GoalEnv(boards, config.shuffle)] * config.envs),
-        learning_rate=config.learning_rate,
-        n_steps=config.steps,
-        batch_size=config.batch,
-        n_epochs=config.epochs,
-        gamma=config.discount,
-        gae_lambda=config.gae,
-        clip_range=config.clip_range,
-        ent_coef=config.entropy,
-        vf_coef=config.value,
-        max_grad_norm=config.clip,
-        policy_kwargs={"net": config.net},
-        device="cpu",
-    )

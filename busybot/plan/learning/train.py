@@ -13,56 +13,62 @@ checkpoints/, metrics/      to go on from where a killed training stopped
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
-
-from torch import Tensor
+from typing import TYPE_CHECKING, Any
 
 from busybot.common.atomic_io import read_json, write_json
 from busybot.common.errors import BusybotError
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.dataset_stats import origin_of
+from busybot.evaluation.folder import Progress
 from busybot.interact.policy.policy_factory import fingerprint
 from busybot.plan.learning.bc import BcLearner
 from busybot.plan.learning.board_graph import ExploredBoard
 from busybot.plan.learning.config import BcConfig, PpoConfig
 from busybot.plan.learning.explore import explored_boards
 from busybot.plan.learning.network import PolicyInfo
-from busybot.plan.learning.ppo import PpoLearner, check_installed
 from busybot.reason.models.lookup import Persistence
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import fit, groups_apart
 from busybot.training.model_cards import INFO_FILE, read_info
 from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, losses, read_metrics
 
+if TYPE_CHECKING:
+    from busybot.plan.learning.ppo import PpoLearner
+
 BUDGET = "budget.json"
 
 Config = BcConfig | PpoConfig
 CONFIGS: dict[str, type[BcConfig] | type[PpoConfig]] = {"bc": BcConfig, "ppo": PpoConfig}
 """Parameters by agent."""
-Told = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
+Told = Callable[[str], AbstractContextManager[Progress]]
 """Opens a progress display of this name."""
 
 
-def train_policy(
-    out: Path,
-    config: Config,
-    data: tuple[Path, ...],
-    model: str,
-    assets: str | None,
-    seed: int,
-    workers: int,
-    told: Told,
-    explored: Path | None = None,
-) -> tuple[PolicyInfo, dict[str, Any]]:
-    """Train, or continue a training that was interrupted.
+@dataclass(frozen=True)
+class PracticeSource:
+    """Where the boards come from on which agents practise.
 
-    Args:
+    Attributes:
         data: datasets with tasks and recorded histories, of the training split.
         model: interaction model, whose candidates the agent chooses from.
         assets: objects, if they are not found by their hashes.
-        explored: folder of explored boards that several trainings share.
+        explored: folder of explored boards that several trainings share; None for the training's own.
+    """
+
+    data: tuple[Path, ...]
+    model: str
+    assets: str | None = None
+    explored: Path | None = None
+
+
+def train_policy(
+    out: Path, config: Config, source: PracticeSource, seed: int, workers: int, told: Told
+) -> tuple[PolicyInfo, dict[str, Any]]:
+    """Train, or continue a training that was interrupted.
 
     Returns:
         what the policy's `model.json` says, and what `budget.json` does.
@@ -70,18 +76,22 @@ def train_policy(
     Raises:
         BusybotError: the folder holds another training, a dataset cannot be trained on, or sb3-contrib is missing.
     """
-    if config.agent == "ppo":
-        check_installed()
-    datasets = [_of_training(Dataset.open(path)) for path in data]
-    origin = [origin_of(dataset) for dataset in datasets]
-    begin_folder(out, config, seed, data=origin, model=fingerprint(model))
+    if config.agent == "ppo" and find_spec("sb3_contrib") is None:
+        raise BusybotError("sb3-contrib is not installed", "pip install 'busybot[baselines]'")
+    datasets = [_of_training(Dataset.open(path)) for path in source.data]
+    provenance: dict[str, Any] = {
+        "data": [origin_of(dataset) for dataset in datasets],
+        "model": fingerprint(source.model),
+    }
+    begin_folder(out, config, seed, **provenance)
     if (out / "model" / INFO_FILE).exists():
         return read_info(out / "model", PolicyInfo), read_json(out / BUDGET)
-    libraries = [library_of(dataset, assets) for dataset in datasets]
-    pairs = list(zip(datasets, libraries, strict=True))
+    pairs = [(dataset, library_of(dataset, source.assets)) for dataset in datasets]
+    folder = source.explored or out / "boards"
     with told("exploring boards") as progress:
-        found = explored_boards(explored or out / "boards", pairs, origin, model, config.explore, workers, progress)
-    boards, held_out = _apart(found, config.loop.held_out, seed)
+        found = explored_boards(folder, pairs, source.model, config.explore, workers, progress)
+    held = groups_apart({board.group for board in found}, config.loop.held_out, seed, "plan/held out")
+    boards, held_out = ([board for board in found if (board.group in held) == wanted] for wanted in (False, True))
     learner = make_learner(config, boards, held_out, seed)
     figures = fit(learner, out, config.loop)
     _plot(out, config.agent)
@@ -90,50 +100,42 @@ def train_policy(
     training = {
         "seed": seed,
         "config": config.model_dump(mode="json"),
-        "data": origin,
-        "model": fingerprint(model),
+        **provenance,
         "boards": len(boards),
         "boards_held_out": len(held_out),
         **figures,
         "versions": learner_versions(),
     }
     info = PolicyInfo(agent=config.agent, encoder=Persistence.encoder, net=config.net, training=training)
-    save_model(out / "model", info, _played(learner))
+    save_model(out / "model", info, learner.policy.state_dict())
     return info, budget
 
 
 def make_learner(
     config: Config, boards: Sequence[ExploredBoard], held_out: Sequence[ExploredBoard], seed: int
-) -> BcLearner | PpoLearner:
+) -> "BcLearner | PpoLearner":
     """The learner of the agent whose parameters these are."""
     if isinstance(config, BcConfig):
         return BcLearner(config, boards, held_out, seed)
+    from busybot.plan.learning.ppo import PpoLearner
+
     return PpoLearner(config, boards, held_out, seed)
-
-
-def _played(learner: BcLearner | PpoLearner) -> dict[str, Tensor]:
-    """Weights of what plays."""
-    return (learner.policy if isinstance(learner, PpoLearner) else learner.network).state_dict()
 
 
 def _of_training(dataset: Dataset) -> Dataset:
     """The dataset, if agents may be trained on it."""
+    hint = "busybot generate OUT --split train --tasks one-to-one"
     if dataset.info.split != "train":
         what = f"{dataset.path}: boards of split {dataset.info.split}, agents are trained on training boards only"
-        raise BusybotError(what, "busybot generate OUT --split train --tasks one-to-one")
+        raise BusybotError(what, hint)
     if any(board.task is None for board in dataset.boards()):
-        hint = "busybot generate OUT --split train --tasks one-to-one"
         raise BusybotError(f"{dataset.path}: its boards have no tasks", hint)
     return dataset
 
 
-def _apart(found: Sequence[ExploredBoard], share: float, seed: int) -> tuple[list[ExploredBoard], list[ExploredBoard]]:
-    """Boards to train on, and those to judge by, of other appearance groups."""
-    held = groups_apart({board.group for board in found}, share, seed, "plan/held out")
-    return [one for one in found if one.group not in held], [one for one in found if one.group in held]
-
-
-def _budget(found: Sequence[ExploredBoard], learner: BcLearner | PpoLearner, figures: dict[str, Any]) -> dict[str, Any]:
+def _budget(
+    found: Sequence[ExploredBoard], learner: "BcLearner | PpoLearner", figures: dict[str, Any]
+) -> dict[str, Any]:
     """What the training took, of how much it might."""
     config, done = learner.config, figures["iterations"]
     played = done * (config.batch if isinstance(config, BcConfig) else config.envs * config.steps)

@@ -21,7 +21,7 @@ from matplotlib.ticker import MaxNLocator
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace
-from busybot.plan.decision_log import reason
+from busybot.plan.agent_policy import reason
 from busybot.reason.models.base import InferredGraph
 from busybot.view import annotations
 from busybot.view.figures import parts

@@ -14,7 +14,7 @@ from busybot.datasets.dataset import INFO_FILE, Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.reference_tables import TABLES, Table
-from busybot.plan.decision_log import is_rollout
+from busybot.plan.agent_policy import is_rollout
 from busybot.view.figures.curves import Course, courses_figure, table_figure
 from busybot.view.figures.sequences import sequence_figure
 from busybot.view.report import sections

@@ -5,7 +5,7 @@ import rerun as rr
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Episode
-from busybot.plan.decision_log import reason
+from busybot.plan.agent_policy import reason
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import acted_object, changed_objects, delta, named, object_names, truth_matrix, visible
 from busybot.view.palette import ACTION, CORRECT, MISSED, MUTED, STATES, Rgb, curve_colors

@@ -16,7 +16,7 @@ import rerun as rr
 from busybot.episodes.codec import encode_rgb
 from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace
-from busybot.plan.decision_log import LoggedContact, offered, reason
+from busybot.plan.agent_policy import LoggedContact, offered, reason
 from busybot.reason.evaluation.prediction import Explanation
 from busybot.view import annotations
 from busybot.view.palette import ACTION, CORRECT, INK, MUTED, STATES, TRIGGER, WRONG, Rgb, mix, text_on_dark

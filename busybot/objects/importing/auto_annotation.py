@@ -209,12 +209,7 @@ class _Rules:
         else:
             effect = self.given.effect or self.effect(category, used, orientation, scale)
         choices = Choices(
-            category=category,
-            scale=scale,
-            orientation=orientation,
-            links=links,
-            directions=directions,
-            effect=effect,
+            category=category, scale=scale, orientation=orientation, links=links, directions=directions, effect=effect
         )
         return AutoAnnotation(choices, tuple(low.tolist()), tuple(high.tolist()), tuple(self.notes))
 

@@ -9,8 +9,7 @@ Handles, wheels, knobs and rivets on them stand still: they are there to be told
 
 import numpy as np
 
-from busybot.objects.procedural import fixtures as hardware
-from busybot.objects.procedural import palette
+from busybot.objects.procedural import fixtures, palette
 from busybot.objects.procedural.design import DOOR_SCALE, Design, Material, MovingLink, Part, shifted
 from busybot.objects.procedural.grips import lying, rod
 from busybot.objects.procedural.palette import in_turn, pick
@@ -22,12 +21,12 @@ from busybot.objects.procedural.solids import (
     inset,
     lathe,
     matching_circle,
+    pipe,
     prism,
     rectangle,
-    star,
     sweep,
     torus,
-    tube,
+    wavy,
 )
 
 LENGTH, WIDTH = 0.76, 0.40
@@ -52,7 +51,7 @@ def door(
     hinge_y, hinge_z = -LEAF_WIDTH / 2, LEAF_TOP + 0.002
     metal = pick(rng, palette.METALS)
     for x in (-0.24, 0.24):
-        barrel = tube([(x - 0.035, hinge_y - 0.006, hinge_z), (x + 0.035, hinge_y - 0.006, hinge_z)], 0.009, 10)
+        barrel = pipe([(x - 0.035, hinge_y - 0.006, hinge_z), (x + 0.035, hinge_y - 0.006, hinge_z)], 0.009, 10)
         body.append(Part(barrel, metal))
     # turning about +x lifts the side at high y
     link = MovingLink(leaf, "revolute", (0.0, hinge_y, hinge_z), (1, 0, 0), 0.0, np.pi / 2, None, "door")
@@ -86,7 +85,7 @@ def lever_handle(metal: Material) -> list[Part]:
     """A long shield and a lever."""
     shield = prism(rectangle(0.10, 0.026, 0.012), 0, 0.005, bevel=0.002).moved(-0.02, 0.122, LEAF_TOP - 0.001)
     z = LEAF_TOP + 0.028
-    bar = tube([(0.0, 0.122, LEAF_TOP), (0.0, 0.122, z), (0.0, 0.112, z + 0.004), (0.0, 0.052, z + 0.004)], 0.008, 10)
+    bar = pipe([(0.0, 0.122, LEAF_TOP), (0.0, 0.122, z), (0.0, 0.112, z + 0.004), (0.0, 0.052, z + 0.004)], 0.008, 10)
     return [Part(shield, metal), Part(bar, metal)]
 
 
@@ -106,9 +105,8 @@ def panelled(variant: int, rng: np.random.Generator) -> Design:
     return door([*leaf, *knob(palette.BRASS, -0.02), Part(slot, palette.BRASS)], palette.WHITE, rng)
 
 
-def glazed(variant: int, rng: np.random.Generator) -> Design:
+def glazed(_variant: int, rng: np.random.Generator) -> Design:
     """Two by three panes over a wooden panel."""
-    del variant
     paint = pick(rng, (palette.WHITE, palette.SAGE, palette.SKY, palette.BIRCH))
     leaf = [slab(paint), *_panel(-0.215, 0.0, 0.16, 0.24, paint)]
     for x in (-0.045, 0.105, 0.255):
@@ -122,9 +120,8 @@ def glazed(variant: int, rng: np.random.Generator) -> Design:
     return door([*leaf, *lever_handle(palette.BRASS)], pick(rng, (palette.WHITE, palette.BIRCH, palette.GRAPHITE)), rng)
 
 
-def planked(variant: int, rng: np.random.Generator) -> Design:
+def planked(_variant: int, rng: np.random.Generator) -> Design:
     """A barn door: planks, ledges, a brace, iron straps."""
-    del variant
     wood, ledge = pick(rng, (palette.OAK, palette.CHERRY, palette.BIRCH)), pick(rng, (palette.WALNUT, palette.CHERRY))
     leaf = []
     for k in range(5):
@@ -136,7 +133,7 @@ def planked(variant: int, rng: np.random.Generator) -> Design:
         leaf += [
             part
             for y in (-0.11, -0.05, 0.05)
-            for part in hardware.screw(x, y, LEAF_TOP + 0.013, 0.4, palette.IRON, 0.009)
+            for part in fixtures.screw(x, y, LEAF_TOP + 0.013, 0.4, palette.IRON, 0.009)
         ]
     brace = box(0.52, 0.05, 0.015, 0.004).turned("z", 0.46).moved(0, 0, LEAF_TOP - 0.002)
     pull = torus(0.030, 0.006, 20, 6).moved(0.0, 0.117, LEAF_TOP + 0.012)
@@ -144,9 +141,8 @@ def planked(variant: int, rng: np.random.Generator) -> Design:
     return door(leaf, palette.WALNUT if ledge is not palette.WALNUT else palette.CHERRY, rng)
 
 
-def louvred(variant: int, rng: np.random.Generator) -> Design:
+def louvred(_variant: int, rng: np.random.Generator) -> Design:
     """Tilted slats between stiles."""
-    del variant
     paint = pick(rng, (palette.MINT, palette.SKY, palette.BLUSH, palette.IVORY))
     outer = rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.006)
     leaf = [Part(frame(outer, rectangle(0.56, 0.21, 0.004), LEAF_BOTTOM, LEAF_TOP, 0.003), paint)]
@@ -158,9 +154,8 @@ def louvred(variant: int, rng: np.random.Generator) -> Design:
     return door([*leaf, *knob(palette.CHROME)], palette.WHITE, rng)
 
 
-def flush(variant: int, rng: np.random.Generator) -> Design:
+def flush(_variant: int, rng: np.random.Generator) -> Design:
     """A plain modern leaf with a narrow window and a long bar."""
-    del variant
     face = pick(rng, (palette.GRAPHITE, palette.ORANGE, palette.SAGE, palette.WINE))
     leaf = [slab(face)]
     window = prism(rectangle(0.44, 0.05, 0.02), 0, 0.003).moved(0.03, -0.06, LEAF_TOP - 0.0005)
@@ -169,17 +164,16 @@ def flush(variant: int, rng: np.random.Generator) -> Design:
     z = LEAF_TOP + 0.03
     leaf.append(
         Part(
-            tube([(-0.20, 0.115, z), (-0.19, 0.115, z), (0.19, 0.115, z), (0.20, 0.115, z)], 0.009, 12), palette.CHROME
+            pipe([(-0.20, 0.115, z), (-0.19, 0.115, z), (0.19, 0.115, z), (0.20, 0.115, z)], 0.009, 12), palette.CHROME
         )
     )
-    leaf += [Part(tube([(x, 0.115, LEAF_TOP - 0.004), (x, 0.115, z)], 0.006, 8), palette.CHROME) for x in (-0.16, 0.16)]
+    leaf += [Part(pipe([(x, 0.115, LEAF_TOP - 0.004), (x, 0.115, z)], 0.006, 8), palette.CHROME) for x in (-0.16, 0.16)]
     leaf += [Part(box(0.003, 0.28, 0.0015).moved(x, 0, LEAF_TOP - 0.0005), palette.SHADOW) for x in (-0.27, 0.29)]
     return door(leaf, pick(rng, (palette.STEEL, palette.BIRCH)), rng)
 
 
-def arched(variant: int, rng: np.random.Generator) -> Design:
+def arched(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a castle's door with a round top, studs and long straps."""
-    del variant
     wood = pick(rng, (palette.CHERRY, palette.WALNUT, palette.FOREST))
     leaf = [Part(prism(_arch(0.33, 0.15, 0.18), LEAF_BOTTOM, LEAF_TOP, bevel=0.004), wood)]
     for y in (-0.09, -0.03, 0.03, 0.09):
@@ -201,9 +195,8 @@ def _arch(foot: float, radius: float, spring: float) -> np.ndarray:
     return np.concatenate([top, [[-foot, radius], [-foot, -radius]]])
 
 
-def porthole(variant: int, rng: np.random.Generator) -> Design:
+def porthole(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a ship's door with a round window, a wheel and rivets."""
-    del variant
     paint, rim = pick(rng, (palette.STEEL, palette.SKY, palette.RED)), pick(rng, (palette.GRAPHITE, palette.NAVY))
     outline = rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.11, 6)
     leaf = [Part(prism(outline, LEAF_BOTTOM, LEAF_TOP, bevel=0.008), paint)]
@@ -219,7 +212,7 @@ def porthole(variant: int, rng: np.random.Generator) -> Design:
     )
     for angle in np.arange(3) * np.pi / 3:
         dx, dy = 0.066 * float(np.cos(angle)), 0.066 * float(np.sin(angle))
-        leaf.append(Part(tube([(-0.12 - dx, -dy, z), (-0.12 + dx, dy, z)], 0.006, 8), palette.STEEL))
+        leaf.append(Part(pipe([(-0.12 - dx, -dy, z), (-0.12 + dx, dy, z)], 0.006, 8), palette.STEEL))
     leaf.append(
         Part(lathe([(0.018, LEAF_TOP - 0.002), (0.018, z + 0.008), (0, z + 0.010)], 18).moved(-0.12), palette.STEEL)
     )
@@ -227,9 +220,8 @@ def porthole(variant: int, rng: np.random.Generator) -> Design:
     return door(leaf, rim, rng, (outer, inner))
 
 
-def lattice(variant: int, rng: np.random.Generator) -> Design:
+def lattice(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a garden gate, diagonal laths over a coloured ground."""
-    del variant
     wood, ground = pick(rng, (palette.BIRCH, palette.WHITE)), pick(rng, (palette.SAGE, palette.TEAL, palette.PLUM))
     outer = rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.006)
     leaf = [Part(frame(outer, rectangle(0.58, 0.22, 0.004), LEAF_BOTTOM, LEAF_TOP, 0.004), wood)]
@@ -244,9 +236,8 @@ def lattice(variant: int, rng: np.random.Generator) -> Design:
     return door([*leaf, *knob(palette.IRON)], wood, rng)
 
 
-def hatch(variant: int, rng: np.random.Generator) -> Design:
+def hatch(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a cellar hatch of checkered steel with a sunk ring and a warning stripe."""
-    del variant
     metal, stripe = pick(rng, (palette.STEEL, palette.STONE)), pick(rng, (palette.MUSTARD, palette.ORANGE))
     leaf = [slab(metal)]
     for i, x in enumerate(np.linspace(-0.24, 0.24, 9)):
@@ -269,38 +260,37 @@ def hatch(variant: int, rng: np.random.Generator) -> Design:
     return door(leaf, palette.GRAPHITE, rng)
 
 
-TOP = LEAF_TOP - 0.001
+FACE = LEAF_TOP - 0.001
 
 
 def carved(variant: int, rng: np.random.Generator) -> Design:
     """Diamonds, discs or flowers in relief."""
     wood = in_turn((palette.TEAL, palette.CHERRY, palette.PLUM), variant)
     relief = pick(rng, (palette.BIRCH, palette.MUSTARD, palette.BLUSH, palette.MINT), unlike=wood)
-    motif = (circle(0.062, 4), circle(0.055, 32), star(0.055, 0.014, 6, 6))[variant % 3]
+    motif = (circle(0.062, 4), circle(0.055, 32), wavy(0.055, 0.014, 6, 6))[variant % 3]
     leaf = [slab(wood)]
     for x in (-0.22, -0.07, 0.08, 0.23):
         for y in (-0.072, 0.072):
             if y > 0 and abs(x + 0.07) < 0.01:
                 continue
-            leaf.append(Part(prism(motif, 0, 0.012, bevel=0.005).moved(x, y, TOP), relief))
-            leaf.append(Part(stud(0.016, 0.008).moved(x, y, TOP + 0.011), wood))
+            leaf.append(Part(prism(motif, 0, 0.012, bevel=0.005).moved(x, y, FACE), relief))
+            leaf.append(Part(stud(0.016, 0.008).moved(x, y, FACE + 0.011), wood))
     return door([*leaf, *knob(palette.BRASS, -0.07)], pick(rng, (palette.WALNUT, palette.IVORY)), rng)
 
 
-def safe(variant: int, rng: np.random.Generator) -> Design:
+def safe(_variant: int, rng: np.random.Generator) -> Design:
     """A strongroom's door: a dial, a spoked handle, bolts."""
-    del variant
     steel = pick(rng, (palette.GRAPHITE, palette.FOREST, palette.NAVY))
     leaf = [slab(steel)]
     plate = prism(rectangle(0.54, 0.20, 0.02), 0, 0.012, bevel=0.005)
-    leaf.append(Part(plate.moved(0, 0, TOP), palette.STEEL))
+    leaf.append(Part(plate.moved(0, 0, FACE), palette.STEEL))
     dial = [(0.062, 0), (0.058, 0.02), (0.03, 0.022), (0.028, 0.04), (0, 0.042)]
-    leaf.append(Part(lathe(dial, 28).moved(0.13, 0, TOP + 0.01), palette.IVORY))
+    leaf.append(Part(lathe(dial, 28).moved(0.13, 0, FACE + 0.01), palette.IVORY))
     for angle in np.arange(3) * 2 * np.pi / 3:
-        x, y, z = -0.12 + 0.075 * float(np.cos(angle)), 0.075 * float(np.sin(angle)), TOP + 0.04
+        x, y, z = -0.12 + 0.075 * float(np.cos(angle)), 0.075 * float(np.sin(angle)), FACE + 0.04
         leaf.append(Part(rod((-0.12, 0, z), (x, y, z), 0.009), palette.BRASS))
         leaf.append(Part(lathe([(0.014, -0.01), (0.014, 0.012), (0, 0.014)], 14).moved(x, y, z), palette.BRASS))
-    leaf.append(Part(lathe([(0.022, 0), (0.018, 0.05), (0, 0.052)], 18).moved(-0.12, 0, TOP + 0.005), palette.BRASS))
+    leaf.append(Part(lathe([(0.022, 0), (0.018, 0.05), (0, 0.052)], 18).moved(-0.12, 0, FACE + 0.005), palette.BRASS))
     return door(leaf, pick(rng, (palette.IRON, palette.STONE)), rng)
 
 
@@ -330,27 +320,28 @@ def lights(variant: int, rng: np.random.Generator) -> Design:
         ((-0.20, 0.062), (0.0, 0.075), (0.20, 0.062)) if variant % 2 == 0 else ((0.12, 0.11), (-0.18, 0.05))
     ):
         rim = frame(circle(radius + 0.014, 36), circle(radius, 36), 0, 0.010, 0.004)
-        leaf += [Part(rim.moved(x, -0.01, TOP), palette.WHITE)]
-        leaf += [Part(prism(circle(radius + 0.004, 32), 0, 0.004).moved(x, -0.01, TOP), palette.GLASS)]
+        leaf += [Part(rim.moved(x, -0.01, FACE), palette.WHITE)]
+        leaf += [Part(prism(circle(radius + 0.004, 32), 0, 0.004).moved(x, -0.01, FACE), palette.GLASS)]
         cross = box(2 * radius, 0.010, 0.007, 0.002)
-        leaf += [Part(cross.turned("z", turn).moved(x, -0.01, TOP), palette.WHITE) for turn in (0.0, np.pi / 2)]
+        leaf += [Part(cross.turned("z", turn).moved(x, -0.01, FACE), palette.WHITE) for turn in (0.0, np.pi / 2)]
     return door([*leaf, *lever_handle(palette.CHROME)], pick(rng, (palette.WHITE, palette.WALNUT)), rng)
 
 
-def fridge(variant: int, rng: np.random.Generator) -> Design:
+def fridge(_variant: int, rng: np.random.Generator) -> Design:
     """A refrigerator: two soft fields with a gap, a bar each, magnets."""
-    del variant
     paint = pick(rng, (palette.MINT, palette.RED, palette.SKY, palette.IVORY))
     leaf = [slab(paint)]
     for x, length in ((-0.12, 0.40), (0.215, 0.20)):
         field = prism(rectangle(length, 0.27, 0.05, 6), 0, 0.020, bevel=0.014, steps=4)
-        leaf.append(Part(field.moved(x, 0, TOP), paint))
-        leaf.append(Part(lying(0.011, 0.6 * length).turned("z", np.pi / 2).moved(x, 0.10, TOP + 0.034), palette.CHROME))
-        feet = [box(0.018, 0.018, 0.034, 0.004).moved(x + s * 0.25 * length, 0.10, TOP + 0.002) for s in (-1, 1)]
+        leaf.append(Part(field.moved(x, 0, FACE), paint))
+        leaf.append(
+            Part(lying(0.011, 0.6 * length).turned("z", np.pi / 2).moved(x, 0.10, FACE + 0.034), palette.CHROME)
+        )
+        feet = [box(0.018, 0.018, 0.034, 0.004).moved(x + s * 0.25 * length, 0.10, FACE + 0.002) for s in (-1, 1)]
         leaf += [Part(foot, palette.CHROME) for foot in feet]
     for k in range(4):
         x, y = float(rng.uniform(-0.27, 0.02)), float(rng.uniform(-0.09, 0.03))
-        leaf.append(Part(stud(0.014, 0.008).moved(x, y, TOP + 0.018), palette.ACCENTS[(k + 3) % 8]))
+        leaf.append(Part(stud(0.014, 0.008).moved(x, y, FACE + 0.018), palette.ACCENTS[(k + 3) % 8]))
     return door(leaf, pick(rng, (palette.STEEL, palette.GRAPHITE)), rng)
 
 
@@ -362,7 +353,7 @@ def grooved(variant: int, rng: np.random.Generator) -> Design:
         outer = rectangle(LEAF_LENGTH - 0.07 - 0.16 * k, LEAF_WIDTH - 0.06 - 0.075 * k, 0.012)
         leaf.append(
             Part(
-                frame(outer, inset(outer, 0.018), 0, 0.014, 0.005).moved(0, -0.008, TOP),
+                frame(outer, inset(outer, 0.018), 0, 0.014, 0.005).moved(0, -0.008, FACE),
                 palette.BRASS if k == 1 else paint,
             )
         )
@@ -374,9 +365,8 @@ def grooved(variant: int, rng: np.random.Generator) -> Design:
     )
 
 
-def paper(variant: int, rng: np.random.Generator) -> Design:
+def paper(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a Japanese paper door, fine laths over bright panes, with a round sunk pull."""
-    del variant
     wood = pick(rng, (palette.BLACK, palette.CHERRY, palette.WALNUT))
     outer = rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.004)
     leaf = [Part(frame(outer, inset(outer, 0.022), LEAF_BOTTOM, LEAF_TOP, 0.003), wood)]
@@ -390,17 +380,16 @@ def paper(variant: int, rng: np.random.Generator) -> Design:
     return door(leaf, wood, rng)
 
 
-def saloon(variant: int, rng: np.random.Generator) -> Design:
+def saloon(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a swing door with a waved crown, slanted boards and a star."""
-    del variant
     wood: Material = pick(rng, (palette.CHERRY, palette.OAK))
     dark = pick(rng, (palette.WALNUT, palette.IRON))
     leaf = [slab(wood)]
     for x in np.linspace(-0.27, 0.27, 10):
         board = box(0.012, 0.20, 0.010, 0.003).turned("z", 0.5)
-        leaf.append(Part(board.moved(float(x) * 0.82, 0, TOP), dark))
+        leaf.append(Part(board.moved(float(x) * 0.82, 0, FACE), dark))
     for y in (-0.132, 0.132):
-        leaf.append(Part(box(0.64, 0.022, 0.016, 0.005).moved(0, y, TOP), dark))
+        leaf.append(Part(box(0.64, 0.022, 0.016, 0.005).moved(0, y, FACE), dark))
     badge = [Part(lathe([(0.062, 0), (0.058, 0.016), (0, 0.018)], 28), wood)]
-    badge.append(Part(prism(star(0.036, 0.012, 5, 4), 0.014, 0.024, bevel=0.003), palette.BRASS))
-    return door([*leaf, *shifted(badge, (0.05, 0, TOP))], dark, rng)
+    badge.append(Part(prism(wavy(0.036, 0.012, 5, 4), 0.014, 0.024, bevel=0.003), palette.BRASS))
+    return door([*leaf, *shifted(badge, (0.05, 0, FACE))], dark, rng)

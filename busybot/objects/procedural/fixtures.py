@@ -1,25 +1,28 @@
-"""Things that switches share: plates, screws, collars, rockers, bat levers, caps, marks.
+"""Things that switches share: joints, plates, screws, collars, rockers, bat levers, caps, marks, bases and clutter.
 
-Each function returns parts around the origin, standing on z = 0 unless it says otherwise.
+Functions return parts around the origin, standing on z = 0 unless they say otherwise. The parts of joints are given
+around the origin, or around the hinge; `at` says where that is on the object.
 
-Joints of training switches: pressed, swung, hinged at an end, slid along x, turned about z.
-
-Parts are given around the origin, or around the hinge; `at` says where that is on the object.
+Bases of training switches have many outlines and thicknesses. Clutter keeps a policy from taking everything that stands
+out for a switch: screws, labels, vents, bumps, pegs, jewels. It is small, low, does not move, and has no gap around it.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from busybot.objects.procedural import palette
 from busybot.objects.procedural.design import Material, MovingLink, Part, Vector, shifted
+from busybot.objects.procedural.palette import pick
 from busybot.objects.procedural.solids import (
     Solid,
     ball,
     box,
     circle,
     closed_loft,
+    ellipse,
     frame,
     inset,
     lathe,
@@ -28,13 +31,11 @@ from busybot.objects.procedural.solids import (
     rectangle,
     ring,
     smooth,
-    star,
     torus,
+    wavy,
 )
 
 Kind = Literal["small", "large"]
-TURNING = ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, 1.0, 0.0))
-"""Annotated directions of what turns about z and points along x."""
 
 
 def pressed(parts: Sequence[Part], at: Vector, travel: float) -> MovingLink:
@@ -67,7 +68,8 @@ def turned(parts: Sequence[Part], at: Vector, swing: float, kind: Kind = "small"
     return MovingLink(shifted(parts, at), "revolute", at, (0, 0, 1), -swing, swing, kind, "knob")
 
 
-PLATE_THICKNESS = 0.03
+TOP = 0.03
+"""Height of the upper face of a cover plate."""
 
 
 def screw(
@@ -89,7 +91,7 @@ def plate(
 ) -> list[Part]:
     """A cover plate with a rounded rim and screws: `corners`, `ends` (left and right), `poles` or `none`."""
     outline = rectangle(width, height, radius)
-    parts = [Part(prism(outline, 0, PLATE_THICKNESS, bevel=0.010, steps=3), material)]
+    parts = [Part(prism(outline, 0, TOP, bevel=0.010, steps=3), material)]
     x, y = width / 2 - 0.028, height / 2 - 0.028
     places = {
         "corners": [(sx * x, sy * y) for sx in (-1, 1) for sy in (-1, 1)],
@@ -98,7 +100,7 @@ def plate(
         "none": [],
     }[screws]
     for place in places:
-        parts += screw(*place, PLATE_THICKNESS - 0.001, float(rng.uniform(0, np.pi)))
+        parts += screw(*place, TOP - 0.001, float(rng.uniform(0, np.pi)))
     return parts
 
 
@@ -194,7 +196,7 @@ def dome(radius: float, height: float, skirt: float) -> Solid:
 
 def knob(radius: float, height: float, material: Material, metal: Material) -> list[Part]:
     """A knurled knob with a metal disc on top."""
-    body = prism(star(radius, 0.035 * radius, 20, 4), 0, height, bevel=0.12 * radius)
+    body = prism(wavy(radius, 0.035 * radius, 20, 4), 0, height, bevel=0.12 * radius)
     disc = lathe([(0.72 * radius, height), (0.70 * radius, height + 0.003), (0.0, height + 0.0035)], 28)
     return [Part(body, material), Part(disc, metal)]
 
@@ -214,3 +216,112 @@ def ridged_cap(length: float, width: float, height: float, material: Material) -
     for x in np.linspace(-0.32, 0.32, 5) * length:
         parts.append(Part(box(0.09 * length, 0.86 * width, 0.008, 0.003).moved(x=float(x), z=height - 0.002), material))
     return parts
+
+
+COVERS = (*palette.PLATES, *palette.WOODS, palette.MINT, palette.SKY, palette.BLUSH, palette.STONE, palette.BLACK)
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """A base: its parts, the height of its upper face, and what it is made of."""
+
+    parts: list[Part]
+    top: float
+    cover: Material
+
+
+def thin_plate(width: float, height: float, cover: Material, rng: np.random.Generator) -> Ground:
+    """A thin cover plate, its corners more or less round."""
+    radius = float(rng.uniform(0.012, 0.3 * min(width, height)))
+    solid = prism(rectangle(width, height, radius, 5), 0, TOP, bevel=0.010, steps=3)
+    return Ground([Part(solid, cover)], TOP, cover)
+
+
+def slab(width: float, height: float, cover: Material, rng: np.random.Generator) -> Ground:
+    """A thick block with a soft edge."""
+    top = float(rng.uniform(0.045, 0.085))
+    return Ground([Part(prism(rectangle(width, height, 0.03), 0, top, bevel=0.018, steps=4), cover)], top, cover)
+
+
+def plinth(width: float, height: float, cover: Material, rng: np.random.Generator) -> Ground:
+    """A plate on a wider foot of another colour."""
+    foot = pick(rng, (*palette.WOODS, palette.BLACK, palette.STEEL, palette.WHITE), unlike=cover)
+    parts = [Part(prism(rectangle(width, height, 0.02), 0, 0.022, bevel=0.007), foot)]
+    upper = rectangle(width - 0.04, height - 0.04, 0.015)
+    return Ground([*parts, Part(prism(upper, 0.02, 0.042, bevel=0.008), cover)], 0.042, cover)
+
+
+def tray(width: float, height: float, cover: Material, rng: np.random.Generator) -> Ground:
+    """A plate within a raised rim."""
+    rim = pick(rng, (*palette.METALS, *palette.WOODS, palette.BLACK), unlike=cover)
+    outer, rise = rectangle(width, height, 0.03), float(rng.uniform(0.042, 0.06))
+    wall = frame(outer, inset(outer, 0.016), 0, rise, bevel=0.005)
+    return Ground([Part(wall, rim), Part(prism(inset(outer, 0.008), 0, 0.03), cover)], 0.03, cover)
+
+
+def disc(width: float, height: float, cover: Material, rng: np.random.Generator) -> Ground:
+    """An oval turned plate, round if its sides are equal."""
+    top = float(rng.uniform(0.028, 0.055))
+    outline = 1.16 * ellipse(width, height, 40)
+    solid = prism(outline, 0, top, bevel=0.016, steps=4)
+    return Ground([Part(solid, cover)], top, cover)
+
+
+_GROUNDS = (thin_plate, slab, plinth, tray, disc)
+
+
+def ground(
+    width: float, height: float, variant: int, rng: np.random.Generator, covers: Sequence[Material] = COVERS
+) -> Ground:
+    """One of the bases, counted by the variant, in a colour that is drawn."""
+    return _GROUNDS[variant % len(_GROUNDS)](width, height, pick(rng, covers), rng)
+
+
+def clutter(base: Ground, places: Sequence[tuple[float, float]], rng: np.random.Generator) -> list[Part]:
+    """Something that does not move at some of the places, all of one kind or of several."""
+    makers = (_screw, _bump, _stud, _peg, _jewel, _label, _vent)
+    kinds = rng.permutation(len(makers))[:2]
+    parts: list[Part] = []
+    for x, y in places:
+        if rng.random() < 0.75:
+            maker = makers[int(kinds[int(rng.integers(2))])]
+            parts += shifted(maker(base.cover, rng), (x, y, base.top - 0.001))
+    return parts
+
+
+def corners(width: float, height: float, edge: float = 0.035) -> list[tuple[float, float]]:
+    """Places near the corners of a base."""
+    return [(sx * (width / 2 - edge), sy * (height / 2 - edge)) for sx in (-1, 1) for sy in (-1, 1)]
+
+
+def _screw(_cover: Material, rng: np.random.Generator) -> list[Part]:
+    return screw(0, 0, 0, float(rng.uniform(0, np.pi)), pick(rng, palette.METALS), 0.014)
+
+
+def _bump(cover: Material, rng: np.random.Generator) -> list[Part]:
+    radius = float(rng.uniform(0.012, 0.024))
+    return [Part(ball(radius, 14, 8).stretched(z=float(rng.uniform(0.5, 1.0))), cover)]
+
+
+def _stud(cover: Material, rng: np.random.Generator) -> list[Part]:
+    side = float(rng.uniform(0.02, 0.04))
+    return [Part(box(side, side, float(rng.uniform(0.008, 0.03)), 0.004), cover)]
+
+
+def _peg(cover: Material, rng: np.random.Generator) -> list[Part]:
+    height = float(rng.uniform(0.02, 0.05))
+    peg = lathe([(0.012, 0), (0.012, height - 0.004), (0.008, height), (0, height)], 12)
+    return [Part(peg, pick(rng, palette.WOODS, unlike=cover))]
+
+
+def _jewel(cover: Material, rng: np.random.Generator) -> list[Part]:
+    return indicator(float(rng.uniform(0.010, 0.016)), pick(rng, palette.ACCENTS, unlike=cover), palette.BRASS)
+
+
+def _label(cover: Material, rng: np.random.Generator) -> list[Part]:
+    paper = pick(rng, (palette.WHITE, palette.IVORY, palette.BLACK, palette.BRASS), unlike=cover)
+    return [Part(prism(rectangle(0.05, 0.022, 0.004), 0, 0.004, bevel=0.001), paper)]
+
+
+def _vent(_cover: Material, _rng: np.random.Generator) -> list[Part]:
+    return [Part(prism(circle(0.006, 8), 0, 0.0022).moved(x), palette.SHADOW) for x in (-0.016, 0.0, 0.016)]

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from busybot.objects.procedural import fixtures as hardware
-from busybot.objects.procedural import palette
+from busybot.objects.procedural import fixtures, palette
 from busybot.objects.procedural.design import Material, Part
 from busybot.objects.procedural.solids import (
     Solid,
@@ -20,13 +19,13 @@ from busybot.objects.procedural.solids import (
     inset,
     lathe,
     loft,
+    pipe,
     prism,
     rectangle,
     ring,
     smooth,
-    star,
     torus,
-    tube,
+    wavy,
 )
 
 OUTLINES = ("round", "square", "oval", "octagon", "stadium", "triangle", "flower")
@@ -43,12 +42,12 @@ def outline(kind: str, size: float) -> np.ndarray:
         "oval": lambda: ellipse(2.5 * size, 1.6 * size, 32),
         "octagon": lambda: circle(size, 8, np.pi / 8),
         "stadium": lambda: rectangle(2.7 * size, 1.3 * size, 0.65 * size, 7),
-        "triangle": lambda: star(size, 0.11 * size, 3, 12),
-        "flower": lambda: star(size, 0.09 * size, 5, 8),
+        "triangle": lambda: wavy(size, 0.11 * size, 3, 12),
+        "flower": lambda: wavy(size, 0.09 * size, 5, 8),
     }[kind]()
 
 
-def cap(rim: np.ndarray, profile: str, skirt: float = 0.03) -> Solid:
+def cap_on(rim: np.ndarray, profile: str, skirt: float = 0.03) -> Solid:
     """A cap to press; its sides go down to -skirt."""
     size = float(np.linalg.norm(rim, axis=1).min())
     foot = ring(rim, -skirt)
@@ -104,7 +103,7 @@ def head(kind: str, size: float, material: Material) -> list[Part]:
             ),
             22,
         ),
-        "drum": lambda: prism(star(0.85 * size, 0.04 * size, 14, 4), 0, 1.6 * size, bevel=0.15 * size),
+        "drum": lambda: prism(wavy(0.85 * size, 0.04 * size, 14, 4), 0, 1.6 * size, bevel=0.15 * size),
         "fin": lambda: box(0.55 * size, 2.6 * size, 1.9 * size, 0.2 * size),
     }[kind]()
     return [Part(solid, material)]
@@ -113,7 +112,7 @@ def head(kind: str, size: float, material: Material) -> list[Part]:
 def grip(kind: str, size: float, material: Material, metal: Material) -> list[Part]:
     """What a slider that moves along x is taken by; `size` is half of its length."""
     if kind == "ridged":
-        return hardware.ridged_cap(2 * size, 2.3 * size, 1.1 * size, material)
+        return fixtures.ridged_cap(2 * size, 2.3 * size, 1.1 * size, material)
     if kind == "fin":
         foot = box(2 * size, 2.2 * size, 0.3 * size, 0.1 * size)
         blade = box(0.5 * size, 2.0 * size, 1.3 * size, 0.2 * size)
@@ -125,7 +124,7 @@ def grip(kind: str, size: float, material: Material, metal: Material) -> list[Pa
     if kind == "barrel":
         return [Part(lying(0.8 * size, 2.4 * size).moved(z=0.55 * size), material)]
     if kind == "dome":
-        return [Part(cap(circle(size, 28), "domed", 0.02).moved(z=0.25 * size), material)]
+        return [Part(cap_on(circle(size, 28), "domed", 0.02).moved(z=0.25 * size), material)]
     if kind == "disc":
         disc = lathe([(0.95 * size, 0), (size, 0.1 * size), (size, 0.5 * size), (0.9 * size, 0.6 * size)], 28)
         return [Part(disc, material), Part(torus(0.6 * size, 0.1 * size, 22, 6).moved(z=0.58 * size), metal)]
@@ -148,7 +147,7 @@ def lying(radius: float, length: float, points: int = 18) -> Solid:
 
 def rod(start: Sequence[float], end: Sequence[float], radius: float, points: int = 12) -> Solid:
     """A straight round wire."""
-    return tube(np.linspace(start, end, 3), radius, points)
+    return pipe(np.linspace(start, end, 3), radius, points)
 
 
 def _raised(parts: Sequence[Part], z: float) -> list[Part]:

@@ -22,13 +22,13 @@ from busybot.objects.procedural.solids import (
     joined,
     lathe,
     loft,
+    pipe,
     prism,
     rectangle,
     ring,
     smooth,
-    star,
     torus,
-    tube,
+    wavy,
 )
 
 
@@ -60,29 +60,27 @@ def cone(variant: int, rng: np.random.Generator) -> Design:
     low = height - 0.24
     for angle in np.arange(3) * 2 * np.pi / 3:
         tip = (0.98 * narrow * float(np.cos(angle)), 0.98 * narrow * float(np.sin(angle)), height - 0.03)
-        body.append(Part(tube([(0, 0, height - 0.03), tip], 0.005, 6), metal))
+        body.append(Part(pipe([(0, 0, height - 0.03), tip], 0.005, 6), metal))
     body.append(Part(ball(0.022, 16, 8).moved(z=height - 0.015), metal))
     body += [Part(torus(narrow, 0.006, 32, 6).moved(z=height - 0.002), metal)]
     shade = shell([(circle(wide, 40), low), (circle(narrow, 40), height)], 0.006)
     return lamp(body, shade, 2 * variant, rng)
 
 
-def globe(variant: int, rng: np.random.Generator) -> Design:
+def globe(_variant: int, rng: np.random.Generator) -> Design:
     """A glass ball in a ring on three legs."""
-    del variant
     wood, metal = pick(rng, palette.WOODS), pick(rng, palette.METALS)
     body = [Part(torus(0.120, 0.010, 36, 8).moved(z=0.20), metal)]
     for angle in np.arange(3) * 2 * np.pi / 3 + 0.5:
         c, s = float(np.cos(angle)), float(np.sin(angle))
-        body.append(Part(tube([(0.185 * c, 0.185 * s, 0.0), (0.12 * c, 0.12 * s, 0.20)], 0.013, 10), wood))
+        body.append(Part(pipe([(0.185 * c, 0.185 * s, 0.0), (0.12 * c, 0.12 * s, 0.20)], 0.013, 10), wood))
         body.append(Part(ball(0.020, 12, 8).moved(0.185 * c, 0.185 * s, 0.02), metal))
     body.append(Part(lathe([(0.028, 0.435), (0.026, 0.453), (0.010, 0.461), (0, 0.463)], 18), metal))
     return lamp(body, ball(0.178, 32, 14).moved(z=0.27), 1, rng)
 
 
-def pyramid(variant: int, rng: np.random.Generator) -> Design:
+def pyramid(_variant: int, rng: np.random.Generator) -> Design:
     """A square shade on a square wooden foot."""
-    del variant
     wood, metal = pick(rng, palette.WOODS), pick(rng, palette.METALS)
     body = [Part(prism(rectangle(0.22, 0.22, 0.02), 0, 0.035, bevel=0.012), wood)]
     body.append(Part(prism(rectangle(0.05, 0.05, 0.008), 0.03, 0.40, bevel=0.004), wood))
@@ -92,13 +90,12 @@ def pyramid(variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, shade, 4, rng)
 
 
-def desk(variant: int, rng: np.random.Generator) -> Design:
+def desk(_variant: int, rng: np.random.Generator) -> Design:
     """A bell-shaped head at the end of a bent arm."""
-    del variant
     paint = pick(rng, (palette.WHITE, palette.STEEL, palette.BRASS, palette.TEAL))
     body = [Part(lathe([(0.13, 0), (0.13, 0.016), (0.12, 0.026), (0.03, 0.034), (0.0, 0.036)], 36).moved(-0.13), paint)]
     arm = bent([(-0.13, 0, 0.02), (-0.20, 0, 0.30), (-0.02, 0, 0.46), (0.08, 0, 0.40)], 0.05, 4)
-    body.append(Part(tube(arm, 0.012, 10), pick(rng, (palette.CHROME, palette.BLACK))))
+    body.append(Part(pipe(arm, 0.012, 10), pick(rng, (palette.CHROME, palette.BLACK))))
     body += [Part(ball(0.024, 14, 8).moved(x, 0, z), palette.CHROME) for x, z in ((-0.195, 0.30), (-0.02, 0.455))]
     body.append(
         Part(
@@ -111,15 +108,14 @@ def desk(variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, bell, 5, rng)
 
 
-def tube_light(variant: int, rng: np.random.Generator) -> Design:
+def tube(_variant: int, rng: np.random.Generator) -> Design:
     """A glowing bar between two caps on a stand."""
-    del variant
     wood, metal = pick(rng, palette.WOODS), pick(rng, palette.METALS)
     body = [Part(prism(rectangle(0.48, 0.24, 0.05), 0, 0.03, bevel=0.012), wood)]
     for x in (-0.255, 0.255):
         cap = lathe([(0.093, -0.022), (0.102, -0.014), (0.102, 0.014), (0.093, 0.022)], 28).turned("y", np.pi / 2)
         body.append(Part(cap.moved(x, 0, 0.24), metal))
-        body.append(Part(tube(bent([(0.72 * x, 0, 0.02), (x, 0, 0.10), (x, 0, 0.17)], 0.05), 0.016, 10), metal))
+        body.append(Part(pipe(bent([(0.72 * x, 0, 0.02), (x, 0, 0.10), (x, 0, 0.17)], 0.05), 0.016, 10), metal))
     bar = lathe([(0.092, -0.235), (0.096, -0.22), (0.096, 0.22), (0.092, 0.235)], 28).turned("y", np.pi / 2)
     return lamp(body, bar.moved(z=0.24), 3, rng)
 
@@ -131,7 +127,7 @@ def lantern(variant: int, rng: np.random.Generator) -> Design:
     for angle in np.arange(8) * np.pi / 4 + np.pi / 8:
         c, s = float(np.cos(angle)), float(np.sin(angle))
         rib = [(0.160 * c, 0.160 * s, 0.03), (0.230 * c, 0.230 * s, 0.28), (0.085 * c, 0.085 * s, 0.38)]
-        body.append(Part(tube(bent(rib, 0.02), 0.008, 8), metal))
+        body.append(Part(pipe(bent(rib, 0.02), 0.008, 8), metal))
     body.append(Part(prism(circle(0.092, 8, np.pi / 8), 0.372, 0.395, bevel=0.010), metal))
     body.append(Part(torus(0.045, 0.008, 22, 8).turned("x", np.pi / 2).moved(z=0.435), metal))
     panes = [(0.160, 0.03), (0.225, 0.28), (0.085, 0.378)]
@@ -139,9 +135,8 @@ def lantern(variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, glass, 4 + variant, rng)
 
 
-def tulip(variant: int, rng: np.random.Generator) -> Design:
+def tulip(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a flower of six petals on a green stalk with leaves."""
-    del variant
     body = foot(0.11, rng)
     body.append(Part(lathe([(0.016, 0.03), (0.013, 0.20), (0.020, 0.30), (0.05, 0.33)], 14), palette.FOREST))
     for turn in (0.4, 2.5, 4.5):
@@ -150,7 +145,7 @@ def tulip(variant: int, rng: np.random.Generator) -> Design:
         body.append(Part(_leaf(leaf, section).turned("z", turn), palette.FOREST))
     rows = [(0.05, 0.31, 0.1), (0.12, 0.345, 0.13), (0.165, 0.41, 0.16), (0.175, 0.46, 0.20), (0.150, 0.48, 0.22)]
     rows += [(0.110, 0.45, 0.20), (0.055, 0.40, 0.12)]
-    petals = loft([ring(star(radius, depth * radius, 6, 8), z) for radius, z, depth in rows])
+    petals = loft([ring(wavy(radius, depth * radius, 6, 8), z) for radius, z, depth in rows])
     body.append(Part(ball(0.030, 14, 8).stretched(z=1.4).moved(z=0.425), palette.MUSTARD))
     return lamp(body, petals, 2, rng)
 
@@ -163,9 +158,8 @@ def _leaf(path: list[tuple[float, float, float]], section: np.ndarray) -> Solid:
     return loft(rings)
 
 
-def star_light(variant: int, rng: np.random.Generator) -> Design:
+def star(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a five-pointed star that hovers over a round foot."""
-    del variant
     metal = pick(rng, palette.METALS)
     body = [*foot(0.13, rng), Part(lathe([(0.018, 0.03), (0.014, 0.20), (0.03, 0.26)], 14), metal)]
     angles = np.arange(10) * np.pi / 5 + np.pi / 2
@@ -176,9 +170,8 @@ def star_light(variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, loft([ring(outline, 0.30), ring(outline, 0.315)], tips), 0, rng)
 
 
-def drum(variant: int, rng: np.random.Generator) -> Design:
+def drum(_variant: int, rng: np.random.Generator) -> Design:
     """A wide drum over a ball of wood."""
-    del variant
     metal = pick(rng, palette.METALS)
     body = [
         *foot(0.12, rng),
@@ -190,9 +183,8 @@ def drum(variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, shade, 3, rng)
 
 
-def halo(variant: int, rng: np.random.Generator) -> Design:
+def halo(_variant: int, rng: np.random.Generator) -> Design:
     """A glowing ring that leans on a slim stand."""
-    del variant
     wood = pick(rng, palette.WOODS)
     body = [Part(prism(rectangle(0.30, 0.16, 0.05, 6), 0, 0.034, bevel=0.012), wood)]
     body += [Part(rod((x, 0.02, 0.02), (x * 1.5, 0.05, 0.17), 0.012), pick(rng, palette.METALS)) for x in (-0.07, 0.07)]
@@ -200,9 +192,8 @@ def halo(variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, glow, 0, rng)
 
 
-def bulb(variant: int, rng: np.random.Generator) -> Design:
+def bulb(_variant: int, rng: np.random.Generator) -> Design:
     """A big bare bulb in a brass socket on a cube."""
-    del variant
     body = [Part(box(0.24, 0.24, 0.12, 0.02), pick(rng, (*palette.WOODS, palette.STONE, palette.NAVY)))]
     thread = [(0.075 - 0.006 * (k % 2), 0.12 + 0.012 * k) for k in range(6)]
     body.append(Part(lathe([(0.085, 0.115), (0.085, 0.125), *thread[1:]], 28), palette.BRASS))
@@ -210,24 +201,22 @@ def bulb(variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, lathe(smooth(rows, 3), 32), 2, rng)
 
 
-def trio(variant: int, rng: np.random.Generator) -> Design:
+def trio(_variant: int, rng: np.random.Generator) -> Design:
     """Three small balls on bent arms."""
-    del variant
     metal = pick(rng, (palette.BRASS, palette.COPPER, palette.IRON))
     body, balls = foot(0.12, rng), []
     for k, turn in enumerate((0.5, 2.6, 4.7)):
         x, y, z = 0.15 * float(np.cos(turn)), 0.15 * float(np.sin(turn)), 0.27 + 0.05 * k
         arm = bent([(0, 0, 0.03), (0, 0, 0.16), (x, y, 0.16), (x, y, z - 0.06)], 0.06, 4)
-        body.append(Part(tube(arm, 0.012, 10), metal))
+        body.append(Part(pipe(arm, 0.012, 10), metal))
         body.append(Part(lathe([(0.028, -0.085), (0.04, -0.06), (0, -0.06)], 18).moved(x, y, z), metal))
         balls.append(ball(0.082, 24, 12).moved(x, y, z))
     return lamp(body, joined(balls), 4, rng)
 
 
-def crystal(variant: int, rng: np.random.Generator) -> Design:
+def crystal(_variant: int, rng: np.random.Generator) -> Design:
     """A six-sided crystal in a dark rock."""
-    del variant
-    rock = prism(star(0.16, 0.025, 7, 3), 0, 0.09, bevel=0.045, steps=3)
+    rock = prism(wavy(0.16, 0.025, 7, 3), 0, 0.09, bevel=0.045, steps=3)
     body = [Part(rock, pick(rng, (palette.GRAPHITE, palette.STONE, palette.IRON)))]
     body.append(Part(torus(0.115, 0.014, 24, 6).moved(z=0.085), pick(rng, palette.METALS)))
     rings = [ring(circle(r, 6, 0.2), z) for r, z in ((0.10, 0.07), (0.17, 0.24), (0.165, 0.32))]
@@ -235,10 +224,9 @@ def crystal(variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, loft(rings, tips), 5, rng)
 
 
-def lamppost(variant: int, rng: np.random.Generator) -> Design:
+def lamppost(_variant: int, rng: np.random.Generator) -> Design:
     """A box of light under a wide flat hat."""
     metal = pick(rng, (palette.IRON, palette.FOREST, palette.NAVY))
-    del variant
     body = [*foot(0.14, rng), Part(rod((0, 0, 0.03), (0, 0, 0.22), 0.02), metal)]
     body.append(Part(prism(rectangle(0.22, 0.22, 0.02), 0.20, 0.22, bevel=0.006), metal))
     body.append(
@@ -251,15 +239,14 @@ def lamppost(variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, glow, 1, rng)
 
 
-def cactus(variant: int, rng: np.random.Generator) -> Design:
+def cactus(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a ribbed cactus with two arms in a clay pot."""
-    del variant
     pot = [(0.10, 0), (0.125, 0.10), (0.145, 0.10), (0.15, 0.135), (0.125, 0.135), (0.12, 0.12), (0, 0.12)]
     body = [Part(lathe(pot, 32), pick(rng, (palette.COPPER, palette.TEAL, palette.BLUSH)))]
     rows = ((0.08, 0.11), (0.105, 0.18), (0.108, 0.33), (0.09, 0.43), (0.04, 0.475))
-    trunk = loft([ring(star(r, 0.10 * r, 9, 4), z) for r, z in rows])
+    trunk = loft([ring(wavy(r, 0.10 * r, 9, 4), z) for r, z in rows])
     arms = [
-        tube(bent([(s * 0.05, 0, z), (s * 0.20, 0, z), (s * 0.20, 0, z + 0.13)], 0.08, 5), 0.058, 14)
+        pipe(bent([(s * 0.05, 0, z), (s * 0.20, 0, z), (s * 0.20, 0, z + 0.13)], 0.08, 5), 0.058, 14)
         for s, z in ((1, 0.22), (-1, 0.29))
     ]
     tops = [ball(0.058, 14, 8).moved(s * 0.20, 0, z + 0.13) for s, z in ((1, 0.22), (-1, 0.29))]
@@ -269,9 +256,8 @@ def cactus(variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, joined([trunk, *arms, *tops]), 4, rng)
 
 
-def cloud(variant: int, rng: np.random.Generator) -> Design:
+def cloud(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a cloud of five balls on two thin legs."""
-    del variant
     metal = pick(rng, palette.METALS)
     body = [Part(prism(rectangle(0.34, 0.20, 0.09, 7), 0, 0.03, bevel=0.012), pick(rng, palette.WOODS))]
     body += [Part(rod((x, 0, 0.02), (x, 0, 0.22), 0.010), metal) for x in (-0.08, 0.08)]

@@ -66,7 +66,7 @@ def rectangle(width: float, height: float, radius: float = 0.0, corner: int = 4)
     return np.concatenate(parts)
 
 
-def star(radius: float, depth: float, lobes: int, points_per_lobe: int = 8) -> np.ndarray:
+def wavy(radius: float, depth: float, lobes: int, points_per_lobe: int = 8) -> np.ndarray:
     """A wavy circle: radius plus or minus `depth`; knurls with many lobes, petals with few."""
     angle = np.arange(lobes * points_per_lobe) * 2 * np.pi / (lobes * points_per_lobe)
     distance = radius + depth * np.cos(lobes * angle)
@@ -211,7 +211,7 @@ def sweep(path: np.ndarray, section: np.ndarray) -> Solid:
     return loft(rings)
 
 
-def tube(path: Sequence[tuple[float, float, float]] | np.ndarray, radius: float, points: int = 10) -> Solid:
+def pipe(path: Sequence[tuple[float, float, float]] | np.ndarray, radius: float, points: int = 10) -> Solid:
     """A round wire along a path."""
     return sweep(np.asarray(path, dtype=np.float64), circle(radius, points))
 

@@ -16,14 +16,14 @@ from busybot.objects.procedural.solids import (
     circle,
     lathe,
     loft,
+    pipe,
     prism,
     rectangle,
     ring,
     smooth,
-    star,
     sweep,
     torus,
-    tube,
+    wavy,
 )
 
 LENGTH, WIDTH, THICKNESS = 0.84, 0.36, 0.035
@@ -44,7 +44,7 @@ def _toy(piece: list[Part], curve: Curve, board: list[Part], groove: Material, r
             slope = np.gradient(curve(xs), xs)
             normal = np.stack([-slope, np.ones_like(slope)], axis=1) / np.hypot(slope, 1)[:, None]
             edge = path + offset * np.concatenate([normal, np.zeros((len(xs), 1))], axis=1) + [0, 0, 0.006]
-            body.append(Part(tube(edge, 0.005, 8), palette.BRASS))
+            body.append(Part(pipe(edge, 0.005, 8), palette.BRASS))
     start = float(curve(np.zeros(1))[0])
     across = MovingLink((), "prismatic", (0, 0, 0), (0, 1, 0), -0.2, 0.2, None, "connector")
     placed = shifted(piece, (0, start, THICKNESS + 0.003))
@@ -59,9 +59,8 @@ def _board(material: Material, rim: "Material") -> list[Part]:
     return [Part(base, rim), Part(top, material)]
 
 
-def bead(variant: int, rng: np.random.Generator) -> Design:
+def bead(_variant: int, rng: np.random.Generator) -> Design:
     """A big wooden bead on a wavy groove."""
-    del variant
     profile = smooth([(0.060, 0.0), (0.090, 0.03), (0.096, 0.06), (0.080, 0.095), (0.040, 0.112), (0.0, 0.115)], 3)
     color = pick(rng, (palette.TEAL, palette.CORAL, palette.NAVY))
     piece = [Part(lathe(profile, 32), color), Part(torus(0.095, 0.009, 32, 8).moved(z=0.055), palette.WHITE)]
@@ -70,9 +69,8 @@ def bead(variant: int, rng: np.random.Generator) -> Design:
     return _toy(piece, lambda x: -0.06 * np.cos(3 * np.pi * x / 0.5), board, palette.WALNUT, rails=False)
 
 
-def loco(variant: int, rng: np.random.Generator) -> Design:
+def loco(_variant: int, rng: np.random.Generator) -> Design:
     """A locomotive on rails between hills."""
-    del variant
     paint, roof = pick(rng, (palette.RED, palette.TEAL, palette.NAVY)), pick(rng, (palette.MUSTARD, palette.ORANGE))
     piece = [Part(box(0.25, 0.13, 0.03, 0.008).moved(z=0.022), palette.GRAPHITE)]
     boiler = lathe([(0.046, -0.075), (0.052, -0.065), (0.052, 0.065), (0.046, 0.075)], 24).turned("y", np.pi / 2)
@@ -97,16 +95,15 @@ def loco(variant: int, rng: np.random.Generator) -> Design:
     return _toy(piece, lambda x: 0.02 * np.sin(2 * np.pi * x / 0.62), board, palette.STONE, rails=True)
 
 
-def ladybird(variant: int, rng: np.random.Generator) -> Design:
+def ladybird(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a ladybird on an arc between flowers."""
-    del variant
     shell = pick(rng, (palette.RED, palette.ORANGE))
     piece = [Part(ball(0.098, 30, 14).stretched(y=0.86, z=0.72).moved(z=0.03), shell)]
     piece.append(Part(ball(0.048, 20, 10).stretched(z=0.8).moved(0.098, 0, 0.035), palette.BLACK))
     seam = [
         (float(-0.099 * np.cos(a)), 0.0, 0.03 + 0.0712 * float(np.sin(a))) for a in np.linspace(0.1, np.pi - 0.5, 14)
     ]
-    piece.append(Part(tube(seam, 0.004, 6), palette.BLACK))
+    piece.append(Part(pipe(seam, 0.004, 6), palette.BLACK))
     for x, y in ((0.03, 0.042), (0.03, -0.042), (-0.04, 0.045), (-0.04, -0.045)):
         z = 0.03 + 0.0706 * float(np.sqrt(1 - (x / 0.098) ** 2 - (y / 0.0843) ** 2))
         piece.append(Part(ball(0.020, 14, 8).stretched(z=0.35).moved(x, y, z - 0.002), palette.BLACK))
@@ -114,12 +111,12 @@ def ladybird(variant: int, rng: np.random.Generator) -> Design:
         piece.append(Part(ball(0.011, 10, 6).moved(0.125, y, 0.06), palette.WHITE))
         feeler = [(0.12, 0.5 * y, 0.06), (0.15, y, 0.09), (0.165, 1.8 * y, 0.10)]
         piece += [
-            Part(tube(feeler, 0.004, 6), palette.BLACK),
+            Part(pipe(feeler, 0.004, 6), palette.BLACK),
             Part(ball(0.008, 8, 6).moved(*feeler[-1]), palette.BLACK),
         ]
     board = _board(palette.MINT, palette.FOREST)
     for x, y, color in ((-0.34, -0.125, palette.BLUSH), (0.0, -0.11, palette.MUSTARD), (0.34, -0.125, palette.SKY)):
-        petals = prism(star(0.030, 0.009, 6, 6), 0, 0.008, bevel=0.003).moved(x, y, THICKNESS - 0.001)
+        petals = prism(wavy(0.030, 0.009, 6, 6), 0, 0.008, bevel=0.003).moved(x, y, THICKNESS - 0.001)
         heart = lathe([(0.012, 0), (0.010, 0.012), (0, 0.013)], 14).moved(x, y, THICKNESS - 0.001)
         board += [Part(petals, color), Part(heart, palette.WHITE)]
     return _toy(piece, lambda x: 0.075 - 1.6 * x**2, board, palette.FOREST, rails=False)
@@ -130,9 +127,8 @@ def grown(parts: list[Part], factor: float) -> list[Part]:
     return [Part(part.solid.stretched(factor, factor, factor), part.material) for part in parts]
 
 
-def car(variant: int, rng: np.random.Generator) -> Design:
+def car(_variant: int, rng: np.random.Generator) -> Design:
     """A little car on a winding road."""
-    del variant
     paint = pick(rng, (palette.MUSTARD, palette.CORAL, palette.RED))
     piece = [Part(box(0.21, 0.11, 0.045, 0.016).moved(z=0.02), paint)]
     cabin = loft(
@@ -153,9 +149,8 @@ def car(variant: int, rng: np.random.Generator) -> Design:
     return _toy(piece, lambda x: 0.055 * np.sin(2 * np.pi * x / 0.5), board, palette.GRAPHITE, rails=False)
 
 
-def duck(variant: int, rng: np.random.Generator) -> Design:
+def duck(_variant: int, _rng: np.random.Generator) -> Design:
     """A duck on a pond."""
-    del variant, rng
     yellow = palette.MUSTARD
     piece = [Part(ball(0.092, 26, 12).stretched(y=0.74, z=0.55).moved(z=0.035), yellow)]
     piece.append(Part(ball(0.046, 20, 10).moved(0.06, 0, 0.098), yellow))
@@ -168,15 +163,14 @@ def duck(variant: int, rng: np.random.Generator) -> Design:
     board = _board(palette.SKY, palette.OAK)
     for x, y, r in ((-0.33, 0.12, 0.030), (0.30, -0.13, 0.034), (0.36, 0.10, 0.022)):
         board.append(
-            Part(prism(star(r, 0.1 * r, 1, 24), 0, 0.005, bevel=0.002).moved(x, y, THICKNESS - 0.001), palette.FOREST)
+            Part(prism(wavy(r, 0.1 * r, 1, 24), 0, 0.005, bevel=0.002).moved(x, y, THICKNESS - 0.001), palette.FOREST)
         )
         board.append(Part(ball(0.010, 10, 6).moved(x, y, THICKNESS + 0.008), palette.BLUSH))
     return _toy(piece, lambda x: -0.05 + 0.9 * x**2, board, palette.WHITE, rails=False)
 
 
-def rocket(variant: int, rng: np.random.Generator) -> Design:
+def rocket(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a rocket between stars."""
-    del variant
     paint = pick(rng, (palette.RED, palette.ORANGE))
     rows = [(0.030, -0.11), (0.050, -0.08), (0.056, 0.0), (0.045, 0.07), (0.022, 0.12), (0.0, 0.14)]
     piece = [Part(lathe(smooth(rows, 3), 24).turned("y", np.pi / 2).moved(z=0.062), palette.PEARL)]
@@ -189,6 +183,6 @@ def rocket(variant: int, rng: np.random.Generator) -> Design:
     piece += [Part(window, palette.GLASS), Part(torus(0.025, 0.006, 18, 6).moved(0.02, 0, 0.114), palette.NAVY)]
     board = _board(palette.NAVY, palette.STEEL)
     for x, y in ((-0.33, -0.12), (-0.12, 0.13), (0.16, -0.13), (0.35, 0.12)):
-        spark = prism(star(0.018, 0.007, 5, 4), 0, 0.006, bevel=0.002)
+        spark = prism(wavy(0.018, 0.007, 5, 4), 0, 0.006, bevel=0.002)
         board.append(Part(spark.moved(x, y, THICKNESS - 0.001), palette.MUSTARD))
     return _toy(piece, lambda x: 0.30 * x, board, palette.SKY, rails=False)

@@ -5,19 +5,19 @@ Every family is a function of a variant number and a generator; families of the 
 
 import numpy as np
 
-from busybot.objects.procedural import fixtures as hardware
-from busybot.objects.procedural import palette
+from busybot.objects.procedural import fixtures, palette
 from busybot.objects.procedural.design import (
-    SWITCH_SCALE,
+    HINGE_X,
+    HINGE_Y,
+    SLIDE_X,
     Design,
     Material,
     MovingLink,
     Part,
-    hinge_directions,
     shifted,
-    slide_directions,
+    switch,
 )
-from busybot.objects.procedural.fixtures import PLATE_THICKNESS as TOP
+from busybot.objects.procedural.fixtures import TOP
 from busybot.objects.procedural.palette import in_turn, pick
 from busybot.objects.procedural.solids import (
     ball,
@@ -26,13 +26,13 @@ from busybot.objects.procedural.solids import (
     frame,
     lathe,
     loft,
+    pipe,
     prism,
     rectangle,
     ring,
     smooth,
-    star,
     torus,
-    tube,
+    wavy,
 )
 
 
@@ -42,9 +42,9 @@ def rocker_link(
     """A rocker that tilts about y; (x, y, z) is the middle of its dipping top."""
     sign = palette.WHITE if sum(material.color) < 2.2 else palette.GRAPHITE
     parts = [
-        Part(hardware.rocker_body(width, length, 0.014, 0.0, 0.03), material),
-        hardware.mark_bar(0.36 * width, sign).turned("y", -0.10).moved(x=0.30 * length, z=0.0066),
-        hardware.mark_ring(0.17 * width, sign).turned("y", 0.10).moved(x=-0.30 * length, z=0.0066),
+        Part(fixtures.rocker_body(width, length, 0.014, 0.0, 0.03), material),
+        fixtures.mark_bar(0.36 * width, sign).turned("y", -0.10).moved(x=0.30 * length, z=0.0066),
+        fixtures.mark_ring(0.17 * width, sign).turned("y", 0.10).moved(x=-0.30 * length, z=0.0066),
     ]
     # pressed left at the lower limit: turning about y lowers +x
     return MovingLink(
@@ -58,13 +58,13 @@ def rocker(variant: int, rng: np.random.Generator) -> Design:
     key = pick(rng, (palette.WHITE, palette.IVORY, *palette.ACCENTS, palette.GRAPHITE), unlike=cover)
     size, length, width = 0.30, (0.20, 0.17, 0.19, 0.15)[variant % 4], (0.13, 0.10, 0.15, 0.12)[variant % 4]
     tilt = (0.20, 0.24, 0.17, 0.07)[variant % 4]
-    body = hardware.plate(
+    body = fixtures.plate(
         size + 0.02 * (variant % 2), size, cover, rng, ("corners", "poles", "none", "poles")[variant % 4]
     )
-    rim = hardware.bezel(length + 0.045, width + 0.045, 0.018, 0.022, pick(rng, (palette.STEEL, cover, palette.BLACK)))
+    rim = fixtures.bezel(length + 0.045, width + 0.045, 0.018, 0.022, pick(rng, (palette.STEEL, cover, palette.BLACK)))
     body += shifted(rim, (0, 0, TOP - 0.001))
     link = rocker_link(0, 0, TOP + 0.026, width, length, tilt, key)
-    return Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x"))
+    return switch(body, [link], HINGE_X)
 
 
 def toggle_link(
@@ -72,7 +72,7 @@ def toggle_link(
 ) -> MovingLink:
     """A bat lever whose foot is at (x, y, z)."""
     metal = pick(rng, palette.METALS)
-    parts = shifted(hardware.bat(length, radius, metal, pick(rng, (*palette.ACCENTS, metal))), (x, y, z))
+    parts = shifted(fixtures.bat(length, radius, metal, pick(rng, (*palette.ACCENTS, metal))), (x, y, z))
     axis = (0.0, 1.0, 0.0) if along == "x" else (-1.0, 0.0, 0.0)
     return MovingLink(parts, "revolute", (x, y, z), axis, -swing, swing, "small", "toggle_button")
 
@@ -94,15 +94,15 @@ def toggle(variant: int, rng: np.random.Generator) -> Design:
         ]
         body = [Part(lathe([*profile, (0.30 * size, 0.026), (0.0, 0.030)], 40), cover)]
     else:
-        body = hardware.plate(size, size, cover, rng, ("ends", "corners", "none", "poles")[variant % 4])
+        body = fixtures.plate(size, size, cover, rng, ("ends", "corners", "none", "poles")[variant % 4])
     side = 0.37 * size if along == "x" else -0.37 * size
     dot = shifted(
-        hardware.indicator(0.013, palette.RED, palette.CHROME), (side, 0.0, TOP) if along == "x" else (0, -side, TOP)
+        fixtures.indicator(0.013, palette.RED, palette.CHROME), (side, 0.0, TOP) if along == "x" else (0, -side, TOP)
     )
     body += dot if variant % 2 == 0 and variant % 4 != 0 else []
-    body += shifted(hardware.hex_collar(0.07, pick(rng, palette.METALS)), (0, 0, TOP - 0.002))
+    body += shifted(fixtures.hex_collar(0.07, pick(rng, palette.METALS)), (0, 0, TOP - 0.002))
     link = toggle_link(0, 0, TOP + 0.03, 0.17, 0.034, 0.48, rng, along)
-    return Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x" if along == "x" else "y"))
+    return switch(body, [link], HINGE_X if along == "x" else HINGE_Y)
 
 
 def button_link(parts: list[Part], x: float, y: float, z: float, travel: float) -> MovingLink:
@@ -115,33 +115,33 @@ def button(variant: int, rng: np.random.Generator) -> Design:
     cover = in_turn((palette.WHITE, palette.GRAPHITE, palette.SAGE, palette.NAVY), variant)
     cap, metal = pick(rng, palette.ACCENTS, unlike=cover), pick(rng, palette.METALS)
     radius = (0.075, 0.085, 0.068, 0.078)[variant % 4]
-    body = hardware.plate(
+    body = fixtures.plate(
         0.28, 0.28, cover, rng, ("corners", "none", "ends", "poles")[variant % 4], (0.03, 0.09, 0.02, 0.05)[variant % 4]
     )
-    body += shifted(hardware.round_bezel(radius + 0.028, radius + 0.003, 0.026, metal), (0, 0, TOP - 0.001))
-    top = hardware.dish_cap(radius, 0.0)
+    body += shifted(fixtures.round_bezel(radius + 0.028, radius + 0.003, 0.026, metal), (0, 0, TOP - 0.001))
+    top = fixtures.dish_cap(radius, 0.0)
     glow = torus(0.55 * radius, 0.004, 28, 6).moved(z=-0.004)
     parts = [Part(top, cap), Part(glow, palette.WHITE if variant % 2 else metal)]
     link = button_link(parts, 0, 0, TOP + 0.055, 0.032)
-    return Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x"))
+    return switch(body, [link], HINGE_X)
 
 
-def key_cap(variant: int, rng: np.random.Generator) -> Design:
+def key(variant: int, rng: np.random.Generator) -> Design:
     """A square illuminated key in a square frame."""
     cover = in_turn((palette.GRAPHITE, palette.PEARL), variant)
     cap = in_turn((palette.MINT, palette.CORAL), variant)
     body = [Part(prism(rectangle(0.27, 0.27, 0.02), 0, 0.045, bevel=0.02, steps=3), cover)]
-    body += shifted(hardware.bezel(0.19, 0.19, 0.014, 0.016, palette.STEEL), (0, 0, 0.044))
+    body += shifted(fixtures.bezel(0.19, 0.19, 0.014, 0.016, palette.STEEL), (0, 0, 0.044))
     top = prism(rectangle(0.145, 0.145, 0.02), -0.03, 0, bevel=0.014, steps=3)
     sign = frame(rectangle(0.085, 0.085, 0.012), rectangle(0.067, 0.067, 0.006), 0, 0.002, 0.0006)
     bar = (
-        [hardware.mark_bar(0.05, cover).moved(z=-0.0004)]
+        [fixtures.mark_bar(0.05, cover).moved(z=-0.0004)]
         if variant % 2
         else [Part(lathe([(0.016, 0), (0.014, 0.002)], 18), cover)]
     )
     parts = [Part(top, cap), Part(sign.moved(z=-0.0002), cover), *bar]
     link = button_link(parts, 0, 0, 0.044 + 0.046, 0.028)
-    return Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x"))
+    return switch(body, [link], HINGE_X)
 
 
 def slider(variant: int, rng: np.random.Generator) -> Design:
@@ -153,14 +153,14 @@ def slider(variant: int, rng: np.random.Generator) -> Design:
         (0.20, 0.24, 0.18)[variant % 3],
         (0.13, 0.11, 0.16)[variant % 3],
     )
-    body = hardware.plate(
+    body = fixtures.plate(
         width, height, cover, rng, ("ends", "corners", "none")[variant % 3], (0.02, 0.03, 0.08)[variant % 3]
     )
-    body += shifted(hardware.slot(travel + 0.085, 0.05, pick(rng, (palette.STEEL, palette.BRASS))), (0, 0, TOP - 0.001))
+    body += shifted(fixtures.slot(travel + 0.085, 0.05, pick(rng, (palette.STEEL, palette.BRASS))), (0, 0, TOP - 0.001))
     for sign, material in ((-1, palette.SHADOW), (1, pick(rng, palette.ACCENTS, unlike=cover))):
         dot = lathe([(0.012, 0), (0.011, 0.002), (0, 0.0025)], 16)
         body.append(Part(dot.moved(sign * travel / 2, 0.37 * height, TOP), material))
-    cap = hardware.ridged_cap(0.075, 0.085, 0.045, grip)
+    cap = fixtures.ridged_cap(0.075, 0.085, 0.045, grip)
     link = MovingLink(
         shifted(cap, (0, 0, TOP + 0.004)),
         "prismatic",
@@ -171,7 +171,7 @@ def slider(variant: int, rng: np.random.Generator) -> Design:
         "small",
         "slider",
     )
-    return Design("Switch", SWITCH_SCALE, body, [link], directions=slide_directions("x"))
+    return switch(body, [link], SLIDE_X)
 
 
 def membrane(variant: int, rng: np.random.Generator) -> Design:
@@ -180,21 +180,21 @@ def membrane(variant: int, rng: np.random.Generator) -> Design:
     body = [Part(prism(rectangle(0.42, 0.26, 0.05), 0, 0.034, bevel=0.014, steps=3), cover)]
     links = []
     for k, x in enumerate((-0.095, 0.095)):
-        rim = hardware.bezel(0.165, 0.165, 0.010, 0.006, palette.STEEL, (0.04, 0.075)[variant % 2])
+        rim = fixtures.bezel(0.165, 0.165, 0.010, 0.006, palette.STEEL, (0.04, 0.075)[variant % 2])
         body += shifted(rim, (x, 0, 0.033))
         pad = prism(rectangle(0.138, 0.138, (0.03, 0.062)[variant % 2], 5), -0.02, 0, bevel=0.006)
         color = pick(rng, palette.ACCENTS, unlike=cover)
-        sign = hardware.mark_bar(0.06) if k else hardware.mark_ring(0.03)
+        sign = fixtures.mark_bar(0.06) if k else fixtures.mark_ring(0.03)
         parts = [Part(pad, color), sign.moved(z=-0.0004)]
         links.append(button_link(parts, x, 0, 0.033 + 0.010, (0.004, 0.006)[variant % 2]))
-    return Design("Switch", SWITCH_SCALE, body, links, directions=hinge_directions("x"))
+    return switch(body, links, HINGE_X)
 
 
 def paddle(variant: int, rng: np.random.Generator) -> Design:
     """Novel: one big curved paddle that fills an oval plate; the second variant tilts by 0.12 radians only."""
     cover = in_turn((palette.WALNUT, palette.BIRCH), variant)
     face = in_turn((palette.IVORY, palette.TEAL), variant)
-    outline = np.array(star(1.0, 0.0, 1, 40)) * np.array([(0.19, 0.155), (0.165, 0.175)][variant % 2])
+    outline = np.array(wavy(1.0, 0.0, 1, 40)) * np.array([(0.19, 0.155), (0.165, 0.175)][variant % 2])
     body = [Part(prism(outline, 0, TOP, bevel=0.014, steps=3), cover)]
     inner = outline * np.array([0.80, 0.80])
     body += [Part(frame(0.86 * outline, inner, TOP - 0.002, TOP + 0.008, bevel=0.003), palette.BRASS)]
@@ -209,18 +209,15 @@ def paddle(variant: int, rng: np.random.Generator) -> Design:
     link = MovingLink(
         shifted(parts, (0, 0, z)), "revolute", (0, 0, z - 0.01), (0, 1, 0), -tilt, tilt, "small", "paddle"
     )
-    return Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x"))
+    return switch(body, [link], HINGE_X)
 
 
 def knife(variant: int, rng: np.random.Generator) -> Design:
     """Novel: a knife switch, two copper blades with a wooden handle on a ceramic base."""
-    base, metal = (
-        in_turn((palette.WHITE, palette.GRAPHITE), variant),
-        (palette.COPPER, palette.BRASS)[variant % 2],
-    )
+    base, metal = (in_turn((palette.WHITE, palette.GRAPHITE), variant), (palette.COPPER, palette.BRASS)[variant % 2])
     body = [Part(prism(rectangle(0.42, 0.19, 0.025), 0, 0.035, bevel=0.012, steps=3), base)]
     for x, y in ((-0.185, 0.07), (-0.185, -0.07), (0.185, 0.07), (0.185, -0.07)):
-        body += hardware.screw(x, y, 0.034, float(rng.uniform(0, 3)), metal)
+        body += fixtures.screw(x, y, 0.034, float(rng.uniform(0, 3)), metal)
     for y in (-0.038, 0.038):
         body.append(Part(box(0.05, 0.03, 0.012, 0.004).moved(-0.13, y, 0.034), metal))
         for dy in (-0.009, 0.009):
@@ -229,14 +226,14 @@ def knife(variant: int, rng: np.random.Generator) -> Design:
         body.append(Part(box(0.045, 0.03, 0.012, 0.004).moved(0.075, y, 0.034), metal))
     z = 0.066
     parts = [Part(box(0.25, 0.009, 0.026, 0.003).moved(0.0, y, z - 0.013), metal) for y in (-0.038, 0.038)]
-    parts.append(Part(tube([(-0.13, -0.055, z), (-0.13, 0.055, z)], 0.010, 12), metal))
+    parts.append(Part(pipe([(-0.13, -0.055, z), (-0.13, 0.055, z)], 0.010, 12), metal))
     parts.append(Part(box(0.03, 0.10, 0.022, 0.006).moved(0.125, 0, z - 0.011), palette.BLACK))
     handle = smooth([(0.014, 0), (0.022, 0.015), (0.030, 0.045), (0.026, 0.075), (0.012, 0.092), (0.0, 0.095)], 3)
     wood = pick(rng, (palette.CHERRY, palette.WALNUT, palette.RED))
     parts.append(Part(lathe(handle, 18).turned("y", np.pi / 2).moved(0.135, 0, z), wood))
     # closed at 0; turning about -y lifts the handle
     link = MovingLink(parts, "revolute", (-0.13, 0, z), (0, -1, 0), 0.0, 0.85, "small", "lever")
-    return Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x"))
+    return switch(body, [link], HINGE_X)
 
 
 def mushroom(variant: int, rng: np.random.Generator) -> Design:
@@ -245,14 +242,14 @@ def mushroom(variant: int, rng: np.random.Generator) -> Design:
     body = [Part(prism(rectangle(0.30, 0.30, 0.045), 0, 0.07, bevel=0.02, steps=3), box_color)]
     for sx in (-1, 1):
         for sy in (-1, 1):
-            body += hardware.screw(sx * 0.112, sy * 0.112, 0.068, float(rng.uniform(0, 3)))
+            body += fixtures.screw(sx * 0.112, sy * 0.112, 0.068, float(rng.uniform(0, 3)))
     body += [Part(lathe([(0.115, 0.069), (0.115, 0.073), (0.112, 0.0745), (0.0, 0.0745)], 40), palette.WHITE)]
     body += [Part(lathe([(0.055, 0.07), (0.055, 0.095), (0.05, 0.10), (0, 0.10)], 28), palette.BLACK)]
-    parts = [Part(hardware.dome(0.088, 0.04, 0.045), head)]
+    parts = [Part(fixtures.dome(0.088, 0.04, 0.045), head)]
     arrow = torus(0.05, 0.005, 26, 6).moved(z=0.034)
     parts.append(Part(arrow, palette.WHITE))
     link = button_link(parts, 0, 0, 0.145, 0.035)
-    return Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x"))
+    return switch(body, [link], HINGE_X)
 
 
 def bolt(variant: int, rng: np.random.Generator) -> Design:
@@ -265,12 +262,12 @@ def bolt(variant: int, rng: np.random.Generator) -> Design:
     arch = [(0.0, -0.042, 0.03), (0.0, -0.042, 0.078), (0.0, 0.042, 0.078), (0.0, 0.042, 0.03)]
     for x in (-0.165, 0.075, 0.18):
         strap = bent([(x + a, b, c) for a, b, c in arch], 0.04, 5)
-        body.append(Part(tube(strap, 0.013, 10), metal))
+        body.append(Part(pipe(strap, 0.013, 10), metal))
     for x, y in ((-0.12, 0.045), (-0.12, -0.045), (0.03, 0.045), (0.03, -0.045), (0.205, 0.047), (0.205, -0.047)):
-        body += hardware.screw(x, y, 0.034, float(rng.uniform(0, 3)), metal, 0.009)
+        body += fixtures.screw(x, y, 0.034, float(rng.uniform(0, 3)), metal, 0.009)
     z, travel = 0.058, 0.11
-    rod = [Part(tube([(-0.20, 0, z), (-0.19, 0, z), (0.12, 0, z), (0.13, 0, z)], 0.020, 14), palette.STEEL)]
-    rod.append(Part(tube([(-0.045, 0, z), (-0.045, 0, z + 0.05)], 0.012, 12), palette.STEEL))
+    rod = [Part(pipe([(-0.20, 0, z), (-0.19, 0, z), (0.12, 0, z), (0.13, 0, z)], 0.020, 14), palette.STEEL)]
+    rod.append(Part(pipe([(-0.045, 0, z), (-0.045, 0, z + 0.05)], 0.012, 12), palette.STEEL))
     rod.append(Part(ball(0.038, 20, 10).moved(-0.045, 0, z + 0.065), pick(rng, palette.ACCENTS)))
     link = MovingLink(rod, "prismatic", (0, 0, z), (1, 0, 0), -travel / 2, travel / 2, "small", "slider")
-    return Design("Switch", SWITCH_SCALE, body, [link], directions=slide_directions("x"))
+    return switch(body, [link], SLIDE_X)

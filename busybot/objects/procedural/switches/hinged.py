@@ -2,36 +2,12 @@
 
 import numpy as np
 
-from busybot.objects.procedural import fixtures as hardware
-from busybot.objects.procedural import palette
-from busybot.objects.procedural.bases import Ground, clutter, ground
-from busybot.objects.procedural.design import (
-    SWITCH_SCALE,
-    Design,
-    Material,
-    MovingLink,
-    Part,
-    facing,
-    hinge_directions,
-    shifted,
-)
-from busybot.objects.procedural.fixtures import lifted, trodden
+from busybot.objects.procedural import fixtures, palette
+from busybot.objects.procedural.design import HINGE_X, Design, Material, MovingLink, Part, shifted, switch
+from busybot.objects.procedural.fixtures import Ground, clutter, ground, lifted, trodden
 from busybot.objects.procedural.grips import head, lying, rod
 from busybot.objects.procedural.palette import in_turn, pick
-from busybot.objects.procedural.solids import (
-    Solid,
-    ball,
-    bent,
-    box,
-    lathe,
-    prism,
-    rectangle,
-    smooth,
-    sweep,
-    tube,
-)
-
-DIRECTIONS = hinge_directions("x")
+from busybot.objects.procedural.solids import Solid, ball, bent, box, lathe, pipe, prism, rectangle, smooth, sweep
 
 
 def lid(variant: int, rng: np.random.Generator) -> Design:
@@ -49,7 +25,7 @@ def lid(variant: int, rng: np.random.Generator) -> Design:
     parts = [Part(prism(cover, -0.004, 0.014, bevel=0.005), color)]
     parts += shifted(_lid_grip(variant, width, pick(rng, palette.METALS)), (0.94 * length, 0, 0.012))
     link = lifted(parts, (-length / 2, 0, rise + 0.006), (0.7, 0.9, 0.55, 0.8)[variant % 4])
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS), variant + variant // 4)
+    return switch(body, [link], HINGE_X, variant + variant // 4)
 
 
 def _lid_outline(variant: int, length: float, width: float) -> np.ndarray:
@@ -104,7 +80,7 @@ def pedal(variant: int, rng: np.random.Generator) -> Design:
     color = pick(rng, (*palette.ACCENTS, palette.GRAPHITE, palette.STEEL), unlike=base.cover)
     at = (-length / 2, 0.0, base.top + 0.026)
     link = _pedal_link(length, width, at, tread + 0.02, tread, color, (4, 3, 5, 2)[variant % 4])
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS), variant + 3)
+    return switch(body, [link], HINGE_X, variant + 3)
 
 
 def pedals(variant: int, rng: np.random.Generator) -> Design:
@@ -127,7 +103,7 @@ def pedals(variant: int, rng: np.random.Generator) -> Design:
         accent = palette.ACCENTS[(2 * k + variant) % len(palette.ACCENTS)]
         color = accent if variant % 2 else pick(rng, (palette.CHROME, palette.ORANGE), unlike=base.cover)
         links.append(_pedal_link(length, width, at, tread + 0.01, tread, color, (2, 3, 1)[variant % 3]))
-    return facing(Design("Switch", SWITCH_SCALE, body, links, directions=DIRECTIONS), (1, 0, 3)[variant % 3])
+    return switch(body, links, HINGE_X, (1, 0, 3)[variant % 3])
 
 
 def arm(variant: int, rng: np.random.Generator) -> Design:
@@ -141,7 +117,7 @@ def arm(variant: int, rng: np.random.Generator) -> Design:
     body.append(Part(rest, palette.BLACK))
     body += clutter(base, [(start + 0.35 * length, s * 0.06) for s in (-1, 1)], rng)
     link = lifted(_arm_parts(variant, length, metal, color), (start, 0, z), (0.8, 0.95, 0.6, 0.75, 1.05)[variant % 5])
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS), variant + variant // 4)
+    return switch(body, [link], HINGE_X, variant + variant // 4)
 
 
 def _bracket(x: float, z: float, base: Ground, metal: Material) -> list[Part]:
@@ -185,14 +161,14 @@ def bail(variant: int, rng: np.random.Generator) -> Design:
         body.append(
             Part(foot.moved(start, side * (width / 2 + 0.008), base.top - 0.001), pick(rng, (metal, palette.BLACK)))
         )
-        body += hardware.screw(start - 0.032, side * (width / 2 - 0.03), base.top - 0.001, float(rng.uniform(0, 3)))
+        body += fixtures.screw(start - 0.032, side * (width / 2 - 0.03), base.top - 0.001, float(rng.uniform(0, 3)))
     path = [(0, -width / 2, 0), (reach, -width / 2, 0), (reach, width / 2, 0), (0, width / 2, 0)]
-    parts = [Part(tube(bent(path, (0.06, 0.03, 0.065)[variant % 3], 5), wire, 12), metal)]
+    parts = [Part(pipe(bent(path, (0.06, 0.03, 0.065)[variant % 3], 5), wire, 12), metal)]
     if variant % 3 != 1:
         sleeve = lying(1.7 * wire, 0.45 * width, 16).moved(reach)
         parts.append(Part(sleeve, pick(rng, palette.ACCENTS, unlike=base.cover)))
     link = lifted(parts, (start, 0, z), (1.1, 0.9, 1.2)[variant % 3])
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS), variant + variant // 3)
+    return switch(body, [link], HINGE_X, variant + variant // 3)
 
 
 def hood(variant: int, rng: np.random.Generator) -> Design:
@@ -208,4 +184,4 @@ def hood(variant: int, rng: np.random.Generator) -> Design:
     tab = box(0.035, 0.05, 0.012, 0.004).moved(0.18, 0, 0.022)
     parts = [Part(shell, color), Part(tab, palette.BLACK)]
     link = lifted(parts, (-0.09, 0, base.top + 0.012), 0.75)
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS), 2 * variant + 1)
+    return switch(body, [link], HINGE_X, 2 * variant + 1)

@@ -5,22 +5,9 @@ Multi-direction triggers, which rest at both ends and midway: throttle, joystick
 
 import numpy as np
 
-from busybot.objects.procedural import fixtures as hardware
-from busybot.objects.procedural import palette
-from busybot.objects.procedural.bases import Ground, clutter, corners, ground
-from busybot.objects.procedural.design import (
-    SWITCH_SCALE,
-    Design,
-    Material,
-    MovingLink,
-    Part,
-    facing,
-    hinge_directions,
-    shifted,
-    slide_directions,
-)
-from busybot.objects.procedural.fixtures import PLATE_THICKNESS as TOP
-from busybot.objects.procedural.fixtures import swung
+from busybot.objects.procedural import fixtures, palette
+from busybot.objects.procedural.design import HINGE_X, SLIDE_X, Design, Material, MovingLink, Part, shifted, switch
+from busybot.objects.procedural.fixtures import TOP, Ground, clutter, corners, ground, swung
 from busybot.objects.procedural.grips import HEADS, collar, head, lying
 from busybot.objects.procedural.palette import in_turn, pick
 from busybot.objects.procedural.solids import (
@@ -30,11 +17,11 @@ from busybot.objects.procedural.solids import (
     box,
     frame,
     lathe,
+    pipe,
     prism,
     rectangle,
     smooth,
     torus,
-    tube,
 )
 
 SWING = 0.50
@@ -64,18 +51,18 @@ def throttle(variant: int, rng: np.random.Generator) -> Design:
     """A lever with a ball, out of a slotted drum."""
     cover = in_turn((palette.NAVY, palette.IVORY), variant)
     metal = pick(rng, palette.METALS)
-    body = hardware.plate(0.38, 0.24, cover, rng, "corners")
+    body = fixtures.plate(0.38, 0.24, cover, rng, "corners")
     shell = pick(rng, (palette.STEEL, palette.PEARL, palette.BLACK), unlike=cover)
     body.append(Part(drum(0.115, 0.15).moved(z=TOP - 0.002), shell))
     body.append(Part(drum(0.117, 0.045, 0.002).moved(z=TOP - 0.002), palette.SHADOW))
     body += [Part(drum(0.122, 0.012, 0.004).moved(y=y, z=TOP - 0.002), metal) for y in (-0.065, 0.065)]
     body += ticks([(-0.145, 0.0), (0.0, 0.10), (0.145, 0.0)], TOP, rng)
-    stem = tube([(0, 0, 0.0), (0, 0, 0.1), (0, 0, 0.205)], 0.014, 12)
+    stem = pipe([(0, 0, 0.0), (0, 0, 0.1), (0, 0, 0.205)], 0.014, 12)
     parts = [Part(stem, metal), Part(torus(0.018, 0.008, 18, 8).moved(z=0.185), metal)]
     head = pick(rng, palette.ACCENTS, unlike=shell)
     knob = ball(0.052, 24, 12).moved(z=0.232) if variant % 2 == 0 else _pear().moved(z=0.175)
     parts.append(Part(knob, head))
-    return Design("Switch", SWITCH_SCALE, body, [lever_link(parts, TOP)], directions=slide_directions("x"))
+    return switch(body, [lever_link(parts, TOP)], SLIDE_X)
 
 
 def _pear() -> Solid:
@@ -83,11 +70,10 @@ def _pear() -> Solid:
     return lathe(smooth(profile, 3), 22)
 
 
-def joystick(variant: int, rng: np.random.Generator) -> Design:
+def joystick(_variant: int, rng: np.random.Generator) -> Design:
     """A stick with a knurled knob, out of a rubber bellows; it moves along x only."""
-    del variant
     cover = pick(rng, (palette.WHITE, palette.STEEL, palette.MUSTARD, palette.TEAL))
-    body = hardware.plate(0.32, 0.32, cover, rng, "corners", 0.07)
+    body = fixtures.plate(0.32, 0.32, cover, rng, "corners", 0.07)
     rows = [
         (0.105, 0.0),
         (0.112, 0.012),
@@ -100,11 +86,11 @@ def joystick(variant: int, rng: np.random.Generator) -> Design:
     body.append(Part(lathe([*smooth(rows, 2), (0.0, 0.068)], 28).moved(z=TOP - 0.001), palette.BLACK))
     body += ticks([(-0.135, 0.0), (0.0, 0.135), (0.135, 0.0)], TOP, rng)
     parts = [Part(lathe([(0.020, 0.0), (0.016, 0.10), (0.015, 0.19)], 14), palette.CHROME)]
-    top = hardware.knob(
+    top = fixtures.knob(
         0.052, 0.045, pick(rng, (palette.RED, palette.ORANGE, palette.PLUM), unlike=cover), palette.CHROME
     )
     parts += shifted(top, (0, 0, 0.18))
-    return Design("Switch", SWITCH_SCALE, body, [lever_link(parts, TOP + 0.02)], directions=slide_directions("x"))
+    return switch(body, [lever_link(parts, TOP + 0.02)], SLIDE_X)
 
 
 def fader(variant: int, rng: np.random.Generator) -> Design:
@@ -112,8 +98,8 @@ def fader(variant: int, rng: np.random.Generator) -> Design:
     cover = in_turn((palette.GRAPHITE, palette.IVORY, palette.STEEL), variant)
     grip = pick(rng, (palette.WHITE, *palette.ACCENTS), unlike=cover)
     width, travel = (0.48, 0.44, 0.52)[variant % 3], (0.24, 0.21, 0.27)[variant % 3]
-    body = hardware.plate(width, 0.20, cover, rng, "ends", (0.02, 0.06, 0.03)[variant % 3])
-    body += shifted(hardware.slot(travel + 0.05, 0.022, palette.STEEL, 0.008), (0, 0, TOP - 0.001))
+    body = fixtures.plate(width, 0.20, cover, rng, "ends", (0.02, 0.06, 0.03)[variant % 3])
+    body += shifted(fixtures.slot(travel + 0.05, 0.022, palette.STEEL, 0.008), (0, 0, TOP - 0.001))
     line = palette.WHITE if sum(cover.color) < 1.8 else palette.GRAPHITE
     for k in range(9):
         x, long = travel * (k / 8 - 0.5), k % 4 == 0
@@ -121,9 +107,7 @@ def fader(variant: int, rng: np.random.Generator) -> Design:
             Part(box(0.005, 0.022 if long else 0.012, 0.0015).moved(x, s * 0.055, TOP - 0.0003), line) for s in (1, -1)
         ]
     body += ticks([(-travel / 2, 0.083), (0.0, 0.083), (travel / 2, 0.083)], TOP - 0.002, rng)
-    return Design(
-        "Switch", SWITCH_SCALE, body, [_slide_link(_fader_cap(grip), travel)], directions=slide_directions("x")
-    )
+    return switch(body, [_slide_link(_fader_cap(grip), travel)], SLIDE_X)
 
 
 def _fader_cap(grip: Material) -> list[Part]:
@@ -140,13 +124,12 @@ def _slide_link(parts: list[Part], travel: float, z: float = TOP + 0.006) -> Mov
     return MovingLink(shifted(parts, here), "prismatic", here, (1, 0, 0), -travel / 2, travel / 2, "large", "slider")
 
 
-def t_bar(variant: int, rng: np.random.Generator) -> Design:
+def tbar(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: an aircraft's throttle, a wide grip on two arms over a rounded console."""
     cover, grip = (
         pick(rng, (palette.PEARL, palette.SAGE, palette.STONE)),
         pick(rng, (palette.RED, palette.NAVY, palette.BLACK)),
     )
-    del variant
     body = [Part(prism(rectangle(0.36, 0.30, 0.06), 0, 0.05, bevel=0.024, steps=4), cover)]
     body.append(Part(drum(0.085, 0.13, 0.006).moved(z=0.048), cover))
     for y in (-0.082, 0.082):
@@ -157,13 +140,13 @@ def t_bar(variant: int, rng: np.random.Generator) -> Design:
     parts = []
     for y in (-0.082, 0.082):
         arm = bent([(0, y, 0.0), (0, y, 0.12), (0, y * 0.75, 0.185)], 0.04, 4)
-        parts.append(Part(tube(arm, 0.011, 10), palette.CHROME))
-    parts.append(Part(tube([(0, -0.11, 0.19), (0, -0.10, 0.19), (0, 0.10, 0.19), (0, 0.11, 0.19)], 0.030, 18), grip))
+        parts.append(Part(pipe(arm, 0.011, 10), palette.CHROME))
+    parts.append(Part(pipe([(0, -0.11, 0.19), (0, -0.10, 0.19), (0, 0.10, 0.19), (0, 0.11, 0.19)], 0.030, 18), grip))
     parts += [
         Part(torus(0.031, 0.004, 20, 6).turned("x", np.pi / 2).moved(y=y, z=0.19), palette.CHROME)
         for y in (-0.07, 0.07)
     ]
-    return Design("Switch", SWITCH_SCALE, body, [lever_link(parts, 0.045)], directions=slide_directions("x"))
+    return switch(body, [lever_link(parts, 0.045)], SLIDE_X)
 
 
 def rails(variant: int, rng: np.random.Generator) -> Design:
@@ -177,14 +160,14 @@ def rails(variant: int, rng: np.random.Generator) -> Design:
     ]
     for x in (-0.215, 0.215):
         body.append(Part(box(0.05, 0.20, 0.085, 0.014).moved(x), wood))
-        body += [part for y in (-0.075, 0.075) for part in hardware.screw(x, y, 0.083, float(rng.uniform(0, 3)), metal)]
-    body += [Part(tube([(-0.20, y, 0.055), (0.20, y, 0.055)], 0.011, 12), metal) for y in (-0.055, 0.055)]
+        body += [part for y in (-0.075, 0.075) for part in fixtures.screw(x, y, 0.083, float(rng.uniform(0, 3)), metal)]
+    body += [Part(pipe([(-0.20, y, 0.055), (0.20, y, 0.055)], 0.011, 12), metal) for y in (-0.055, 0.055)]
     body += ticks([(-0.125, 0.0), (0.0, 0.0), (0.125, 0.0)], 0.021, rng)
     color = pick(rng, (palette.ORANGE, palette.TEAL, palette.RED))
     parts = [Part(box(0.085, 0.15, 0.036, 0.012).moved(z=0.037), color)]
     parts.append(Part(torus(0.040, 0.011, 24, 8).turned("x", np.pi / 2).moved(z=0.105), metal))
     parts.append(Part(lathe([(0.022, 0.07), (0.018, 0.078), (0, 0.080)], 18), metal))
-    return Design("Switch", SWITCH_SCALE, body, [_slide_link(parts, 0.25, 0.0)], directions=slide_directions("x"))
+    return switch(body, [_slide_link(parts, 0.25, 0.0)], SLIDE_X)
 
 
 def _boot(variant: int, base: Ground, travel: float, rng: np.random.Generator) -> list[Part]:
@@ -223,8 +206,7 @@ def stick(variant: int, rng: np.random.Generator) -> Design:
     color, metal = pick(rng, palette.ACCENTS, unlike=base.cover), pick(rng, palette.METALS)
     parts = _lever(HEADS[variant % len(HEADS)], length, size, metal, color)
     link = swung(parts, (0, 0, base.top + 0.01), swing)
-    design = Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x"))
-    return facing(design, variant + variant // 4)
+    return switch(body, [link], HINGE_X, variant + variant // 4)
 
 
 def gear(variant: int, rng: np.random.Generator) -> Design:
@@ -239,8 +221,7 @@ def gear(variant: int, rng: np.random.Generator) -> Design:
     color, metal = pick(rng, palette.ACCENTS, unlike=base.cover), pick(rng, palette.METALS)
     parts = _lever(("bar", "egg", "coin", "fin")[variant % 4], length, size, metal, color)
     link = swung(parts, (0, 0, base.top + 0.01), 0.5, "large")
-    design = Design("Switch", SWITCH_SCALE, body, [link], directions=slide_directions("x"))
-    return facing(design, variant + variant // 4)
+    return switch(body, [link], SLIDE_X, variant + variant // 4)
 
 
 def blade(variant: int, rng: np.random.Generator) -> Design:
@@ -254,8 +235,7 @@ def blade(variant: int, rng: np.random.Generator) -> Design:
     fin = prism(rectangle(0.024, width, 0.008), -0.01, tall, bevel=0.007)
     tip = lying(0.017, width).moved(z=tall)
     link = swung([Part(fin, color), Part(tip, color)], (0, 0, base.top + 0.012), (0.45, 0.35, 0.5)[variant % 3])
-    design = Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x"))
-    return facing(design, variant)
+    return switch(body, [link], HINGE_X, variant)
 
 
 def stirrup(variant: int, rng: np.random.Generator) -> Design:
@@ -270,13 +250,12 @@ def stirrup(variant: int, rng: np.random.Generator) -> Design:
         slot = frame(rectangle(0.16, 0.024, 0.012, 5), rectangle(0.14, 0.008, 0.004, 5), 0, 0.006, 0.002)
         body.append(Part(slot.moved(0, y, base.top - 0.001), palette.STEEL))
     path = [(0, -width / 2, 0), (0, -width / 2, tall), (0, width / 2, tall), (0, width / 2, 0)]
-    loop = tube(bent(path, (0.05, 0.055, 0.03)[variant % 3], 5), wire, 12)
+    loop = pipe(bent(path, (0.05, 0.055, 0.03)[variant % 3], 5), wire, 12)
     parts = [Part(loop, metal)]
     if variant % 3 != 2:
         parts.append(Part(lying(1.8 * wire, 0.5 * width).moved(z=tall), pick(rng, palette.ACCENTS, unlike=base.cover)))
     link = swung(parts, (0, 0, base.top + 0.014), 0.5, "large")
-    design = Design("Switch", SWITCH_SCALE, body, [link], directions=slide_directions("x"))
-    return facing(design, variant + 1)
+    return switch(body, [link], SLIDE_X, variant + 1)
 
 
 def levers(variant: int, rng: np.random.Generator) -> Design:
@@ -294,5 +273,4 @@ def levers(variant: int, rng: np.random.Generator) -> Design:
         kind, length = ("cube", "coin", "bar")[variant % 3], (0.12, 0.15, 0.10)[variant % 3]
         parts = _lever(kind, length, (0.032, 0.042, 0.026)[variant % 3], metal, color)
         links.append(swung(parts, (0, y, base.top + 0.008), 0.4))
-    design = Design("Switch", SWITCH_SCALE, body, links, directions=hinge_directions("x"))
-    return facing(design, variant + 1)
+    return switch(body, links, HINGE_X, variant + 1)

@@ -3,15 +3,8 @@
 import numpy as np
 
 from busybot.objects.procedural import palette
-from busybot.objects.procedural.design import (
-    SWITCH_SCALE,
-    Design,
-    Part,
-    facing,
-    hinge_directions,
-    slide_directions,
-)
-from busybot.objects.procedural.fixtures import TURNING, lifted, pressed, slid, swung, turned
+from busybot.objects.procedural.design import HINGE_X, SLIDE_X, TURN_Z, Design, Part, switch
+from busybot.objects.procedural.fixtures import lifted, pressed, slid, swung, turned
 from busybot.objects.procedural.grips import lying
 from busybot.objects.procedural.palette import in_turn, pick
 from busybot.objects.procedural.solids import (
@@ -22,12 +15,12 @@ from busybot.objects.procedural.solids import (
     inset,
     lathe,
     loft,
+    pipe,
     prism,
     rectangle,
     ring,
     smooth,
     torus,
-    tube,
 )
 
 
@@ -46,10 +39,9 @@ def seesaw(variant: int, rng: np.random.Generator) -> Design:
         parts.append(Part(pad.moved(side * (reach - 0.045)), seat))
         x = side * (reach - 0.105)
         hoop = [(x, -0.025, 0.01), (x, -0.025, 0.05), (x, 0.025, 0.05), (x, 0.025, 0.01)]
-        parts.append(Part(tube(np.array(hoop), 0.006, 8), palette.CHROME))
+        parts.append(Part(pipe(np.array(hoop), 0.006, 8), palette.CHROME))
     link = swung(parts, (0, 0, 0.105), 0.26, label="plank")
-    design = Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x"))
-    return facing(design, variant)
+    return switch(body, [link], HINGE_X, variant)
 
 
 def clam(variant: int, rng: np.random.Generator) -> Design:
@@ -71,8 +63,7 @@ def clam(variant: int, rng: np.random.Generator) -> Design:
         rings.append(level)
     upper = loft(rings, (None, np.array([0.03, 0.0, 0.045])))
     link = lifted([Part(upper, pick(rng, (shell, palette.CORAL)))], (-0.135, 0, 0.060), 0.7)
-    design = Design("Switch", SWITCH_SCALE, body, [link], directions=hinge_directions("x"))
-    return facing(design, 3)
+    return switch(body, [link], HINGE_X, 3)
 
 
 def crank(variant: int, rng: np.random.Generator) -> Design:
@@ -89,7 +80,7 @@ def crank(variant: int, rng: np.random.Generator) -> Design:
     parts = [Part(plate, metal), *(Part(hole, palette.SHADOW) for hole in holes)]
     parts.append(Part(post.moved(0.082, 0, 0.014), pick(rng, (palette.RED, palette.NAVY, palette.FOREST))))
     link = turned(parts, (0, 0, 0.080), 0.7)
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=TURNING), variant)
+    return switch(body, [link], TURN_Z, variant)
 
 
 def honeycomb(variant: int, rng: np.random.Generator) -> Design:
@@ -117,7 +108,7 @@ def honeycomb(variant: int, rng: np.random.Generator) -> Design:
         torus(0.0125, 0.003, 12, 5).turned("y", 1.57).moved(z=0.05),
     ]
     body += [Part(bee[0], pick(rng, (palette.BLACK, palette.IRON))), Part(bee[1], palette.MUSTARD)]
-    return Design("Switch", SWITCH_SCALE, body, links, directions=hinge_directions("x"))
+    return switch(body, links, HINGE_X)
 
 
 def boat(variant: int, rng: np.random.Generator) -> Design:
@@ -144,5 +135,4 @@ def boat(variant: int, rng: np.random.Generator) -> Design:
         Part(torus(0.017, 0.004, 16, 6).moved(-0.03, 0, 0.092), palette.BLACK),
     ]
     link = slid(parts, (0, -0.02, 0.027), 0.19, "large")
-    design = Design("Switch", SWITCH_SCALE, body, [link], directions=slide_directions("x"))
-    return facing(design, variant)
+    return switch(body, [link], SLIDE_X, variant)

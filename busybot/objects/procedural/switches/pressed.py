@@ -5,42 +5,26 @@ Training switches that are pressed: caps of many outlines, plungers, a bell, pad
 
 import numpy as np
 
-from busybot.objects.procedural import fixtures as hardware
-from busybot.objects.procedural import palette
-from busybot.objects.procedural.bases import clutter, corners, ground
+from busybot.objects.procedural import fixtures, palette
 from busybot.objects.procedural.design import (
-    SWITCH_SCALE,
+    HINGE_X,
+    HINGE_Y,
+    SLIDE_Y,
     Design,
     Material,
     MovingLink,
     Part,
-    facing,
-    hinge_directions,
     shifted,
-    slide_directions,
+    switch,
 )
-from busybot.objects.procedural.fixtures import PLATE_THICKNESS as TOP
-from busybot.objects.procedural.fixtures import pressed
-from busybot.objects.procedural.grips import OUTLINES, PROFILES, cap, collar, head, outline
+from busybot.objects.procedural.fixtures import TOP, clutter, corners, ground, pressed
+from busybot.objects.procedural.grips import OUTLINES, PROFILES, cap_on, collar, head, outline
 from busybot.objects.procedural.palette import in_turn, pick
-from busybot.objects.procedural.solids import (
-    ball,
-    box,
-    circle,
-    lathe,
-    loft,
-    prism,
-    rectangle,
-    ring,
-    smooth,
-    torus,
-)
+from busybot.objects.procedural.solids import ball, box, circle, lathe, loft, prism, rectangle, ring, smooth, torus
 from busybot.objects.procedural.switches.basic import button_link, rocker_link, toggle_link
 
-DIRECTIONS = hinge_directions("x")
 
-
-def cap_switch(variant: int, rng: np.random.Generator) -> Design:
+def cap(variant: int, rng: np.random.Generator) -> Design:
     """One cap: its outline, profile, size, base, and whether it is sunk, flush or raised, go through all there are."""
     size = float(np.geomspace(0.042, 0.105, 8)[(5 * variant + 2) % 8])
     rim = outline(OUTLINES[variant % len(OUTLINES)], size)
@@ -54,9 +38,9 @@ def cap_switch(variant: int, rng: np.random.Generator) -> Design:
     body = [*base.parts, *shifted(collar(rim, float(rng.uniform(0.012, 0.03)), lip, metal), (0, 0, base.top - 0.001))]
     body += clutter(base, corners(width, height), rng) if variant % 5 < 4 else []
     color = pick(rng, (*palette.ACCENTS, palette.WHITE, palette.MINT), unlike=base.cover)
-    top = cap(rim, PROFILES[(variant + variant // 5) % len(PROFILES)], 0.9 * (lip + rise) + 0.004)
+    top = cap_on(rim, PROFILES[(variant + variant // 5) % len(PROFILES)], 0.9 * (lip + rise) + 0.004)
     z = base.top + max(lip + rise, travel + 0.012)
-    return Design("Switch", SWITCH_SCALE, body, [pressed([Part(top, color)], (0, 0, z), travel)], directions=DIRECTIONS)
+    return switch(body, [pressed([Part(top, color)], (0, 0, z), travel)], HINGE_X)
 
 
 def plunger(variant: int, rng: np.random.Generator) -> Design:
@@ -71,7 +55,7 @@ def plunger(variant: int, rng: np.random.Generator) -> Design:
     stem = lathe([(0.013, -0.06), (0.013, 0.01)], 12)
     parts = [Part(stem, metal), *_plunger_head(variant, radius, color)]
     at = (0.0, 0.0, base.top + tower + 0.045)
-    return Design("Switch", SWITCH_SCALE, body, [pressed(parts, at, 0.038)], directions=DIRECTIONS)
+    return switch(body, [pressed(parts, at, 0.038)], HINGE_X)
 
 
 def _plunger_head(variant: int, radius: float, color: Material) -> list[Part]:
@@ -79,7 +63,7 @@ def _plunger_head(variant: int, radius: float, color: Material) -> list[Part]:
         kind = ("ball", "egg", "drum")[variant // 2 % 3]
         return head(kind, 0.8 * radius, color)
     rim = outline(("round", "octagon", "flower")[variant // 2 % 3], radius)
-    slab = cap(rim, ("flat", "stepped", "conical")[variant // 2 % 3], 0.014)
+    slab = cap_on(rim, ("flat", "stepped", "conical")[variant // 2 % 3], 0.014)
     return [Part(slab.moved(z=0.014), color)]
 
 
@@ -93,7 +77,7 @@ def bell(variant: int, rng: np.random.Generator) -> Design:
     button = lathe(smooth([(0.030, -0.03), (0.036, 0.0), (0.034, 0.016), (0.018, 0.026), (0.0, 0.028)], 2), 22)
     color = pick(rng, (palette.BLACK, palette.RED, palette.TEAL))
     link = pressed([Part(button, color)], (0, 0, 0.165), 0.024)
-    return Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS)
+    return switch(body, [link], HINGE_X)
 
 
 PATTERNS = (
@@ -123,9 +107,9 @@ def pads(variant: int, rng: np.random.Generator) -> Design:
     for k, (x, y) in enumerate(places.tolist()):
         body += shifted(collar(rim, 0.009, lip, metal, 0.003), (x, y, base.top - 0.001))
         color = palette.ACCENTS[(3 * k + variant) % len(palette.ACCENTS)]
-        top = cap(rim, PROFILES[(variant + 1) % len(PROFILES)], 0.02)
+        top = cap_on(rim, PROFILES[(variant + 1) % len(PROFILES)], 0.02)
         links.append(pressed([Part(top, color)], (x, y, base.top + lip + travel + 0.006), travel))
-    return Design("Switch", SWITCH_SCALE, body, links, directions=DIRECTIONS)
+    return switch(body, links, HINGE_X)
 
 
 def bars(variant: int, rng: np.random.Generator) -> Design:
@@ -142,8 +126,7 @@ def bars(variant: int, rng: np.random.Generator) -> Design:
         color = palette.ACCENTS[(k + 2 * variant) % len(palette.ACCENTS)]
         parts = [Part(bar, color), *(Part(stud, palette.CHROME) for stud in studs)]
         links.append(pressed(parts, (x, 0, base.top + 0.032), 0.022))
-    design = Design("Switch", SWITCH_SCALE, body, links, directions=DIRECTIONS)
-    return facing(design, variant % 2)
+    return switch(body, links, HINGE_X, variant % 2)
 
 
 def cushion(variant: int, rng: np.random.Generator) -> Design:
@@ -159,7 +142,7 @@ def cushion(variant: int, rng: np.random.Generator) -> Design:
     sign = [button] if variant % 2 else [Part(prism(circle(0.02, 20), 0.024, 0.0305), palette.WHITE)]
     at = (0.0, 0.0, base.top + 0.024)
     link = pressed([Part(soft, color), *sign], at, (0.02, 0.008, 0.016)[variant % 3])
-    return Design("Switch", SWITCH_SCALE, [*base.parts, Part(well, palette.SHADOW)], [link], directions=DIRECTIONS)
+    return switch([*base.parts, Part(well, palette.SHADOW)], [link], HINGE_X)
 
 
 def rockers(variant: int, rng: np.random.Generator) -> Design:
@@ -170,46 +153,46 @@ def rockers(variant: int, rng: np.random.Generator) -> Design:
         count, [(-0.11, 0.075), (0.11, 0.075), (-0.11, -0.075), (0.11, -0.075)]
     )
     width, height = {2: (0.30, 0.34), 3: (0.30, 0.44), 4: (0.46, 0.34)}[count]
-    body = hardware.plate(width, height, cover, rng, "corners" if count < 4 else "poles")
+    body = fixtures.plate(width, height, cover, rng, "corners" if count < 4 else "poles")
     rim = pick(rng, (palette.STEEL, palette.BLACK, palette.BRASS))
     same = pick(rng, (palette.WHITE, palette.IVORY, palette.GRAPHITE), unlike=cover)
     for k, (x, y) in enumerate(places):
-        body += shifted(hardware.bezel(0.195, 0.105, 0.014, 0.020, rim), (x, y, TOP - 0.001))
+        body += shifted(fixtures.bezel(0.195, 0.105, 0.014, 0.020, rim), (x, y, TOP - 0.001))
         color = same if variant % 2 else palette.ACCENTS[(k + int(rng.integers(8))) % 8]
         keys.append(rocker_link(x, y, TOP + 0.024, 0.072, 0.16, 0.20, color))
-    return Design("Switch", SWITCH_SCALE, body, keys, directions=hinge_directions("x"))
+    return switch(body, keys, HINGE_X)
 
 
 def toggles(variant: int, rng: np.random.Generator) -> Design:
     """2 or 3 bat levers with indicator jewels."""
     count = (2, 3)[variant % 2]
     cover = in_turn((palette.IVORY, palette.NAVY), variant)
-    body = hardware.plate(0.30, 0.15 * count + 0.06, cover, rng, "corners")
+    body = fixtures.plate(0.30, 0.15 * count + 0.06, cover, rng, "corners")
     links = []
     for k in range(count):
         y = 0.145 * (k - (count - 1) / 2)
-        body += shifted(hardware.hex_collar(0.056, palette.CHROME), (0.0, y, TOP - 0.002))
+        body += shifted(fixtures.hex_collar(0.056, palette.CHROME), (0.0, y, TOP - 0.002))
         body += shifted(
-            hardware.indicator(0.012, pick(rng, palette.ACCENTS, unlike=cover), palette.BRASS), (-0.115, y, TOP)
+            fixtures.indicator(0.012, pick(rng, palette.ACCENTS, unlike=cover), palette.BRASS), (-0.115, y, TOP)
         )
         links.append(toggle_link(0.0, y, TOP + 0.025, 0.15, 0.030, 0.46, rng))
-    return Design("Switch", SWITCH_SCALE, body, links, directions=hinge_directions("x"))
+    return switch(body, links, HINGE_X)
 
 
 def buttons(variant: int, rng: np.random.Generator) -> Design:
     """3 round buttons in a row, like a lift's."""
     cover = pick(rng, (palette.STEEL, palette.GRAPHITE, palette.WHITE))
-    body = hardware.plate(0.46, 0.20, cover, rng, "none", 0.09)
+    body = fixtures.plate(0.46, 0.20, cover, rng, "none", 0.09)
     links = []
     for k, x in enumerate((-0.14, 0.0, 0.14)):
         cap = palette.ACCENTS[(2 * k + int(rng.integers(8))) % 8]
-        body += shifted(hardware.round_bezel(0.064, 0.048, 0.022, palette.CHROME), (x, 0, TOP - 0.001))
+        body += shifted(fixtures.round_bezel(0.064, 0.048, 0.022, palette.CHROME), (x, 0, TOP - 0.001))
         parts = [
-            Part(hardware.dish_cap(0.046, 0.0), cap),
+            Part(fixtures.dish_cap(0.046, 0.0), cap),
             Part(torus(0.026, 0.003, 22, 6).moved(z=-0.003), palette.WHITE),
         ]
         links.append(button_link(parts, x, 0, TOP + 0.048, 0.028))
-    return Design("Switch", SWITCH_SCALE, body, links, directions=hinge_directions("x"))
+    return switch(body, links, HINGE_X)
 
 
 def dip(variant: int, rng: np.random.Generator) -> Design:
@@ -227,14 +210,14 @@ def dip(variant: int, rng: np.random.Generator) -> Design:
     links = []
     for k in range(count):
         x = pitch * (k - (count - 1) / 2)
-        body += shifted(hardware.bezel(0.092, 0.21, 0.008, 0.006, palette.WHITE, 0.008), (x, -0.01, 0.089))
+        body += shifted(fixtures.bezel(0.092, 0.21, 0.008, 0.006, palette.WHITE, 0.008), (x, -0.01, 0.089))
         grip = [Part(box(0.068, 0.085, 0.035, 0.008), palette.WHITE)]
         grip += [Part(box(0.058, 0.008, 0.004, 0.001).moved(0, y, 0.034), palette.STONE) for y in (-0.018, 0.0, 0.018)]
         where = (x, -0.01, 0.092)
         links.append(MovingLink(shifted(grip, where), "prismatic", where, (0, 1, 0), -0.05, 0.05, "small", "slider"))
-        mark = hardware.mark_bar(0.022).moved(x, 0.119, 0.0895)
+        mark = fixtures.mark_bar(0.022).moved(x, 0.119, 0.0895)
         body.append(mark)
-    return Design("Switch", SWITCH_SCALE, body, links, directions=slide_directions("y"))
+    return switch(body, links, SLIDE_Y)
 
 
 def keys(variant: int, rng: np.random.Generator) -> Design:
@@ -259,4 +242,4 @@ def keys(variant: int, rng: np.random.Generator) -> Design:
         where = (x, -0.045, 0.080)
         hinge = (x, 0.08, 0.072)
         links.append(MovingLink(shifted(parts, where), "revolute", hinge, (1, 0, 0), 0.0, 0.12, "small", "key"))
-    return Design("Switch", SWITCH_SCALE, body, links, directions=hinge_directions("y"))
+    return switch(body, links, HINGE_Y)

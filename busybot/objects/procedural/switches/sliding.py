@@ -2,35 +2,12 @@
 
 import numpy as np
 
-from busybot.objects.procedural import fixtures as hardware
-from busybot.objects.procedural import palette
-from busybot.objects.procedural.bases import clutter, corners, ground
-from busybot.objects.procedural.design import (
-    SWITCH_SCALE,
-    Design,
-    MovingLink,
-    Part,
-    facing,
-    shifted,
-    slide_directions,
-)
-from busybot.objects.procedural.fixtures import Kind, slid
+from busybot.objects.procedural import fixtures, palette
+from busybot.objects.procedural.design import SLIDE_X, Design, MovingLink, Part, shifted, switch
+from busybot.objects.procedural.fixtures import Kind, clutter, corners, ground, slid
 from busybot.objects.procedural.grips import GRIPS, grip, lying, rod
 from busybot.objects.procedural.palette import pick
-from busybot.objects.procedural.solids import (
-    ball,
-    bent,
-    box,
-    circle,
-    frame,
-    lathe,
-    prism,
-    rectangle,
-    torus,
-    tube,
-)
-
-DIRECTIONS = slide_directions("x")
+from busybot.objects.procedural.solids import ball, bent, box, circle, frame, lathe, pipe, prism, rectangle, torus
 
 
 def thumb(variant: int, rng: np.random.Generator) -> Design:
@@ -39,16 +16,13 @@ def thumb(variant: int, rng: np.random.Generator) -> Design:
     width, height = travel + 2 * size + 0.11, (0.17, 0.22, 0.26)[variant % 3]
     base = ground(width, height, variant + 2, rng)
     metal = pick(rng, (*palette.METALS, palette.BLACK), unlike=base.cover)
-    groove = hardware.slot(travel + 2.2 * size, (0.6 + 0.3 * (variant % 3)) * size, metal, 0.01)
+    groove = fixtures.slot(travel + 2.2 * size, (0.6 + 0.3 * (variant % 3)) * size, metal, 0.01)
     body = [*base.parts, *shifted(groove, (0, 0, base.top - 0.001))]
     body += clutter(base, corners(width, height), rng) if variant % 5 != 2 else []
     color = pick(rng, (*palette.ACCENTS, palette.WHITE, palette.BLACK), unlike=base.cover)
     parts = grip(GRIPS[variant % len(GRIPS)], size, color, metal)
     kind: Kind = "large" if travel > 0.16 else "small"
-    design = Design(
-        "Switch", SWITCH_SCALE, body, [slid(parts, (0, 0, base.top + 0.011), travel, kind)], directions=DIRECTIONS
-    )
-    return facing(design, variant + variant // 4)
+    return switch(body, [slid(parts, (0, 0, base.top + 0.011), travel, kind)], SLIDE_X, variant + variant // 4)
 
 
 def tram(variant: int, rng: np.random.Generator) -> Design:
@@ -69,8 +43,7 @@ def tram(variant: int, rng: np.random.Generator) -> Design:
     top = (head_post, head_rail, head_none)[variant % 3]
     parts += top(high + 0.02)
     kind: Kind = "small" if variant % 3 == 1 else "large"
-    design = Design("Switch", SWITCH_SCALE, body, [slid(parts, (0, 0, base.top), travel, kind)], directions=DIRECTIONS)
-    return facing(design, variant + variant // 3)
+    return switch(body, [slid(parts, (0, 0, base.top), travel, kind)], SLIDE_X, variant + variant // 3)
 
 
 def head_post(z: float) -> list[Part]:
@@ -82,7 +55,7 @@ def head_post(z: float) -> list[Part]:
 def head_rail(z: float) -> list[Part]:
     """A low handle across."""
     path = [(0.0, -0.03, 0.0), (0.0, -0.03, 0.035), (0.0, 0.03, 0.035), (0.0, 0.03, 0.0)]
-    return [Part(tube(bent(path, 0.015), 0.009, 10).moved(z=z), palette.IRON)]
+    return [Part(pipe(bent(path, 0.015), 0.009, 10).moved(z=z), palette.IRON)]
 
 
 def head_none(z: float) -> list[Part]:
@@ -108,10 +81,7 @@ def channel(variant: int, rng: np.random.Generator) -> Design:
     mark = (circle(0.02, 20), rectangle(0.014, inner - 0.035, 0.004), rectangle(0.04, 0.04, 0.008))[variant % 3]
     parts.append(Part(prism(mark, high - 0.002, high + 0.006, bevel=0.002), palette.IVORY))
     kind: Kind = "large" if variant % 3 == 1 else "small"
-    design = Design(
-        "Switch", SWITCH_SCALE, body, [slid(parts, (0, 0, base.top + 0.003), travel, kind)], directions=DIRECTIONS
-    )
-    return facing(design, variant)
+    return switch(body, [slid(parts, (0, 0, base.top + 0.003), travel, kind)], SLIDE_X, variant)
 
 
 def beads(variant: int, rng: np.random.Generator) -> Design:
@@ -132,7 +102,7 @@ def beads(variant: int, rng: np.random.Generator) -> Design:
         band = torus(radius, 0.006, 22, 6).turned("y", np.pi / 2)
         parts = [Part(bead, color), Part(band, palette.IVORY)]
         links.append(slid(parts, (0, y, z), travel))
-    return facing(Design("Switch", SWITCH_SCALE, body, links, directions=DIRECTIONS), variant)
+    return switch(body, links, SLIDE_X, variant)
 
 
 def faders(variant: int, rng: np.random.Generator) -> Design:
@@ -145,11 +115,11 @@ def faders(variant: int, rng: np.random.Generator) -> Design:
     metal = pick(rng, (palette.STEEL, palette.BLACK, palette.BRASS), unlike=base.cover)
     for k in range(count):
         y = pitch * (k - (count - 1) / 2)
-        body += shifted(hardware.slot(travel + 2.2 * size, 0.018, metal, 0.007), (0, y, base.top - 0.001))
+        body += shifted(fixtures.slot(travel + 2.2 * size, 0.018, metal, 0.007), (0, y, base.top - 0.001))
         color = palette.ACCENTS[(3 * k + variant) % len(palette.ACCENTS)]
         parts = grip(("saddle", "fin", "barrel")[variant % 3], size, color, metal)
         links.append(slid(parts, (0, y, base.top + 0.010), travel))
-    return facing(Design("Switch", SWITCH_SCALE, body, links, directions=DIRECTIONS), variant + 1)
+    return switch(body, links, SLIDE_X, variant + 1)
 
 
 def drawer(variant: int, rng: np.random.Generator) -> Design:
@@ -175,7 +145,7 @@ def drawer(variant: int, rng: np.random.Generator) -> Design:
     parts.append(Part(knob.turned("y", np.pi / 2).moved(length / 2, 0, 0.5 * tall), palette.BRASS))
     at = (x, 0.0, 0.025)
     link = MovingLink(shifted(parts, at), "prismatic", at, (1, 0, 0), 0.0, travel, "small", "drawer")
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS), 3 + 2 * variant)
+    return switch(body, [link], SLIDE_X, 3 + 2 * variant)
 
 
 def inset_box(length: float, width: float) -> np.ndarray:
@@ -197,10 +167,7 @@ def shutter(variant: int, rng: np.random.Generator) -> Design:
     parts = [Part(prism(rectangle(travel + 0.05, width - 0.024, 0.01), 0, 0.014, bevel=0.004), color)]
     handle = (box(0.016, 0.6 * width, 0.03, 0.005), lathe([(0.024, 0), (0.02, 0.02), (0.028, 0.03), (0, 0.034)], 20))
     parts.append(Part(handle[variant % 2].moved(0.3 * travel, 0, 0.012), palette.IVORY))
-    design = Design(
-        "Switch", SWITCH_SCALE, body, [slid(parts, (0, 0, base.top + 0.008), travel)], directions=DIRECTIONS
-    )
-    return facing(design, variant + 2)
+    return switch(body, [slid(parts, (0, 0, base.top + 0.008), travel)], SLIDE_X, variant + 2)
 
 
 def strap(variant: int, rng: np.random.Generator) -> Design:
@@ -226,5 +193,4 @@ def strap(variant: int, rng: np.random.Generator) -> Design:
     tab = (box(0.026, broad, 0.075, 0.008), box(0.07, 0.7 * broad, 0.04, 0.01), lying(0.026, 0.08).moved(z=0.035))
     parts.append(Part(tab[variant % 3].moved(z=0.014), color))
     kind: Kind = "large" if variant % 3 == 2 else "small"
-    design = Design("Switch", SWITCH_SCALE, body, [slid(parts, (0, 0, z), travel, kind)], directions=DIRECTIONS)
-    return facing(design, variant + 1)
+    return switch(body, [slid(parts, (0, 0, z), travel, kind)], SLIDE_X, variant + 1)

@@ -6,18 +6,8 @@ Training switches that tilt about their middle or roll in a socket: wedges, sauc
 import numpy as np
 
 from busybot.objects.procedural import palette
-from busybot.objects.procedural.bases import clutter, corners, ground
-from busybot.objects.procedural.design import (
-    SWITCH_SCALE,
-    Design,
-    MovingLink,
-    Part,
-    facing,
-    hinge_directions,
-    shifted,
-    slide_directions,
-)
-from busybot.objects.procedural.fixtures import TURNING, Kind, swung, turned
+from busybot.objects.procedural.design import HINGE_X, SLIDE_X, TURN_Z, Design, MovingLink, Part, shifted, switch
+from busybot.objects.procedural.fixtures import Kind, clutter, corners, ground, swung, turned
 from busybot.objects.procedural.grips import collar, head, lying, rod
 from busybot.objects.procedural.palette import pick
 from busybot.objects.procedural.solids import (
@@ -32,11 +22,10 @@ from busybot.objects.procedural.solids import (
     prism,
     rectangle,
     ring,
-    star,
     torus,
+    wavy,
 )
 
-DIRECTIONS = hinge_directions("x")
 SUNK = 0.02
 """How far wheels and balls may reach below the board's surface."""
 
@@ -67,7 +56,7 @@ def wedge(variant: int, rng: np.random.Generator) -> Design:
     dot = lathe([(0.012, 0.0), (0.010, 0.003), (0.0, 0.0035)], 14).moved(0.36 * length, 0, ends * 0.72 + middle * 0.28)
     parts.append(Part(dot, palette.RED if color is not palette.RED else palette.WHITE))
     link = swung(parts, (0, 0, base.top + 0.022), tilt, label="rocker")
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS), variant + variant // 4)
+    return switch(body, [link], HINGE_X, variant + variant // 4)
 
 
 def saucer(variant: int, rng: np.random.Generator) -> Design:
@@ -84,7 +73,7 @@ def saucer(variant: int, rng: np.random.Generator) -> Design:
     body += clutter(base, corners(2 * radius + 0.09, 2 * radius + 0.06, 0.03), rng) if variant % 3 < 2 else []
     marks = [Part(ball(0.011, 12, 6).moved(s * 0.88 * radius, 0, 0.016), palette.WHITE) for s in (-1, 1)]
     link = swung([Part(dish, color), Part(knob, palette.WHITE), *marks], (0, 0, base.top + 0.045), tilt)
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS), variant)
+    return switch(body, [link], HINGE_X, variant)
 
 
 def tabs(variant: int, rng: np.random.Generator) -> Design:
@@ -103,7 +92,7 @@ def tabs(variant: int, rng: np.random.Generator) -> Design:
         accent = palette.ACCENTS[(k + 3 * variant) % len(palette.ACCENTS)]
         parts = [Part(tongue, color), Part(dot, accent)]
         links.append(swung(parts, (0, y, base.top + 0.032), (0.2, 0.17, 0.24)[variant % 3], label="tab"))
-    return facing(Design("Switch", SWITCH_SCALE, body, links, directions=DIRECTIONS), variant + 1)
+    return switch(body, links, HINGE_X, variant + 1)
 
 
 def wheel(variant: int, rng: np.random.Generator) -> Design:
@@ -115,13 +104,12 @@ def wheel(variant: int, rng: np.random.Generator) -> Design:
     body = [*base.parts, *shifted(collar(slot, 0.014, 0.012, metal), (0, 0, base.top - 0.001))]
     body += clutter(base, corners(2 * radius + 0.14, width + 0.17), rng)
     color = pick(rng, palette.ACCENTS, unlike=base.cover)
-    rim = prism(star(radius, 0.04 * radius, 18, 4), -width / 2, width / 2, bevel=0.005, foot=0.005)
+    rim = prism(wavy(radius, 0.04 * radius, 18, 4), -width / 2, width / 2, bevel=0.005, foot=0.005)
     flag = box(0.022, 0.8 * width, 0.03, 0.006).moved(z=0.96 * radius)
     parts = [Part(rim.turned("x", np.pi / 2), color), Part(flag, palette.WHITE)]
     kind: Kind = "large" if variant % 2 == 0 else "small"
     link = swung(parts, (0, 0, max(base.top - 0.35 * radius, radius - SUNK)), 0.55, kind, "wheel")
-    design = Design("Switch", SWITCH_SCALE, body, [link], directions=slide_directions("x"))
-    return facing(design, variant // 2 + variant)
+    return switch(body, [link], SLIDE_X, variant // 2 + variant)
 
 
 def trackball(variant: int, rng: np.random.Generator) -> Design:
@@ -136,8 +124,7 @@ def trackball(variant: int, rng: np.random.Generator) -> Design:
     peg = prism(ellipse(0.04, 0.055, 20), 0, 0.034, bevel=0.012).moved(z=0.96 * radius)
     parts = [Part(ball(radius, 30, 14), color), Part(band, palette.STEEL), Part(peg, palette.MUSTARD)]
     link = swung(parts, (0, 0, max(base.top + 0.15 * radius, radius - SUNK)), 0.5, label="ball")
-    design = Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS)
-    return facing(design, variant)
+    return switch(body, [link], HINGE_X, variant)
 
 
 def dial(variant: int, rng: np.random.Generator) -> Design:
@@ -150,13 +137,13 @@ def dial(variant: int, rng: np.random.Generator) -> Design:
     body += clutter(base, corners(side, side, 0.03), rng) if variant % 3 != 1 else []
     color = pick(rng, (*palette.ACCENTS, palette.BLACK), unlike=base.cover)
     tall = (0.06, 0.045, 0.035)[variant % 3]
-    skirt = prism(star(radius, 0.05 * radius, 12, 4), 0, 0.6 * tall, bevel=0.006)
+    skirt = prism(wavy(radius, 0.05 * radius, 12, 4), 0, 0.6 * tall, bevel=0.006)
     pointer = box(reach + 0.8 * radius, 0.034, tall, 0.010).moved((reach - 0.8 * radius) / 2)
     line = box(0.4 * reach, 0.008, 0.003, 0.001).moved(0.7 * reach, 0, tall - 0.001)
     parts = [Part(skirt, color), Part(pointer, color), Part(line, palette.WHITE)]
     kind_large = variant % 3 == 2
     link = turned(parts, (0, 0, base.top + 0.002), 0.8 if kind_large else 0.6, "large" if kind_large else "small")
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=TURNING), variant + variant // 3)
+    return switch(body, [link], TURN_Z, variant + variant // 3)
 
 
 def boom(variant: int, rng: np.random.Generator) -> Design:
@@ -196,7 +183,7 @@ def boom(variant: int, rng: np.random.Generator) -> Design:
     parts += shifted(head(("ball", "drum", "egg")[variant % 3], 0.036, color), (length, 0, 0.0))
     kind = "large" if variant % 3 == 1 else "small"
     link = turned(parts, (x, 0, z), swing, "large" if kind == "large" else "small")
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=TURNING), variant)
+    return switch(body, [link], TURN_Z, variant)
 
 
 def tap(variant: int, rng: np.random.Generator) -> Design:
@@ -218,4 +205,4 @@ def tap(variant: int, rng: np.random.Generator) -> Design:
     if spokes == 2:
         parts.append(Part(lying(0.018, 0.02), metal))
     link = turned(parts, (0, 0, base.top + 0.06), 0.45)
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=TURNING), variant)
+    return switch(body, [link], TURN_Z, variant)

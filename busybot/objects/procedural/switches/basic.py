@@ -17,7 +17,7 @@ from busybot.objects.procedural.design import (
     shifted,
     switch,
 )
-from busybot.objects.procedural.fixtures import TOP
+from busybot.objects.procedural.fixtures import TOP, corners, pressed, slid, swung
 from busybot.objects.procedural.palette import in_turn, pick
 from busybot.objects.procedural.solids import (
     ball,
@@ -47,24 +47,19 @@ def rocker_link(
         fixtures.mark_ring(0.17 * width, sign).turned("y", 0.10).moved(x=-0.30 * length, z=0.0066),
     ]
     # pressed left at the lower limit: turning about y lowers +x
-    return MovingLink(
-        shifted(parts, (x, y, z)), "revolute", (x, y, z - 0.02), (0, 1, 0), -tilt, tilt, "small", "rocker"
-    )
+    return swung(shifted(parts, (0, 0, 0.02)), (x, y, z - 0.02), tilt, label="rocker")
 
 
 def rocker(variant: int, rng: np.random.Generator) -> Design:
     """A wide rocker in a raised frame on a cover plate."""
     cover = in_turn((palette.IVORY, palette.GRAPHITE, palette.SAGE, palette.PEARL), variant)
     key = pick(rng, (palette.WHITE, palette.IVORY, *palette.ACCENTS, palette.GRAPHITE), unlike=cover)
-    size, length, width = 0.30, (0.20, 0.17, 0.19, 0.15)[variant % 4], (0.13, 0.10, 0.15, 0.12)[variant % 4]
-    tilt = (0.20, 0.24, 0.17, 0.07)[variant % 4]
-    body = fixtures.plate(
-        size + 0.02 * (variant % 2), size, cover, rng, ("corners", "poles", "none", "poles")[variant % 4]
-    )
+    length, width = ((0.20, 0.13), (0.17, 0.10), (0.19, 0.15), (0.15, 0.12))[variant % 4]
+    screws, tilt = (("corners", 0.20), ("poles", 0.24), ("none", 0.17), ("poles", 0.07))[variant % 4]
+    body = fixtures.plate(0.30 + 0.02 * (variant % 2), 0.30, cover, rng, screws)
     rim = fixtures.bezel(length + 0.045, width + 0.045, 0.018, 0.022, pick(rng, (palette.STEEL, cover, palette.BLACK)))
     body += shifted(rim, (0, 0, TOP - 0.001))
-    link = rocker_link(0, 0, TOP + 0.026, width, length, tilt, key)
-    return switch(body, [link], HINGE_X)
+    return switch(body, [rocker_link(0, 0, TOP + 0.026, width, length, tilt, key)], HINGE_X)
 
 
 def toggle_link(
@@ -79,35 +74,17 @@ def toggle_link(
 
 def toggle(variant: int, rng: np.random.Generator) -> Design:
     """A bat lever in a hexagonal nut."""
-    cover, along = (
-        in_turn((palette.STEEL, palette.NAVY, palette.IVORY, palette.BLACK), variant),
-        ("x", "y", "x", "x")[variant % 4],
-    )
-    size = (0.28, 0.26, 0.32, 0.27)[variant % 4]
-    if variant % 4 == 2:  # a round turned plate
-        profile = [
-            (0.5 * size, 0),
-            (0.5 * size, 0.016),
-            (0.47 * size, 0.026),
-            (0.40 * size, 0.03),
-            (0.38 * size, 0.024),
-        ]
-        body = [Part(lathe([*profile, (0.30 * size, 0.026), (0.0, 0.030)], 40), cover)]
+    cover = in_turn((palette.STEEL, palette.NAVY, palette.IVORY, palette.BLACK), variant)
+    size, along = ((0.28, "x"), (0.26, "y"), (0.32, "x"), (0.27, "x"))[variant % 4]
+    if variant % 4 == 2:  # a round turned plate with a light
+        profile = [(0.5, 0), (0.5, 0.016), (0.47, 0.026), (0.40, 0.03), (0.38, 0.024), (0.30, 0.026), (0.0, 0.030)]
+        body = [Part(lathe([(share * size, z) for share, z in profile], 40), cover)]
+        body += shifted(fixtures.indicator(0.013, palette.RED, palette.CHROME), (0.37 * size, 0, TOP))
     else:
         body = fixtures.plate(size, size, cover, rng, ("ends", "corners", "none", "poles")[variant % 4])
-    side = 0.37 * size if along == "x" else -0.37 * size
-    dot = shifted(
-        fixtures.indicator(0.013, palette.RED, palette.CHROME), (side, 0.0, TOP) if along == "x" else (0, -side, TOP)
-    )
-    body += dot if variant % 2 == 0 and variant % 4 != 0 else []
     body += shifted(fixtures.hex_collar(0.07, pick(rng, palette.METALS)), (0, 0, TOP - 0.002))
     link = toggle_link(0, 0, TOP + 0.03, 0.17, 0.034, 0.48, rng, along)
     return switch(body, [link], HINGE_X if along == "x" else HINGE_Y)
-
-
-def button_link(parts: list[Part], x: float, y: float, z: float, travel: float) -> MovingLink:
-    """Something that is pressed: at position 0 it stands out, at `travel` it is down."""
-    return MovingLink(shifted(parts, (x, y, z)), "prismatic", (x, y, z), (0, 0, -1), 0.0, travel, "small", "button")
 
 
 def button(variant: int, rng: np.random.Generator) -> Design:
@@ -115,15 +92,12 @@ def button(variant: int, rng: np.random.Generator) -> Design:
     cover = in_turn((palette.WHITE, palette.GRAPHITE, palette.SAGE, palette.NAVY), variant)
     cap, metal = pick(rng, palette.ACCENTS, unlike=cover), pick(rng, palette.METALS)
     radius = (0.075, 0.085, 0.068, 0.078)[variant % 4]
-    body = fixtures.plate(
-        0.28, 0.28, cover, rng, ("corners", "none", "ends", "poles")[variant % 4], (0.03, 0.09, 0.02, 0.05)[variant % 4]
-    )
+    screws, corner = (("corners", 0.03), ("none", 0.09), ("ends", 0.02), ("poles", 0.05))[variant % 4]
+    body = fixtures.plate(0.28, 0.28, cover, rng, screws, corner)
     body += shifted(fixtures.round_bezel(radius + 0.028, radius + 0.003, 0.026, metal), (0, 0, TOP - 0.001))
-    top = fixtures.dish_cap(radius, 0.0)
     glow = torus(0.55 * radius, 0.004, 28, 6).moved(z=-0.004)
-    parts = [Part(top, cap), Part(glow, palette.WHITE if variant % 2 else metal)]
-    link = button_link(parts, 0, 0, TOP + 0.055, 0.032)
-    return switch(body, [link], HINGE_X)
+    parts = [Part(fixtures.dish_cap(radius, 0.0), cap), Part(glow, palette.WHITE if variant % 2 else metal)]
+    return switch(body, [pressed(parts, (0, 0, TOP + 0.055), 0.032)], HINGE_X)
 
 
 def key(variant: int, rng: np.random.Generator) -> Design:
@@ -134,44 +108,25 @@ def key(variant: int, rng: np.random.Generator) -> Design:
     body += shifted(fixtures.bezel(0.19, 0.19, 0.014, 0.016, palette.STEEL), (0, 0, 0.044))
     top = prism(rectangle(0.145, 0.145, 0.02), -0.03, 0, bevel=0.014, steps=3)
     sign = frame(rectangle(0.085, 0.085, 0.012), rectangle(0.067, 0.067, 0.006), 0, 0.002, 0.0006)
-    bar = (
-        [fixtures.mark_bar(0.05, cover).moved(z=-0.0004)]
-        if variant % 2
-        else [Part(lathe([(0.016, 0), (0.014, 0.002)], 18), cover)]
-    )
-    parts = [Part(top, cap), Part(sign.moved(z=-0.0002), cover), *bar]
-    link = button_link(parts, 0, 0, 0.044 + 0.046, 0.028)
-    return switch(body, [link], HINGE_X)
+    dot = Part(lathe([(0.016, 0), (0.014, 0.002)], 18), cover)
+    inner = fixtures.mark_bar(0.05, cover).moved(z=-0.0004) if variant % 2 else dot
+    parts = [Part(top, cap), Part(sign.moved(z=-0.0002), cover), inner]
+    return switch(body, [pressed(parts, (0, 0, 0.044 + 0.046), 0.028)], HINGE_X)
 
 
 def slider(variant: int, rng: np.random.Generator) -> Design:
     """A ridged grip in a groove, moving along x."""
     cover = in_turn((palette.IVORY, palette.NAVY, palette.STEEL), variant)
     grip = pick(rng, (*palette.ACCENTS, palette.BLACK, palette.WHITE), unlike=cover)
-    width, height, travel = (
-        (0.36, 0.33, 0.40)[variant % 3],
-        (0.20, 0.24, 0.18)[variant % 3],
-        (0.13, 0.11, 0.16)[variant % 3],
-    )
-    body = fixtures.plate(
-        width, height, cover, rng, ("ends", "corners", "none")[variant % 3], (0.02, 0.03, 0.08)[variant % 3]
-    )
+    width, height, travel = ((0.36, 0.20, 0.13), (0.33, 0.24, 0.11), (0.40, 0.18, 0.16))[variant % 3]
+    screws, corner = (("ends", 0.02), ("corners", 0.03), ("none", 0.08))[variant % 3]
+    body = fixtures.plate(width, height, cover, rng, screws, corner)
     body += shifted(fixtures.slot(travel + 0.085, 0.05, pick(rng, (palette.STEEL, palette.BRASS))), (0, 0, TOP - 0.001))
     for sign, material in ((-1, palette.SHADOW), (1, pick(rng, palette.ACCENTS, unlike=cover))):
         dot = lathe([(0.012, 0), (0.011, 0.002), (0, 0.0025)], 16)
         body.append(Part(dot.moved(sign * travel / 2, 0.37 * height, TOP), material))
-    cap = fixtures.ridged_cap(0.075, 0.085, 0.045, grip)
-    link = MovingLink(
-        shifted(cap, (0, 0, TOP + 0.004)),
-        "prismatic",
-        (0, 0, TOP),
-        (1, 0, 0),
-        -travel / 2,
-        travel / 2,
-        "small",
-        "slider",
-    )
-    return switch(body, [link], SLIDE_X)
+    cap = shifted(fixtures.ridged_cap(0.075, 0.085, 0.045, grip), (0, 0, 0.004))
+    return switch(body, [slid(cap, (0, 0, TOP), travel)], SLIDE_X)
 
 
 def membrane(variant: int, rng: np.random.Generator) -> Design:
@@ -186,7 +141,7 @@ def membrane(variant: int, rng: np.random.Generator) -> Design:
         color = pick(rng, palette.ACCENTS, unlike=cover)
         sign = fixtures.mark_bar(0.06) if k else fixtures.mark_ring(0.03)
         parts = [Part(pad, color), sign.moved(z=-0.0004)]
-        links.append(button_link(parts, x, 0, 0.033 + 0.010, (0.004, 0.006)[variant % 2]))
+        links.append(pressed(parts, (x, 0, 0.033 + 0.010), (0.004, 0.006)[variant % 2]))
     return switch(body, links, HINGE_X)
 
 
@@ -196,25 +151,21 @@ def paddle(variant: int, rng: np.random.Generator) -> Design:
     face = in_turn((palette.IVORY, palette.TEAL), variant)
     outline = np.array(wavy(1.0, 0.0, 1, 40)) * np.array([(0.19, 0.155), (0.165, 0.175)][variant % 2])
     body = [Part(prism(outline, 0, TOP, bevel=0.014, steps=3), cover)]
-    inner = outline * np.array([0.80, 0.80])
+    inner = 0.80 * outline
     body += [Part(frame(0.86 * outline, inner, TOP - 0.002, TOP + 0.008, bevel=0.003), palette.BRASS)]
     rings = []
     for share, z in ((0.97, -0.03), (0.97, 0.004), (0.93, 0.010), (0.80, 0.014), (0.55, 0.010), (0.25, 0.004)):
         flat = ring(share * inner, z)
         flat[:, 2] += 0.30 * flat[:, 0] ** 2 / 0.15 if z > 0 else 0.0
         rings.append(flat)
-    parts = [Part(loft(rings), face)]
-    tilt = (0.19, 0.06)[variant % 2]
-    z = TOP + 0.018
-    link = MovingLink(
-        shifted(parts, (0, 0, z)), "revolute", (0, 0, z - 0.01), (0, 1, 0), -tilt, tilt, "small", "paddle"
-    )
+    paddle = Part(loft(rings).moved(z=0.01), face)
+    link = swung([paddle], (0, 0, TOP + 0.018 - 0.01), (0.19, 0.06)[variant % 2], label="paddle")
     return switch(body, [link], HINGE_X)
 
 
 def knife(variant: int, rng: np.random.Generator) -> Design:
     """Novel: a knife switch, two copper blades with a wooden handle on a ceramic base."""
-    base, metal = (in_turn((palette.WHITE, palette.GRAPHITE), variant), (palette.COPPER, palette.BRASS)[variant % 2])
+    base, metal = ((palette.WHITE, palette.COPPER), (palette.GRAPHITE, palette.BRASS))[variant % 2]
     body = [Part(prism(rectangle(0.42, 0.19, 0.025), 0, 0.035, bevel=0.012, steps=3), base)]
     for x, y in ((-0.185, 0.07), (-0.185, -0.07), (0.185, 0.07), (0.185, -0.07)):
         body += fixtures.screw(x, y, 0.034, float(rng.uniform(0, 3)), metal)
@@ -240,16 +191,13 @@ def mushroom(variant: int, rng: np.random.Generator) -> Design:
     """Novel: an emergency stop, a mushroom head over a yellow box."""
     box_color, head = ((palette.MUSTARD, palette.RED), (palette.PEARL, palette.FOREST))[variant % 2]
     body = [Part(prism(rectangle(0.30, 0.30, 0.045), 0, 0.07, bevel=0.02, steps=3), box_color)]
-    for sx in (-1, 1):
-        for sy in (-1, 1):
-            body += fixtures.screw(sx * 0.112, sy * 0.112, 0.068, float(rng.uniform(0, 3)))
+    for x, y in corners(0.30, 0.30, 0.038):
+        body += fixtures.screw(x, y, 0.068, float(rng.uniform(0, 3)))
     body += [Part(lathe([(0.115, 0.069), (0.115, 0.073), (0.112, 0.0745), (0.0, 0.0745)], 40), palette.WHITE)]
     body += [Part(lathe([(0.055, 0.07), (0.055, 0.095), (0.05, 0.10), (0, 0.10)], 28), palette.BLACK)]
-    parts = [Part(fixtures.dome(0.088, 0.04, 0.045), head)]
     arrow = torus(0.05, 0.005, 26, 6).moved(z=0.034)
-    parts.append(Part(arrow, palette.WHITE))
-    link = button_link(parts, 0, 0, 0.145, 0.035)
-    return switch(body, [link], HINGE_X)
+    parts = [Part(fixtures.dome(0.088, 0.04, 0.045), head), Part(arrow, palette.WHITE)]
+    return switch(body, [pressed(parts, (0, 0, 0.145), 0.035)], HINGE_X)
 
 
 def bolt(variant: int, rng: np.random.Generator) -> Design:
@@ -265,9 +213,8 @@ def bolt(variant: int, rng: np.random.Generator) -> Design:
         body.append(Part(pipe(strap, 0.013, 10), metal))
     for x, y in ((-0.12, 0.045), (-0.12, -0.045), (0.03, 0.045), (0.03, -0.045), (0.205, 0.047), (0.205, -0.047)):
         body += fixtures.screw(x, y, 0.034, float(rng.uniform(0, 3)), metal, 0.009)
-    z, travel = 0.058, 0.11
+    z = 0.058
     rod = [Part(pipe([(-0.20, 0, z), (-0.19, 0, z), (0.12, 0, z), (0.13, 0, z)], 0.020, 14), palette.STEEL)]
     rod.append(Part(pipe([(-0.045, 0, z), (-0.045, 0, z + 0.05)], 0.012, 12), palette.STEEL))
     rod.append(Part(ball(0.038, 20, 10).moved(-0.045, 0, z + 0.065), pick(rng, palette.ACCENTS)))
-    link = MovingLink(rod, "prismatic", (0, 0, z), (1, 0, 0), -travel / 2, travel / 2, "small", "slider")
-    return switch(body, [link], SLIDE_X)
+    return switch(body, [slid(shifted(rod, (0, 0, -z)), (0, 0, z), 0.11)], SLIDE_X)

@@ -21,7 +21,7 @@ from busybot.objects.procedural.fixtures import TOP, clutter, corners, ground, p
 from busybot.objects.procedural.grips import OUTLINES, PROFILES, cap_on, collar, head, outline
 from busybot.objects.procedural.palette import in_turn, pick
 from busybot.objects.procedural.solids import ball, box, circle, lathe, loft, prism, rectangle, ring, smooth, torus
-from busybot.objects.procedural.switches.basic import button_link, rocker_link, toggle_link
+from busybot.objects.procedural.switches.basic import rocker_link, toggle_link
 
 
 def cap(variant: int, rng: np.random.Generator) -> Design:
@@ -191,7 +191,7 @@ def buttons(variant: int, rng: np.random.Generator) -> Design:
             Part(fixtures.dish_cap(0.046, 0.0), cap),
             Part(torus(0.026, 0.003, 22, 6).moved(z=-0.003), palette.WHITE),
         ]
-        links.append(button_link(parts, x, 0, TOP + 0.048, 0.028))
+        links.append(pressed(parts, (x, 0, TOP + 0.048), 0.028))
     return switch(body, links, HINGE_X)
 
 

@@ -132,15 +132,10 @@ def rocker_body(width: float, length: float, ends: float, middle: float, depth: 
     edge = 0.006
     rings = [ring(inset(outline, edge), -width / 2), ring(outline, -width / 2 + edge)]
     rings += [ring(outline, width / 2 - edge), ring(inset(outline, edge), width / 2)]
-    from_section = _fan_from_below(rings, depth)
+    # the end fans start low, where they see every point of the dipping top
+    first, last = (np.array([0.0, -0.8 * depth, side * width / 2]) for side in (-1, 1))
     # the section's plane is x-z: its y becomes z
-    return from_section.turned("x", np.pi / 2)
-
-
-def _fan_from_below(rings: Sequence[np.ndarray], depth: float) -> Solid:
-    """Loft whose end fans start low, where they see every point of a dipping top."""
-    tips = tuple(np.array([0.0, -0.8 * depth, rings[end][0, 2]]) for end in (0, -1))
-    return loft(rings, (tips[0], tips[1]))
+    return loft(rings, (first, last)).turned("x", np.pi / 2)
 
 
 def mark_bar(length: float, material: Material = palette.WHITE) -> Part:
@@ -164,16 +159,15 @@ def hex_collar(radius: float, metal: Material) -> list[Part]:
     """Washer, hexagonal nut and threaded neck of a toggle switch; the neck ends at z = 0.6 radius."""
     washer = lathe([(1.25 * radius, 0), (1.25 * radius, 0.008), (1.18 * radius, 0.012)], 28)
     nut = prism(circle(radius, 6, 0.2), 0.008, 0.40 * radius, bevel=0.006)
-    rows = np.linspace(0.3 * radius, 0.6 * radius, 4)
-    profile = [(0.62 * radius - 0.004 * (k % 2), float(z)) for k, z in enumerate(rows)]
+    turns = enumerate(np.linspace(0.3 * radius, 0.6 * radius, 4).tolist())
+    profile = [(0.62 * radius - 0.004 * (k % 2), z) for k, z in turns]
     return [Part(washer, metal), Part(nut, metal), Part(lathe([*profile, (0.45 * radius, 0.62 * radius)], 16), metal)]
 
 
 def bat(length: float, radius: float, metal: Material, tip: Material) -> list[Part]:
     """A tapered toggle lever along z with a plastic tip; its foot is at the origin."""
-    stem = lathe(
-        [(0.45 * radius, -0.02), (0.5 * radius, 0), (0.8 * radius, 0.55 * length), (0.8 * radius, 0.6 * length)], 16
-    )
+    foot, neck = [(0.45 * radius, -0.02), (0.5 * radius, 0)], [(0.8 * radius, share * length) for share in (0.55, 0.6)]
+    stem = lathe([*foot, *neck], 16)
     profile = [(0.86 * radius, 0.5 * length), (radius, 0.58 * length), (1.08 * radius, 0.78 * length)]
     profile += [(0.98 * radius, 0.91 * length), (0.6 * radius, 0.985 * length), (0.0, length)]
     return [Part(stem, metal), Part(lathe(smooth(profile, 2), 18), tip)]
@@ -287,6 +281,11 @@ def clutter(base: Ground, places: Sequence[tuple[float, float]], rng: np.random.
             maker = makers[int(kinds[int(rng.integers(2))])]
             parts += shifted(maker(base.cover, rng), (x, y, base.top - 0.001))
     return parts
+
+
+def row(count: int, pitch: float) -> list[float]:
+    """Places side by side, around 0."""
+    return [pitch * (k - (count - 1) / 2) for k in range(count)]
 
 
 def corners(width: float, height: float, edge: float = 0.035) -> list[tuple[float, float]]:

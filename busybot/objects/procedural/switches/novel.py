@@ -40,8 +40,7 @@ def seesaw(variant: int, rng: np.random.Generator) -> Design:
         x = side * (reach - 0.105)
         hoop = [(x, -0.025, 0.01), (x, -0.025, 0.05), (x, 0.025, 0.05), (x, 0.025, 0.01)]
         parts.append(Part(pipe(np.array(hoop), 0.006, 8), palette.CHROME))
-    link = swung(parts, (0, 0, 0.105), 0.26, label="plank")
-    return switch(body, [link], HINGE_X, variant)
+    return switch(body, [swung(parts, (0, 0, 0.105), 0.26, label="plank")], HINGE_X, variant)
 
 
 def clam(variant: int, rng: np.random.Generator) -> Design:
@@ -73,66 +72,48 @@ def crank(variant: int, rng: np.random.Generator) -> Design:
     body = [Part(prism(circle(0.18, 8, np.pi / 8), 0, 0.07, bevel=0.012), wood)]
     body.append(Part(lathe([(0.13, 0.068), (0.125, 0.078), (0, 0.078)], 36), palette.BLACK))
     plate = prism(circle(0.115, 36), 0, 0.016, bevel=0.006)
-    holes = [
-        prism(circle(0.018, 18), 0.014, 0.0168).moved(0.07 * np.cos(a), 0.07 * np.sin(a)) for a in (1.57, 3.14, 4.71)
-    ]
+    hole = prism(circle(0.018, 18), 0.014, 0.0168)
+    holes = [hole.moved(0.07 * np.cos(angle), 0.07 * np.sin(angle)) for angle in (1.57, 3.14, 4.71)]
     post = lathe(smooth([(0.012, 0.0), (0.014, 0.03), (0.026, 0.06), (0.028, 0.09), (0.016, 0.108), (0, 0.11)], 2), 20)
     parts = [Part(plate, metal), *(Part(hole, palette.SHADOW) for hole in holes)]
     parts.append(Part(post.moved(0.082, 0, 0.014), pick(rng, (palette.RED, palette.NAVY, palette.FOREST))))
-    link = turned(parts, (0, 0, 0.080), 0.7)
-    return switch(body, [link], TURN_Z, variant)
+    return switch(body, [turned(parts, (0, 0, 0.080), 0.7)], TURN_Z, variant)
 
 
 def honeycomb(variant: int, rng: np.random.Generator) -> Design:
     """Three hexagonal cells of honey that go down, among closed ones that do not."""
     wax = in_turn((palette.MUSTARD, palette.OAK), variant)
-    step, cell = 0.118, 0.060
     body = [Part(prism(circle(0.215, 6), 0, 0.034, bevel=0.012), wax)]
     links = []
     for k in range(7):
         angle = k * np.pi / 3 + np.pi / 6
-        x, y = (step * float(np.cos(angle)), step * float(np.sin(angle))) if k < 6 else (0.0, 0.0)
-        rim = circle(cell, 6)
+        x, y = (0.118 * float(np.cos(angle)), 0.118 * float(np.sin(angle))) if k < 6 else (0.0, 0.0)
         if k % 2 == 0 and k < 6:
-            wall = frame(circle(cell + 0.008, 6), rim, 0, 0.014, 0.003)
-            body += [
-                Part(wall.moved(x, y, 0.033), wax),
-                Part(prism(circle(cell, 6), 0, 0.002).moved(x, y, 0.033), palette.SHADOW),
-            ]
-            top = prism(circle(cell - 0.005, 6), -0.02, 0.0, bevel=0.012, steps=3)
+            wall = frame(circle(0.068, 6), circle(0.060, 6), 0, 0.014, 0.003).moved(x, y, 0.033)
+            floor = prism(circle(0.060, 6), 0, 0.002).moved(x, y, 0.033)
+            body += [Part(wall, wax), Part(floor, palette.SHADOW)]
+            top = prism(circle(0.055, 6), -0.02, 0.0, bevel=0.012, steps=3)
             links.append(pressed([Part(top, palette.ORANGE)], (x, y, 0.070), 0.018))
         else:
-            body.append(Part(prism(circle(cell - 0.004, 6), 0, 0.008, bevel=0.004).moved(x, y, 0.033), palette.BIRCH))
-    bee = [
-        ball(0.014, 12, 6).stretched(x=1.6).moved(0, 0, 0.05),
-        torus(0.0125, 0.003, 12, 5).turned("y", 1.57).moved(z=0.05),
-    ]
-    body += [Part(bee[0], pick(rng, (palette.BLACK, palette.IRON))), Part(bee[1], palette.MUSTARD)]
+            body.append(Part(prism(circle(0.056, 6), 0, 0.008, bevel=0.004).moved(x, y, 0.033), palette.BIRCH))
+    bee = Part(ball(0.014, 12, 6).stretched(x=1.6).moved(0, 0, 0.05), pick(rng, (palette.BLACK, palette.IRON)))
+    body += [bee, Part(torus(0.0125, 0.003, 12, 5).turned("y", 1.57).moved(z=0.05), palette.MUSTARD)]
     return switch(body, links, HINGE_X)
 
 
 def boat(variant: int, rng: np.random.Generator) -> Design:
     """A little ship in a basin, between two jetties."""
-    water = palette.SKY
     outer = rectangle(0.48, 0.24, 0.05, 5)
     body = [Part(frame(outer, inset(outer, 0.022), 0, 0.048, 0.008), pick(rng, palette.WOODS))]
-    body.append(Part(prism(inset(outer, 0.012), 0, 0.026), water))
+    body.append(Part(prism(inset(outer, 0.012), 0, 0.026), palette.SKY))
     for x in (-0.19, 0.19):
         body.append(Part(box(0.05, 0.07, 0.036, 0.005).moved(x, 0.075, 0.0), palette.BIRCH))
-    hull = np.array(
-        [(0.10, 0.0), (0.06, 0.036), (-0.02, 0.045), (-0.085, 0.038), (-0.085, -0.038), (-0.02, -0.045), (0.06, -0.036)]
-    )
-    color = in_turn((palette.RED, palette.NAVY), variant)
-    parts = [
-        Part(
-            loft([ring(0.8 * hull, 0.0), ring(hull, 0.035), ring(0.92 * hull, 0.038), ring(0.85 * hull, 0.028)]), color
-        )
-    ]
+    side = np.array([(0.06, 0.036), (-0.02, 0.045), (-0.085, 0.038)])
+    hull = np.concatenate([[(0.10, 0.0)], side, side[::-1] * [1, -1]])
+    rings = [ring(share * hull, z) for share, z in ((0.8, 0.0), (1.0, 0.035), (0.92, 0.038), (0.85, 0.028))]
+    parts = [Part(loft(rings), in_turn((palette.RED, palette.NAVY), variant))]
     parts.append(Part(box(0.07, 0.05, 0.045, 0.006).moved(-0.03, 0, 0.026), palette.WHITE))
     funnel = lathe([(0.018, 0.06), (0.016, 0.105), (0.0, 0.105)], 16)
-    parts += [
-        Part(funnel.moved(-0.03), palette.MUSTARD),
-        Part(torus(0.017, 0.004, 16, 6).moved(-0.03, 0, 0.092), palette.BLACK),
-    ]
-    link = slid(parts, (0, -0.02, 0.027), 0.19, "large")
-    return switch(body, [link], SLIDE_X, variant)
+    band = torus(0.017, 0.004, 16, 6).moved(-0.03, 0, 0.092)
+    parts += [Part(funnel.moved(-0.03), palette.MUSTARD), Part(band, palette.BLACK)]
+    return switch(body, [slid(parts, (0, -0.02, 0.027), 0.19, "large")], SLIDE_X, variant)

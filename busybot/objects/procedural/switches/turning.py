@@ -1,13 +1,13 @@
-"""Training switches that turn about an upright axis: dials with a pointer, arms on a pivot, crosses like a tap's.
+"""Training switches that turn about an upright axis (dials, arms on a pivot, taps), tilt about their middle or roll.
 
-Training switches that tilt about their middle or roll in a socket: wedges, saucers, tabs, a thumbwheel, a ball.
+Those that tilt or roll: wedges, saucers, tabs, a thumbwheel, a ball in a socket.
 """
 
 import numpy as np
 
 from busybot.objects.procedural import palette
 from busybot.objects.procedural.design import HINGE_X, SLIDE_X, TURN_Z, Design, MovingLink, Part, shifted, switch
-from busybot.objects.procedural.fixtures import Kind, clutter, corners, ground, swung, turned
+from busybot.objects.procedural.fixtures import Kind, clutter, corners, ground, row, swung, turned
 from busybot.objects.procedural.grips import collar, head, lying, rod
 from busybot.objects.procedural.palette import pick
 from busybot.objects.procedural.solids import (
@@ -33,11 +33,11 @@ SUNK = 0.02
 def wedge_body(length: float, width: float, ends: float, middle: float) -> Solid:
     """Two flat faces that meet in the middle, at a ridge if it is higher than the ends, else in a valley."""
     depth = 0.03
-    section = [(-length / 2, -depth), (length / 2, -depth), (length / 2, ends), (0.0, middle), (-length / 2, ends)]
-    outline = np.array(section)
-    rings = [ring(outline, -width / 2), ring(outline, width / 2)]
-    tips = tuple(np.array([0.0, -0.8 * depth, side * width / 2]) for side in (-1, 1))
-    return loft(rings, (tips[0], tips[1])).turned("x", np.pi / 2)
+    outline = np.array(
+        [(-length / 2, -depth), (length / 2, -depth), (length / 2, ends), (0, middle), (-length / 2, ends)]
+    )
+    low, high = (np.array([0.0, -0.8 * depth, side * width / 2]) for side in (-1, 1))
+    return loft([ring(outline, -width / 2), ring(outline, width / 2)], (low, high)).turned("x", np.pi / 2)
 
 
 def wedge(variant: int, rng: np.random.Generator) -> Design:
@@ -47,9 +47,11 @@ def wedge(variant: int, rng: np.random.Generator) -> Design:
     ends, middle = ((0.016, 0.0), (0.010, 0.026), (0.020, 0.002), (0.004, 0.014), (0.014, 0.0), (0.0, 0.0))[variant % 6]
     tilt = (0.13, 0.25, 0.17, 0.08, 0.22, 0.12)[variant % 6]
     base = ground(length + 0.10, max(width + 0.09, 0.17), variant, rng)
-    rim = rectangle(length, width, 0.006)
     metal = pick(rng, (palette.STEEL, palette.BLACK, palette.WHITE, base.cover))
-    body = [*base.parts, *shifted(collar(rim, 0.012, 0.014, metal), (0, 0, base.top - 0.001))]
+    body = [
+        *base.parts,
+        *shifted(collar(rectangle(length, width, 0.006), 0.012, 0.014, metal), (0, 0, base.top - 0.001)),
+    ]
     body += clutter(base, corners(length + 0.10, max(width + 0.09, 0.17), 0.025), rng) if variant % 5 < 4 else []
     color = pick(rng, (palette.WHITE, palette.IVORY, palette.GRAPHITE, *palette.ACCENTS), unlike=base.cover)
     parts = [Part(wedge_body(length, width, ends, middle), color)]
@@ -78,20 +80,17 @@ def saucer(variant: int, rng: np.random.Generator) -> Design:
 
 def tabs(variant: int, rng: np.random.Generator) -> Design:
     """2 to 4 tongues side by side, like the stops of an organ, that tip away or towards."""
-    count, pitch = (3, 2, 4)[variant % 3], (0.085, 0.12, 0.08)[variant % 3]
+    count, pitch, tilt = ((3, 0.085, 0.2), (2, 0.12, 0.17), (4, 0.08, 0.24))[variant % 3]
     length, width = (0.17, 0.21, 0.13)[variant % 3], (0.058, 0.082, 0.046)[variant % 3]
-    across = pitch * count + 0.07
-    base = ground(length + 0.12, across, (1, 2, 0)[variant % 3], rng)
+    base = ground(length + 0.12, pitch * count + 0.07, (1, 2, 0)[variant % 3], rng)
     color = pick(rng, (palette.IVORY, palette.WHITE, palette.MUSTARD), unlike=base.cover)
     body, links = list(base.parts), list[MovingLink]()
-    body.append(Part(box(0.03, across - 0.05, 0.018, 0.005).moved(z=base.top - 0.001), palette.IRON))
-    for k in range(count):
-        y = pitch * (k - (count - 1) / 2)
+    body.append(Part(box(0.03, pitch * count + 0.02, 0.018, 0.005).moved(z=base.top - 0.001), palette.IRON))
+    for k, y in enumerate(row(count, pitch)):
         tongue = prism(rectangle(length, width, 0.45 * width, 6), -0.008, 0.010, bevel=0.005, foot=0.004)
         dot = lathe([(0.28 * width, 0.009), (0.25 * width, 0.012), (0, 0.0125)], 16).moved(0.3 * length)
         accent = palette.ACCENTS[(k + 3 * variant) % len(palette.ACCENTS)]
-        parts = [Part(tongue, color), Part(dot, accent)]
-        links.append(swung(parts, (0, y, base.top + 0.032), (0.2, 0.17, 0.24)[variant % 3], label="tab"))
+        links.append(swung([Part(tongue, color), Part(dot, accent)], (0, y, base.top + 0.032), tilt, label="tab"))
     return switch(body, links, HINGE_X, variant + 1)
 
 
@@ -141,8 +140,8 @@ def dial(variant: int, rng: np.random.Generator) -> Design:
     pointer = box(reach + 0.8 * radius, 0.034, tall, 0.010).moved((reach - 0.8 * radius) / 2)
     line = box(0.4 * reach, 0.008, 0.003, 0.001).moved(0.7 * reach, 0, tall - 0.001)
     parts = [Part(skirt, color), Part(pointer, color), Part(line, palette.WHITE)]
-    kind_large = variant % 3 == 2
-    link = turned(parts, (0, 0, base.top + 0.002), 0.8 if kind_large else 0.6, "large" if kind_large else "small")
+    at = (0.0, 0.0, base.top + 0.002)
+    link = turned(parts, at, 0.8, "large") if variant % 3 == 2 else turned(parts, at, 0.6)
     return switch(body, [link], TURN_Z, variant + variant // 3)
 
 
@@ -153,37 +152,18 @@ def boom(variant: int, rng: np.random.Generator) -> Design:
     base = ground(width, height, (1, 2, 0)[variant % 3], rng)
     x, z = -length / 2, base.top + 0.026
     metal, color = pick(rng, palette.METALS, unlike=base.cover), pick(rng, palette.ACCENTS, unlike=base.cover)
-    body = [
-        *base.parts,
-        Part(
-            lathe([(0.045, 0), (0.045, 0.018), (0.036, 0.024), (0, 0.024)], 24).moved(x, 0, base.top - 0.001),
-            palette.IRON,
-        ),
-    ]
-    for side in (-1, 1):
-        peg = lathe([(0.014, 0), (0.014, 0.03), (0.008, 0.036), (0, 0.036)], 14)
-        angle = side * (swing + 0.20)
-        body.append(
-            Part(
-                peg.moved(
-                    x + 0.5 * length * float(np.cos(angle)), 0.5 * length * float(np.sin(angle)), base.top - 0.001
-                ),
-                metal,
-            )
-        )
-    thin = (
-        rod((0, 0, 0.008), (length, 0, 0.008), 0.012),
-        box(length, 0.045, 0.014, 0.005).moved(length / 2),
-        box(length, 0.022, 0.03, 0.005).moved(length / 2),
-    )
-    parts = [
-        Part(thin[variant % 3], metal),
-        Part(lathe([(0.034, -0.004), (0.034, 0.022), (0.026, 0.028), (0, 0.028)], 22), metal),
-    ]
+    pivot = lathe([(0.045, 0), (0.045, 0.018), (0.036, 0.024), (0, 0.024)], 24)
+    body = [*base.parts, Part(pivot.moved(x, 0, base.top - 0.001), palette.IRON)]
+    peg = lathe([(0.014, 0), (0.014, 0.03), (0.008, 0.036), (0, 0.036)], 14)
+    for angle in (-swing - 0.20, swing + 0.20):
+        away = 0.5 * length * np.array([np.cos(angle), np.sin(angle)])
+        body.append(Part(peg.moved(x + float(away[0]), float(away[1]), base.top - 0.001), metal))
+    flat, upright = box(length, 0.045, 0.014, 0.005), box(length, 0.022, 0.03, 0.005)
+    thin = (rod((0, 0, 0.008), (length, 0, 0.008), 0.012), flat.moved(length / 2), upright.moved(length / 2))
+    hub = lathe([(0.034, -0.004), (0.034, 0.022), (0.026, 0.028), (0, 0.028)], 22)
+    parts = [Part(thin[variant % 3], metal), Part(hub, metal)]
     parts += shifted(head(("ball", "drum", "egg")[variant % 3], 0.036, color), (length, 0, 0.0))
-    kind = "large" if variant % 3 == 1 else "small"
-    link = turned(parts, (x, 0, z), swing, "large" if kind == "large" else "small")
-    return switch(body, [link], TURN_Z, variant)
+    return switch(body, [turned(parts, (x, 0, z), swing, "large" if variant % 3 == 1 else "small")], TURN_Z, variant)
 
 
 def tap(variant: int, rng: np.random.Generator) -> Design:
@@ -197,12 +177,9 @@ def tap(variant: int, rng: np.random.Generator) -> Design:
     parts = [Part(lathe([(0.034, -0.012), (0.036, 0.018), (0.026, 0.026), (0, 0.026)], 22), metal)]
     for angle in np.arange(spokes) * 2 * np.pi / spokes:
         x, y = reach * float(np.cos(angle)), reach * float(np.sin(angle))
-        parts += [
-            Part(rod((0, 0, 0.004), (x, y, 0.004), 0.013), metal),
-            Part(ball(0.026, 16, 8).moved(x, y, 0.004), color),
-        ]
+        spoke, end = rod((0, 0, 0.004), (x, y, 0.004), 0.013), ball(0.026, 16, 8).moved(x, y, 0.004)
+        parts += [Part(spoke, metal), Part(end, color)]
     parts.append(Part(prism(rectangle(0.028, 0.028, 0.008), 0.02, 0.03, bevel=0.003), palette.WHITE))
     if spokes == 2:
         parts.append(Part(lying(0.018, 0.02), metal))
-    link = turned(parts, (0, 0, base.top + 0.06), 0.45)
-    return switch(body, [link], TURN_Z, variant)
+    return switch(body, [turned(parts, (0, 0, base.top + 0.06), 0.45)], TURN_Z, variant)

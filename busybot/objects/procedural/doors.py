@@ -1,10 +1,7 @@
 """Doors that lie on the board and open towards the camera, about a hinge along their long lower side.
 
 In plan: x along the door's height (its top at +x), y across; the hinge at low y. Behind the leaf lies a dark floor.
-
-More doors: carved and grooved leaves, a safe, a barred gate, round lights, a refrigerator; novel: paper, saloon.
-
-Handles, wheels, knobs and rivets on them stand still: they are there to be told from switches.
+Handles, wheels, knobs and rivets on the leaves stand still: they are there to be told from switches.
 """
 
 import numpy as np
@@ -33,6 +30,8 @@ LENGTH, WIDTH = 0.76, 0.40
 LEAF_LENGTH, LEAF_WIDTH = 0.66, 0.30
 LEAF_BOTTOM, LEAF_TOP = 0.014, 0.044
 OPEN = 1.5
+FACE = LEAF_TOP - 0.001
+"""Where things stand on a leaf."""
 FLOORS = (palette.SHADOW, palette.NAVY, palette.WINE, palette.FOREST, palette.BLUSH, palette.SKY)
 
 
@@ -40,10 +39,8 @@ def door(
     leaf: list[Part], rim: Material, rng: np.random.Generator, outlines: tuple[np.ndarray, np.ndarray] | None = None
 ) -> Design:
     """Put a leaf into a frame, with hinges and floor. Outlines are those of the frame, outer and inner."""
-    outer, inner = outlines or (
-        rectangle(LENGTH, WIDTH, 0.012),
-        rectangle(LEAF_LENGTH + 0.003, LEAF_WIDTH + 0.003, 0.004),
-    )
+    opening = rectangle(LEAF_LENGTH + 0.003, LEAF_WIDTH + 0.003, 0.004)
+    outer, inner = outlines or (rectangle(LENGTH, WIDTH, 0.012), opening)
     body = [Part(frame(outer, inner, 0, 0.05, bevel=0.010), rim)]
     lip = 0.55 * outer + 0.45 * inner
     body.append(Part(frame(lip, 0.35 * outer + 0.65 * inner, 0.048, 0.054, bevel=0.003), rim))
@@ -71,19 +68,19 @@ def _panel(x: float, y: float, length: float, width: float, material: Material) 
     """A raised field within a moulding."""
     moulding = frame(rectangle(length, width, 0.006), rectangle(length - 0.022, width - 0.022, 0.004), 0, 0.007, 0.003)
     field = prism(rectangle(length - 0.045, width - 0.045, 0.004), 0, 0.009, bevel=0.008)
-    return [Part(solid.moved(x, y, LEAF_TOP - 0.001), material) for solid in (moulding, field)]
+    return [Part(solid.moved(x, y, FACE), material) for solid in (moulding, field)]
 
 
 def knob(metal: Material, x: float = -0.02) -> list[Part]:
     """Rosette and round knob at the free side."""
     rose = lathe([(0.026, 0), (0.024, 0.005), (0.010, 0.008), (0.009, 0.022)], 20)
     grip = lathe([(0.009, 0.02), (0.024, 0.028), (0.027, 0.038), (0.020, 0.048), (0.0, 0.051)], 20)
-    return [Part(solid.moved(x, 0.118, LEAF_TOP - 0.001), metal) for solid in (rose, grip)]
+    return [Part(solid.moved(x, 0.118, FACE), metal) for solid in (rose, grip)]
 
 
 def lever_handle(metal: Material) -> list[Part]:
     """A long shield and a lever."""
-    shield = prism(rectangle(0.10, 0.026, 0.012), 0, 0.005, bevel=0.002).moved(-0.02, 0.122, LEAF_TOP - 0.001)
+    shield = prism(rectangle(0.10, 0.026, 0.012), 0, 0.005, bevel=0.002).moved(-0.02, 0.122, FACE)
     z = LEAF_TOP + 0.028
     bar = pipe([(0.0, 0.122, LEAF_TOP), (0.0, 0.122, z), (0.0, 0.112, z + 0.004), (0.0, 0.052, z + 0.004)], 0.008, 10)
     return [Part(shield, metal), Part(bar, metal)]
@@ -91,16 +88,14 @@ def lever_handle(metal: Material) -> list[Part]:
 
 def panelled(variant: int, rng: np.random.Generator) -> Design:
     """Six fields in natural wood, or four in paint."""
+    woods = (palette.OAK, palette.WALNUT, palette.CHERRY)
+    paints = (palette.TEAL, palette.CORAL, palette.NAVY, palette.MUSTARD, palette.FOREST)
+    face = pick(rng, paints if variant % 2 else woods)
+    leaf = [slab(face)]
+    for x, length in ((-0.175, 0.26), (0.145, 0.32)) if variant % 2 else ((-0.20, 0.20), (0.05, 0.22), (0.245, 0.12)):
+        leaf += _panel(x, -0.068, length, 0.115, face) + _panel(x, 0.068, length, 0.115, face)
     if variant % 2 == 0:
-        wood = pick(rng, (palette.OAK, palette.WALNUT, palette.CHERRY))
-        leaf = [slab(wood)]
-        for x, length in ((-0.20, 0.20), (0.05, 0.22), (0.245, 0.12)):
-            leaf += _panel(x, -0.068, length, 0.115, wood) + _panel(x, 0.068, length, 0.115, wood)
-        return door([*leaf, *knob(palette.BRASS, -0.085)], wood, rng)
-    paint = pick(rng, (palette.TEAL, palette.CORAL, palette.NAVY, palette.MUSTARD, palette.FOREST))
-    leaf = [slab(paint)]
-    for x, length in ((-0.175, 0.26), (0.145, 0.32)):
-        leaf += _panel(x, -0.068, length, 0.115, paint) + _panel(x, 0.068, length, 0.115, paint)
+        return door([*leaf, *knob(palette.BRASS, -0.085)], face, rng)
     slot = prism(rectangle(0.018, 0.10, 0.006), 0, 0.004, bevel=0.001).moved(-0.022, -0.02, LEAF_TOP)
     return door([*leaf, *knob(palette.BRASS, -0.02), Part(slot, palette.BRASS)], palette.WHITE, rng)
 
@@ -113,10 +108,7 @@ def glazed(_variant: int, rng: np.random.Generator) -> Design:
         for y in (-0.062, 0.062):
             pane = prism(rectangle(0.118, 0.092, 0.006), 0, 0.003)
             bead = frame(rectangle(0.134, 0.108, 0.006), rectangle(0.114, 0.088, 0.004), 0, 0.008, 0.003)
-            leaf += [
-                Part(pane.moved(x, y, LEAF_TOP - 0.0005), palette.GLASS),
-                Part(bead.moved(x, y, LEAF_TOP - 0.001), paint),
-            ]
+            leaf += [Part(pane.moved(x, y, LEAF_TOP - 0.0005), palette.GLASS), Part(bead.moved(x, y, FACE), paint)]
     return door([*leaf, *lever_handle(palette.BRASS)], pick(rng, (palette.WHITE, palette.BIRCH, palette.GRAPHITE)), rng)
 
 
@@ -130,11 +122,8 @@ def planked(_variant: int, rng: np.random.Generator) -> Design:
         leaf.append(Part(plank.moved(y=y), wood))
     for x in (-0.24, 0.24):
         leaf.append(Part(box(0.06, 0.29, 0.016, 0.004).moved(x, 0, LEAF_TOP - 0.002), ledge))
-        leaf += [
-            part
-            for y in (-0.11, -0.05, 0.05)
-            for part in fixtures.screw(x, y, LEAF_TOP + 0.013, 0.4, palette.IRON, 0.009)
-        ]
+        for y in (-0.11, -0.05, 0.05):
+            leaf += fixtures.screw(x, y, LEAF_TOP + 0.013, 0.4, palette.IRON, 0.009)
     brace = box(0.52, 0.05, 0.015, 0.004).turned("z", 0.46).moved(0, 0, LEAF_TOP - 0.002)
     pull = torus(0.030, 0.006, 20, 6).moved(0.0, 0.117, LEAF_TOP + 0.012)
     leaf += [Part(brace, ledge), Part(pull, palette.IRON)]
@@ -160,13 +149,10 @@ def flush(_variant: int, rng: np.random.Generator) -> Design:
     leaf = [slab(face)]
     window = prism(rectangle(0.44, 0.05, 0.02), 0, 0.003).moved(0.03, -0.06, LEAF_TOP - 0.0005)
     bead = frame(rectangle(0.46, 0.07, 0.03), rectangle(0.435, 0.045, 0.018), 0, 0.006, 0.002)
-    leaf += [Part(window, palette.GLASS), Part(bead.moved(0.03, -0.06, LEAF_TOP - 0.001), palette.STEEL)]
+    leaf += [Part(window, palette.GLASS), Part(bead.moved(0.03, -0.06, FACE), palette.STEEL)]
     z = LEAF_TOP + 0.03
-    leaf.append(
-        Part(
-            pipe([(-0.20, 0.115, z), (-0.19, 0.115, z), (0.19, 0.115, z), (0.20, 0.115, z)], 0.009, 12), palette.CHROME
-        )
-    )
+    bar = pipe([(x, 0.115, z) for x in (-0.20, -0.19, 0.19, 0.20)], 0.009, 12)
+    leaf.append(Part(bar, palette.CHROME))
     leaf += [Part(pipe([(x, 0.115, LEAF_TOP - 0.004), (x, 0.115, z)], 0.006, 8), palette.CHROME) for x in (-0.16, 0.16)]
     leaf += [Part(box(0.003, 0.28, 0.0015).moved(x, 0, LEAF_TOP - 0.0005), palette.SHADOW) for x in (-0.27, 0.29)]
     return door(leaf, pick(rng, (palette.STEEL, palette.BIRCH)), rng)
@@ -180,10 +166,9 @@ def arched(_variant: int, rng: np.random.Generator) -> Design:
         reach = 0.33 + 0.18 + float(np.sqrt(0.146**2 - y**2))
         leaf.append(Part(box(reach, 0.004, 0.0015).moved(reach / 2 - 0.33, y, LEAF_TOP - 0.0005), palette.SHADOW))
     for x in (-0.22, 0.10):
-        leaf.append(Part(box(0.04, 0.27, 0.008, 0.002).moved(x, -0.012, LEAF_TOP - 0.001), palette.IRON))
-        leaf += [
-            Part(stud(0.012, 0.008).moved(x, y, LEAF_TOP + 0.007), palette.STEEL) for y in np.linspace(-0.12, 0.10, 5)
-        ]
+        leaf.append(Part(box(0.04, 0.27, 0.008, 0.002).moved(x, -0.012, FACE), palette.IRON))
+        for y in np.linspace(-0.12, 0.10, 5):
+            leaf.append(Part(stud(0.012, 0.008).moved(x, y, LEAF_TOP + 0.007), palette.STEEL))
     leaf.append(Part(torus(0.032, 0.007, 22, 8).moved(-0.06, 0.10, LEAF_TOP + 0.01), palette.IRON))
     return door(leaf, palette.STONE, rng, (_arch(0.38, 0.20, 0.18), _arch(0.334, 0.154, 0.18)))
 
@@ -200,22 +185,20 @@ def porthole(_variant: int, rng: np.random.Generator) -> Design:
     paint, rim = pick(rng, (palette.STEEL, palette.SKY, palette.RED)), pick(rng, (palette.GRAPHITE, palette.NAVY))
     outline = rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.11, 6)
     leaf = [Part(prism(outline, LEAF_BOTTOM, LEAF_TOP, bevel=0.008), paint)]
-    ring_plate = frame(circle(0.095, 36), circle(0.068, 36), 0, 0.012, 0.005).moved(0.17, 0, LEAF_TOP - 0.001)
+    ring_plate = frame(circle(0.095, 36), circle(0.068, 36), 0, 0.012, 0.005).moved(0.17, 0, FACE)
     glass = prism(circle(0.07, 36), 0, 0.003).moved(0.17, 0, LEAF_TOP)
     leaf += [Part(ring_plate, palette.BRASS), Part(glass, palette.GLASS)]
     for angle in np.arange(8) * np.pi / 4:
         x, y = 0.17 + 0.082 * float(np.cos(angle)), 0.082 * float(np.sin(angle))
         leaf.append(Part(stud(0.008, 0.005).moved(x, y, LEAF_TOP + 0.011), palette.COPPER))
     z = LEAF_TOP + 0.035
-    leaf.append(
-        Part(torus(0.068, 0.009, 30, 8).moved(-0.12, 0, z), palette.RED if paint is not palette.RED else palette.BRASS)
-    )
+    wheel = torus(0.068, 0.009, 30, 8).moved(-0.12, 0, z)
+    leaf.append(Part(wheel, palette.RED if paint is not palette.RED else palette.BRASS))
     for angle in np.arange(3) * np.pi / 3:
         dx, dy = 0.066 * float(np.cos(angle)), 0.066 * float(np.sin(angle))
         leaf.append(Part(pipe([(-0.12 - dx, -dy, z), (-0.12 + dx, dy, z)], 0.006, 8), palette.STEEL))
-    leaf.append(
-        Part(lathe([(0.018, LEAF_TOP - 0.002), (0.018, z + 0.008), (0, z + 0.010)], 18).moved(-0.12), palette.STEEL)
-    )
+    hub = lathe([(0.018, LEAF_TOP - 0.002), (0.018, z + 0.008), (0, z + 0.010)], 18).moved(-0.12)
+    leaf.append(Part(hub, palette.STEEL))
     outer, inner = rectangle(LENGTH, WIDTH, 0.15, 6), rectangle(LEAF_LENGTH + 0.003, LEAF_WIDTH + 0.003, 0.114, 6)
     return door(leaf, rim, rng, (outer, inner))
 
@@ -228,10 +211,8 @@ def lattice(_variant: int, rng: np.random.Generator) -> Design:
     leaf.append(Part(prism(rectangle(0.59, 0.23, 0.004), LEAF_BOTTOM, LEAF_BOTTOM + 0.008), ground))
     for sign, z in ((1, LEAF_BOTTOM + 0.006), (-1, LEAF_BOTTOM + 0.013)):
         for x in np.linspace(-0.225, 0.225, 7):
-            reach = 0.105
-            ends = np.clip([float(x) - reach, float(x) + reach], -0.285, 0.285)
-            path = [(float(e), sign * (float(e) - float(x)), z) for e in ends]
-            lath = sweep(np.array(path), np.array([(-0.009, 0.0), (0.009, 0.0), (0.009, 0.007), (-0.009, 0.007)]))
+            path = np.array([(end, sign * (end - x), z) for end in np.clip([x - 0.105, x + 0.105], -0.285, 0.285)])
+            lath = sweep(path, np.array([(-0.009, 0.0), (0.009, 0.0), (0.009, 0.007), (-0.009, 0.007)]))
             leaf.append(Part(lath, wood))
     return door([*leaf, *knob(palette.IRON)], wood, rng)
 
@@ -248,19 +229,12 @@ def hatch(_variant: int, rng: np.random.Generator) -> Design:
             turn = 0.785 if (i + j) % 2 else -0.785
             leaf.append(Part(stud.turned("z", turn).moved(float(x), float(y), LEAF_TOP - 0.0005), palette.CHROME))
     for x in (-0.30, 0.30):
-        leaf.append(Part(box(0.035, 0.29, 0.006, 0.002).moved(x, 0, LEAF_TOP - 0.001), stripe))
+        leaf.append(Part(box(0.035, 0.29, 0.006, 0.002).moved(x, 0, FACE), stripe))
     outline = rectangle(0.13, 0.08, 0.02, 5)
-    leaf.append(
-        Part(
-            frame(outline, matching_circle(outline, 0.034), 0, 0.008, 0.003).moved(0, 0.09, LEAF_TOP - 0.001),
-            palette.IRON,
-        )
-    )
+    pull = frame(outline, matching_circle(outline, 0.034), 0, 0.008, 0.003)
+    leaf.append(Part(pull.moved(0, 0.09, FACE), palette.IRON))
     leaf.append(Part(torus(0.026, 0.006, 20, 6).moved(0, 0.09, LEAF_TOP + 0.004), stripe))
     return door(leaf, palette.GRAPHITE, rng)
-
-
-FACE = LEAF_TOP - 0.001
 
 
 def carved(variant: int, rng: np.random.Generator) -> Design:
@@ -280,10 +254,8 @@ def carved(variant: int, rng: np.random.Generator) -> Design:
 
 def safe(_variant: int, rng: np.random.Generator) -> Design:
     """A strongroom's door: a dial, a spoked handle, bolts."""
-    steel = pick(rng, (palette.GRAPHITE, palette.FOREST, palette.NAVY))
-    leaf = [slab(steel)]
-    plate = prism(rectangle(0.54, 0.20, 0.02), 0, 0.012, bevel=0.005)
-    leaf.append(Part(plate.moved(0, 0, FACE), palette.STEEL))
+    plate = prism(rectangle(0.54, 0.20, 0.02), 0, 0.012, bevel=0.005).moved(z=FACE)
+    leaf = [slab(pick(rng, (palette.GRAPHITE, palette.FOREST, palette.NAVY))), Part(plate, palette.STEEL)]
     dial = [(0.062, 0), (0.058, 0.02), (0.03, 0.022), (0.028, 0.04), (0, 0.042)]
     leaf.append(Part(lathe(dial, 28).moved(0.13, 0, FACE + 0.01), palette.IVORY))
     for angle in np.arange(3) * 2 * np.pi / 3:
@@ -316,9 +288,8 @@ def lights(variant: int, rng: np.random.Generator) -> Design:
     """Three round windows in a row, or one large half-round."""
     paint = pick(rng, (palette.CORAL, palette.MUSTARD, palette.SKY, palette.PLUM))
     leaf = [slab(paint)]
-    for x, radius in (
-        ((-0.20, 0.062), (0.0, 0.075), (0.20, 0.062)) if variant % 2 == 0 else ((0.12, 0.11), (-0.18, 0.05))
-    ):
+    three, two = ((-0.20, 0.062), (0.0, 0.075), (0.20, 0.062)), ((0.12, 0.11), (-0.18, 0.05))
+    for x, radius in two if variant % 2 else three:
         rim = frame(circle(radius + 0.014, 36), circle(radius, 36), 0, 0.010, 0.004)
         leaf += [Part(rim.moved(x, -0.01, FACE), palette.WHITE)]
         leaf += [Part(prism(circle(radius + 0.004, 32), 0, 0.004).moved(x, -0.01, FACE), palette.GLASS)]
@@ -351,18 +322,10 @@ def grooved(variant: int, rng: np.random.Generator) -> Design:
     leaf = [slab(paint)]
     for k in range(3):
         outer = rectangle(LEAF_LENGTH - 0.07 - 0.16 * k, LEAF_WIDTH - 0.06 - 0.075 * k, 0.012)
-        leaf.append(
-            Part(
-                frame(outer, inset(outer, 0.018), 0, 0.014, 0.005).moved(0, -0.008, FACE),
-                palette.BRASS if k == 1 else paint,
-            )
-        )
-    handle = knob(palette.BRASS, 0.0) if variant % 2 else lever_handle(palette.STEEL)
-    return door(
-        [*leaf, *shifted(handle, (0, 0.012, 0))],
-        pick(rng, (palette.BIRCH, palette.WHITE, palette.IRON), unlike=paint),
-        rng,
-    )
+        step = frame(outer, inset(outer, 0.018), 0, 0.014, 0.005).moved(0, -0.008, FACE)
+        leaf.append(Part(step, palette.BRASS if k == 1 else paint))
+    leaf += shifted(knob(palette.BRASS, 0.0) if variant % 2 else lever_handle(palette.STEEL), (0, 0.012, 0))
+    return door(leaf, pick(rng, (palette.BIRCH, palette.WHITE, palette.IRON), unlike=paint), rng)
 
 
 def paper(_variant: int, rng: np.random.Generator) -> Design:
@@ -371,10 +334,8 @@ def paper(_variant: int, rng: np.random.Generator) -> Design:
     outer = rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.004)
     leaf = [Part(frame(outer, inset(outer, 0.022), LEAF_BOTTOM, LEAF_TOP, 0.003), wood)]
     leaf.append(Part(prism(inset(outer, 0.012), LEAF_BOTTOM, LEAF_TOP - 0.012), palette.IVORY))
-    leaf += [
-        Part(box(0.008, 0.27, 0.010, 0.002).moved(float(x), 0, LEAF_TOP - 0.014), wood)
-        for x in np.linspace(-0.22, 0.22, 6)
-    ]
+    lath = box(0.008, 0.27, 0.010, 0.002)
+    leaf += [Part(lath.moved(float(x), 0, LEAF_TOP - 0.014), wood) for x in np.linspace(-0.22, 0.22, 6)]
     leaf += [Part(box(0.63, 0.008, 0.009, 0.002).moved(0, y, LEAF_TOP - 0.014), wood) for y in (-0.05, 0.05)]
     leaf.append(Part(torus(0.024, 0.005, 22, 6).moved(0.0, 0.10, LEAF_TOP - 0.008), palette.BRASS))
     return door(leaf, wood, rng)
@@ -382,14 +343,12 @@ def paper(_variant: int, rng: np.random.Generator) -> Design:
 
 def saloon(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a swing door with a waved crown, slanted boards and a star."""
-    wood: Material = pick(rng, (palette.CHERRY, palette.OAK))
+    wood = pick(rng, (palette.CHERRY, palette.OAK))
     dark = pick(rng, (palette.WALNUT, palette.IRON))
     leaf = [slab(wood)]
-    for x in np.linspace(-0.27, 0.27, 10):
-        board = box(0.012, 0.20, 0.010, 0.003).turned("z", 0.5)
-        leaf.append(Part(board.moved(float(x) * 0.82, 0, FACE), dark))
-    for y in (-0.132, 0.132):
-        leaf.append(Part(box(0.64, 0.022, 0.016, 0.005).moved(0, y, FACE), dark))
-    badge = [Part(lathe([(0.062, 0), (0.058, 0.016), (0, 0.018)], 28), wood)]
-    badge.append(Part(prism(wavy(0.036, 0.012, 5, 4), 0.014, 0.024, bevel=0.003), palette.BRASS))
+    board = box(0.012, 0.20, 0.010, 0.003).turned("z", 0.5)
+    leaf += [Part(board.moved(float(x) * 0.82, 0, FACE), dark) for x in np.linspace(-0.27, 0.27, 10)]
+    leaf += [Part(box(0.64, 0.022, 0.016, 0.005).moved(0, y, FACE), dark) for y in (-0.132, 0.132)]
+    star = prism(wavy(0.036, 0.012, 5, 4), 0.014, 0.024, bevel=0.003)
+    badge = [Part(lathe([(0.062, 0), (0.058, 0.016), (0, 0.018)], 28), wood), Part(star, palette.BRASS)]
     return door([*leaf, *shifted(badge, (0.05, 0, FACE))], dark, rng)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from busybot.objects.procedural import fixtures, palette
-from busybot.objects.procedural.design import Material, Part
+from busybot.objects.procedural.design import Material, Part, shifted
 from busybot.objects.procedural.solids import (
     Solid,
     ball,
@@ -81,28 +81,14 @@ def collar(rim: np.ndarray, width: float, rise: float, material: Material, gap: 
 
 def head(kind: str, size: float, material: Material) -> list[Part]:
     """What sits on top of a lever, from z = 0 upwards; `size` is about half of its width."""
+    coin = [(width * size, z * size) for width, z in ((0.93, -0.3), (1.0, -0.2), (1.0, 0.2), (0.93, 0.3))]
+    egg = [(width * size, z * size) for width, z in ((0.4, 0), (0.85, 0.5), (0.95, 1.2), (0.55, 2), (0, 2.2))]
     solid = {
         "ball": lambda: ball(size, 22, 12).moved(z=0.85 * size),
         "bar": lambda: lying(0.55 * size, 3.2 * size).moved(z=0.4 * size),
         "cube": lambda: box(1.6 * size, 1.6 * size, 1.5 * size, 0.25 * size),
-        "coin": lambda: (
-            lathe([(0.93 * size, -0.3 * size), (size, -0.2 * size), (size, 0.2 * size), (0.93 * size, 0.3 * size)], 26)
-            .turned("y", np.pi / 2)
-            .moved(z=0.9 * size)
-        ),
-        "egg": lambda: lathe(
-            smooth(
-                [
-                    (0.4 * size, 0),
-                    (0.85 * size, 0.5 * size),
-                    (0.95 * size, 1.2 * size),
-                    (0.55 * size, 2 * size),
-                    (0, 2.2 * size),
-                ],
-                3,
-            ),
-            22,
-        ),
+        "coin": lambda: lathe(coin, 26).turned("y", np.pi / 2).moved(z=0.9 * size),
+        "egg": lambda: lathe(smooth(egg, 3), 22),
         "drum": lambda: prism(wavy(0.85 * size, 0.04 * size, 14, 4), 0, 1.6 * size, bevel=0.15 * size),
         "fin": lambda: box(0.55 * size, 2.6 * size, 1.9 * size, 0.2 * size),
     }[kind]()
@@ -120,7 +106,8 @@ def grip(kind: str, size: float, material: Material, metal: Material) -> list[Pa
     if kind == "post":
         foot = box(2 * size, 2 * size, 0.35 * size, 0.1 * size)
         stem = lathe([(0.3 * size, 0.2 * size), (0.3 * size, 1.4 * size)], 14)
-        return [Part(foot, material), Part(stem, metal), *_raised(head("ball", 0.75 * size, material), 1.3 * size)]
+        ball_on_top = shifted(head("ball", 0.75 * size, material), (0, 0, 1.3 * size))
+        return [Part(foot, material), Part(stem, metal), *ball_on_top]
     if kind == "barrel":
         return [Part(lying(0.8 * size, 2.4 * size).moved(z=0.55 * size), material)]
     if kind == "dome":
@@ -128,14 +115,10 @@ def grip(kind: str, size: float, material: Material, metal: Material) -> list[Pa
     if kind == "disc":
         disc = lathe([(0.95 * size, 0), (size, 0.1 * size), (size, 0.5 * size), (0.9 * size, 0.6 * size)], 28)
         return [Part(disc, material), Part(torus(0.6 * size, 0.1 * size, 22, 6).moved(z=0.58 * size), metal)]
-    return [Part(_saddle(size), material)]
-
-
-def _saddle(size: float) -> Solid:
-    """High at both ends, low in the middle: a finger lies in it."""
+    # a saddle: high at both ends, low in the middle, so that a finger lies in it
     xs = np.linspace(size, -size, 9)
     section = [(-size, 0.0), (size, 0.0), *((float(x), 0.6 * size + 0.5 * float(x) ** 2 / size) for x in xs)]
-    return prism(np.array(section), -1.2 * size, 1.2 * size).turned("x", np.pi / 2)
+    return [Part(prism(np.array(section), -1.2 * size, 1.2 * size).turned("x", np.pi / 2), material)]
 
 
 def lying(radius: float, length: float, points: int = 18) -> Solid:
@@ -148,7 +131,3 @@ def lying(radius: float, length: float, points: int = 18) -> Solid:
 def rod(start: Sequence[float], end: Sequence[float], radius: float, points: int = 12) -> Solid:
     """A straight round wire."""
     return pipe(np.linspace(start, end, 3), radius, points)
-
-
-def _raised(parts: Sequence[Part], z: float) -> list[Part]:
-    return [part.moved(z=z) for part in parts]

@@ -1,6 +1,4 @@
-"""More lamps: a drum, a glowing ring, a bulb, three balls, a crystal, a book; novel: a cactus, a cloud.
-
-Lamps whose shade changes colour; seen from above they differ: disc, square, bar, bell, octagon, flower, star.
+"""Lamps whose shade changes colour; seen from above they differ: disc, square, bar, bell, octagon, flower, star.
 
 The shade is a link of its own, fixed to the body, so that painting it leaves the rest alone.
 """
@@ -52,18 +50,18 @@ def shell(outlines: list[tuple[np.ndarray, float]], thickness: float) -> Solid:
 def cone(variant: int, rng: np.random.Generator) -> Design:
     """A table lamp: turned stem, conical shade, a finial in the open top."""
     metal = pick(rng, palette.METALS)
-    wide, narrow, height = (0.215, 0.235)[variant % 2], (0.095, 0.125)[variant % 2], (0.56, 0.47)[variant % 2]
-    stem = smooth(
-        [(0.030, 0.04), (0.055, 0.09), (0.022, 0.16), (0.036, 0.22), (0.014, 0.28), (0.012, height - 0.03)], 3
-    )
-    body = [*foot(0.13, rng), Part(lathe(stem, 20), pick(rng, (*palette.WOODS, palette.TEAL, palette.CORAL)))]
-    low = height - 0.24
+    wide, narrow, height = ((0.215, 0.095, 0.56), (0.235, 0.125, 0.47))[variant % 2]
+    profile = [(0.030, 0.04), (0.055, 0.09), (0.022, 0.16), (0.036, 0.22), (0.014, 0.28), (0.012, height - 0.03)]
+    body = [
+        *foot(0.13, rng),
+        Part(lathe(smooth(profile, 3), 20), pick(rng, (*palette.WOODS, palette.TEAL, palette.CORAL))),
+    ]
     for angle in np.arange(3) * 2 * np.pi / 3:
         tip = (0.98 * narrow * float(np.cos(angle)), 0.98 * narrow * float(np.sin(angle)), height - 0.03)
         body.append(Part(pipe([(0, 0, height - 0.03), tip], 0.005, 6), metal))
     body.append(Part(ball(0.022, 16, 8).moved(z=height - 0.015), metal))
-    body += [Part(torus(narrow, 0.006, 32, 6).moved(z=height - 0.002), metal)]
-    shade = shell([(circle(wide, 40), low), (circle(narrow, 40), height)], 0.006)
+    body.append(Part(torus(narrow, 0.006, 32, 6).moved(z=height - 0.002), metal))
+    shade = shell([(circle(wide, 40), height - 0.24), (circle(narrow, 40), height)], 0.006)
     return lamp(body, shade, 2 * variant, rng)
 
 
@@ -97,12 +95,8 @@ def desk(_variant: int, rng: np.random.Generator) -> Design:
     arm = bent([(-0.13, 0, 0.02), (-0.20, 0, 0.30), (-0.02, 0, 0.46), (0.08, 0, 0.40)], 0.05, 4)
     body.append(Part(pipe(arm, 0.012, 10), pick(rng, (palette.CHROME, palette.BLACK))))
     body += [Part(ball(0.024, 14, 8).moved(x, 0, z), palette.CHROME) for x, z in ((-0.195, 0.30), (-0.02, 0.455))]
-    body.append(
-        Part(
-            lathe([(0.030, 0), (0.034, 0.02), (0.02, 0.045), (0, 0.05)], 18).turned("y", -0.25).moved(0.075, 0, 0.40),
-            paint,
-        )
-    )
+    neck = lathe([(0.030, 0), (0.034, 0.02), (0.02, 0.045), (0, 0.05)], 18)
+    body.append(Part(neck.turned("y", -0.25).moved(0.075, 0, 0.40), paint))
     outer = [(0.190, -0.13), (0.178, -0.10), (0.138, -0.04), (0.07, 0.0), (0.03, 0.012), (0.0, 0.014)]
     bell = lathe([(0.180, -0.125), *outer], 36).turned("y", -0.25).moved(0.08, 0, 0.40)
     return lamp(body, bell, 5, rng)
@@ -140,9 +134,7 @@ def tulip(_variant: int, rng: np.random.Generator) -> Design:
     body = foot(0.11, rng)
     body.append(Part(lathe([(0.016, 0.03), (0.013, 0.20), (0.020, 0.30), (0.05, 0.33)], 14), palette.FOREST))
     for turn in (0.4, 2.5, 4.5):
-        leaf = [(0.0, 0.0, 0.08), (0.09, 0.0, 0.17), (0.18, 0.0, 0.16), (0.225, 0.0, 0.12)]
-        section = np.array([(-0.035, 0.0), (0.0, -0.004), (0.035, 0.0), (0.0, 0.006)])
-        body.append(Part(_leaf(leaf, section).turned("z", turn), palette.FOREST))
+        body.append(Part(_leaf().turned("z", turn), palette.FOREST))
     rows = [(0.05, 0.31, 0.1), (0.12, 0.345, 0.13), (0.165, 0.41, 0.16), (0.175, 0.46, 0.20), (0.150, 0.48, 0.22)]
     rows += [(0.110, 0.45, 0.20), (0.055, 0.40, 0.12)]
     petals = loft([ring(wavy(radius, depth * radius, 6, 8), z) for radius, z, depth in rows])
@@ -150,12 +142,11 @@ def tulip(_variant: int, rng: np.random.Generator) -> Design:
     return lamp(body, petals, 2, rng)
 
 
-def _leaf(path: list[tuple[float, float, float]], section: np.ndarray) -> Solid:
-    widths = (0.35, 1.0, 0.8, 0.1)
-    rings = []
-    for (x, y, z), width in zip(path, widths, strict=True):
-        rings.append(np.stack([np.full(4, x), y + width * section[:, 0], z + section[:, 1]], axis=1))
-    return loft(rings)
+def _leaf() -> Solid:
+    """A long leaf of a tulip, along x."""
+    across, thickness = np.array([-0.035, 0.0, 0.035, 0.0]), np.array([0.0, -0.004, 0.0, 0.006])
+    rows = ((0.0, 0.08, 0.35), (0.09, 0.17, 1.0), (0.18, 0.16, 0.8), (0.225, 0.12, 0.1))
+    return loft([np.stack([np.full(4, x), width * across, z + thickness], axis=1) for x, z, width in rows])
 
 
 def star(_variant: int, rng: np.random.Generator) -> Design:
@@ -173,10 +164,8 @@ def star(_variant: int, rng: np.random.Generator) -> Design:
 def drum(_variant: int, rng: np.random.Generator) -> Design:
     """A wide drum over a ball of wood."""
     metal = pick(rng, palette.METALS)
-    body = [
-        *foot(0.12, rng),
-        Part(ball(0.075, 24, 12).moved(z=0.11), pick(rng, (*palette.WOODS, palette.CORAL, palette.NAVY))),
-    ]
+    body = foot(0.12, rng)
+    body.append(Part(ball(0.075, 24, 12).moved(z=0.11), pick(rng, (*palette.WOODS, palette.CORAL, palette.NAVY))))
     body.append(Part(rod((0, 0, 0.17), (0, 0, 0.40), 0.012), metal))
     body.append(Part(lathe([(0.03, 0.38), (0.026, 0.40), (0.0, 0.412)], 18), metal))
     shade = lathe([(0.235, 0.20), (0.235, 0.395), (0.228, 0.402), (0.216, 0.40), (0.206, 0.384), (0.0, 0.384)], 40)
@@ -229,12 +218,8 @@ def lamppost(_variant: int, rng: np.random.Generator) -> Design:
     metal = pick(rng, (palette.IRON, palette.FOREST, palette.NAVY))
     body = [*foot(0.14, rng), Part(rod((0, 0, 0.03), (0, 0, 0.22), 0.02), metal)]
     body.append(Part(prism(rectangle(0.22, 0.22, 0.02), 0.20, 0.22, bevel=0.006), metal))
-    body.append(
-        Part(
-            loft([ring(rectangle(s, s, 0.01), z) for s, z in ((0.30, 0.43), (0.30, 0.44), (0.08, 0.48), (0.04, 0.52))]),
-            metal,
-        )
-    )
+    hat = ((0.30, 0.43), (0.30, 0.44), (0.08, 0.48), (0.04, 0.52))
+    body.append(Part(loft([ring(rectangle(s, s, 0.01), z) for s, z in hat]), metal))
     glow = loft([ring(rectangle(s, s, 0.02), z) for s, z in ((0.20, 0.22), (0.40, 0.40), (0.36, 0.432))])
     return lamp(body, glow, 1, rng)
 
@@ -245,14 +230,11 @@ def cactus(_variant: int, rng: np.random.Generator) -> Design:
     body = [Part(lathe(pot, 32), pick(rng, (palette.COPPER, palette.TEAL, palette.BLUSH)))]
     rows = ((0.08, 0.11), (0.105, 0.18), (0.108, 0.33), (0.09, 0.43), (0.04, 0.475))
     trunk = loft([ring(wavy(r, 0.10 * r, 9, 4), z) for r, z in rows])
-    arms = [
-        pipe(bent([(s * 0.05, 0, z), (s * 0.20, 0, z), (s * 0.20, 0, z + 0.13)], 0.08, 5), 0.058, 14)
-        for s, z in ((1, 0.22), (-1, 0.29))
-    ]
-    tops = [ball(0.058, 14, 8).moved(s * 0.20, 0, z + 0.13) for s, z in ((1, 0.22), (-1, 0.29))]
-    body.append(
-        Part(lathe([(0.014, 0.47), (0.034, 0.492), (0.0, 0.497)], 12), pick(rng, (palette.CORAL, palette.MUSTARD)))
-    )
+    bends = [[(s * 0.05, 0, z), (s * 0.20, 0, z), (s * 0.20, 0, z + 0.13)] for s, z in ((1, 0.22), (-1, 0.29))]
+    arms = [pipe(bent(bend, 0.08, 5), 0.058, 14) for bend in bends]
+    tops = [ball(0.058, 14, 8).moved(*bend[-1]) for bend in bends]
+    flower = lathe([(0.014, 0.47), (0.034, 0.492), (0.0, 0.497)], 12)
+    body.append(Part(flower, pick(rng, (palette.CORAL, palette.MUSTARD))))
     return lamp(body, joined([trunk, *arms, *tops]), 4, rng)
 
 
@@ -261,12 +243,11 @@ def cloud(_variant: int, rng: np.random.Generator) -> Design:
     metal = pick(rng, palette.METALS)
     body = [Part(prism(rectangle(0.34, 0.20, 0.09, 7), 0, 0.03, bevel=0.012), pick(rng, palette.WOODS))]
     body += [Part(rod((x, 0, 0.02), (x, 0, 0.22), 0.010), metal) for x in (-0.08, 0.08)]
-    puffs = (
-        (0.0, 0.02, 0.30, 0.135),
+    sides = (
         (0.14, 0.0, 0.27, 0.105),
         (-0.15, 0.01, 0.27, 0.11),
         (0.05, -0.09, 0.25, 0.09),
         (-0.07, -0.09, 0.25, 0.085),
     )
-    glow = joined([ball(r, 24, 12).moved(x, y, z) for x, y, z, r in puffs])
+    glow = joined([ball(r, 24, 12).moved(x, y, z) for x, y, z, r in ((0.0, 0.02, 0.30, 0.135), *sides)])
     return lamp(body, glow, 5, rng)

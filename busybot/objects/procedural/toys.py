@@ -53,7 +53,7 @@ def _toy(piece: list[Part], curve: Curve, board: list[Part], groove: Material, r
     return Design("Toy", TOY_SCALE, body, [across, along], steps=steps)
 
 
-def _board(material: Material, rim: "Material") -> list[Part]:
+def _board(material: Material, rim: Material) -> list[Part]:
     base = prism(rectangle(LENGTH, WIDTH, 0.04), 0, THICKNESS - 0.006, bevel=0.008, steps=3)
     top = prism(rectangle(LENGTH - 0.04, WIDTH - 0.04, 0.025), 0.01, THICKNESS, bevel=0.004)
     return [Part(base, rim), Part(top, material)]
@@ -73,21 +73,16 @@ def loco(_variant: int, rng: np.random.Generator) -> Design:
     """A locomotive on rails between hills."""
     paint, roof = pick(rng, (palette.RED, palette.TEAL, palette.NAVY)), pick(rng, (palette.MUSTARD, palette.ORANGE))
     piece = [Part(box(0.25, 0.13, 0.03, 0.008).moved(z=0.022), palette.GRAPHITE)]
+    cabin = box(0.10, 0.12, 0.10, 0.008)
     boiler = lathe([(0.046, -0.075), (0.052, -0.065), (0.052, 0.065), (0.046, 0.075)], 24).turned("y", np.pi / 2)
-    piece += [
-        Part(boiler.moved(0.04, 0, 0.092), paint),
-        Part(box(0.10, 0.12, 0.10, 0.008).moved(-0.07, 0, 0.05), paint),
-    ]
+    piece += [Part(solid, paint) for solid in (boiler.moved(0.04, 0, 0.092), cabin.moved(-0.07, 0, 0.05))]
     piece.append(Part(prism(rectangle(0.125, 0.145, 0.02), 0.148, 0.164, bevel=0.008).moved(-0.07), roof))
-    piece.append(
-        Part(lathe([(0.018, 0.13), (0.018, 0.165), (0.028, 0.185), (0.022, 0.187)], 18).moved(0.085), palette.IRON)
-    )
-    piece += [
-        Part(torus(0.053, 0.004, 20, 5).turned("y", np.pi / 2).moved(x, 0, 0.092), palette.BRASS) for x in (0.0, 0.07)
-    ]
-    for x in (-0.085, 0.0, 0.085):
-        wheel = lathe([(0.034, -0.075), (0.034, 0.075)], 20).turned("x", np.pi / 2)
-        piece.append(Part(wheel.moved(x, 0, 0.034), roof))
+    chimney = lathe([(0.018, 0.13), (0.018, 0.165), (0.028, 0.185), (0.022, 0.187)], 18)
+    piece.append(Part(chimney.moved(0.085), palette.IRON))
+    band = torus(0.053, 0.004, 20, 5).turned("y", np.pi / 2)
+    piece += [Part(band.moved(x, 0, 0.092), palette.BRASS) for x in (0.0, 0.07)]
+    wheel = lathe([(0.034, -0.075), (0.034, 0.075)], 20).turned("x", np.pi / 2)
+    piece += [Part(wheel.moved(x, 0, 0.034), roof) for x in (-0.085, 0.0, 0.085)]
     piece.append(Part(ball(0.016, 12, 8).moved(0.125, 0, 0.092), palette.MUSTARD))
     board = _board(palette.SAGE, palette.OAK)
     for x, y, r in ((-0.30, 0.115, 0.035), (-0.24, 0.13, 0.022), (0.30, -0.12, 0.035), (0.24, -0.135, 0.022)):
@@ -100,9 +95,8 @@ def ladybird(_variant: int, rng: np.random.Generator) -> Design:
     shell = pick(rng, (palette.RED, palette.ORANGE))
     piece = [Part(ball(0.098, 30, 14).stretched(y=0.86, z=0.72).moved(z=0.03), shell)]
     piece.append(Part(ball(0.048, 20, 10).stretched(z=0.8).moved(0.098, 0, 0.035), palette.BLACK))
-    seam = [
-        (float(-0.099 * np.cos(a)), 0.0, 0.03 + 0.0712 * float(np.sin(a))) for a in np.linspace(0.1, np.pi - 0.5, 14)
-    ]
+    angles = np.linspace(0.1, np.pi - 0.5, 14)
+    seam = np.stack([-0.099 * np.cos(angles), np.zeros(14), 0.03 + 0.0712 * np.sin(angles)], axis=1)
     piece.append(Part(pipe(seam, 0.004, 6), palette.BLACK))
     for x, y in ((0.03, 0.042), (0.03, -0.042), (-0.04, 0.045), (-0.04, -0.045)):
         z = 0.03 + 0.0706 * float(np.sqrt(1 - (x / 0.098) ** 2 - (y / 0.0843) ** 2))
@@ -110,10 +104,8 @@ def ladybird(_variant: int, rng: np.random.Generator) -> Design:
     for y in (-0.022, 0.022):
         piece.append(Part(ball(0.011, 10, 6).moved(0.125, y, 0.06), palette.WHITE))
         feeler = [(0.12, 0.5 * y, 0.06), (0.15, y, 0.09), (0.165, 1.8 * y, 0.10)]
-        piece += [
-            Part(pipe(feeler, 0.004, 6), palette.BLACK),
-            Part(ball(0.008, 8, 6).moved(*feeler[-1]), palette.BLACK),
-        ]
+        tip = ball(0.008, 8, 6).moved(*feeler[-1])
+        piece += [Part(pipe(feeler, 0.004, 6), palette.BLACK), Part(tip, palette.BLACK)]
     board = _board(palette.MINT, palette.FOREST)
     for x, y, color in ((-0.34, -0.125, palette.BLUSH), (0.0, -0.11, palette.MUSTARD), (0.34, -0.125, palette.SKY)):
         petals = prism(wavy(0.030, 0.009, 6, 6), 0, 0.008, bevel=0.003).moved(x, y, THICKNESS - 0.001)
@@ -131,14 +123,12 @@ def car(_variant: int, rng: np.random.Generator) -> Design:
     """A little car on a winding road."""
     paint = pick(rng, (palette.MUSTARD, palette.CORAL, palette.RED))
     piece = [Part(box(0.21, 0.11, 0.045, 0.016).moved(z=0.02), paint)]
-    cabin = loft(
-        [ring(rectangle(a, b, 0.02), z) for a, b, z in ((0.13, 0.10, 0.06), (0.09, 0.085, 0.105), (0.07, 0.07, 0.11))]
-    )
+    rows = ((0.13, 0.10, 0.06), (0.09, 0.085, 0.105), (0.07, 0.07, 0.11))
+    cabin = loft([ring(rectangle(length, width, 0.02), z) for length, width, z in rows])
     piece.append(Part(cabin.moved(-0.015), palette.GLASS))
     piece.append(Part(prism(rectangle(0.08, 0.075, 0.02), 0.104, 0.114, bevel=0.004).moved(-0.015), paint))
-    for x in (-0.065, 0.065):
-        wheel = lathe([(0.026, -0.062), (0.030, -0.056), (0.030, 0.056), (0.026, 0.062)], 18).turned("x", np.pi / 2)
-        piece.append(Part(wheel.moved(x, 0, 0.03), palette.BLACK))
+    wheel = lathe([(0.026, -0.062), (0.030, -0.056), (0.030, 0.056), (0.026, 0.062)], 18).turned("x", np.pi / 2)
+    piece += [Part(wheel.moved(x, 0, 0.03), palette.BLACK) for x in (-0.065, 0.065)]
     piece += [Part(ball(0.012, 10, 6).moved(0.104, y, 0.045), palette.IVORY) for y in (-0.035, 0.035)]
     piece = grown(piece, 1.3)
     board = _board(palette.MINT, palette.BIRCH)
@@ -151,20 +141,18 @@ def car(_variant: int, rng: np.random.Generator) -> Design:
 
 def duck(_variant: int, _rng: np.random.Generator) -> Design:
     """A duck on a pond."""
-    yellow = palette.MUSTARD
-    piece = [Part(ball(0.092, 26, 12).stretched(y=0.74, z=0.55).moved(z=0.035), yellow)]
-    piece.append(Part(ball(0.046, 20, 10).moved(0.06, 0, 0.098), yellow))
+    piece = [Part(ball(0.092, 26, 12).stretched(y=0.74, z=0.55).moved(z=0.035), palette.MUSTARD)]
+    piece.append(Part(ball(0.046, 20, 10).moved(0.06, 0, 0.098), palette.MUSTARD))
     bill = lathe([(0.022, 0.0), (0.016, 0.022), (0.0, 0.032)], 14).stretched(x=0.5).turned("y", np.pi / 2)
     piece.append(Part(bill.moved(0.098, 0, 0.092), palette.ORANGE))
     piece += [Part(ball(0.008, 10, 6).moved(0.092, y, 0.115), palette.BLACK) for y in (-0.024, 0.024)]
     tail = lathe([(0.030, 0.0), (0.0, 0.05)], 12).turned("y", -1.0).moved(-0.07, 0, 0.05)
-    piece.append(Part(tail, yellow))
+    piece.append(Part(tail, palette.MUSTARD))
     piece = grown(piece, 1.35)
     board = _board(palette.SKY, palette.OAK)
     for x, y, r in ((-0.33, 0.12, 0.030), (0.30, -0.13, 0.034), (0.36, 0.10, 0.022)):
-        board.append(
-            Part(prism(wavy(r, 0.1 * r, 1, 24), 0, 0.005, bevel=0.002).moved(x, y, THICKNESS - 0.001), palette.FOREST)
-        )
+        pad = prism(wavy(r, 0.1 * r, 1, 24), 0, 0.005, bevel=0.002).moved(x, y, THICKNESS - 0.001)
+        board.append(Part(pad, palette.FOREST))
         board.append(Part(ball(0.010, 10, 6).moved(x, y, THICKNESS + 0.008), palette.BLUSH))
     return _toy(piece, lambda x: -0.05 + 0.9 * x**2, board, palette.WHITE, rails=False)
 
@@ -182,7 +170,7 @@ def rocket(_variant: int, rng: np.random.Generator) -> Design:
     window = lathe([(0.024, 0), (0.022, 0.008), (0, 0.009)], 18).moved(0.02, 0, 0.112)
     piece += [Part(window, palette.GLASS), Part(torus(0.025, 0.006, 18, 6).moved(0.02, 0, 0.114), palette.NAVY)]
     board = _board(palette.NAVY, palette.STEEL)
-    for x, y in ((-0.33, -0.12), (-0.12, 0.13), (0.16, -0.13), (0.35, 0.12)):
-        spark = prism(wavy(0.018, 0.007, 5, 4), 0, 0.006, bevel=0.002)
-        board.append(Part(spark.moved(x, y, THICKNESS - 0.001), palette.MUSTARD))
+    spark = prism(wavy(0.018, 0.007, 5, 4), 0, 0.006, bevel=0.002)
+    places = ((-0.33, -0.12), (-0.12, 0.13), (0.16, -0.13), (0.35, 0.12))
+    board += [Part(spark.moved(x, y, THICKNESS - 0.001), palette.MUSTARD) for x, y in places]
     return _toy(piece, lambda x: 0.30 * x, board, palette.SKY, rails=False)

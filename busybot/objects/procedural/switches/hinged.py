@@ -4,10 +4,10 @@ import numpy as np
 
 from busybot.objects.procedural import fixtures, palette
 from busybot.objects.procedural.design import HINGE_X, Design, Material, MovingLink, Part, shifted, switch
-from busybot.objects.procedural.fixtures import Ground, clutter, ground, lifted, trodden
+from busybot.objects.procedural.fixtures import Ground, clutter, ground, lifted, row, trodden
 from busybot.objects.procedural.grips import head, lying, rod
 from busybot.objects.procedural.palette import in_turn, pick
-from busybot.objects.procedural.solids import Solid, ball, bent, box, lathe, pipe, prism, rectangle, smooth, sweep
+from busybot.objects.procedural.solids import ball, bent, box, lathe, pipe, prism, rectangle, smooth, sweep
 
 
 def lid(variant: int, rng: np.random.Generator) -> Design:
@@ -47,22 +47,13 @@ def _lid_grip(variant: int, width: float, metal: Material) -> list[Part]:
     return [Part(knob.moved(-0.04), metal)]
 
 
-def _sole(length: float, width: float, thickness: float, round_end: bool) -> Solid:
-    """A pedal's plate from x = 0 to `length`, its upper face at z = 0 at the hinge."""
-    outline = rectangle(length, width, 0.45 * width if round_end else 0.012, 6)
-    return prism(outline, -thickness, 0.0, bevel=0.006, foot=0.003).moved(length / 2)
-
-
 def _pedal_link(
-    length: float,
-    width: float,
-    at: tuple[float, float, float],
-    slope: float,
-    tread: float,
-    material: Material,
-    ribs: int,
+    size: tuple[float, float], at: tuple[float, float, float], slope: float, tread: float, material: Material, ribs: int
 ) -> MovingLink:
-    parts = [Part(_sole(length, width, 0.02, ribs % 2 == 1), material)]
+    """A plate (length, width) with ribs, its upper face at z = 0 at the hinge; with odd ribs it ends round."""
+    length, width = size
+    outline = rectangle(length, width, 0.45 * width if ribs % 2 else 0.012, 6)
+    parts = [Part(prism(outline, -0.02, 0.0, bevel=0.006, foot=0.003).moved(length / 2), material)]
     for k in range(ribs):
         x = length * (0.95 - 0.5 * (k + 0.5) / ribs)
         parts.append(Part(box(0.014, 0.72 * width, 0.010, 0.003).moved(x, 0, -0.001), palette.BLACK))
@@ -79,30 +70,22 @@ def pedal(variant: int, rng: np.random.Generator) -> Design:
     body.append(Part(spring.moved(0.25 * length, 0, base.top - 0.001), palette.SHADOW))
     color = pick(rng, (*palette.ACCENTS, palette.GRAPHITE, palette.STEEL), unlike=base.cover)
     at = (-length / 2, 0.0, base.top + 0.026)
-    link = _pedal_link(length, width, at, tread + 0.02, tread, color, (4, 3, 5, 2)[variant % 4])
+    link = _pedal_link((length, width), at, tread + 0.02, tread, color, (4, 3, 5, 2)[variant % 4])
     return switch(body, [link], HINGE_X, variant + 3)
 
 
 def pedals(variant: int, rng: np.random.Generator) -> Design:
     """2 or 3 pedals on one board, with gaps between them and a rest behind."""
-    count, pitch = (2, 3, 3)[variant % 3], (0.17, 0.12, 0.14)[variant % 3]
-    length, width, tread = (
-        (0.20, 0.16, 0.25)[variant % 3],
-        (0.11, 0.065, 0.08)[variant % 3],
-        (0.15, 0.13, 0.11)[variant % 3],
-    )
+    count, pitch = ((2, 0.17), (3, 0.12), (3, 0.14))[variant % 3]
+    length, width, tread = ((0.20, 0.11, 0.15), (0.16, 0.065, 0.13), (0.25, 0.08, 0.11))[variant % 3]
     base = ground(length + 0.12, pitch * count + 0.06, (0, 1, 2)[variant % 3], rng)
-    across = pitch * count
-    body = [
-        *base.parts,
-        Part(box(0.06, across, 0.032, 0.01).moved(-length / 2 - 0.01, 0, base.top - 0.001), palette.IRON),
-    ]
-    links = []
-    for k in range(count):
-        at = (-length / 2 + 0.01, pitch * (k - (count - 1) / 2), base.top + 0.026)
+    rest = box(0.06, pitch * count, 0.032, 0.01).moved(-length / 2 - 0.01, 0, base.top - 0.001)
+    body, links = [*base.parts, Part(rest, palette.IRON)], []
+    for k, y in enumerate(row(count, pitch)):
+        at = (-length / 2 + 0.01, y, base.top + 0.026)
         accent = palette.ACCENTS[(2 * k + variant) % len(palette.ACCENTS)]
         color = accent if variant % 2 else pick(rng, (palette.CHROME, palette.ORANGE), unlike=base.cover)
-        links.append(_pedal_link(length, width, at, tread + 0.01, tread, color, (2, 3, 1)[variant % 3]))
+        links.append(_pedal_link((length, width), at, tread + 0.01, tread, color, (2, 3, 1)[variant % 3]))
     return switch(body, links, HINGE_X, (1, 0, 3)[variant % 3])
 
 
@@ -129,10 +112,8 @@ def _bracket(x: float, z: float, base: Ground, metal: Material) -> list[Part]:
 def _arm_parts(variant: int, length: float, metal: Material, color: Material) -> list[Part]:
     """The arm along +x from its hinge at the origin."""
     if variant % 5 == 0:  # a flat bar with a crosswise grip
-        return [
-            Part(box(length, 0.034, 0.014, 0.004).moved(length / 2, 0, -0.007), metal),
-            Part(lying(0.022, 0.14).moved(length, 0, 0.004), color),
-        ]
+        bar = box(length, 0.034, 0.014, 0.004).moved(length / 2, 0, -0.007)
+        return [Part(bar, metal), Part(lying(0.022, 0.14).moved(length, 0, 0.004), color)]
     if variant % 5 == 1:  # a rod with a ball
         return [Part(rod((0, 0, 0), (length, 0, 0), 0.014), metal), Part(ball(0.042, 22, 12).moved(length), color)]
     if variant % 5 == 2:  # a tapered handle
@@ -142,11 +123,9 @@ def _arm_parts(variant: int, length: float, metal: Material, color: Material) ->
     if variant % 5 == 3:  # a rod that ends in an upright peg
         peg = shifted(head("egg", 0.03, color), (length, 0, 0.012))
         return [Part(box(length + 0.03, 0.04, 0.018, 0.006).moved(length / 2, 0, -0.009), metal), *peg]
-    blade = rectangle(0.62 * length, 0.12, 0.05, 6)  # a paddle on a short stem
-    return [
-        Part(rod((0, 0, 0), (0.5 * length, 0, 0), 0.013), metal),
-        Part(prism(blade, -0.010, 0.012, bevel=0.006, foot=0.004).moved(0.69 * length), color),
-    ]
+    # a paddle on a short stem
+    blade = prism(rectangle(0.62 * length, 0.12, 0.05, 6), -0.010, 0.012, bevel=0.006, foot=0.004).moved(0.69 * length)
+    return [Part(rod((0, 0, 0), (0.5 * length, 0, 0), 0.013), metal), Part(blade, color)]
 
 
 def bail(variant: int, rng: np.random.Generator) -> Design:
@@ -158,9 +137,8 @@ def bail(variant: int, rng: np.random.Generator) -> Design:
     body = list(base.parts)
     for side in (-1, 1):
         foot = box(0.05, 0.034, z - base.top + wire + 0.006, 0.008)
-        body.append(
-            Part(foot.moved(start, side * (width / 2 + 0.008), base.top - 0.001), pick(rng, (metal, palette.BLACK)))
-        )
+        foot = foot.moved(start, side * (width / 2 + 0.008), base.top - 0.001)
+        body.append(Part(foot, pick(rng, (metal, palette.BLACK))))
         body += fixtures.screw(start - 0.032, side * (width / 2 - 0.03), base.top - 0.001, float(rng.uniform(0, 3)))
     path = [(0, -width / 2, 0), (reach, -width / 2, 0), (reach, width / 2, 0), (0, width / 2, 0)]
     parts = [Part(pipe(bent(path, (0.06, 0.03, 0.065)[variant % 3], 5), wire, 12), metal)]
@@ -181,7 +159,7 @@ def hood(variant: int, rng: np.random.Generator) -> Design:
     angles = np.linspace(0.35, np.pi - 0.6, 14)
     spine = np.stack([0.09 - 0.09 * np.cos(angles), np.zeros(14), 0.08 * np.sin(angles) - 0.02], axis=1)
     shell = sweep(spine, np.array([(-0.065, -0.005), (0.065, -0.005), (0.065, 0.005), (-0.065, 0.005)]))
-    tab = box(0.035, 0.05, 0.012, 0.004).moved(0.18, 0, 0.022)
-    parts = [Part(shell, color), Part(tab, palette.BLACK)]
-    link = lifted(parts, (-0.09, 0, base.top + 0.012), 0.75)
-    return switch(body, [link], HINGE_X, 2 * variant + 1)
+    tab = Part(box(0.035, 0.05, 0.012, 0.004).moved(0.18, 0, 0.022), palette.BLACK)
+    return switch(
+        body, [lifted([Part(shell, color), tab], (-0.09, 0, base.top + 0.012), 0.75)], HINGE_X, 2 * variant + 1
+    )

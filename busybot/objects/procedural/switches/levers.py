@@ -1,13 +1,14 @@
-"""Training levers that stand up and swing: sticks with many heads and boots, blades, stirrups, rows of levers.
+"""Levers: multi-direction triggers, which rest at both ends and midway, and training levers that stand up and swing.
 
-Multi-direction triggers, which rest at both ends and midway: throttle, joystick, fader; novel: T-bar, rails.
+Multi-direction: throttle, joystick, fader; novel: T-bar, rails. Others: sticks with many heads and boots, blades,
+stirrups, rows of levers.
 """
 
 import numpy as np
 
 from busybot.objects.procedural import fixtures, palette
 from busybot.objects.procedural.design import HINGE_X, SLIDE_X, Design, Material, MovingLink, Part, shifted, switch
-from busybot.objects.procedural.fixtures import TOP, Ground, clutter, corners, ground, swung
+from busybot.objects.procedural.fixtures import TOP, Ground, clutter, corners, ground, row, slid, swung
 from busybot.objects.procedural.grips import HEADS, collar, head, lying
 from busybot.objects.procedural.palette import in_turn, pick
 from busybot.objects.procedural.solids import (
@@ -23,9 +24,6 @@ from busybot.objects.procedural.solids import (
     smooth,
     torus,
 )
-
-SWING = 0.50
-"""Half the range of the levers, radians."""
 
 
 def drum(radius: float, width: float, edge: float = 0.012) -> Solid:
@@ -44,7 +42,7 @@ def ticks(places: list[tuple[float, float]], z: float, rng: np.random.Generator)
 
 def lever_link(parts: list[Part], z: float) -> MovingLink:
     """A lever with three rests that swings along x about (0, 0, z); its parts stand upright there."""
-    return MovingLink(shifted(parts, (0, 0, z)), "revolute", (0, 0, z), (0, 1, 0), -SWING, SWING, "large", "lever")
+    return swung(parts, (0, 0, z), 0.5, "large")
 
 
 def throttle(variant: int, rng: np.random.Generator) -> Design:
@@ -58,23 +56,18 @@ def throttle(variant: int, rng: np.random.Generator) -> Design:
     body += [Part(drum(0.122, 0.012, 0.004).moved(y=y, z=TOP - 0.002), metal) for y in (-0.065, 0.065)]
     body += ticks([(-0.145, 0.0), (0.0, 0.10), (0.145, 0.0)], TOP, rng)
     stem = pipe([(0, 0, 0.0), (0, 0, 0.1), (0, 0, 0.205)], 0.014, 12)
+    pear = [(0.016, 0.0), (0.026, 0.02), (0.050, 0.065), (0.044, 0.10), (0.020, 0.115), (0.0, 0.117)]
+    knob = lathe(smooth(pear, 3), 22).moved(z=0.175) if variant % 2 else ball(0.052, 24, 12).moved(z=0.232)
     parts = [Part(stem, metal), Part(torus(0.018, 0.008, 18, 8).moved(z=0.185), metal)]
-    head = pick(rng, palette.ACCENTS, unlike=shell)
-    knob = ball(0.052, 24, 12).moved(z=0.232) if variant % 2 == 0 else _pear().moved(z=0.175)
-    parts.append(Part(knob, head))
+    parts.append(Part(knob, pick(rng, palette.ACCENTS, unlike=shell)))
     return switch(body, [lever_link(parts, TOP)], SLIDE_X)
-
-
-def _pear() -> Solid:
-    profile = [(0.016, 0.0), (0.026, 0.02), (0.050, 0.065), (0.044, 0.10), (0.020, 0.115), (0.0, 0.117)]
-    return lathe(smooth(profile, 3), 22)
 
 
 def joystick(_variant: int, rng: np.random.Generator) -> Design:
     """A stick with a knurled knob, out of a rubber bellows; it moves along x only."""
     cover = pick(rng, (palette.WHITE, palette.STEEL, palette.MUSTARD, palette.TEAL))
     body = fixtures.plate(0.32, 0.32, cover, rng, "corners", 0.07)
-    rows = [
+    folds = [
         (0.105, 0.0),
         (0.112, 0.012),
         (0.090, 0.022),
@@ -83,13 +76,11 @@ def joystick(_variant: int, rng: np.random.Generator) -> Design:
         (0.080, 0.056),
         (0.055, 0.066),
     ]
-    body.append(Part(lathe([*smooth(rows, 2), (0.0, 0.068)], 28).moved(z=TOP - 0.001), palette.BLACK))
+    body.append(Part(lathe([*smooth(folds, 2), (0.0, 0.068)], 28).moved(z=TOP - 0.001), palette.BLACK))
     body += ticks([(-0.135, 0.0), (0.0, 0.135), (0.135, 0.0)], TOP, rng)
     parts = [Part(lathe([(0.020, 0.0), (0.016, 0.10), (0.015, 0.19)], 14), palette.CHROME)]
-    top = fixtures.knob(
-        0.052, 0.045, pick(rng, (palette.RED, palette.ORANGE, palette.PLUM), unlike=cover), palette.CHROME
-    )
-    parts += shifted(top, (0, 0, 0.18))
+    color = pick(rng, (palette.RED, palette.ORANGE, palette.PLUM), unlike=cover)
+    parts += shifted(fixtures.knob(0.052, 0.045, color, palette.CHROME), (0, 0, 0.18))
     return switch(body, [lever_link(parts, TOP + 0.02)], SLIDE_X)
 
 
@@ -102,12 +93,11 @@ def fader(variant: int, rng: np.random.Generator) -> Design:
     body += shifted(fixtures.slot(travel + 0.05, 0.022, palette.STEEL, 0.008), (0, 0, TOP - 0.001))
     line = palette.WHITE if sum(cover.color) < 1.8 else palette.GRAPHITE
     for k in range(9):
-        x, long = travel * (k / 8 - 0.5), k % 4 == 0
-        body += [
-            Part(box(0.005, 0.022 if long else 0.012, 0.0015).moved(x, s * 0.055, TOP - 0.0003), line) for s in (1, -1)
-        ]
+        x = travel * (k / 8 - 0.5)
+        tick = box(0.005, 0.022 if k % 4 == 0 else 0.012, 0.0015)
+        body += [Part(tick.moved(x, y, TOP - 0.0003), line) for y in (0.055, -0.055)]
     body += ticks([(-travel / 2, 0.083), (0.0, 0.083), (travel / 2, 0.083)], TOP - 0.002, rng)
-    return switch(body, [_slide_link(_fader_cap(grip), travel)], SLIDE_X)
+    return switch(body, [slid(_fader_cap(grip), (0, 0, TOP + 0.006), travel, "large")], SLIDE_X)
 
 
 def _fader_cap(grip: Material) -> list[Part]:
@@ -119,17 +109,10 @@ def _fader_cap(grip: Material) -> list[Part]:
     return [Part(body, grip), Part(box(0.007, 0.084, 0.002).moved(z=0.0338), mark)]
 
 
-def _slide_link(parts: list[Part], travel: float, z: float = TOP + 0.006) -> MovingLink:
-    here = (0.0, 0.0, z)
-    return MovingLink(shifted(parts, here), "prismatic", here, (1, 0, 0), -travel / 2, travel / 2, "large", "slider")
-
-
 def tbar(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: an aircraft's throttle, a wide grip on two arms over a rounded console."""
-    cover, grip = (
-        pick(rng, (palette.PEARL, palette.SAGE, palette.STONE)),
-        pick(rng, (palette.RED, palette.NAVY, palette.BLACK)),
-    )
+    cover = pick(rng, (palette.PEARL, palette.SAGE, palette.STONE))
+    grip = pick(rng, (palette.RED, palette.NAVY, palette.BLACK))
     body = [Part(prism(rectangle(0.36, 0.30, 0.06), 0, 0.05, bevel=0.024, steps=4), cover)]
     body.append(Part(drum(0.085, 0.13, 0.006).moved(z=0.048), cover))
     for y in (-0.082, 0.082):
@@ -142,22 +125,16 @@ def tbar(_variant: int, rng: np.random.Generator) -> Design:
         arm = bent([(0, y, 0.0), (0, y, 0.12), (0, y * 0.75, 0.185)], 0.04, 4)
         parts.append(Part(pipe(arm, 0.011, 10), palette.CHROME))
     parts.append(Part(pipe([(0, -0.11, 0.19), (0, -0.10, 0.19), (0, 0.10, 0.19), (0, 0.11, 0.19)], 0.030, 18), grip))
-    parts += [
-        Part(torus(0.031, 0.004, 20, 6).turned("x", np.pi / 2).moved(y=y, z=0.19), palette.CHROME)
-        for y in (-0.07, 0.07)
-    ]
+    band = torus(0.031, 0.004, 20, 6).turned("x", np.pi / 2)
+    parts += [Part(band.moved(y=y, z=0.19), palette.CHROME) for y in (-0.07, 0.07)]
     return switch(body, [lever_link(parts, 0.045)], SLIDE_X)
 
 
 def rails(variant: int, rng: np.random.Generator) -> Design:
     """Novel: a ring on a carriage that runs on two rods between wooden blocks."""
-    wood, metal = (palette.WALNUT, palette.BIRCH)[variant % 2], (palette.BRASS, palette.STEEL)[variant % 2]
-    body = [
-        Part(
-            prism(rectangle(0.50, 0.22, 0.015), 0, 0.022, bevel=0.008),
-            pick(rng, (palette.SAGE, palette.NAVY, palette.BLUSH)),
-        )
-    ]
+    wood, metal = ((palette.WALNUT, palette.BRASS), (palette.BIRCH, palette.STEEL))[variant % 2]
+    low = prism(rectangle(0.50, 0.22, 0.015), 0, 0.022, bevel=0.008)
+    body = [Part(low, pick(rng, (palette.SAGE, palette.NAVY, palette.BLUSH)))]
     for x in (-0.215, 0.215):
         body.append(Part(box(0.05, 0.20, 0.085, 0.014).moved(x), wood))
         body += [part for y in (-0.075, 0.075) for part in fixtures.screw(x, y, 0.083, float(rng.uniform(0, 3)), metal)]
@@ -167,17 +144,15 @@ def rails(variant: int, rng: np.random.Generator) -> Design:
     parts = [Part(box(0.085, 0.15, 0.036, 0.012).moved(z=0.037), color)]
     parts.append(Part(torus(0.040, 0.011, 24, 8).turned("x", np.pi / 2).moved(z=0.105), metal))
     parts.append(Part(lathe([(0.022, 0.07), (0.018, 0.078), (0, 0.080)], 18), metal))
-    return switch(body, [_slide_link(parts, 0.25, 0.0)], SLIDE_X)
+    return switch(body, [slid(parts, (0, 0, 0), 0.25, "large")], SLIDE_X)
 
 
 def _boot(variant: int, base: Ground, travel: float, rng: np.random.Generator) -> list[Part]:
     """Where a lever leaves its base: a slotted plate, a dome, rubber folds, a hexagonal nut."""
     dark = pick(rng, (palette.BLACK, palette.IRON, palette.GRAPHITE), unlike=base.cover)
     if variant % 4 == 0:
-        rim = rectangle(travel + 0.05, 0.04, 0.018, 5)
-        return shifted(
-            collar(rim, 0.014, 0.012, pick(rng, palette.METALS, unlike=base.cover)), (0, 0, base.top - 0.001)
-        )
+        metal = pick(rng, palette.METALS, unlike=base.cover)
+        return shifted(collar(rectangle(travel + 0.05, 0.04, 0.018, 5), 0.014, 0.012, metal), (0, 0, base.top - 0.001))
     if variant % 4 == 1:
         dome = ball(0.07, 28, 10).stretched(z=0.55)
         return [Part(dome.moved(z=base.top), dark), Part(torus(0.07, 0.012, 28, 8).moved(z=base.top), palette.CHROME)]
@@ -205,8 +180,7 @@ def stick(variant: int, rng: np.random.Generator) -> Design:
     body += clutter(base, corners(width, height), rng) if variant % 5 < 4 else []
     color, metal = pick(rng, palette.ACCENTS, unlike=base.cover), pick(rng, palette.METALS)
     parts = _lever(HEADS[variant % len(HEADS)], length, size, metal, color)
-    link = swung(parts, (0, 0, base.top + 0.01), swing)
-    return switch(body, [link], HINGE_X, variant + variant // 4)
+    return switch(body, [swung(parts, (0, 0, base.top + 0.01), swing)], HINGE_X, variant + variant // 4)
 
 
 def gear(variant: int, rng: np.random.Generator) -> Design:
@@ -220,8 +194,7 @@ def gear(variant: int, rng: np.random.Generator) -> Design:
         body.append(Part(dot.moved(0.09 * (k - 1), 0.4 * height, base.top - 0.001), color))
     color, metal = pick(rng, palette.ACCENTS, unlike=base.cover), pick(rng, palette.METALS)
     parts = _lever(("bar", "egg", "coin", "fin")[variant % 4], length, size, metal, color)
-    link = swung(parts, (0, 0, base.top + 0.01), 0.5, "large")
-    return switch(body, [link], SLIDE_X, variant + variant // 4)
+    return switch(body, [lever_link(parts, base.top + 0.01)], SLIDE_X, variant + variant // 4)
 
 
 def blade(variant: int, rng: np.random.Generator) -> Design:
@@ -254,23 +227,19 @@ def stirrup(variant: int, rng: np.random.Generator) -> Design:
     parts = [Part(loop, metal)]
     if variant % 3 != 2:
         parts.append(Part(lying(1.8 * wire, 0.5 * width).moved(z=tall), pick(rng, palette.ACCENTS, unlike=base.cover)))
-    link = swung(parts, (0, 0, base.top + 0.014), 0.5, "large")
-    return switch(body, [link], SLIDE_X, variant + 1)
+    return switch(body, [lever_link(parts, base.top + 0.014)], SLIDE_X, variant + 1)
 
 
 def levers(variant: int, rng: np.random.Generator) -> Design:
     """2 or 3 thin levers side by side that swing in parallel slots."""
-    count, pitch = (2, 3, 3)[variant % 3], (0.12, 0.10, 0.085)[variant % 3]
-    across = pitch * count + 0.08
-    base = ground(0.30, across, (1, 2, 3)[variant % 3], rng)
+    count, pitch = ((2, 0.12), (3, 0.10), (3, 0.085))[variant % 3]
+    kind, length, size = (("cube", 0.12, 0.032), ("coin", 0.15, 0.042), ("bar", 0.10, 0.026))[variant % 3]
+    base = ground(0.30, pitch * count + 0.08, (1, 2, 3)[variant % 3], rng)
     body, links = list(base.parts), list[MovingLink]()
     metal = pick(rng, palette.METALS)
-    for k in range(count):
-        y = pitch * (k - (count - 1) / 2)
+    for k, y in enumerate(row(count, pitch)):
         rim = rectangle(0.12, 0.026, 0.012, 5)
         body += shifted(collar(rim, 0.008, 0.010, pick(rng, palette.METALS)), (0, y, base.top - 0.001))
         color = palette.ACCENTS[(k * 3 + variant) % len(palette.ACCENTS)]
-        kind, length = ("cube", "coin", "bar")[variant % 3], (0.12, 0.15, 0.10)[variant % 3]
-        parts = _lever(kind, length, (0.032, 0.042, 0.026)[variant % 3], metal, color)
-        links.append(swung(parts, (0, y, base.top + 0.008), 0.4))
+        links.append(swung(_lever(kind, length, size, metal, color), (0, y, base.top + 0.008), 0.4))
     return switch(body, links, HINGE_X, variant + 1)

@@ -152,56 +152,51 @@ def _joint(
 
 def _annotation(design: Design, low: list[float], high: list[float]) -> dict[str, Any]:
     category, _, instance = design.name.partition("_")
-    movable = {
-        f"link_{k}": {
-            "link_id": f"link_{k}",
-            "link_name": link.label,
-            "joint_type": "hinge" if link.joint_type == "revolute" else "slider",
-        }
-        for k, link in enumerate(design.links)
-        if link.kind
-    }
-    # joint 0 fixes the body to the base
-    causes = [
-        {"JointId": k + 1, "IsSmallCause": int(link.kind == "small"), "IsLargeCause": int(link.kind == "large")}
-        for k, link in enumerate(design.links)
-        if link.kind
-    ]
+    movable = [(k, link) for k, link in enumerate(design.links) if link.kind]
+    joint_types = {"revolute": "hinge", "prismatic": "slider"}
     return {
         "Category": category,
         "InstanceId": instance,
         "Scale": design.scale,
-        "Movable_link": movable,
+        "Movable_link": {
+            f"link_{k}": {
+                "link_id": f"link_{k}",
+                "link_name": link.label,
+                "joint_type": joint_types[link.joint_type],
+            }
+            for k, link in movable
+        },
         "Orientation": [0, 0, 0, 1],
         "MinBBox": low,
         "MaxBBox": high,
         "Offset_z": 0.0,
-        "Direction": [list(direction) for direction in design.directions] or None,
+        "Direction": design.directions or None,
         "Effect": _effects(design),
-        "Cause": causes,
+        # joint 0 fixes the body to the base
+        "Cause": [
+            {"JointId": k + 1, "IsSmallCause": int(link.kind == "small"), "IsLargeCause": int(link.kind == "large")}
+            for k, link in movable
+        ],
     }
 
 
 def _effects(design: Design) -> list[dict[str, Any]]:
+    joints, link, states, steps = list(range(1, len(design.links) + 1)), None, design.states, design.steps
     if design.shade is not None:
-        single, first, second = ([*map(float, color), 1.0] for color in design.shade.colors)
-        off = [0.0, 0.0, 0.0, 1.0]
-        effect: dict[str, Any] = {"Type": "link", "JointId": None, "LinkId": len(design.links) + 1}
-        return [
-            {**effect, "IsMultiEffect": 1, "Steps": [off, first, second], "IsSingleEffect": 1, "States": [off, single]}
-        ]
-    if design.states is None and design.steps is None:
+        single, first, second = ((*map(float, color), 1.0) for color in design.shade.colors)
+        off = (0.0, 0.0, 0.0, 1.0)
+        joints, link, states, steps = [], len(design.links) + 1, (off, single), (off, first, second)
+    if states is None and steps is None:
         return []
-    joints = list(range(1, len(design.links) + 1))
     return [
         {
-            "Type": "joint",
-            "JointId": joints if len(joints) > 1 else joints[0],
-            "LinkId": None,
-            "IsMultiEffect": int(design.steps is not None),
-            "Steps": [list(step) for step in design.steps] if design.steps else None,
-            "IsSingleEffect": int(design.states is not None),
-            "States": [list(state) for state in design.states] if design.states else None,
+            "Type": "joint" if link is None else "link",
+            "JointId": joints if len(joints) > 1 else next(iter(joints), None),
+            "LinkId": link,
+            "IsMultiEffect": int(steps is not None),
+            "Steps": steps,
+            "IsSingleEffect": int(states is not None),
+            "States": states,
         }
     ]
 

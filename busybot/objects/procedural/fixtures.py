@@ -32,7 +32,6 @@ from busybot.objects.procedural.solids import (
     ring,
     smooth,
     torus,
-    wavy,
 )
 
 Kind = Literal["small", "large"]
@@ -180,21 +179,6 @@ def dish_cap(radius: float, height: float) -> Solid:
     return lathe([(radius, -0.03), *top, *dish], 32)
 
 
-def dome(radius: float, height: float, skirt: float) -> Solid:
-    """A mushroom top, widest at z = 0."""
-    angles = np.linspace(0, np.pi / 2, 7)
-    profile = [(radius * float(np.cos(a)), height * float(np.sin(a))) for a in angles]
-    profile[-1] = (0.0, height)
-    return lathe([(0.55 * radius, -skirt), (0.62 * radius, -0.012), (0.95 * radius, -0.010), *profile], 32)
-
-
-def knob(radius: float, height: float, material: Material, metal: Material) -> list[Part]:
-    """A knurled knob with a metal disc on top."""
-    body = prism(wavy(radius, 0.035 * radius, 20, 4), 0, height, bevel=0.12 * radius)
-    disc = lathe([(0.72 * radius, height), (0.70 * radius, height + 0.003), (0.0, height + 0.0035)], 28)
-    return [Part(body, material), Part(disc, metal)]
-
-
 def slot(width: float, height: float, material: Material, rim: float = 0.012) -> list[Part]:
     """A stadium-shaped groove with a thin rim; inner size is width x height."""
     outer = rectangle(width + 2 * rim, height + 2 * rim, 0.5 * min(width, height) + rim, corner=6)
@@ -212,6 +196,7 @@ def ridged_cap(length: float, width: float, height: float, material: Material) -
     return parts
 
 
+CLUTTER = ("screw", "bump", "stud", "peg", "jewel", "label", "vent")
 COVERS = (*palette.PLATES, *palette.WOODS, palette.MINT, palette.SKY, palette.BLUSH, palette.STONE, palette.BLACK)
 
 
@@ -256,8 +241,7 @@ def tray(width: float, height: float, cover: Material, rng: np.random.Generator)
 def disc(width: float, height: float, cover: Material, rng: np.random.Generator) -> Ground:
     """An oval turned plate, round if its sides are equal."""
     top = float(rng.uniform(0.028, 0.055))
-    outline = 1.16 * ellipse(width, height, 40)
-    solid = prism(outline, 0, top, bevel=0.016, steps=4)
+    solid = prism(1.16 * ellipse(width, height, 40), 0, top, bevel=0.016, steps=4)
     return Ground([Part(solid, cover)], top, cover)
 
 
@@ -273,14 +257,35 @@ def ground(
 
 def clutter(base: Ground, places: Sequence[tuple[float, float]], rng: np.random.Generator) -> list[Part]:
     """Something that does not move at some of the places, all of one kind or of several."""
-    makers = (_screw, _bump, _stud, _peg, _jewel, _label, _vent)
-    kinds = rng.permutation(len(makers))[:2]
+    kinds = rng.permutation(len(CLUTTER))[:2]
     parts: list[Part] = []
     for x, y in places:
         if rng.random() < 0.75:
-            maker = makers[int(kinds[int(rng.integers(2))])]
-            parts += shifted(maker(base.cover, rng), (x, y, base.top - 0.001))
+            kind = CLUTTER[int(kinds[int(rng.integers(2))])]
+            parts += shifted(_still(kind, base.cover, rng), (x, y, base.top - 0.001))
     return parts
+
+
+def _still(kind: str, cover: Material, rng: np.random.Generator) -> list[Part]:
+    """One of `CLUTTER`, of a size and a colour that are drawn."""
+    if kind == "screw":
+        return screw(0, 0, 0, float(rng.uniform(0, np.pi)), pick(rng, palette.METALS), 0.014)
+    if kind == "jewel":
+        return indicator(float(rng.uniform(0.010, 0.016)), pick(rng, palette.ACCENTS, unlike=cover), palette.BRASS)
+    if kind == "vent":
+        return [Part(prism(circle(0.006, 8), 0, 0.0022).moved(x), palette.SHADOW) for x in (-0.016, 0.0, 0.016)]
+    if kind == "bump":
+        radius = float(rng.uniform(0.012, 0.024))
+        return [Part(ball(radius, 14, 8).stretched(z=float(rng.uniform(0.5, 1.0))), cover)]
+    if kind == "stud":
+        side = float(rng.uniform(0.02, 0.04))
+        return [Part(box(side, side, float(rng.uniform(0.008, 0.03)), 0.004), cover)]
+    if kind == "peg":
+        height = float(rng.uniform(0.02, 0.05))
+        peg = lathe([(0.012, 0), (0.012, height - 0.004), (0.008, height), (0, height)], 12)
+        return [Part(peg, pick(rng, palette.WOODS, unlike=cover))]
+    label = prism(rectangle(0.05, 0.022, 0.004), 0, 0.004, bevel=0.001)
+    return [Part(label, pick(rng, (palette.WHITE, palette.IVORY, palette.BLACK, palette.BRASS), unlike=cover))]
 
 
 def row(count: int, pitch: float) -> list[float]:
@@ -291,36 +296,3 @@ def row(count: int, pitch: float) -> list[float]:
 def corners(width: float, height: float, edge: float = 0.035) -> list[tuple[float, float]]:
     """Places near the corners of a base."""
     return [(sx * (width / 2 - edge), sy * (height / 2 - edge)) for sx in (-1, 1) for sy in (-1, 1)]
-
-
-def _screw(_cover: Material, rng: np.random.Generator) -> list[Part]:
-    return screw(0, 0, 0, float(rng.uniform(0, np.pi)), pick(rng, palette.METALS), 0.014)
-
-
-def _bump(cover: Material, rng: np.random.Generator) -> list[Part]:
-    radius = float(rng.uniform(0.012, 0.024))
-    return [Part(ball(radius, 14, 8).stretched(z=float(rng.uniform(0.5, 1.0))), cover)]
-
-
-def _stud(cover: Material, rng: np.random.Generator) -> list[Part]:
-    side = float(rng.uniform(0.02, 0.04))
-    return [Part(box(side, side, float(rng.uniform(0.008, 0.03)), 0.004), cover)]
-
-
-def _peg(cover: Material, rng: np.random.Generator) -> list[Part]:
-    height = float(rng.uniform(0.02, 0.05))
-    peg = lathe([(0.012, 0), (0.012, height - 0.004), (0.008, height), (0, height)], 12)
-    return [Part(peg, pick(rng, palette.WOODS, unlike=cover))]
-
-
-def _jewel(cover: Material, rng: np.random.Generator) -> list[Part]:
-    return indicator(float(rng.uniform(0.010, 0.016)), pick(rng, palette.ACCENTS, unlike=cover), palette.BRASS)
-
-
-def _label(cover: Material, rng: np.random.Generator) -> list[Part]:
-    paper = pick(rng, (palette.WHITE, palette.IVORY, palette.BLACK, palette.BRASS), unlike=cover)
-    return [Part(prism(rectangle(0.05, 0.022, 0.004), 0, 0.004, bevel=0.001), paper)]
-
-
-def _vent(_cover: Material, _rng: np.random.Generator) -> list[Part]:
-    return [Part(prism(circle(0.006, 8), 0, 0.0022).moved(x), palette.SHADOW) for x in (-0.016, 0.0, 0.016)]

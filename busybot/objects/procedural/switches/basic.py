@@ -195,8 +195,10 @@ def mushroom(variant: int, rng: np.random.Generator) -> Design:
         body += fixtures.screw(x, y, 0.068, float(rng.uniform(0, 3)))
     body += [Part(lathe([(0.115, 0.069), (0.115, 0.073), (0.112, 0.0745), (0.0, 0.0745)], 40), palette.WHITE)]
     body += [Part(lathe([(0.055, 0.07), (0.055, 0.095), (0.05, 0.10), (0, 0.10)], 28), palette.BLACK)]
+    skirt = [(0.0484, -0.045), (0.05456, -0.012), (0.0836, -0.010)]
+    dome = [(0.088 * float(np.cos(a)), 0.04 * float(np.sin(a))) for a in np.linspace(0, np.pi / 2, 7)[:-1]]
     arrow = torus(0.05, 0.005, 26, 6).moved(z=0.034)
-    parts = [Part(fixtures.dome(0.088, 0.04, 0.045), head), Part(arrow, palette.WHITE)]
+    parts = [Part(lathe([*skirt, *dome, (0.0, 0.04)], 32), head), Part(arrow, palette.WHITE)]
     return switch(body, [pressed(parts, (0, 0, 0.145), 0.035)], HINGE_X)
 
 

@@ -23,6 +23,7 @@ from busybot.objects.procedural.solids import (
     rectangle,
     smooth,
     torus,
+    wavy,
 )
 
 
@@ -80,7 +81,9 @@ def joystick(_variant: int, rng: np.random.Generator) -> Design:
     body += ticks([(-0.135, 0.0), (0.0, 0.135), (0.135, 0.0)], TOP, rng)
     parts = [Part(lathe([(0.020, 0.0), (0.016, 0.10), (0.015, 0.19)], 14), palette.CHROME)]
     color = pick(rng, (palette.RED, palette.ORANGE, palette.PLUM), unlike=cover)
-    parts += shifted(fixtures.knob(0.052, 0.045, color, palette.CHROME), (0, 0, 0.18))
+    knob = prism(wavy(0.052, 0.00182, 20, 4), 0.18, 0.225, bevel=0.00624)
+    disc = lathe([(0.03744, 0.225), (0.0364, 0.228), (0.0, 0.2285)], 28)
+    parts += [Part(knob, color), Part(disc, palette.CHROME)]
     return switch(body, [lever_link(parts, TOP + 0.02)], SLIDE_X)
 
 

@@ -144,15 +144,15 @@ def rockers(variant: int, rng: np.random.Generator) -> Design:
     """2, 3 or 4 rockers in frames on one plate; they tilt along x and stand above each other."""
     count = (2, 3, 4, 2)[variant % 4]
     cover, keys = in_turn((palette.WHITE, palette.GRAPHITE, palette.STEEL), variant), []
-    places, width, height = {
-        2: ([(0, 0.075), (0, -0.075)], 0.30, 0.34),
-        3: ([(0, 0.12), (0, 0.0), (0, -0.12)], 0.30, 0.44),
-        4: ([(-0.11, 0.075), (0.11, 0.075), (-0.11, -0.075), (0.11, -0.075)], 0.46, 0.34),
+    xs, ys, width, height = {
+        2: ([0.0], [0.075, -0.075], 0.30, 0.34),
+        3: ([0.0], [0.12, 0.0, -0.12], 0.30, 0.44),
+        4: ([-0.11, 0.11], [0.075, -0.075], 0.46, 0.34),
     }[count]
     body = fixtures.plate(width, height, cover, rng, "corners" if count < 4 else "poles")
     rim = pick(rng, (palette.STEEL, palette.BLACK, palette.BRASS))
     same = pick(rng, (palette.WHITE, palette.IVORY, palette.GRAPHITE), unlike=cover)
-    for k, (x, y) in enumerate(places):
+    for k, (x, y) in enumerate((x, y) for y in ys for x in xs):
         body += shifted(fixtures.bezel(0.195, 0.105, 0.014, 0.020, rim), (x, y, TOP - 0.001))
         color = same if variant % 2 else palette.ACCENTS[(k + int(rng.integers(8))) % 8]
         keys.append(rocker_link(x, y, TOP + 0.024, 0.072, 0.16, 0.20, color))

@@ -81,9 +81,8 @@ def object_folders(path: Path) -> dict[str, Path]:
     if not found:
         raise BusybotError(f"{path}: holds no objects", "name a folder with Switch, Lamp, Door and Toy folders in it")
     if len(found) > MAX_OBJECTS:
-        raise BusybotError(
-            f"{path}: {len(found)} objects are more than the {MAX_OBJECTS} allowed", "divide the library"
-        )
+        what = f"{len(found)} objects are more than the {MAX_OBJECTS} allowed"
+        raise BusybotError(f"{path}: {what}", "divide the library")
     return found
 
 
@@ -91,9 +90,8 @@ def load_as(key: str, folder: Path) -> ObjectModel:
     """Read the object that a library calls `key`; an annotation with another name is refused."""
     model = load_object(folder)
     if model.key != key:
-        raise BusybotError(
-            f"{folder}: its annotation calls it {model.key}, its folder {key}", "rename the folder or correct the file"
-        )
+        what = f"its annotation calls it {model.key}, its folder {key}"
+        raise BusybotError(f"{folder}: {what}", "rename the folder or correct the file")
     return model
 
 
@@ -111,11 +109,9 @@ def read_splits(path: Path, keys: dict[str, Any]) -> dict[str, dict[str, float]]
         else:
             unknown.append(key)
     if unknown:
-        raise BusybotError(
-            f"{path}: neither {SPLIT_FILE} nor the catalogue puts {', '.join(unknown[:5])}"
-            f"{' and others' if len(unknown) > 5 else ''} in a split",
-            f"list the ids in {path / SPLIT_FILE}, for example {_SHAPE}",
-        )
+        named = f"{', '.join(unknown[:5])}{' and others' if len(unknown) > 5 else ''}"
+        hint = f"list the ids in {path / SPLIT_FILE}, for example {_SHAPE}"
+        raise BusybotError(f"{path}: neither {SPLIT_FILE} nor the catalogue puts {named} in a split", hint)
     return splits
 
 

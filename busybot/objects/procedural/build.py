@@ -26,7 +26,7 @@ from busybot.objects.model import Split
 from busybot.objects.procedural import doors, lamps, toys
 from busybot.objects.procedural.design import Design
 from busybot.objects.procedural.export import write_object
-from busybot.objects.procedural.switches import basic, hinged, levers, novel, pressed, sliding, turning
+from busybot.objects.procedural.switches import basic, hinged, levers, pressed, sliding, turning
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ FAMILIES = (
     *_families("Switch", "novel", basic, paddle=2, knife=2, mushroom=2, bolt=2),
     *_families("Switch", "novel", pressed, dip=2, keys=2),
     *_families("Switch", "novel", levers, tbar=1, rails=2),
-    *_families("Switch", "novel", novel, seesaw=2, clam=1, crank=2, honeycomb=1, boat=2),
+    *_families("Switch", "novel", hinged, seesaw=2, clam=1, crank=2, honeycomb=1, boat=2),
     *_families("Lamp", "train", lamps, cone=2, globe=1, pyramid=1, desk=1, tube=1, drum=1, halo=1, bulb=1, trio=1),
     *_families("Lamp", "train", lamps, crystal=1, lamppost=1),
     *_families("Lamp", "novel", lamps, lantern=1, tulip=1, star=1, cactus=1, cloud=1),

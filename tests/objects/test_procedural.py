@@ -21,8 +21,8 @@ from busybot.objects.library import Library
 from busybot.objects.model import CATEGORIES
 from busybot.objects.procedural import build
 from busybot.objects.procedural.build import FAMILIES, make_library, procedural_library
+from busybot.objects.procedural.cad import ball, box, lathe, pipe, rectangle, torus
 from busybot.objects.procedural.design import MovingLink, facing
-from busybot.objects.procedural.solids import ball, box, lathe, pipe, rectangle, torus
 from busybot.objects.procedural.switches import sliding as slides
 from busybot.objects.resolve import find
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from busybot.objects.procedural.solids import Solid, joined
+from busybot.objects.procedural.cad import Solid, joined
 
 Vector = tuple[float, float, float]
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from busybot.common.atomic_io import make_folder, write_new
+from busybot.objects.procedural.cad import Solid, joined
 from busybot.objects.procedural.design import Design, Material, MovingLink, Part, by_material, shifted
-from busybot.objects.procedural.solids import Solid, joined
 
 CREASE = np.cos(np.deg2rad(38.0))
 """Faces that meet at a smaller angle share their normals and look round."""

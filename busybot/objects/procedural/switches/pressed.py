@@ -5,7 +5,7 @@ Multi-link: panels of rockers, toggles and buttons; novel: a DIP switch and pian
 
 import numpy as np
 
-from busybot.objects.procedural import fixtures, palette
+from busybot.objects.procedural import cad, fixtures, palette
 from busybot.objects.procedural.design import (
     HINGE_X,
     HINGE_Y,
@@ -20,7 +20,6 @@ from busybot.objects.procedural.design import (
 from busybot.objects.procedural.fixtures import TOP, clutter, corners, ground, pressed, row
 from busybot.objects.procedural.grips import OUTLINES, PROFILES, cap_on, collar, head, outline
 from busybot.objects.procedural.palette import in_turn, pick
-from busybot.objects.procedural.solids import ball, box, circle, lathe, loft, prism, rectangle, ring, smooth, torus
 from busybot.objects.procedural.switches.basic import rocker_link, toggle_link
 
 
@@ -49,9 +48,9 @@ def plunger(variant: int, rng: np.random.Generator) -> Design:
     tower, radius = ((0.05, 0.085), (0.10, 0.06), (0.035, 0.10))[variant % 3]
     metal, color = pick(rng, palette.METALS), pick(rng, palette.ACCENTS, unlike=base.cover)
     profile = [(0.06, 0), (0.052, 0.3 * tower), (0.038, 0.9 * tower), (0.034, tower), (0.0, tower)]
-    body = [*base.parts, Part(lathe(profile, 24).moved(z=base.top - 0.001), pick(rng, (palette.BLACK, metal)))]
+    body = [*base.parts, Part(cad.lathe(profile, 24).moved(z=base.top - 0.001), pick(rng, (palette.BLACK, metal)))]
     body += clutter(base, corners(0.26, 0.26), rng)
-    stem = lathe([(0.013, -0.06), (0.013, 0.01)], 12)
+    stem = cad.lathe([(0.013, -0.06), (0.013, 0.01)], 12)
     parts = [Part(stem, metal), *_plunger_head(variant, radius, color)]
     return switch(body, [pressed(parts, (0, 0, base.top + tower + 0.045), 0.038)], HINGE_X)
 
@@ -68,10 +67,10 @@ def bell(variant: int, rng: np.random.Generator) -> Design:
     """A hotel's bell: the big dome stands still, the little button on top goes down."""
     metal, wood = in_turn((palette.BRASS, palette.CHROME), variant), pick(rng, palette.WOODS)
     reach = (0.125, 0.10)[variant % 2]
-    body = [Part(lathe([(reach + 0.03, 0), (reach + 0.03, 0.018), (reach + 0.02, 0.03), (0, 0.03)], 36), wood)]
+    body = [Part(cad.lathe([(reach + 0.03, 0), (reach + 0.03, 0.018), (reach + 0.02, 0.03), (0, 0.03)], 36), wood)]
     rows = [(reach, 0.045), (0.98 * reach, 0.06), (0.75 * reach, 0.105), (0.4 * reach, 0.13), (0.045, 0.136)]
-    body.append(Part(lathe([(0.9 * reach, 0.03), *smooth(rows, 3), (0.0, 0.137)], 36), metal))
-    button = lathe(smooth([(0.030, -0.03), (0.036, 0.0), (0.034, 0.016), (0.018, 0.026), (0.0, 0.028)], 2), 22)
+    body.append(Part(cad.lathe([(0.9 * reach, 0.03), *cad.smooth(rows, 3), (0.0, 0.137)], 36), metal))
+    button = cad.lathe(cad.smooth([(0.030, -0.03), (0.036, 0.0), (0.034, 0.016), (0.018, 0.026), (0.0, 0.028)], 2), 22)
     color = pick(rng, (palette.BLACK, palette.RED, palette.TEAL))
     return switch(body, [pressed([Part(button, color)], (0, 0, 0.165), 0.024)], HINGE_X)
 
@@ -116,9 +115,9 @@ def bars(variant: int, rng: np.random.Generator) -> Design:
     body, links = list(base.parts), list[MovingLink]()
     for k, x in enumerate(row(count, pitch)):
         reach = length * (1.0 - 0.11 * k)
-        body.append(Part(box(pitch - 0.008, reach + 0.012, 0.005).moved(x, z=base.top - 0.003), palette.SHADOW))
-        bar = prism(rectangle(pitch - 0.024, reach, 0.014), -0.024, 0.0, bevel=0.006)
-        studs = [ball(0.008, 10, 6).moved(0, s * 0.36 * reach, 0.0) for s in (-1, 1)]
+        body.append(Part(cad.box(pitch - 0.008, reach + 0.012, 0.005).moved(x, z=base.top - 0.003), palette.SHADOW))
+        bar = cad.prism(cad.rectangle(pitch - 0.024, reach, 0.014), -0.024, 0.0, bevel=0.006)
+        studs = [cad.ball(0.008, 10, 6).moved(0, s * 0.36 * reach, 0.0) for s in (-1, 1)]
         color = palette.ACCENTS[(k + 2 * variant) % len(palette.ACCENTS)]
         parts = [Part(bar, color), *(Part(stud, palette.CHROME) for stud in studs)]
         links.append(pressed(parts, (x, 0, base.top + 0.032), 0.022))
@@ -129,13 +128,13 @@ def cushion(variant: int, rng: np.random.Generator) -> Design:
     """One big soft pad that covers nearly all of its base."""
     width, height = ((0.30, 0.22), (0.22, 0.31), (0.26, 0.26))[variant % 3]
     base = ground(width + 0.05, height + 0.05, (3, 1, 0)[variant % 3], rng)
-    rim = rectangle(width - 0.05, height - 0.05, (0.03, 0.08, 0.05)[variant % 3], 6)
+    rim = cad.rectangle(width - 0.05, height - 0.05, (0.03, 0.08, 0.05)[variant % 3], 6)
     rows = ((1.0, -0.02), (1.0, 0.002), (0.97, 0.012), (0.86, 0.021), (0.6, 0.027), (0.25, 0.029))
-    soft = loft([ring(share * rim, z) for share, z in rows])
+    soft = cad.loft([cad.ring(share * rim, z) for share, z in rows])
     color = pick(rng, (palette.CORAL, palette.SKY, palette.MINT, palette.MUSTARD, palette.PLUM), unlike=base.cover)
-    well = prism(1.035 * rim, 0, 0.003).moved(z=base.top - 0.002)
-    button = Part(lathe([(0.014, 0.024), (0.012, 0.030), (0.0, 0.031)], 14), palette.IVORY)
-    sign = [button] if variant % 2 else [Part(prism(circle(0.02, 20), 0.024, 0.0305), palette.WHITE)]
+    well = cad.prism(1.035 * rim, 0, 0.003).moved(z=base.top - 0.002)
+    button = Part(cad.lathe([(0.014, 0.024), (0.012, 0.030), (0.0, 0.031)], 14), palette.IVORY)
+    sign = [button] if variant % 2 else [Part(cad.prism(cad.circle(0.02, 20), 0.024, 0.0305), palette.WHITE)]
     link = pressed([Part(soft, color), *sign], (0, 0, base.top + 0.024), (0.02, 0.008, 0.016)[variant % 3])
     return switch([*base.parts, Part(well, palette.SHADOW)], [link], HINGE_X)
 
@@ -181,7 +180,7 @@ def buttons(variant: int, rng: np.random.Generator) -> Design:
     for k, x in enumerate((-0.14, 0.0, 0.14)):
         cap = palette.ACCENTS[(2 * k + int(rng.integers(8))) % 8]
         body += shifted(fixtures.round_bezel(0.064, 0.048, 0.022, palette.CHROME), (x, 0, TOP - 0.001))
-        glow = torus(0.026, 0.003, 22, 6).moved(z=-0.003)
+        glow = cad.torus(0.026, 0.003, 22, 6).moved(z=-0.003)
         parts = [Part(fixtures.dish_cap(0.046, 0.0), cap), Part(glow, palette.WHITE)]
         links.append(pressed(parts, (x, 0, TOP + 0.048), 0.028))
     return switch(body, links, HINGE_X)
@@ -192,15 +191,17 @@ def dip(variant: int, rng: np.random.Generator) -> Design:
     count = (2, 3, 4)[variant % 3]
     block = (palette.RED, palette.NAVY, palette.TEAL)[variant % 3]
     width, height = 0.115 * count + 0.07, 0.30
-    body = [Part(prism(rectangle(width, height, 0.012), 0, 0.09, bevel=0.01, steps=2), block)]
-    pin = box(0.022, 0.035, 0.02, 0.004)
+    body = [Part(cad.prism(cad.rectangle(width, height, 0.012), 0, 0.09, bevel=0.01, steps=2), block)]
+    pin = cad.box(0.022, 0.035, 0.02, 0.004)
     places = [((k - 2.5) * width / 6, side * (height / 2 + 0.008)) for k in range(6) for side in (-1, 1)]
     body += [Part(pin.moved(x, y), palette.STEEL) for x, y in places]
     links = []
     for x in row(count, 0.115):
         body += shifted(fixtures.bezel(0.092, 0.21, 0.008, 0.006, palette.WHITE, 0.008), (x, -0.01, 0.089))
-        grip = [Part(box(0.068, 0.085, 0.035, 0.008), palette.WHITE)]
-        grip += [Part(box(0.058, 0.008, 0.004, 0.001).moved(0, y, 0.034), palette.STONE) for y in (-0.018, 0.0, 0.018)]
+        grip = [Part(cad.box(0.068, 0.085, 0.035, 0.008), palette.WHITE)]
+        grip += [
+            Part(cad.box(0.058, 0.008, 0.004, 0.001).moved(0, y, 0.034), palette.STONE) for y in (-0.018, 0.0, 0.018)
+        ]
         where = (x, -0.01, 0.092)
         links.append(MovingLink(shifted(grip, where), "prismatic", where, (0, 1, 0), -0.05, 0.05, "small", "slider"))
         body.append(fixtures.mark_bar(0.022).moved(x, 0.119, 0.0895))
@@ -212,17 +213,17 @@ def keys(variant: int, rng: np.random.Generator) -> Design:
     count, pitch = (3, 4)[variant % 2], 0.088
     wood = pick(rng, (palette.WALNUT, palette.CHERRY, palette.BLACK))
     width = pitch * count + 0.05
-    body = [Part(box(width, 0.36, 0.026, 0.006), wood)]
-    body += [Part(box(0.024, 0.36, 0.082, 0.008).moved(sx * (width / 2 - 0.012)), wood) for sx in (-1, 1)]
-    body.append(Part(box(width, 0.09, 0.098, 0.014).moved(0, 0.135), wood))
-    body.append(Part(box(width - 0.05, 0.008, 0.004).moved(0, 0.088, 0.097), palette.BRASS))
-    medal = lathe([(0.022, 0.097), (0.020, 0.101), (0, 0.102)], 24)
+    body = [Part(cad.box(width, 0.36, 0.026, 0.006), wood)]
+    body += [Part(cad.box(0.024, 0.36, 0.082, 0.008).moved(sx * (width / 2 - 0.012)), wood) for sx in (-1, 1)]
+    body.append(Part(cad.box(width, 0.09, 0.098, 0.014).moved(0, 0.135), wood))
+    body.append(Part(cad.box(width - 0.05, 0.008, 0.004).moved(0, 0.088, 0.097), palette.BRASS))
+    medal = cad.lathe([(0.022, 0.097), (0.020, 0.101), (0, 0.102)], 24)
     body.append(Part(medal.moved(0, 0.135), palette.BRASS))
     links = []
     for k, x in enumerate(row(count, pitch)):
         color = palette.IVORY if (k + variant) % 2 == 0 else pick(rng, (palette.SKY, palette.CORAL, palette.MUSTARD))
-        key = prism(rectangle(pitch - 0.008, 0.25, 0.008, 3), -0.022, 0.0, bevel=0.006)
-        lip = box(pitch - 0.03, 0.03, 0.003, 0.001).moved(0, -0.09, -0.0005)
+        key = cad.prism(cad.rectangle(pitch - 0.008, 0.25, 0.008, 3), -0.022, 0.0, bevel=0.006)
+        lip = cad.box(pitch - 0.03, 0.03, 0.003, 0.001).moved(0, -0.09, -0.0005)
         parts = shifted([Part(key, color), Part(lip, palette.STONE)], (x, -0.045, 0.080))
         links.append(MovingLink(parts, "revolute", (x, 0.08, 0.072), (1, 0, 0), 0.0, 0.12, "small", "key"))
     return switch(body, links, HINGE_Y)

@@ -51,9 +51,8 @@ def slab(material: Material) -> Part:
 
 def _panel(x: float, y: float, length: float, width: float, material: Material) -> list[Part]:
     """A raised field within a moulding."""
-    moulding = cad.frame(
-        cad.rectangle(length, width, 0.006), cad.rectangle(length - 0.022, width - 0.022, 0.004), 0, 0.007, 0.003
-    )
+    outer, inner = cad.rectangle(length, width, 0.006), cad.rectangle(length - 0.022, width - 0.022, 0.004)
+    moulding = cad.frame(outer, inner, 0, 0.007, 0.003)
     field = cad.prism(cad.rectangle(length - 0.045, width - 0.045, 0.004), 0, 0.009, bevel=0.008)
     return [Part(solid.moved(x, y, FACE), material) for solid in (moulding, field)]
 
@@ -69,10 +68,8 @@ def lever_handle(metal: Material) -> list[Part]:
     """A long shield and a lever."""
     shield = cad.prism(cad.rectangle(0.10, 0.026, 0.012), 0, 0.005, bevel=0.002).moved(-0.02, 0.122, FACE)
     z = LEAF_TOP + 0.028
-    bar = cad.pipe(
-        [(0.0, 0.122, LEAF_TOP), (0.0, 0.122, z), (0.0, 0.112, z + 0.004), (0.0, 0.052, z + 0.004)], 0.008, 10
-    )
-    return [Part(shield, metal), Part(bar, metal)]
+    path = [(0.0, 0.122, LEAF_TOP), (0.0, 0.122, z), (0.0, 0.112, z + 0.004), (0.0, 0.052, z + 0.004)]
+    return [Part(shield, metal), Part(cad.pipe(path, 0.008, 10), metal)]
 
 
 def panelled(variant: int, rng: np.random.Generator) -> Design:
@@ -104,13 +101,9 @@ def glazed(_variant: int, rng: np.random.Generator) -> Design:
 def planked(_variant: int, rng: np.random.Generator) -> Design:
     """A barn door: planks, ledges, a brace, iron straps."""
     wood, ledge = pick(rng, (palette.OAK, palette.CHERRY, palette.BIRCH)), pick(rng, (palette.WALNUT, palette.CHERRY))
-    leaf = []
-    for k in range(5):
-        y = (k - 2) * LEAF_WIDTH / 5
-        plank = cad.prism(
-            cad.rectangle(LEAF_LENGTH, LEAF_WIDTH / 5 - 0.003, 0.004, 2), LEAF_BOTTOM, LEAF_TOP, bevel=0.005
-        )
-        leaf.append(Part(plank.moved(y=y), wood))
+    outline = cad.rectangle(LEAF_LENGTH, LEAF_WIDTH / 5 - 0.003, 0.004, 2)
+    plank = cad.prism(outline, LEAF_BOTTOM, LEAF_TOP, bevel=0.005)
+    leaf = [Part(plank.moved(y=(k - 2) * LEAF_WIDTH / 5), wood) for k in range(5)]
     for x in (-0.24, 0.24):
         leaf.append(Part(cad.box(0.06, 0.29, 0.016, 0.004).moved(x, 0, LEAF_TOP - 0.002), ledge))
         for y in (-0.11, -0.05, 0.05):
@@ -144,9 +137,8 @@ def flush(_variant: int, rng: np.random.Generator) -> Design:
     z = LEAF_TOP + 0.03
     bar = cad.pipe([(x, 0.115, z) for x in (-0.20, -0.19, 0.19, 0.20)], 0.009, 12)
     leaf.append(Part(bar, palette.CHROME))
-    leaf += [
-        Part(cad.pipe([(x, 0.115, LEAF_TOP - 0.004), (x, 0.115, z)], 0.006, 8), palette.CHROME) for x in (-0.16, 0.16)
-    ]
+    foot = cad.pipe([(0.0, 0.115, LEAF_TOP - 0.004), (0.0, 0.115, z)], 0.006, 8)
+    leaf += [Part(foot.moved(x), palette.CHROME) for x in (-0.16, 0.16)]
     leaf += [Part(cad.box(0.003, 0.28, 0.0015).moved(x, 0, LEAF_TOP - 0.0005), palette.SHADOW) for x in (-0.27, 0.29)]
     return door(leaf, pick(rng, (palette.STEEL, palette.BIRCH)), rng)
 
@@ -192,11 +184,8 @@ def porthole(_variant: int, rng: np.random.Generator) -> Design:
         leaf.append(Part(cad.pipe([(-0.12 - dx, -dy, z), (-0.12 + dx, dy, z)], 0.006, 8), palette.STEEL))
     hub = cad.lathe([(0.018, LEAF_TOP - 0.002), (0.018, z + 0.008), (0, z + 0.010)], 18).moved(-0.12)
     leaf.append(Part(hub, palette.STEEL))
-    outer, inner = (
-        cad.rectangle(LENGTH, WIDTH, 0.15, 6),
-        cad.rectangle(LEAF_LENGTH + 0.003, LEAF_WIDTH + 0.003, 0.114, 6),
-    )
-    return door(leaf, rim, rng, (outer, inner))
+    inner = cad.rectangle(LEAF_LENGTH + 0.003, LEAF_WIDTH + 0.003, 0.114, 6)
+    return door(leaf, rim, rng, (cad.rectangle(LENGTH, WIDTH, 0.15, 6), inner))
 
 
 def lattice(_variant: int, rng: np.random.Generator) -> Design:
@@ -217,13 +206,12 @@ def hatch(_variant: int, rng: np.random.Generator) -> Design:
     """Novel: a cellar hatch of checkered steel with a sunk ring and a warning stripe."""
     metal, stripe = pick(rng, (palette.STEEL, palette.STONE)), pick(rng, (palette.MUSTARD, palette.ORANGE))
     leaf = [slab(metal)]
+    rhomb = np.array([(-0.016, 0), (0, -0.005), (0.016, 0), (0, 0.005)])
+    stud = cad.prism(rhomb, 0, 0.004, bevel=0.001, steps=1)
     for i, x in enumerate(np.linspace(-0.24, 0.24, 9)):
         for j, y in enumerate(np.linspace(-0.105, 0.105, 5)):
             if abs(x) < 0.09 and y > 0.02:
                 continue
-            stud = cad.prism(
-                np.array([(-0.016, 0), (0, -0.005), (0.016, 0), (0, 0.005)]), 0, 0.004, bevel=0.001, steps=1
-            )
             turn = 0.785 if (i + j) % 2 else -0.785
             leaf.append(Part(stud.turned("z", turn).moved(float(x), float(y), LEAF_TOP - 0.0005), palette.CHROME))
     for x in (-0.30, 0.30):
@@ -260,9 +248,8 @@ def safe(_variant: int, rng: np.random.Generator) -> Design:
         x, y, z = -0.12 + 0.075 * float(np.cos(angle)), 0.075 * float(np.sin(angle)), FACE + 0.04
         leaf.append(Part(rod((-0.12, 0, z), (x, y, z), 0.009), palette.BRASS))
         leaf.append(Part(cad.lathe([(0.014, -0.01), (0.014, 0.012), (0, 0.014)], 14).moved(x, y, z), palette.BRASS))
-    leaf.append(
-        Part(cad.lathe([(0.022, 0), (0.018, 0.05), (0, 0.052)], 18).moved(-0.12, 0, FACE + 0.005), palette.BRASS)
-    )
+    hub = cad.lathe([(0.022, 0), (0.018, 0.05), (0, 0.052)], 18)
+    leaf.append(Part(hub.moved(-0.12, 0, FACE + 0.005), palette.BRASS))
     return door(leaf, pick(rng, (palette.IRON, palette.STONE)), rng)
 
 
@@ -305,9 +292,8 @@ def fridge(_variant: int, rng: np.random.Generator) -> Design:
     for x, length in ((-0.12, 0.40), (0.215, 0.20)):
         field = cad.prism(cad.rectangle(length, 0.27, 0.05, 6), 0, 0.020, bevel=0.014, steps=4)
         leaf.append(Part(field.moved(x, 0, FACE), paint))
-        leaf.append(
-            Part(lying(0.011, 0.6 * length).turned("z", np.pi / 2).moved(x, 0.10, FACE + 0.034), palette.CHROME)
-        )
+        bar = lying(0.011, 0.6 * length).turned("z", np.pi / 2)
+        leaf.append(Part(bar.moved(x, 0.10, FACE + 0.034), palette.CHROME))
         feet = [cad.box(0.018, 0.018, 0.034, 0.004).moved(x + s * 0.25 * length, 0.10, FACE + 0.002) for s in (-1, 1)]
         leaf += [Part(foot, palette.CHROME) for foot in feet]
     for k in range(4):

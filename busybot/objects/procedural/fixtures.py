@@ -143,11 +143,8 @@ def hex_collar(radius: float, metal: Material) -> list[Part]:
     nut = cad.prism(cad.circle(radius, 6, 0.2), 0.008, 0.40 * radius, bevel=0.006)
     turns = enumerate(np.linspace(0.3 * radius, 0.6 * radius, 4).tolist())
     profile = [(0.62 * radius - 0.004 * (k % 2), z) for k, z in turns]
-    return [
-        Part(washer, metal),
-        Part(nut, metal),
-        Part(cad.lathe([*profile, (0.45 * radius, 0.62 * radius)], 16), metal),
-    ]
+    neck = cad.lathe([*profile, (0.45 * radius, 0.62 * radius)], 16)
+    return [Part(solid, metal) for solid in (washer, nut, neck)]
 
 
 def bat(length: float, radius: float, metal: Material, tip: Material) -> list[Part]:
@@ -177,12 +174,9 @@ def slot(width: float, height: float, material: Material, rim: float = 0.012) ->
 def ridged_cap(length: float, width: float, height: float, material: Material) -> list[Part]:
     """A slider's grip: a rounded block with five ridges across x."""
     block = cad.prism(cad.rectangle(length, width, 0.2 * min(length, width)), 0, height, bevel=0.2 * height, steps=3)
-    parts = [Part(block, material)]
-    for x in np.linspace(-0.32, 0.32, 5) * length:
-        parts.append(
-            Part(cad.box(0.09 * length, 0.86 * width, 0.008, 0.003).moved(x=float(x), z=height - 0.002), material)
-        )
-    return parts
+    ridge = cad.box(0.09 * length, 0.86 * width, 0.008, 0.003).moved(z=height - 0.002)
+    ridges = [ridge.moved(share * length) for share in np.linspace(-0.32, 0.32, 5).tolist()]
+    return [Part(solid, material) for solid in (block, *ridges)]
 
 
 CLUTTER = ("screw", "bump", "stud", "peg", "jewel", "label", "vent")
@@ -208,9 +202,8 @@ def thin_plate(width: float, height: float, cover: Material, rng: np.random.Gene
 def slab(width: float, height: float, cover: Material, rng: np.random.Generator) -> Ground:
     """A thick block with a soft edge."""
     top = float(rng.uniform(0.045, 0.085))
-    return Ground(
-        [Part(cad.prism(cad.rectangle(width, height, 0.03), 0, top, bevel=0.018, steps=4), cover)], top, cover
-    )
+    solid = cad.prism(cad.rectangle(width, height, 0.03), 0, top, bevel=0.018, steps=4)
+    return Ground([Part(solid, cover)], top, cover)
 
 
 def plinth(width: float, height: float, cover: Material, rng: np.random.Generator) -> Ground:

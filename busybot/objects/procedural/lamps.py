@@ -33,10 +33,8 @@ def cone(variant: int, rng: np.random.Generator) -> Design:
     metal = pick(rng, palette.METALS)
     wide, narrow, height = ((0.215, 0.095, 0.56), (0.235, 0.125, 0.47))[variant % 2]
     profile = [(0.030, 0.04), (0.055, 0.09), (0.022, 0.16), (0.036, 0.22), (0.014, 0.28), (0.012, height - 0.03)]
-    body = [
-        *foot(0.13, rng),
-        Part(cad.lathe(cad.smooth(profile, 3), 20), pick(rng, (*palette.WOODS, palette.TEAL, palette.CORAL))),
-    ]
+    body = foot(0.13, rng)
+    body.append(Part(cad.lathe(cad.smooth(profile, 3), 20), pick(rng, (*palette.WOODS, palette.TEAL, palette.CORAL))))
     for angle in np.arange(3) * 2 * np.pi / 3:
         tip = (0.98 * narrow * float(np.cos(angle)), 0.98 * narrow * float(np.sin(angle)), height - 0.03)
         body.append(Part(cad.pipe([(0, 0, height - 0.03), tip], 0.005, 6), metal))
@@ -72,9 +70,8 @@ def pyramid(_variant: int, rng: np.random.Generator) -> Design:
 def desk(_variant: int, rng: np.random.Generator) -> Design:
     """A bell-shaped head at the end of a bent arm."""
     paint = pick(rng, (palette.WHITE, palette.STEEL, palette.BRASS, palette.TEAL))
-    body = [
-        Part(cad.lathe([(0.13, 0), (0.13, 0.016), (0.12, 0.026), (0.03, 0.034), (0.0, 0.036)], 36).moved(-0.13), paint)
-    ]
+    low = cad.lathe([(0.13, 0), (0.13, 0.016), (0.12, 0.026), (0.03, 0.034), (0.0, 0.036)], 36)
+    body = [Part(low.moved(-0.13), paint)]
     arm = cad.bent([(-0.13, 0, 0.02), (-0.20, 0, 0.30), (-0.02, 0, 0.46), (0.08, 0, 0.40)], 0.05, 4)
     body.append(Part(cad.pipe(arm, 0.012, 10), pick(rng, (palette.CHROME, palette.BLACK))))
     body += [Part(cad.ball(0.024, 14, 8).moved(x, 0, z), palette.CHROME) for x, z in ((-0.195, 0.30), (-0.02, 0.455))]

@@ -147,10 +147,8 @@ def _arm_parts(variant: int, length: float, metal: Material, color: Material) ->
         peg = shifted(head("egg", 0.03, color), (length, 0, 0.012))
         return [Part(cad.box(length + 0.03, 0.04, 0.018, 0.006).moved(length / 2, 0, -0.009), metal), *peg]
     # a paddle on a short stem
-    blade = cad.prism(cad.rectangle(0.62 * length, 0.12, 0.05, 6), -0.010, 0.012, bevel=0.006, foot=0.004).moved(
-        0.69 * length
-    )
-    return [Part(rod((0, 0, 0), (0.5 * length, 0, 0), 0.013), metal), Part(blade, color)]
+    blade = cad.prism(cad.rectangle(0.62 * length, 0.12, 0.05, 6), -0.010, 0.012, bevel=0.006, foot=0.004)
+    return [Part(rod((0, 0, 0), (0.5 * length, 0, 0), 0.013), metal), Part(blade.moved(0.69 * length), color)]
 
 
 def bail(variant: int, rng: np.random.Generator) -> Design:
@@ -185,9 +183,8 @@ def hood(variant: int, rng: np.random.Generator) -> Design:
     spine = np.stack([0.09 - 0.09 * np.cos(angles), np.zeros(14), 0.08 * np.sin(angles) - 0.02], axis=1)
     shell = cad.sweep(spine, np.array([(-0.065, -0.005), (0.065, -0.005), (0.065, 0.005), (-0.065, 0.005)]))
     tab = Part(cad.box(0.035, 0.05, 0.012, 0.004).moved(0.18, 0, 0.022), palette.BLACK)
-    return switch(
-        body, [lifted([Part(shell, color), tab], (-0.09, 0, base.top + 0.012), 0.75)], HINGE_X, 2 * variant + 1
-    )
+    link = lifted([Part(shell, color), tab], (-0.09, 0, base.top + 0.012), 0.75)
+    return switch(body, [link], HINGE_X, 2 * variant + 1)
 
 
 def seesaw(variant: int, rng: np.random.Generator) -> Design:
@@ -199,10 +196,8 @@ def seesaw(variant: int, rng: np.random.Generator) -> Design:
     for y in (-0.05, 0.05):
         leg = np.array([(-0.045, 0.0), (0.045, 0.0), (0.0, 0.085)])
         body.append(Part(cad.prism(leg, -0.006, 0.006).turned("x", np.pi / 2).moved(0, y, 0.026), palette.NAVY))
-    parts = [
-        Part(cad.box(2 * reach, 0.06, 0.018, 0.006).moved(z=-0.004), plank),
-        Part(lying(0.010, 0.12), palette.STEEL),
-    ]
+    board = cad.box(2 * reach, 0.06, 0.018, 0.006).moved(z=-0.004)
+    parts = [Part(board, plank), Part(lying(0.010, 0.12), palette.STEEL)]
     for side in (-1, 1):
         pad = cad.prism(cad.rectangle(0.07, 0.08, 0.03), 0.010, 0.024, bevel=0.006)
         parts.append(Part(pad.moved(side * (reach - 0.045)), seat))
@@ -220,9 +215,8 @@ def clam(variant: int, rng: np.random.Generator) -> Design:
     fan = 0.27 * np.stack([np.cos(angles), np.sin(angles)], axis=1) * (1.0 + 0.03 * ribs)[:, None]
     outline = np.concatenate([[[0.0, 0.045], [0.0, -0.045]], fan])
     low = cad.prism(cad.rectangle(0.38, 0.42, 0.10, 6), 0, 0.025, bevel=0.010)
-    lower = cad.loft(
-        [cad.ring(0.8 * outline, 0.02), cad.ring(outline, 0.055), cad.ring(cad.inset(outline, 0.012), 0.058)]
-    )
+    rows = ((0.8 * outline, 0.02), (outline, 0.055), (cad.inset(outline, 0.012), 0.058))
+    lower = cad.loft([cad.ring(level, z) for level, z in rows])
     body = [Part(low, palette.BIRCH), Part(lower.moved(-0.135), shell)]
     body.append(Part(cad.ball(0.035, 18, 10).moved(0.03, 0, 0.075), palette.PEARL))
     relief = np.concatenate([[0.0, 0.0], ribs])
@@ -245,9 +239,8 @@ def crank(variant: int, rng: np.random.Generator) -> Design:
     plate = cad.prism(cad.circle(0.115, 36), 0, 0.016, bevel=0.006)
     hole = cad.prism(cad.circle(0.018, 18), 0.014, 0.0168)
     holes = [hole.moved(0.07 * np.cos(angle), 0.07 * np.sin(angle)) for angle in (1.57, 3.14, 4.71)]
-    post = cad.lathe(
-        cad.smooth([(0.012, 0.0), (0.014, 0.03), (0.026, 0.06), (0.028, 0.09), (0.016, 0.108), (0, 0.11)], 2), 20
-    )
+    profile = [(0.012, 0.0), (0.014, 0.03), (0.026, 0.06), (0.028, 0.09), (0.016, 0.108), (0, 0.11)]
+    post = cad.lathe(cad.smooth(profile, 2), 20)
     parts = [Part(plate, metal), *(Part(hole, palette.SHADOW) for hole in holes)]
     parts.append(Part(post.moved(0.082, 0, 0.014), pick(rng, (palette.RED, palette.NAVY, palette.FOREST))))
     return switch(body, [turned(parts, (0, 0, 0.080), 0.7)], TURN_Z, variant)

@@ -54,15 +54,7 @@ def joystick(_variant: int, rng: np.random.Generator) -> Design:
     """A stick with a knurled knob, out of a rubber bellows; it moves along x only."""
     cover = pick(rng, (palette.WHITE, palette.STEEL, palette.MUSTARD, palette.TEAL))
     body = fixtures.plate(0.32, 0.32, cover, rng, "corners", 0.07)
-    folds = [
-        (0.105, 0.0),
-        (0.112, 0.012),
-        (0.090, 0.022),
-        (0.097, 0.034),
-        (0.074, 0.044),
-        (0.080, 0.056),
-        (0.055, 0.066),
-    ]
+    folds = [(0.105, 0.0), (0.112, 0.012), (0.09, 0.022), (0.097, 0.034), (0.074, 0.044), (0.08, 0.056), (0.055, 0.066)]
     body.append(Part(cad.lathe([*cad.smooth(folds, 2), (0.0, 0.068)], 28).moved(z=TOP - 0.001), palette.BLACK))
     body += ticks([(-0.135, 0.0), (0.0, 0.135), (0.135, 0.0)], TOP, rng)
     parts = [Part(cad.lathe([(0.020, 0.0), (0.016, 0.10), (0.015, 0.19)], 14), palette.CHROME)]
@@ -113,9 +105,7 @@ def tbar(_variant: int, rng: np.random.Generator) -> Design:
     for y in (-0.082, 0.082):
         arm = cad.bent([(0, y, 0.0), (0, y, 0.12), (0, y * 0.75, 0.185)], 0.04, 4)
         parts.append(Part(cad.pipe(arm, 0.011, 10), palette.CHROME))
-    parts.append(
-        Part(cad.pipe([(0, -0.11, 0.19), (0, -0.10, 0.19), (0, 0.10, 0.19), (0, 0.11, 0.19)], 0.030, 18), grip)
-    )
+    parts.append(Part(cad.pipe([(0, y, 0.19) for y in (-0.11, -0.10, 0.10, 0.11)], 0.030, 18), grip))
     band = cad.torus(0.031, 0.004, 20, 6).turned("x", np.pi / 2)
     parts += [Part(band.moved(y=y, z=0.19), palette.CHROME) for y in (-0.07, 0.07)]
     return switch(body, [lever_link(parts, 0.045)], SLIDE_X)
@@ -143,15 +133,11 @@ def _boot(variant: int, base: Ground, travel: float, rng: np.random.Generator) -
     dark = pick(rng, (palette.BLACK, palette.IRON, palette.GRAPHITE), unlike=base.cover)
     if variant % 4 == 0:
         metal = pick(rng, palette.METALS, unlike=base.cover)
-        return shifted(
-            collar(cad.rectangle(travel + 0.05, 0.04, 0.018, 5), 0.014, 0.012, metal), (0, 0, base.top - 0.001)
-        )
+        rim = cad.rectangle(travel + 0.05, 0.04, 0.018, 5)
+        return shifted(collar(rim, 0.014, 0.012, metal), (0, 0, base.top - 0.001))
     if variant % 4 == 1:
-        dome = cad.ball(0.07, 28, 10).stretched(z=0.55)
-        return [
-            Part(dome.moved(z=base.top), dark),
-            Part(cad.torus(0.07, 0.012, 28, 8).moved(z=base.top), palette.CHROME),
-        ]
+        dome, edge = cad.ball(0.07, 28, 10).stretched(z=0.55), cad.torus(0.07, 0.012, 28, 8)
+        return [Part(dome.moved(z=base.top), dark), Part(edge.moved(z=base.top), palette.CHROME)]
     if variant % 4 == 2:
         rows = [(0.085, 0.0), (0.09, 0.01), (0.066, 0.02), (0.072, 0.03), (0.046, 0.04), (0.05, 0.05)]
         return [Part(cad.lathe([*cad.smooth(rows, 2), (0.0, 0.052)], 24).moved(z=base.top - 0.001), dark)]
@@ -215,9 +201,8 @@ def stirrup(variant: int, rng: np.random.Generator) -> Design:
     body = list(base.parts)
     for side in (-1, 1):
         y = side * width / 2
-        body.append(
-            Part(cad.lathe([(0.034, 0), (0.03, 0.02), (0, 0.024)], 20).moved(0, y, base.top - 0.001), palette.IRON)
-        )
+        foot = cad.lathe([(0.034, 0), (0.03, 0.02), (0, 0.024)], 20)
+        body.append(Part(foot.moved(0, y, base.top - 0.001), palette.IRON))
         slot = cad.frame(cad.rectangle(0.16, 0.024, 0.012, 5), cad.rectangle(0.14, 0.008, 0.004, 5), 0, 0.006, 0.002)
         body.append(Part(slot.moved(0, y, base.top - 0.001), palette.STEEL))
     path = [(0, -width / 2, 0), (0, -width / 2, tall), (0, width / 2, tall), (0, width / 2, 0)]

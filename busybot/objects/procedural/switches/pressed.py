@@ -199,9 +199,8 @@ def dip(variant: int, rng: np.random.Generator) -> Design:
     for x in row(count, 0.115):
         body += shifted(fixtures.bezel(0.092, 0.21, 0.008, 0.006, palette.WHITE, 0.008), (x, -0.01, 0.089))
         grip = [Part(cad.box(0.068, 0.085, 0.035, 0.008), palette.WHITE)]
-        grip += [
-            Part(cad.box(0.058, 0.008, 0.004, 0.001).moved(0, y, 0.034), palette.STONE) for y in (-0.018, 0.0, 0.018)
-        ]
+        ridge = cad.box(0.058, 0.008, 0.004, 0.001)
+        grip += [Part(ridge.moved(0, y, 0.034), palette.STONE) for y in (-0.018, 0.0, 0.018)]
         where = (x, -0.01, 0.092)
         links.append(MovingLink(shifted(grip, where), "prismatic", where, (0, 1, 0), -0.05, 0.05, "small", "slider"))
         body.append(fixtures.mark_bar(0.022).moved(x, 0.119, 0.0895))

@@ -43,9 +43,8 @@ def tram(variant: int, rng: np.random.Generator) -> Design:
     high = (0.036, 0.05, 0.05)[variant % 3]
     parts = [Part(cad.box(0.085, (0.10, 0.075, 0.12)[variant % 3], 0.03, 0.009).moved(z=high - 0.008), color)]
     parts += [Part(cad.box(0.085, 0.016, high + 0.01, 0.004).moved(0, s * 0.04, 0.003), color) for s in (-1, 1)]
-    link = slid(
-        [*parts, *_tram_top(variant, high + 0.02)], (0, 0, base.top), travel, "small" if variant % 3 == 1 else "large"
-    )
+    parts += _tram_top(variant, high + 0.02)
+    link = slid(parts, (0, 0, base.top), travel, "small" if variant % 3 == 1 else "large")
     return switch(body, [link], SLIDE_X, variant + variant // 3)
 
 
@@ -73,10 +72,8 @@ def channel(variant: int, rng: np.random.Generator) -> Design:
     body += [Part(rail.moved(0, s * (inner / 2 + 0.014), base.top - 0.001), rails) for s in (-1, 1)]
     high = wall + (0.02, -0.012, 0.035)[variant % 3]
     parts = [Part(cad.box(block, inner - 0.012, high, 0.010), color)]
-    mark = (cad.circle(0.02, 20), cad.rectangle(0.014, inner - 0.035, 0.004), cad.rectangle(0.04, 0.04, 0.008))[
-        variant % 3
-    ]
-    parts.append(Part(cad.prism(mark, high - 0.002, high + 0.006, bevel=0.002), palette.IVORY))
+    marks = (cad.circle(0.02, 20), cad.rectangle(0.014, inner - 0.035, 0.004), cad.rectangle(0.04, 0.04, 0.008))
+    parts.append(Part(cad.prism(marks[variant % 3], high - 0.002, high + 0.006, bevel=0.002), palette.IVORY))
     link = slid(parts, (0, 0, base.top + 0.003), travel, "large" if variant % 3 == 1 else "small")
     return switch(body, [link], SLIDE_X, variant)
 
@@ -89,10 +86,9 @@ def beads(variant: int, rng: np.random.Generator) -> Design:
     wood = pick(rng, palette.WOODS)
     base = ground(span + 0.07, across + 0.02, (0, 2, 1)[variant % 3], rng)
     z = base.top + radius + 0.014
-    ends = [
-        cad.box(0.028, across, z - base.top + 0.024, 0.008).moved(s * span / 2, 0, base.top - 0.001) for s in (-1, 1)
-    ]
-    body, links = [*base.parts, *(Part(end, wood) for end in ends)], []
+    end = cad.box(0.028, across, z - base.top + 0.024, 0.008)
+    ends = [Part(end.moved(s * span / 2, 0, base.top - 0.001), wood) for s in (-1, 1)]
+    body, links = [*base.parts, *ends], []
     for k, y in enumerate(row(count, pitch)):
         body.append(Part(rod((-span / 2, y, z), (span / 2, y, z), 0.010), palette.CHROME))
         color = palette.ACCENTS[(2 * k + 3 * variant) % len(palette.ACCENTS)]
@@ -153,11 +149,9 @@ def shutter(variant: int, rng: np.random.Generator) -> Design:
     body += [Part(guide.moved(0, s * width / 2, base.top - 0.001), palette.STEEL) for s in (-1, 1)]
     color = pick(rng, palette.ACCENTS, unlike=base.cover)
     parts = [Part(cad.prism(cad.rectangle(travel + 0.05, width - 0.024, 0.01), 0, 0.014, bevel=0.004), color)]
-    handle = (
-        cad.box(0.016, 0.6 * width, 0.03, 0.005),
-        cad.lathe([(0.024, 0), (0.02, 0.02), (0.028, 0.03), (0, 0.034)], 20),
-    )
-    parts.append(Part(handle[variant % 2].moved(0.3 * travel, 0, 0.012), palette.IVORY))
+    knob = cad.lathe([(0.024, 0), (0.02, 0.02), (0.028, 0.03), (0, 0.034)], 20)
+    handle = knob if variant % 2 else cad.box(0.016, 0.6 * width, 0.03, 0.005)
+    parts.append(Part(handle.moved(0.3 * travel, 0, 0.012), palette.IVORY))
     return switch(body, [slid(parts, (0, 0, base.top + 0.008), travel)], SLIDE_X, variant + 2)
 
 

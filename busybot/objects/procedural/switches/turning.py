@@ -18,9 +18,8 @@ SUNK = 0.02
 def wedge_body(length: float, width: float, ends: float, middle: float) -> cad.Solid:
     """Two flat faces that meet in the middle, at a ridge if it is higher than the ends, else in a valley."""
     depth = 0.03
-    outline = np.array(
-        [(-length / 2, -depth), (length / 2, -depth), (length / 2, ends), (0, middle), (-length / 2, ends)]
-    )
+    xs = length / 2 * np.array([-1, 1, 1, 0, -1])
+    outline = np.stack([xs, [-depth, -depth, ends, middle, ends]], axis=1)
     low, high = (np.array([0.0, -0.8 * depth, side * width / 2]) for side in (-1, 1))
     return cad.loft([cad.ring(outline, -width / 2), cad.ring(outline, width / 2)], (low, high)).turned("x", np.pi / 2)
 
@@ -33,16 +32,13 @@ def wedge(variant: int, rng: np.random.Generator) -> Design:
     tilt = (0.13, 0.25, 0.17, 0.08, 0.22, 0.12)[variant % 6]
     base = ground(length + 0.10, max(width + 0.09, 0.17), variant, rng)
     metal = pick(rng, (palette.STEEL, palette.BLACK, palette.WHITE, base.cover))
-    body = [
-        *base.parts,
-        *shifted(collar(cad.rectangle(length, width, 0.006), 0.012, 0.014, metal), (0, 0, base.top - 0.001)),
-    ]
+    rim = collar(cad.rectangle(length, width, 0.006), 0.012, 0.014, metal)
+    body = [*base.parts, *shifted(rim, (0, 0, base.top - 0.001))]
     body += clutter(base, corners(length + 0.10, max(width + 0.09, 0.17), 0.025), rng) if variant % 5 < 4 else []
     color = pick(rng, (palette.WHITE, palette.IVORY, palette.GRAPHITE, *palette.ACCENTS), unlike=base.cover)
     parts = [Part(wedge_body(length, width, ends, middle), color)]
-    dot = cad.lathe([(0.012, 0.0), (0.010, 0.003), (0.0, 0.0035)], 14).moved(
-        0.36 * length, 0, ends * 0.72 + middle * 0.28
-    )
+    dot = cad.lathe([(0.012, 0.0), (0.010, 0.003), (0.0, 0.0035)], 14)
+    dot = dot.moved(0.36 * length, 0, ends * 0.72 + middle * 0.28)
     parts.append(Part(dot, palette.RED if color is not palette.RED else palette.WHITE))
     link = swung(parts, (0, 0, base.top + 0.022), tilt, label="rocker")
     return switch(body, [link], HINGE_X, variant + variant // 4)

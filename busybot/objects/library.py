@@ -17,6 +17,7 @@ from busybot.objects.partnet.loader import load_object
 
 SPLIT_FILE = "data.json"
 MAX_OBJECTS = 10_000
+_HINT = "name a folder with Switch, Lamp, Door and Toy folders in it"
 _SHAPE = '{"Reason": {"Switch": {"train": ["100366"], "test": []}}}'
 
 
@@ -69,7 +70,7 @@ class Library:
 def object_folders(path: Path) -> dict[str, Path]:
     """Object folders by key; links are refused, files and unknown folders beside the categories are ignored."""
     if not path.is_dir():
-        raise BusybotError(f"{path}: not a folder", "name a folder with Switch, Lamp, Door and Toy folders in it")
+        raise BusybotError(f"{path}: not a folder", _HINT)
     found = {}
     for category in sorted(CATEGORIES):
         place = path / category
@@ -79,7 +80,7 @@ def object_folders(path: Path) -> dict[str, Path]:
                 raise BusybotError(f"{entry}: is a link; links in a library are not followed", "copy the folder itself")
         found.update({f"{category}/{entry.name}": entry for entry in entries[1:] if entry.is_dir()})
     if not found:
-        raise BusybotError(f"{path}: holds no objects", "name a folder with Switch, Lamp, Door and Toy folders in it")
+        raise BusybotError(f"{path}: holds no objects", _HINT)
     if len(found) > MAX_OBJECTS:
         what = f"{len(found)} objects are more than the {MAX_OBJECTS} allowed"
         raise BusybotError(f"{path}: {what}", "divide the library")
@@ -104,8 +105,8 @@ def read_splits(path: Path, keys: dict[str, Any]) -> dict[str, dict[str, float]]
         if key in listed:
             for split, weight in listed[key].items():
                 splits[split][key] = float(weight)
-        elif key in catalogue():
-            splits[catalogue()[key].split][key] = float(catalogue()[key].weight)
+        elif known := catalogue().get(key):
+            splits[known.split][key] = float(known.weight)
         else:
             unknown.append(key)
     if unknown:

@@ -92,9 +92,8 @@ def read_raw(folder: Path) -> RawObject:
     """
     snapshot = read_snapshot(folder.absolute())
     if not _INSTANCE.fullmatch(snapshot.folder.name):
-        raise BusybotError(
-            f"{folder}: the folder's name cannot be an id", "rename it: letters, digits, '_', '.', '-', at most 64"
-        )
+        hint = "rename it: letters, digits, '_', '.', '-', at most 64"
+        raise BusybotError(f"{folder}: the folder's name cannot be an id", hint)
     urdf = parse_urdf(snapshot)
     meshes = check_meshes(snapshot, urdf.meshes, urdf.textures)
     vertices = link_vertices(urdf, meshes, IDENTITY, {})

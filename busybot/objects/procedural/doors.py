@@ -46,6 +46,7 @@ def stud(radius: float, height: float) -> cad.Solid:
 
 
 def slab(material: Material) -> Part:
+    """A plain leaf."""
     return Part(cad.prism(cad.rectangle(LEAF_LENGTH, LEAF_WIDTH, 0.006), LEAF_BOTTOM, LEAF_TOP, bevel=0.003), material)
 
 

@@ -218,7 +218,7 @@ def levers(variant: int, rng: np.random.Generator) -> Design:
     count, pitch = ((2, 0.12), (3, 0.10), (3, 0.085))[variant % 3]
     kind, length, size = (("cube", 0.12, 0.032), ("coin", 0.15, 0.042), ("bar", 0.10, 0.026))[variant % 3]
     base = ground(0.30, pitch * count + 0.08, (1, 2, 3)[variant % 3], rng)
-    body, links = list(base.parts), list[MovingLink]()
+    body, links = list(base.parts), []
     metal = pick(rng, palette.METALS)
     for k, y in enumerate(row(count, pitch)):
         rim = cad.rectangle(0.12, 0.026, 0.012, 5)

@@ -112,7 +112,7 @@ def bars(variant: int, rng: np.random.Generator) -> Design:
     count, pitch, length = (3, 4)[variant % 2], (0.095, 0.075)[variant % 2], (0.26, 0.20)[variant % 2]
     width = pitch * count + 0.05
     base = ground(width, length + 0.10, (1, 3)[variant % 2], rng, palette.WOODS)
-    body, links = list(base.parts), list[MovingLink]()
+    body, links = list(base.parts), []
     for k, x in enumerate(row(count, pitch)):
         reach = length * (1.0 - 0.11 * k)
         body.append(Part(cad.box(pitch - 0.008, reach + 0.012, 0.005).moved(x, z=base.top - 0.003), palette.SHADOW))

@@ -104,7 +104,7 @@ def faders(variant: int, rng: np.random.Generator) -> Design:
     travel, size = (0.13, 0.10, 0.15)[variant % 3], (0.030, 0.036, 0.027)[variant % 3]
     across = pitch * count + 0.06
     base = ground(travel + 0.15, across, (0, 3, 1)[variant % 3], rng)
-    body, links = list(base.parts), list[MovingLink]()
+    body, links = list(base.parts), []
     metal = pick(rng, (palette.STEEL, palette.BLACK, palette.BRASS), unlike=base.cover)
     for k, y in enumerate(row(count, pitch)):
         body += shifted(fixtures.slot(travel + 2.2 * size, 0.018, metal, 0.007), (0, y, base.top - 0.001))

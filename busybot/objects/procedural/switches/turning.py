@@ -6,7 +6,7 @@ Those that tilt or roll: wedges, saucers, tabs, a thumbwheel, a ball in a socket
 import numpy as np
 
 from busybot.objects.procedural import cad, palette
-from busybot.objects.procedural.design import HINGE_X, SLIDE_X, TURN_Z, Design, MovingLink, Part, shifted, switch
+from busybot.objects.procedural.design import HINGE_X, SLIDE_X, TURN_Z, Design, Part, shifted, switch
 from busybot.objects.procedural.fixtures import Kind, clutter, corners, ground, row, swung, turned
 from busybot.objects.procedural.grips import collar, head, lying, rod
 from busybot.objects.procedural.palette import pick
@@ -67,7 +67,7 @@ def tabs(variant: int, rng: np.random.Generator) -> Design:
     length, width = (0.17, 0.21, 0.13)[variant % 3], (0.058, 0.082, 0.046)[variant % 3]
     base = ground(length + 0.12, pitch * count + 0.07, (1, 2, 0)[variant % 3], rng)
     color = pick(rng, (palette.IVORY, palette.WHITE, palette.MUSTARD), unlike=base.cover)
-    body, links = list(base.parts), list[MovingLink]()
+    body, links = list(base.parts), []
     body.append(Part(cad.box(0.03, pitch * count + 0.02, 0.018, 0.005).moved(z=base.top - 0.001), palette.IRON))
     for k, y in enumerate(row(count, pitch)):
         tongue = cad.prism(cad.rectangle(length, width, 0.45 * width, 6), -0.008, 0.010, bevel=0.005, foot=0.004)

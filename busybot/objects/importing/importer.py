@@ -265,7 +265,8 @@ def _list(out: Path, model: ObjectModel, split: Split | None) -> str:
     value, counts = _read_splits(out)
     listed = counts.get(model.key)
     known = catalogue().get(model.key)
-    chosen = split or next(iter(listed or ()), known.split if known else "train")
+    usual = known.split if known else "train"
+    chosen: str = split or (next(iter(listed)) if listed else usual)
     for category in CATEGORIES:
         here = value["Reason"].setdefault(category, {})
         for name, name_of_split in (("train", "train"), ("test", "novel")):

@@ -45,8 +45,8 @@ def cap_on(rim: np.ndarray, profile: str, skirt: float = 0.03) -> cad.Solid:
         rows = ((0.0, -0.012), (0.004, -0.008), (0.22 * size, -0.007), (0.24 * size, 0.006), (0.28 * size, 0.010))
         return cad.loft([foot, *(cad.ring(_shrunk(rim, d), z) for d, z in rows)])
     if profile == "conical":
-        rows = ((1.0, -0.004), (0.62, 0.34 * size), (0.54, 0.36 * size))
-        return cad.loft([foot, *(cad.ring(share * rim, z) for share, z in rows)])
+        shares = ((1.0, -0.004), (0.62, 0.34 * size), (0.54, 0.36 * size))
+        return cad.loft([foot, *(cad.ring(share * rim, z) for share, z in shares)])
     return cad.prism(rim, -skirt, 0.0, bevel=min(0.012, 0.2 * size), steps=3)
 
 

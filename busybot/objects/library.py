@@ -17,6 +17,7 @@ from busybot.objects.partnet.loader import load_object
 
 SPLIT_FILE = "data.json"
 MAX_OBJECTS = 10_000
+_HINT = "name a folder with Switch, Lamp, Door and Toy folders in it"
 _SHAPE = '{"Reason": {"Switch": {"train": ["100366"], "test": []}}}'
 
 
@@ -69,7 +70,7 @@ class Library:
 def object_folders(path: Path) -> dict[str, Path]:
     """Object folders by key; links are refused, files and unknown folders beside the categories are ignored."""
     if not path.is_dir():
-        raise BusybotError(f"{path}: not a folder", "name a folder with Switch, Lamp, Door and Toy folders in it")
+        raise BusybotError(f"{path}: not a folder", _HINT)
     found = {}
     for category in sorted(CATEGORIES):
         place = path / category
@@ -79,11 +80,10 @@ def object_folders(path: Path) -> dict[str, Path]:
                 raise BusybotError(f"{entry}: is a link; links in a library are not followed", "copy the folder itself")
         found.update({f"{category}/{entry.name}": entry for entry in entries[1:] if entry.is_dir()})
     if not found:
-        raise BusybotError(f"{path}: holds no objects", "name a folder with Switch, Lamp, Door and Toy folders in it")
+        raise BusybotError(f"{path}: holds no objects", _HINT)
     if len(found) > MAX_OBJECTS:
-        raise BusybotError(
-            f"{path}: {len(found)} objects are more than the {MAX_OBJECTS} allowed", "divide the library"
-        )
+        what = f"{len(found)} objects are more than the {MAX_OBJECTS} allowed"
+        raise BusybotError(f"{path}: {what}", "divide the library")
     return found
 
 
@@ -91,9 +91,8 @@ def load_as(key: str, folder: Path) -> ObjectModel:
     """Read the object that a library calls `key`; an annotation with another name is refused."""
     model = load_object(folder)
     if model.key != key:
-        raise BusybotError(
-            f"{folder}: its annotation calls it {model.key}, its folder {key}", "rename the folder or correct the file"
-        )
+        what = f"its annotation calls it {model.key}, its folder {key}"
+        raise BusybotError(f"{folder}: {what}", "rename the folder or correct the file")
     return model
 
 
@@ -106,16 +105,14 @@ def read_splits(path: Path, keys: dict[str, Any]) -> dict[str, dict[str, float]]
         if key in listed:
             for split, weight in listed[key].items():
                 splits[split][key] = float(weight)
-        elif key in catalogue():
-            splits[catalogue()[key].split][key] = float(catalogue()[key].weight)
+        elif known := catalogue().get(key):
+            splits[known.split][key] = float(known.weight)
         else:
             unknown.append(key)
     if unknown:
-        raise BusybotError(
-            f"{path}: neither {SPLIT_FILE} nor the catalogue puts {', '.join(unknown[:5])}"
-            f"{' and others' if len(unknown) > 5 else ''} in a split",
-            f"list the ids in {path / SPLIT_FILE}, for example {_SHAPE}",
-        )
+        named = f"{', '.join(unknown[:5])}{' and others' if len(unknown) > 5 else ''}"
+        hint = f"list the ids in {path / SPLIT_FILE}, for example {_SHAPE}"
+        raise BusybotError(f"{path}: neither {SPLIT_FILE} nor the catalogue puts {named} in a split", hint)
     return splits
 
 

@@ -1,15 +1,13 @@
-"""Objects that can stand on a board, as plain data: no simulator, no meshes.
+"""Objects that can stand on a board, as plain data, and the catalogue of the paper's 58: no simulator, no meshes.
 
 An object is a folder in PartNet-Mobility's layout with an annotation (`object_meta_info.json`). This module holds the
-types; `folder` reads them defensively, `library` keeps many of them, `procedural` makes new ones.
+types; `partnet` reads them defensively, `library` keeps many of them, `procedural` makes new ones.
 
 Units are board units (the board is 4 x 4), angles radians, quaternions (w, x, y, z). Frames: *object* is the URDF's,
 *upright* is after the annotated orientation and scale, z pointing to the camera.
 
-The 58 objects of the paper, as facts without meshes: category, role, kinds, split and sampling weight.
-
-The split is the authors' `Reason` split, which the protocol uses for all skills; repeated ids in their lists are the
-weights.
+The catalogue's split is the authors' `Reason` split, which the protocol uses for all skills; repeated ids in their
+lists are the weights.
 """
 
 import json

@@ -12,6 +12,8 @@ from busybot.objects import cache
 from busybot.objects.library import Library
 from busybot.objects.procedural.build import procedural_library
 
+_HINT = "name the library with which the dataset was made: --assets DIR"
+
 
 def find(assets: str | None, expected: dict[str, str] | None = None) -> Library:
     """The library that a command or a dataset means.
@@ -26,9 +28,8 @@ def find(assets: str | None, expected: dict[str, str] | None = None) -> Library:
     if assets is None and expected:
         return _find_by_hash(expected)
     library = _open(assets or "procedural")
-    problem = mismatch(library, expected or {})
-    if problem:
-        raise BusybotError(problem, "name the library with which the dataset was made: --assets DIR")
+    if problem := mismatch(library, expected or {}):
+        raise BusybotError(problem, _HINT)
     return library
 
 
@@ -76,7 +77,4 @@ def _find_by_hash(expected: dict[str, str]) -> Library:
         if problem is None:
             return library
         problems.append(problem)
-    raise BusybotError(
-        f"no library holds the objects that the dataset recorded: {' | '.join(problems)}",
-        "name the library with which the dataset was made: --assets DIR",
-    )
+    raise BusybotError(f"no library holds the objects that the dataset recorded: {' | '.join(problems)}", _HINT)

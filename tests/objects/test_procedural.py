@@ -21,8 +21,8 @@ from busybot.objects.library import Library
 from busybot.objects.model import CATEGORIES
 from busybot.objects.procedural import build
 from busybot.objects.procedural.build import FAMILIES, make_library, procedural_library
+from busybot.objects.procedural.cad import ball, box, lathe, pipe, rectangle, torus
 from busybot.objects.procedural.design import MovingLink, facing
-from busybot.objects.procedural.solids import ball, box, lathe, rectangle, torus, tube
 from busybot.objects.procedural.switches import sliding as slides
 from busybot.objects.resolve import find
 
@@ -197,7 +197,7 @@ def test_meshes_are_closed_and_few(procedural: Path) -> None:
         (ball(1, 64, 32), 4.19),
         (lathe([(1, 0), (1, 2)], 64), 6.28),
         (torus(2, 0.5, 64, 32), 9.87),
-        (tube([(0, 0, 0), (0, 0, 1), (0, 0, 2)], 1, 64), 6.28),
+        (pipe([(0, 0, 0), (0, 0, 1), (0, 0, 2)], 1, 64), 6.28),
     ],
 )
 def test_solids_are_closed_and_face_outwards(solid: "trimesh.Trimesh", volume: float) -> None:

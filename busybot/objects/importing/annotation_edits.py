@@ -1,17 +1,15 @@
-"""The reviewable YAML between the rules and a library: a proposal is written, a person edits it, the import reads it.
+"""What an annotation decides about an object, and the reviewable YAML of it between the rules and a library.
+
+A proposal is written, a person edits it, the import reads it:
 
     objects:
       "40147":
         category: Door
         scale: 0.49
 
-Fields are those of `Choices`; a field that is absent (or null) is left to the rules. Aliases are refused: they
-let a short text stand for a monstrous one.
-
-What an annotation decides about an object, as a reviewer sees and edits it.
-
-The rules of `auto_annotation` fill in what is left out. Quaternions are (x, y, z, w) as in the annotation; the rest has
-the units of `objects.model`.
+Fields are those of `Choices`; a field that is absent (or null) is left to the rules of `auto_annotation`. Aliases are
+refused: they let a short text stand for a monstrous one. Quaternions are (x, y, z, w) as in the annotation; the rest
+has the units of `objects.model`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -141,9 +139,8 @@ class Overrides:
 
     def _known(self, what: str, name: str, known: Sequence[str], *place: str) -> None:
         if name not in known:
-            raise BusybotError(
-                f"{self.where(*place)}: {name!r} is no {what}", f"the object has {', '.join(known) or 'none'}"
-            )
+            hint = f"the object has {', '.join(known) or 'none'}"
+            raise BusybotError(f"{self.where(*place)}: {name!r} is no {what}", hint)
 
 
 def read_overrides(path: Path) -> Overrides:

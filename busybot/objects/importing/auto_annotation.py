@@ -1,7 +1,9 @@
 """Rules that annotate a raw PartNet-Mobility object: what a reviewer would decide, from names, joints and meshes.
 
+Which links move, how far and which way is measured on the vertices at both ends of each joint.
+
 A joint *moves* when it is not fixed, its link shows something and it has a range (a turning joint without limits has a
-quarter turn, `folder.UNLIMITED_RANGE`; a sliding one without limits does not count). Sizes are those at rest: joints at
+quarter turn, `loader.UNLIMITED_RANGE`; a sliding one without limits does not count). Sizes are those at rest: joints at
 0, or at the limit nearest to 0. `benchmarks/studies/import_rules.py` compares the rules with the annotation of the
 58 objects.
 
@@ -30,12 +32,10 @@ quarter turn, `folder.UNLIMITED_RANGE`; a sliding one without limits does not co
 
 Refused: nothing moves (Switch, Door, Toy), nothing to paint (a Lamp with a single link), a joint of another type than
 `urdf.JOINT_TYPES`, and whatever `objects.partnet.loader` refuses.
-
-Measures which links of a raw object move, how far and which way, on the vertices at both ends of each joint.
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NoReturn, cast
@@ -127,7 +127,7 @@ def ways(moving: Moving, motion: np.ndarray) -> list[tuple[float, float, float]]
     return _both([(x, y, 0.0)])
 
 
-def _both(directions: Iterable[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+def _both(directions: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
     return [way for x, y, z in directions for way in ((x, y, z), (0.0 - x, 0.0 - y, 0.0 - z))]
 
 
@@ -209,12 +209,7 @@ class _Rules:
         else:
             effect = self.given.effect or self.effect(category, used, orientation, scale)
         choices = Choices(
-            category=category,
-            scale=scale,
-            orientation=orientation,
-            links=links,
-            directions=directions,
-            effect=effect,
+            category=category, scale=scale, orientation=orientation, links=links, directions=directions, effect=effect
         )
         return AutoAnnotation(choices, tuple(low.tolist()), tuple(high.tolist()), tuple(self.notes))
 
@@ -317,9 +312,8 @@ class _Rules:
         return (self.raw.names.get(link, ""), *self.raw.parts.get(link, ()))
 
     def refuse(self, what: str) -> NoReturn:
-        raise BusybotError(
-            f"{self.raw.folder}: {what}", "leave it out, or say in an override what it is (`assets import --review`)"
-        )
+        hint = "leave it out, or say in an override what it is (`assets import --review`)"
+        raise BusybotError(f"{self.raw.folder}: {what}", hint)
 
 
 def _kinds(used: list[Moving], motions: list[np.ndarray], size: np.ndarray) -> dict[str, Kind]:

@@ -33,8 +33,6 @@ from busybot.objects.partnet.loader import parse_object
 from busybot.objects.partnet.urdf import FILE_NAME as URDF
 
 MAX_SPLIT_BYTES = 1 << 20
-_LIST_OF_SPLIT: dict[str, str] = {"train": "train", "novel": "test"}
-_NO_OVERRIDES = Overrides(None, {}, {})
 _WORK = "import"
 
 
@@ -86,9 +84,8 @@ def _expand(path: Path) -> list[Path]:
         return [folder]
     found = [entry for entry in sorted(folder.iterdir()) if not entry.is_symlink() and (entry / URDF).is_file()]
     if not found:
-        raise BusybotError(
-            f"{path}: holds no {URDF}, nor do its folders", "name a raw object's folder, or a folder of them"
-        )
+        hint = "name a raw object's folder, or a folder of them"
+        raise BusybotError(f"{path}: holds no {URDF}, nor do its folders", hint)
     return found
 
 
@@ -118,7 +115,7 @@ def import_objects(
         remove_abandoned(out, _WORK, lambda left: _put_back(out, left / "former"))
     for folder in folders:
         try:
-            yield _import(folder, out, overrides or _NO_OVERRIDES, split, replace)
+            yield _import(folder, out, overrides or Overrides(None, {}, {}), split, replace)
         except BusybotError as error:
             yield ImportOutcome(folder.name, "refused", problem=error.what, hint=error.hint)
 
@@ -156,19 +153,17 @@ def annotate(raw: RawObject, decision: AutoAnnotation, given: Choices | None = N
     Raises:
         BusybotError: the annotated object is not one that `load_object` would read.
     """
-    value = annotation(raw, decision, given or Choices())
-    text = json.dumps(value, indent=1, sort_keys=True) + "\n"
-    files = raw.files() | {FILE_NAME: text.encode()}
-    snapshot = Snapshot(raw.folder, dict(sorted(files.items())))
+    text = json.dumps(_annotation(raw, decision, given or Choices()), indent=1, sort_keys=True) + "\n"
+    snapshot = Snapshot(raw.folder, dict(sorted((raw.files() | {FILE_NAME: text.encode()}).items())))
     return snapshot, parse_object(snapshot)
 
 
-def annotation(raw: RawObject, decision: AutoAnnotation, given: Choices) -> dict[str, Any]:
+def _annotation(raw: RawObject, decision: AutoAnnotation, given: Choices) -> dict[str, Any]:
     """`object_meta_info.json`. Beyond the authors' fields, `Import` says what decided."""
     choices = decision.choices
     assert choices.category is not None and choices.scale is not None and choices.orientation is not None
     joints = {joint.child: (number, joint) for number, joint in enumerate(raw.urdf.joints)}
-    links = {link: kind for link, kind in (choices.links or {}).items()}
+    links = choices.links or {}
     return {
         "Category": choices.category,
         "InstanceId": raw.instance,
@@ -269,20 +264,17 @@ def _list(out: Path, model: ObjectModel, split: Split | None) -> str:
     """Name the object in the split file, and only there; what the file says of it stays, unless `split` is given."""
     value, counts = _read_splits(out)
     listed = counts.get(model.key)
-    if split is None and listed:
-        chosen = next(iter(listed))
-    else:
-        chosen = split or (catalogue()[model.key].split if model.key in catalogue() else "train")
-    lists = value["Reason"]
+    known = catalogue().get(model.key)
+    usual = known.split if known else "train"
+    chosen: str = split or (next(iter(listed)) if listed else usual)
     for category in CATEGORIES:
-        here = lists.setdefault(category, {})
-        for name, ids in (("train", here.setdefault("train", [])), ("test", here.setdefault("test", []))):
-            wanted = category == model.category and name == _LIST_OF_SPLIT[chosen]
-            if not wanted:
+        here = value["Reason"].setdefault(category, {})
+        for name, name_of_split in (("train", "train"), ("test", "novel")):
+            ids = here.setdefault(name, [])
+            if category != model.category or name_of_split != chosen:
                 ids[:] = [instance for instance in ids if instance != model.instance]
             elif model.instance not in ids:
-                weight = catalogue()[model.key].weight if model.key in catalogue() else 1
-                ids += [model.instance] * weight
+                ids += [model.instance] * (known.weight if known else 1)
     write_json(out / SPLIT_FILE, value)
     return chosen
 

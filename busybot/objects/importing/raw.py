@@ -12,12 +12,11 @@ What is read, besides `mobility.urdf` and its meshes:
 Frame: the root joint of a PartNet-Mobility URDF turns the model so that z is up and -x the front.
 """
 
-import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
@@ -93,9 +92,8 @@ def read_raw(folder: Path) -> RawObject:
     """
     snapshot = read_snapshot(folder.absolute())
     if not _INSTANCE.fullmatch(snapshot.folder.name):
-        raise BusybotError(
-            f"{folder}: the folder's name cannot be an id", "rename it: letters, digits, '_', '.', '-', at most 64"
-        )
+        hint = "rename it: letters, digits, '_', '.', '-', at most 64"
+        raise BusybotError(f"{folder}: the folder's name cannot be an id", hint)
     urdf = parse_urdf(snapshot)
     meshes = check_meshes(snapshot, urdf.meshes, urdf.textures)
     vertices = link_vertices(urdf, meshes, IDENTITY, {})
@@ -103,42 +101,22 @@ def read_raw(folder: Path) -> RawObject:
         raise BusybotError(f"{folder / URDF}: shows nothing", "download the object again")
     category, source = _category(snapshot)
     low, high = bounds(vertices)
-    return RawObject(
-        snapshot,
-        urdf,
-        meshes,
-        category,
-        source,
-        _names(snapshot, urdf),
-        _parts(snapshot),
-        _compare_box(snapshot, high - low),
-    )
-
-
-def _refuse(snapshot: Snapshot, name: str, what: str) -> NoReturn:
-    raise BusybotError(f"{snapshot.folder / name}: {what}", _HINT)
+    names, parts = _names(snapshot, urdf), _parts(snapshot)
+    return RawObject(snapshot, urdf, meshes, category, source, names, parts, _compare_box(snapshot, high - low))
 
 
 def _text(snapshot: Snapshot, name: str) -> str | None:
-    data = snapshot.files.get(name)
-    if data is None:
+    if name not in snapshot.files:
         return None
-    if len(data) > MAX_BYTES:
-        _refuse(snapshot, name, f"{len(data)} bytes are more than the {MAX_BYTES} allowed")
     try:
-        return data.decode()
+        return snapshot.require(name, MAX_BYTES, _HINT).decode()
     except UnicodeDecodeError:
-        _refuse(snapshot, name, "is not UTF-8 text")
+        snapshot.refuse(name, "is not UTF-8 text", _HINT)
 
 
 def _json(snapshot: Snapshot, name: str) -> Any:
     text = _text(snapshot, name)
-    if text is None:
-        return None
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        _refuse(snapshot, name, f"not valid JSON: {str(error)[:200]}")
+    return None if text is None else snapshot.parse_json(name, text, _HINT)
 
 
 def _category(snapshot: Snapshot) -> tuple[str | None, str]:
@@ -146,7 +124,7 @@ def _category(snapshot: Snapshot) -> tuple[str | None, str]:
     if meta is not None:
         found = meta.get("model_cat") if isinstance(meta, dict) else None
         if not isinstance(found, str) or not _CATEGORY.fullmatch(found):
-            _refuse(snapshot, "meta.json", "has no category in `model_cat`")
+            snapshot.refuse("meta.json", "has no category in `model_cat`", _HINT)
         return found, "meta.json"
     known = {entry.category for entry in catalogue().values() if entry.instance == snapshot.folder.name}
     return (known.pop(), "the paper's catalogue") if len(known) == 1 else (None, "nothing names it")
@@ -159,9 +137,9 @@ def _names(snapshot: Snapshot, urdf: Urdf) -> dict[str, str]:
         if not words:
             continue
         if len(words) != 3 or any(not _WORD.fullmatch(word) for word in words):
-            _refuse(snapshot, "semantics.txt", f"line {number} is not of the form `link joint-kind name`")
+            snapshot.refuse("semantics.txt", f"line {number} is not of the form `link joint-kind name`", _HINT)
         if words[0] not in urdf.visuals:
-            _refuse(snapshot, "semantics.txt", f"line {number} names {words[0]!r}, which the URDF does not have")
+            snapshot.refuse("semantics.txt", f"line {number} names {words[0]!r}, which the URDF does not have", _HINT)
         names[words[0]] = words[2]
     return names
 
@@ -171,11 +149,11 @@ def _parts(snapshot: Snapshot) -> dict[str, tuple[str, ...]]:
     if links is None:
         return {}
     if not isinstance(links, list) or not all(isinstance(link, dict) for link in links):
-        _refuse(snapshot, "mobility_v2.json", "is not a list of links")
+        snapshot.refuse("mobility_v2.json", "is not a list of links", _HINT)
     parts: dict[str, tuple[str, ...]] = {}
     for number, link in enumerate(links):
         if not isinstance(link.get("id"), int):
-            _refuse(snapshot, "mobility_v2.json", f"entry {number} has no id")
+            snapshot.refuse("mobility_v2.json", f"entry {number} has no id", _HINT)
         parts[f"link_{link['id']}"] = tuple(dict.fromkeys(_part_names(snapshot, link.get("parts"))))
     return parts
 
@@ -186,10 +164,10 @@ def _part_names(snapshot: Snapshot, parts: Any) -> Iterator[str]:
     while waiting:
         group = waiting.pop(0) or []
         if not isinstance(group, list) or not all(isinstance(part, dict) for part in group):
-            _refuse(snapshot, "mobility_v2.json", "has parts that are not a list of parts")
+            snapshot.refuse("mobility_v2.json", "has parts that are not a list of parts", _HINT)
         seen += len(group)
         if seen > MAX_PARTS:
-            _refuse(snapshot, "mobility_v2.json", f"a link has more than {MAX_PARTS} parts")
+            snapshot.refuse("mobility_v2.json", f"a link has more than {MAX_PARTS} parts", _HINT)
         for part in group:
             if isinstance(part.get("name"), str) and _WORD.fullmatch(part["name"]):
                 yield part["name"]
@@ -207,7 +185,7 @@ def _compare_box(snapshot: Snapshot, size: np.ndarray) -> tuple[str, ...]:
     except (TypeError, ValueError, KeyError, IndexError, OverflowError):
         right = False
     if not right:
-        _refuse(snapshot, "bounding_box.json", "has no `min` and `max` of three numbers each")
+        snapshot.refuse("bounding_box.json", "has no `min` and `max` of three numbers each", _HINT)
     # PartNet's axes are those of the URDF in another order
     told, found = np.sort(box[1] - box[0]), np.sort(size)
     if np.abs(told - found).max() <= BOX_TOLERANCE * found.max():

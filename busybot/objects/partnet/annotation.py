@@ -8,7 +8,6 @@ The format is that of the BusyBot authors' PartNet-Mobility annotation. What the
 - Colours have an alpha that means nothing.
 """
 
-import json
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -60,9 +59,7 @@ class EffectEntry(_Part):
 
     @property
     def joint_ids(self) -> list[int]:
-        if self.JointId is None:
-            return []
-        return self.JointId if isinstance(self.JointId, list) else [self.JointId]
+        return [] if self.JointId is None else self.JointId if isinstance(self.JointId, list) else [self.JointId]
 
     @model_validator(mode="after")
     def _consistent(self) -> "EffectEntry":
@@ -79,14 +76,11 @@ class EffectEntry(_Part):
         if self.Type == "joint" and self.IsSingleEffect and self.States is None and len(self.joint_ids) != 1:
             raise ValueError("a single-stage effect on several joints needs States")
         for value in (*(self.States or ()), *(self.Steps or ())):
-            self._check_value(value)
+            if self.Type == "joint" and len(value) != len(self.joint_ids):
+                raise ValueError(f"a state has {len(value)} values for {len(self.joint_ids)} joints")
+            if self.Type == "link" and (len(value) not in (3, 4) or not all(0 <= channel <= 1 for channel in value)):
+                raise ValueError("a colour must be 3 or 4 numbers between 0 and 1")
         return self
-
-    def _check_value(self, value: tuple[float, ...]) -> None:
-        if self.Type == "joint" and len(value) != len(self.joint_ids):
-            raise ValueError(f"a state has {len(value)} values for {len(self.joint_ids)} joints")
-        if self.Type == "link" and (len(value) not in (3, 4) or not all(0 <= channel <= 1 for channel in value)):
-            raise ValueError("a colour must be 3 or 4 numbers between 0 and 1")
 
 
 class ObjectAnnotation(_Part):
@@ -143,14 +137,7 @@ def annotation_faults(snapshot: Snapshot) -> list[BusybotError]:
 
 
 def _read(snapshot: Snapshot) -> Any:
-    path = snapshot.folder / FILE_NAME
-    data = snapshot.require(FILE_NAME)
-    if len(data) > MAX_BYTES:
-        raise BusybotError(f"{path}: {len(data)} bytes are more than the {MAX_BYTES} allowed", _HINT)
-    try:
-        return json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise BusybotError(f"{path}: not valid JSON: {str(error)[:200]}", _HINT) from None
+    return snapshot.parse_json(FILE_NAME, snapshot.require(FILE_NAME, MAX_BYTES, _HINT), _HINT)
 
 
 def _described(snapshot: Snapshot, error: ValidationError) -> list[BusybotError]:

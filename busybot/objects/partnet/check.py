@@ -13,10 +13,12 @@ from busybot.objects.importing.raw import is_raw, read_raw
 from busybot.objects.library import SPLIT_FILE, load_as, object_folders, read_split_file, read_splits
 from busybot.objects.model import CATEGORIES
 from busybot.objects.partnet.annotation import FILE_NAME, annotation_faults
-from busybot.objects.partnet.folder_snapshot import Snapshot, read_snapshot
+from busybot.objects.partnet.folder_snapshot import read_snapshot
 from busybot.objects.partnet.loader import load_object
 from busybot.objects.partnet.meshes import check_meshes
 from busybot.objects.partnet.urdf import parse_urdf
+
+_IMPORT = "busybot assets import {} --out LIBRARY"
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ def _verdict(name: str, key: str | None, folder: Path) -> list[Finding]:
     try:
         if is_raw(folder):
             read_raw(folder)
-            return [Finding(name, f"{folder}: is raw: it has no {FILE_NAME}", _import_command(folder))]
+            return [Finding(name, f"{folder}: is raw: it has no {FILE_NAME}", _IMPORT.format(folder))]
         if key is None:
             load_object(folder)
         else:
@@ -81,10 +83,6 @@ def _verdict(name: str, key: str | None, folder: Path) -> list[Finding]:
     return [Finding(name)]
 
 
-def _import_command(folder: Path) -> str:
-    return f"busybot assets import {folder} --out LIBRARY"
-
-
 def _faults(folder: Path) -> Iterator[BusybotError]:
     """What can be found wrong with a folder's parts one by one."""
     try:
@@ -92,19 +90,15 @@ def _faults(folder: Path) -> Iterator[BusybotError]:
     except BusybotError:
         return
     if is_raw(folder):
-        yield BusybotError(f"{folder}: is raw: it has no {FILE_NAME}", f"when it is sound, {_import_command(folder)}")
+        yield BusybotError(f"{folder}: is raw: it has no {FILE_NAME}", f"when it is sound, {_IMPORT.format(folder)}")
     else:
         yield from annotation_faults(snapshot)
-    yield from _model_faults(snapshot)
-
-
-def _model_faults(snapshot: Snapshot) -> Iterator[BusybotError]:
     try:
-        urdf = parse_urdf(snapshot)
+        meshes = parse_urdf(snapshot).meshes
     except BusybotError as error:
         yield error
         return
-    for mesh in urdf.meshes:
+    for mesh in meshes:
         try:
             check_meshes(snapshot, (mesh,))
         except BusybotError as error:

@@ -5,6 +5,7 @@ never on disk, so no path and no link can lead out of the folder.
 """
 
 import hashlib
+import json
 import os
 import posixpath
 import re
@@ -12,6 +13,7 @@ import stat
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any, NoReturn
 
 from busybot.common.errors import BusybotError
 
@@ -43,11 +45,23 @@ class Snapshot:
             digest.update(data)
         return digest.hexdigest()
 
-    def require(self, name: str) -> bytes:
-        """The bytes of `name`; refused by name when absent."""
+    def refuse(self, name: str, what: str, hint: str) -> NoReturn:
+        raise BusybotError(f"{self.folder / name}: {what}", hint)
+
+    def require(self, name: str, limit: int, hint: str) -> bytes:
+        """The bytes of `name`; refused by name when absent or above `limit` bytes."""
         if name not in self.files:
-            raise BusybotError(f"{self.folder / name}: there is no such file", "copy the whole object folder again")
+            self.refuse(name, "there is no such file", "copy the whole object folder again")
+        if len(self.files[name]) > limit:
+            self.refuse(name, f"{len(self.files[name])} bytes are more than the {limit} allowed", hint)
         return self.files[name]
+
+    def parse_json(self, name: str, text: str | bytes, hint: str) -> Any:
+        """The JSON value of `text`, which `name` holds."""
+        try:
+            return json.loads(text)
+        except (ValueError, RecursionError) as error:
+            self.refuse(name, f"not valid JSON: {str(error)[:200]}", hint)
 
     def reference(self, source: str, target: str, limit: int) -> str:
         """The file that `source` refers to as `target`, relative to the folder of `source`.
@@ -55,25 +69,16 @@ class Snapshot:
         Raises:
             BusybotError: `target` has a scheme, is absolute, climbs out, is absent or above `limit` bytes.
         """
-        where = f"{self.folder / source}"
+        refers = f"refers to {target[:80]!r}, which"
         if not _PLAIN_NAME.fullmatch(target) or target.startswith("/"):
-            raise BusybotError(
-                f"{where}: refers to {target[:80]!r}, which is not a plain relative path",
-                "name a file inside the object's folder, without scheme, drive or backslash",
-            )
+            hint = "name a file inside the object's folder, without scheme, drive or backslash"
+            self.refuse(source, f"{refers} is not a plain relative path", hint)
         name = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
         if name == ".." or name.startswith("../"):
-            raise BusybotError(
-                f"{where}: refers to {target[:80]!r}, which leaves the object's folder", "copy the file inside"
-            )
+            self.refuse(source, f"{refers} leaves the object's folder", "copy the file inside")
         if name not in self.files:
-            raise BusybotError(
-                f"{where}: refers to {target[:80]!r}, which is missing", "add the file or remove the reference"
-            )
-        if len(self.files[name]) > limit:
-            raise BusybotError(
-                f"{self.folder / name}: {len(self.files[name])} bytes are more than the {limit} allowed", "simplify it"
-            )
+            self.refuse(source, f"{refers} is missing", "add the file or remove the reference")
+        self.require(name, limit, "simplify it")
         return name
 
 

@@ -1,15 +1,14 @@
 """From a folder to an `ObjectModel`: annotation, URDF and meshes, checked and brought together. No simulator."""
 
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal, NoReturn, cast
 
 import numpy as np
 
-from busybot.common.errors import BusybotError
 from busybot.objects.model import Effect, ObjectModel, TriggerLink, Vector
-from busybot.objects.partnet import annotation as annotations
-from busybot.objects.partnet.annotation import EffectEntry, parse_annotation
+from busybot.objects.partnet.annotation import FILE_NAME, EffectEntry, parse_annotation
 from busybot.objects.partnet.folder_snapshot import Snapshot, read_snapshot
 from busybot.objects.partnet.meshes import check_meshes
 from busybot.objects.partnet.urdf import Joint, bounds, flatter_first, link_vertices, parse_urdf
@@ -30,7 +29,8 @@ def load_object(folder: Path) -> ObjectModel:
     Raises:
         BusybotError: something is missing, malformed, monstrous or leads out of the folder; names file, place and hint.
     """
-    return _parse(_Hashed(read_snapshot(folder.absolute())))
+    snapshot = read_snapshot(folder.absolute())
+    return _parse(_Hashed(snapshot.folder, snapshot.sha256, [snapshot]))
 
 
 def parse_object(snapshot: Snapshot) -> ObjectModel:
@@ -38,25 +38,18 @@ def parse_object(snapshot: Snapshot) -> ObjectModel:
     return _Builder(snapshot).build()
 
 
+@dataclass(frozen=True)
 class _Hashed:
     """A snapshot that is equal to another when place and content are: the key of the cache."""
 
-    def __init__(self, snapshot: Snapshot):
-        self.snapshot: Snapshot | None = snapshot
-        self.key = (str(snapshot.folder), snapshot.sha256)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Hashed) and self.key == other.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
+    folder: Path
+    sha256: str
+    snapshot: list[Snapshot] = field(compare=False)
 
 
 @lru_cache(maxsize=1024)
 def _parse(hashed: _Hashed) -> ObjectModel:
-    snapshot, hashed.snapshot = hashed.snapshot, None  # the cache keeps the key, not the bytes
-    assert snapshot is not None
-    return parse_object(snapshot)
+    return parse_object(hashed.snapshot.pop())  # the cache keeps the key, not the bytes
 
 
 class _Builder:
@@ -67,7 +60,7 @@ class _Builder:
         self.annotation, self.urdf = parse_annotation(snapshot), parse_urdf(snapshot)
         self.meshes = check_meshes(snapshot, self.urdf.meshes, self.urdf.textures)
         if not any(self.urdf.visuals.values()):
-            raise BusybotError(f"{snapshot.folder / 'mobility.urdf'}: shows nothing", "give its links visual meshes")
+            snapshot.refuse("mobility.urdf", "shows nothing", "give its links visual meshes")
         x, y, z, w = self.annotation.Orientation
         self.orientation = (w, x, y, z)
 
@@ -99,7 +92,7 @@ class _Builder:
                 self.refuse(f"{place} {cause.JointId} is the fixed joint {joint.name!r}")
             if joint.child not in self.annotation.Movable_link:
                 self.refuse(f"{place} {cause.JointId} moves {joint.child!r}, which is not in Movable_link")
-            if joint.child not in self.urdf.visuals or not self.urdf.visuals[joint.child]:
+            if not self.urdf.visuals.get(joint.child):
                 self.refuse(f"{place} {cause.JointId} moves {joint.child!r}, which shows nothing")
             lower, upper = limits(joint)
             if upper - lower < 1e-6:
@@ -139,9 +132,6 @@ class _Builder:
         unit = self.annotation.Scale if joint.type == "prismatic" else 1.0  # board units
         return (closed * unit,), (opened * unit,)
 
-    def box(self, positions: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
-        return bounds(link_vertices(self.urdf, self.meshes, self.orientation, positions))
-
     def occupied(self, links: tuple[TriggerLink, ...], effect: Effect | None) -> tuple[Vector, Vector]:
         """The box around all states that triggers and responders can show; other joints rest."""
         states = [dict[str, float]()]
@@ -153,8 +143,8 @@ class _Builder:
             units = [1 / self.annotation.Scale if name in sliding else 1.0 for name in effect.joints]
             values = np.array([*(effect.single or ()), *(effect.multi or ())]) * units
             states = [dict(zip(effect.joints, value.tolist(), strict=True)) for value in values]
-        boxes = [self.box(state) for state in states]
-        low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
+        boxes = [bounds(link_vertices(self.urdf, self.meshes, self.orientation, state)) for state in states]
+        low, high = np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
         if not 1e-4 <= self.annotation.Scale * float((high - low).min()) <= 100:
             self.refuse(f"the object occupies {(high - low).round(6).tolist()} times Scale: flat or monstrous")
         return cast(Vector, tuple(low.tolist())), cast(Vector, tuple(high.tolist()))
@@ -165,10 +155,8 @@ class _Builder:
         return self.urdf.joints[number]
 
     def refuse(self, what: str) -> NoReturn:
-        raise BusybotError(
-            f"{self.snapshot.folder / annotations.FILE_NAME}: {what}",
-            "count joints from 0, fixed ones included, depth first from the root; correct what differs",
-        )
+        hint = "count joints from 0, fixed ones included, depth first from the root; correct what differs"
+        self.snapshot.refuse(FILE_NAME, what, hint)
 
 
 def _stages(entry: EffectEntry, channels: int | None) -> tuple[Pair | None, Triple | None]:

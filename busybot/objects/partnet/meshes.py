@@ -52,7 +52,7 @@ class _File:
         return re.sub(rb"\n[ \t]+", b"\n", b"\n" + self.raw + b"\n")
 
     def refuse(self, what: str, hint: str) -> NoReturn:
-        raise BusybotError(f"{self.snapshot.folder / self.name}: {what}", hint)
+        self.snapshot.refuse(self.name, what, hint)
 
     def check_text(self) -> None:
         breaks = np.flatnonzero(np.frombuffer(self.data, np.uint8) == ord("\n"))
@@ -72,6 +72,10 @@ class _File:
         found = dict.fromkeys(self.lines(re.escape(key)))
         return [value.strip().decode("utf-8", "backslashreplace") for value in found]
 
+    def libraries(self) -> list[str]:
+        """The material libraries that a mesh names."""
+        return [self.snapshot.reference(self.name, target, MAX_MATERIAL_BYTES) for target in self.values(b"mtllib")]
+
 
 def check_meshes(snapshot: Snapshot, meshes: tuple[str, ...], textures: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
     """Check meshes and all that they refer to; errors name the file and the hint.
@@ -87,10 +91,8 @@ def check_meshes(snapshot: Snapshot, meshes: tuple[str, ...], textures: tuple[st
         materials.update(dict.fromkeys(libraries))
     total = sum(map(len, vertices.values()))
     if total > MAX_OBJECT_VERTICES:
-        raise BusybotError(
-            f"{snapshot.folder}: {total} vertices are more than the {MAX_OBJECT_VERTICES} allowed",
-            "simplify the meshes",
-        )
+        what = f"{total} vertices are more than the {MAX_OBJECT_VERTICES} allowed"
+        raise BusybotError(f"{snapshot.folder}: {what}", "simplify the meshes")
     for name in materials:
         pictures.update(dict.fromkeys(_check_mtl(_File(snapshot, name))))
     for name in pictures:
@@ -100,29 +102,20 @@ def check_meshes(snapshot: Snapshot, meshes: tuple[str, ...], textures: tuple[st
 
 def material_files(snapshot: Snapshot, meshes: tuple[str, ...]) -> set[str]:
     """The material libraries and textures that these meshes, already checked, refer to."""
-    found: set[str] = set()
-    for name in meshes:
-        found |= {
-            snapshot.reference(name, target, MAX_MATERIAL_BYTES) for target in _File(snapshot, name).values(b"mtllib")
-        }
-    for name in tuple(found):
-        found.update(_check_mtl(_File(snapshot, name)))
-    return found
+    libraries = {library for name in meshes for library in _File(snapshot, name).libraries()}
+    return libraries.union(*(_check_mtl(_File(snapshot, name)) for name in libraries))
 
 
 def _check_obj(file: _File) -> tuple[np.ndarray, list[str]]:
     """The vertices and the material libraries."""
-    if len(file.raw) > MAX_MESH_BYTES:
-        file.refuse(f"{len(file.raw)} bytes are more than the {MAX_MESH_BYTES} allowed", "simplify the mesh")
+    file.snapshot.require(file.name, MAX_MESH_BYTES, "simplify the mesh")
     file.check_text()
     foreign = _FOREIGN.search(file.data)
     if foreign:
         file.refuse(f"has the statement {foreign[1][:40]!r}", "export it again as a plain polygon mesh")
     vertices = _check_vertices(file)
     _check_elements(file, len(vertices))
-    return vertices, [
-        file.snapshot.reference(file.name, target, MAX_MATERIAL_BYTES) for target in file.values(b"mtllib")
-    ]
+    return vertices, file.libraries()
 
 
 def _check_vertices(file: _File) -> np.ndarray:
@@ -131,12 +124,9 @@ def _check_vertices(file: _File) -> np.ndarray:
         file.refuse(f"{len(lines)} vertices are more than the {MAX_VERTICES} allowed", "simplify the mesh")
     values = _numbers(b"\n".join(lines))
     others = [_numbers(b"\n".join(file.lines(key))) for key in (b"vt", b"vn")]
+    plain = all(other is not None for other in others)
     # three coordinates, perhaps a weight or a colour
-    if (
-        values is None
-        or any(other is None for other in others)
-        or values.size not in [len(lines) * k for k in (3, 4, 6, 7)]
-    ):
+    if values is None or not plain or values.size not in [len(lines) * k for k in (3, 4, 6, 7)]:
         file.refuse("a vertex, normal or texture coordinate is not a list of numbers", "export the mesh again")
     for array in (values, *others):
         if array is not None and array.size and not np.abs(array).max() <= MAX_COORDINATE:

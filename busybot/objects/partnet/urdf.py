@@ -1,12 +1,10 @@
-"""The parts of a URDF that boards need: links, joints, the tree, and which files it names. No simulator.
+"""The parts of a URDF that boards need, and forward kinematics over mesh vertices. No simulator.
 
-Hostile or broken documents are refused by name: DTDs and entities, cycles, duplicate names, numbers that are
-not finite, monstrous counts, references out of the folder.
-
-Forward kinematics over mesh vertices: an object's parts for given joint positions. No simulator.
+Links, joints, the tree, and which files it names. Hostile or broken documents are refused by name: DTDs and entities,
+cycles, duplicate names, numbers that are not finite, monstrous counts, references out of the folder.
 
 The annotation's boxes cannot be trusted for placing: on most of the 58 objects y is mirrored (on lamps x too), the
-toys' boxes are too small. The layout of a board needs what the object really occupies.
+toys' boxes are too small. The layout of a board needs what the object really occupies, for given joint positions.
 """
 
 import math
@@ -20,7 +18,6 @@ import numpy as np
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
 
-from busybot.common.errors import BusybotError
 from busybot.objects.partnet.folder_snapshot import Snapshot
 
 FILE_NAME = "mobility.urdf"
@@ -134,15 +131,12 @@ class _Reader:
 
     def __init__(self, snapshot: Snapshot):
         self.snapshot = snapshot
-        self.path = snapshot.folder / FILE_NAME
 
     def refuse(self, what: str, hint: str = "correct the document") -> NoReturn:
-        raise BusybotError(f"{self.path}: {what}", hint)
+        self.snapshot.refuse(FILE_NAME, what, hint)
 
     def document(self) -> Element:
-        data = self.snapshot.require(FILE_NAME)
-        if len(data) > MAX_BYTES:
-            self.refuse(f"{len(data)} bytes are more than the {MAX_BYTES} allowed")
+        data = self.snapshot.require(FILE_NAME, MAX_BYTES, "correct the document")
         try:
             root: Element = fromstring(data, forbid_dtd=True)
         except DefusedXmlException as error:
@@ -151,10 +145,6 @@ class _Reader:
             self.refuse(f"not valid XML: {str(error)[:200]}")
         if root.tag != "robot":
             self.refuse(f"the root element is <{str(root.tag)[:40]}>, not <robot>")
-        self._check_size(root)
-        return root
-
-    def _check_size(self, root: Element) -> None:
         count, level = 0, [root]
         for _ in range(MAX_DEPTH):
             count += len(level)
@@ -163,6 +153,7 @@ class _Reader:
             self.refuse(f"elements are nested more than {MAX_DEPTH} deep")
         if count > MAX_ELEMENTS:
             self.refuse(f"{count} elements are more than the {MAX_ELEMENTS} allowed")
+        return root
 
     def name(self, element: Element) -> str:
         name = element.get("name", "")
@@ -206,9 +197,8 @@ class _Reader:
             if end is None or not end.get("link"):
                 self.refuse(f"joint {name!r} has no {tag} link")
             ends.append(str(end.get("link")))
-        lower = upper = None
-        if kind in ("revolute", "prismatic"):
-            lower, upper = self.limit(element, name, "lower"), self.limit(element, name, "upper")
+        limited = kind in ("revolute", "prismatic")
+        lower, upper = (self.limit(element, name, end) if limited else None for end in ("lower", "upper"))
         if lower is None or upper is None:
             lower = upper = None
         elif lower > upper:
@@ -260,8 +250,7 @@ class _Reader:
 
     def references(self, root: Element) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Every file that the document names, whatever the element: loaders may open any of them."""
-        meshes: dict[str, None] = {}
-        textures: dict[str, None] = {}
+        meshes, textures = dict[str, None](), dict[str, None]()
         for element in root.iter():
             self.check_numbers(element)
             target = element.get("filename")
@@ -275,9 +264,8 @@ class _Reader:
             elif element.tag == "texture":
                 textures[name] = None
             else:
-                self.refuse(
-                    f"<{str(element.tag)[:40]}> refers to {target[:80]!r}, which is no .obj mesh", "use .obj meshes"
-                )
+                what = f"<{str(element.tag)[:40]}> refers to {target[:80]!r}, which is no .obj mesh"
+                self.refuse(what, "use .obj meshes")
         return tuple(meshes), tuple(textures)
 
 
@@ -292,10 +280,9 @@ def parse_urdf(snapshot: Snapshot) -> Urdf:
     elements = root.findall("joint")
     visuals = sum(1 for tag in ("visual", "collision") for _ in root.iter(tag))
     if len(links) > MAX_LINKS or len(elements) > MAX_LINKS or visuals > MAX_VISUALS:
-        reader.refuse(
-            f"{len(links)} links, {len(elements)} joints, {visuals} visual and collision shapes; allowed are "
-            f"{MAX_LINKS}, {MAX_LINKS}, {MAX_VISUALS}"
-        )
+        allowed = f"allowed are {MAX_LINKS}, {MAX_LINKS}, {MAX_VISUALS}"
+        found = f"{len(links)} links, {len(elements)} joints, {visuals} visual and collision shapes"
+        reader.refuse(f"{found}; {allowed}")
     meshes, textures = reader.references(root)
     base, joints = reader.tree(links, [reader.joint(element) for element in elements])
     shapes = {reader.name(link): tuple(reader.shape(visual) for visual in link.findall("visual")) for link in linked}
@@ -357,9 +344,8 @@ def link_vertices(
 
 def bounds(vertices: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest corner, (3,) each, over all links."""
-    lows = [points.min(axis=0) for points in vertices.values()]
-    highs = [points.max(axis=0) for points in vertices.values()]
-    return np.min(lows, axis=0), np.max(highs, axis=0)
+    points = np.concatenate([*vertices.values()])
+    return points.min(axis=0), points.max(axis=0)
 
 
 def flatter_first(

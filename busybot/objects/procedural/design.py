@@ -4,12 +4,12 @@ Designs are in board units, upright: x right, y up in the picture, z to the came
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from busybot.objects.procedural.solids import Solid, joined
+from busybot.objects.procedural.cad import Solid, joined
 
 Vector = tuple[float, float, float]
 
@@ -89,26 +89,32 @@ class Design:
     directions: tuple[Vector, ...] = ()
     states: tuple[tuple[float, ...], ...] | None = None
     steps: tuple[tuple[float, ...], ...] | None = None
-    name: str = field(default="object")
+    name: str = "object"
 
 
 SWITCH_SCALE, LAMP_SCALE, DOOR_SCALE, TOY_SCALE = 0.25, 0.5, 0.4, 0.4
 """Like the annotated objects': with mass 10 and unit inertia before scaling, the links weigh as much as theirs."""
 
 
-def hinge_directions(along: Literal["x", "y"]) -> tuple[Vector, ...]:
-    """Annotated directions of things that tilt, or are pressed, in the plane of `along` and z."""
-    pairs = [(-1, 1), (1, -1), (-1, -1), (1, 1), (0, 1), (0, -1)]
-    return tuple((float(a), 0.0, float(z)) if along == "x" else (0.0, float(a), float(z)) for a, z in pairs)
+# Annotated directions of triggers: of what tilts or is pressed, in the plane of x or y and z; of what slides or is
+# thrown along x or y; of what turns about z and points along x.
+_TILTS = ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (1.0, 1.0), (0.0, 1.0), (0.0, -1.0))
+HINGE_X: tuple[Vector, ...] = tuple((across, 0.0, z) for across, z in _TILTS)
+HINGE_Y: tuple[Vector, ...] = tuple((0.0, across, z) for across, z in _TILTS)
+SLIDE_X: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0))
+SLIDE_Y: tuple[Vector, ...] = ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
+TURN_Z: tuple[Vector, ...] = (*SLIDE_Y, (1.0, 1.0, 0.0), (-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, 1.0, 0.0))
 
 
-def slide_directions(along: Literal["x", "y"]) -> tuple[Vector, ...]:
-    """Annotated directions of things that slide, or are thrown, along x or y."""
-    return ((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)) if along == "x" else ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0))
+def switch(
+    body: Sequence[Part], links: Sequence[MovingLink], directions: tuple[Vector, ...], quarters: int = 0
+) -> Design:
+    """A trigger, turned by quarter turns about z: on the board, switches are never turned."""
+    return facing(Design("Switch", SWITCH_SCALE, body, links, directions=directions), quarters)
 
 
 def facing(design: Design, quarters: int) -> Design:
-    """A trigger turned by quarter turns about z: on the board, switches are never turned."""
+    """The design turned by quarter turns about z."""
     cosine, sine = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarters % 4]
 
     def turned(vector: Vector) -> Vector:

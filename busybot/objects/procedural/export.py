@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from busybot.common.atomic_io import make_folder, write_new
+from busybot.objects.procedural.cad import Solid, joined
 from busybot.objects.procedural.design import Design, Material, MovingLink, Part, by_material, shifted
-from busybot.objects.procedural.solids import Solid, joined
 
 CREASE = np.cos(np.deg2rad(38.0))
 """Faces that meet at a smaller angle share their normals and look round."""
@@ -74,7 +74,7 @@ def _write_mesh(folder: Path, name: str, parts: Sequence[Part], factor: float) -
     groups = by_material(parts)
     for material, solid in groups:
         unique, index = _distinct(corner_normals(solid).reshape(-1, 3))
-        vertices = _clean(solid.vertices * factor, 4)
+        vertices = np.round(solid.vertices * factor, 4) + 0.0  # no negative zeros
         lines += [f"o {material.name}", f"usemtl {material.name}"]
         lines += [_rows("v %.4f %.4f %.4f", vertices), _rows("vn %.3f %.3f %.3f", unique)]
         corners = np.stack([solid.faces + vertex_base, index.reshape(-1, 3) + normal_base], axis=2)
@@ -98,10 +98,6 @@ def _distinct(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (parts - 1000) / 1000, index
 
 
-def _clean(values: np.ndarray, digits: int) -> np.ndarray:
-    return np.round(values, digits) + 0.0  # no negative zeros
-
-
 def _material(material: Material) -> str:
     color = " ".join(f"{channel:.4f}" for channel in material.color)
     gloss = f"{0.5 * material.shine:.4f}"
@@ -112,14 +108,14 @@ def _material(material: Material) -> str:
 def _urdf(design: Design) -> str:
     scale = design.scale
     lines = ['<?xml version="1.0"?>', f'<robot name="{design.name}">', f'  <link name="base">{_INERTIAL}</link>']
-    lines += _link("body", bool(design.body)) + _joint("joint_body", "fixed", "base", "body", (0, 0, 0))
+    lines += _link("body", bool(design.body)) + _joint("joint_body", "base", "body")
     for k, link in enumerate(design.links):
         parent = "body" if link.parent is None else f"link_{link.parent}"
         offset = np.asarray(link.origin) - (0 if link.parent is None else design.links[link.parent].origin)
         lines += _link(f"link_{k}", bool(link.parts))
-        lines += _joint(f"joint_{k}", link.joint_type, parent, f"link_{k}", offset / scale, link, scale)
+        lines += _joint(f"joint_{k}", parent, f"link_{k}", offset / scale, link, scale)
     if design.shade is not None:
-        lines += _link("shade", True) + _joint("joint_shade", "fixed", "body", "shade", (0, 0, 0))
+        lines += _link("shade", True) + _joint("joint_shade", "body", "shade")
     return "\n".join([*lines, "</robot>"]) + "\n"
 
 
@@ -131,14 +127,15 @@ def _link(name: str, visible: bool) -> list[str]:
 
 def _joint(
     name: str,
-    kind: str,
     parent: str,
     child: str,
-    origin: Sequence[float] | np.ndarray,
+    origin: np.ndarray | None = None,
     link: MovingLink | None = None,
     scale: float = 1.0,
 ) -> list[str]:
-    place = " ".join(f"{float(value) + 0.0:.6g}" for value in origin)
+    """A fixed joint at its parent's origin, or the one that moves `link`."""
+    kind = "fixed" if link is None else link.joint_type
+    place = " ".join(f"{float(value) + 0.0:.6g}" for value in (np.zeros(3) if origin is None else origin))
     lines = [f'  <joint name="{name}" type="{kind}">', f'    <origin xyz="{place}" rpy="0 0 0"/>']
     lines += [f'    <parent link="{parent}"/>', f'    <child link="{child}"/>']
     if link is not None:
@@ -152,56 +149,47 @@ def _joint(
 
 def _annotation(design: Design, low: list[float], high: list[float]) -> dict[str, Any]:
     category, _, instance = design.name.partition("_")
-    movable = {
-        f"link_{k}": {
-            "link_id": f"link_{k}",
-            "link_name": link.label,
-            "joint_type": "hinge" if link.joint_type == "revolute" else "slider",
-        }
-        for k, link in enumerate(design.links)
-        if link.kind
-    }
-    # joint 0 fixes the body to the base
-    causes = [
-        {"JointId": k + 1, "IsSmallCause": int(link.kind == "small"), "IsLargeCause": int(link.kind == "large")}
-        for k, link in enumerate(design.links)
-        if link.kind
-    ]
+    movable = [(k, link) for k, link in enumerate(design.links) if link.kind]
+    joint_types = {"revolute": "hinge", "prismatic": "slider"}
     return {
         "Category": category,
         "InstanceId": instance,
         "Scale": design.scale,
-        "Movable_link": movable,
+        "Movable_link": {
+            f"link_{k}": {"link_id": f"link_{k}", "link_name": link.label, "joint_type": joint_types[link.joint_type]}
+            for k, link in movable
+        },
         "Orientation": [0, 0, 0, 1],
         "MinBBox": low,
         "MaxBBox": high,
         "Offset_z": 0.0,
-        "Direction": [list(direction) for direction in design.directions] or None,
+        "Direction": design.directions or None,
         "Effect": _effects(design),
-        "Cause": causes,
+        # joint 0 fixes the body to the base
+        "Cause": [
+            {"JointId": k + 1, "IsSmallCause": int(link.kind == "small"), "IsLargeCause": int(link.kind == "large")}
+            for k, link in movable
+        ],
     }
 
 
 def _effects(design: Design) -> list[dict[str, Any]]:
+    joints, link, states, steps = list(range(1, len(design.links) + 1)), None, design.states, design.steps
     if design.shade is not None:
-        single, first, second = ([*map(float, color), 1.0] for color in design.shade.colors)
-        off = [0.0, 0.0, 0.0, 1.0]
-        effect: dict[str, Any] = {"Type": "link", "JointId": None, "LinkId": len(design.links) + 1}
-        return [
-            {**effect, "IsMultiEffect": 1, "Steps": [off, first, second], "IsSingleEffect": 1, "States": [off, single]}
-        ]
-    if design.states is None and design.steps is None:
+        single, first, second = ((*map(float, color), 1.0) for color in design.shade.colors)
+        off = (0.0, 0.0, 0.0, 1.0)
+        joints, link, states, steps = [], len(design.links) + 1, (off, single), (off, first, second)
+    if states is None and steps is None:
         return []
-    joints = list(range(1, len(design.links) + 1))
     return [
         {
-            "Type": "joint",
-            "JointId": joints if len(joints) > 1 else joints[0],
-            "LinkId": None,
-            "IsMultiEffect": int(design.steps is not None),
-            "Steps": [list(step) for step in design.steps] if design.steps else None,
-            "IsSingleEffect": int(design.states is not None),
-            "States": [list(state) for state in design.states] if design.states else None,
+            "Type": "joint" if link is None else "link",
+            "JointId": joints if len(joints) > 1 else next(iter(joints), None),
+            "LinkId": link,
+            "IsMultiEffect": int(steps is not None),
+            "Steps": steps,
+            "IsSingleEffect": int(states is not None),
+            "States": states,
         }
     ]
 

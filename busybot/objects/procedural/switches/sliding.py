@@ -2,35 +2,11 @@
 
 import numpy as np
 
-from busybot.objects.procedural import fixtures as hardware
-from busybot.objects.procedural import palette
-from busybot.objects.procedural.bases import clutter, corners, ground
-from busybot.objects.procedural.design import (
-    SWITCH_SCALE,
-    Design,
-    MovingLink,
-    Part,
-    facing,
-    shifted,
-    slide_directions,
-)
-from busybot.objects.procedural.fixtures import Kind, slid
+from busybot.objects.procedural import cad, fixtures, palette
+from busybot.objects.procedural.design import SLIDE_X, Design, MovingLink, Part, shifted, switch
+from busybot.objects.procedural.fixtures import clutter, corners, ground, row, slid
 from busybot.objects.procedural.grips import GRIPS, grip, lying, rod
 from busybot.objects.procedural.palette import pick
-from busybot.objects.procedural.solids import (
-    ball,
-    bent,
-    box,
-    circle,
-    frame,
-    lathe,
-    prism,
-    rectangle,
-    torus,
-    tube,
-)
-
-DIRECTIONS = slide_directions("x")
 
 
 def thumb(variant: int, rng: np.random.Generator) -> Design:
@@ -39,55 +15,48 @@ def thumb(variant: int, rng: np.random.Generator) -> Design:
     width, height = travel + 2 * size + 0.11, (0.17, 0.22, 0.26)[variant % 3]
     base = ground(width, height, variant + 2, rng)
     metal = pick(rng, (*palette.METALS, palette.BLACK), unlike=base.cover)
-    groove = hardware.slot(travel + 2.2 * size, (0.6 + 0.3 * (variant % 3)) * size, metal, 0.01)
+    groove = fixtures.slot(travel + 2.2 * size, (0.6 + 0.3 * (variant % 3)) * size, metal, 0.01)
     body = [*base.parts, *shifted(groove, (0, 0, base.top - 0.001))]
     body += clutter(base, corners(width, height), rng) if variant % 5 != 2 else []
     color = pick(rng, (*palette.ACCENTS, palette.WHITE, palette.BLACK), unlike=base.cover)
     parts = grip(GRIPS[variant % len(GRIPS)], size, color, metal)
-    kind: Kind = "large" if travel > 0.16 else "small"
-    design = Design(
-        "Switch", SWITCH_SCALE, body, [slid(parts, (0, 0, base.top + 0.011), travel, kind)], directions=DIRECTIONS
-    )
-    return facing(design, variant + variant // 4)
+    link = slid(parts, (0, 0, base.top + 0.011), travel, "large" if travel > 0.16 else "small")
+    return switch(body, [link], SLIDE_X, variant + variant // 4)
 
 
 def tram(variant: int, rng: np.random.Generator) -> Design:
     """A carriage that rides on one raised beam between buffers."""
     travel, span = (0.20, 0.13, 0.24)[variant % 3], (0.36, 0.30, 0.40)[variant % 3]
     base = ground(span + 0.06, (0.18, 0.15, 0.21)[variant % 3], (0, 1, 2)[variant % 3], rng)
-    beam = (box(span, 0.05, 0.035, 0.006), box(span, 0.03, 0.05, 0.006), lying(0.022, span).turned("z", np.pi / 2))
+    beam = (
+        cad.box(span, 0.05, 0.035, 0.006),
+        cad.box(span, 0.03, 0.05, 0.006),
+        lying(0.022, span).turned("z", np.pi / 2),
+    )
     lift = (0.0, 0.0, 0.028)[variant % 3]
     metal = pick(rng, palette.METALS, unlike=base.cover)
     body = [*base.parts, Part(beam[variant % 3].moved(z=base.top - 0.001 + lift), metal)]
     wood = pick(rng, palette.WOODS, unlike=base.cover)
     for x in (-span / 2, span / 2):
-        body.append(Part(box(0.026, 0.10, 0.065, 0.008).moved(x, 0, base.top - 0.001), wood))
+        body.append(Part(cad.box(0.026, 0.10, 0.065, 0.008).moved(x, 0, base.top - 0.001), wood))
     color = pick(rng, palette.ACCENTS, unlike=base.cover)
     high = (0.036, 0.05, 0.05)[variant % 3]
-    parts = [Part(box(0.085, (0.10, 0.075, 0.12)[variant % 3], 0.03, 0.009).moved(z=high - 0.008), color)]
-    parts += [Part(box(0.085, 0.016, high + 0.01, 0.004).moved(0, s * 0.04, 0.003), color) for s in (-1, 1)]
-    top = (head_post, head_rail, head_none)[variant % 3]
-    parts += top(high + 0.02)
-    kind: Kind = "small" if variant % 3 == 1 else "large"
-    design = Design("Switch", SWITCH_SCALE, body, [slid(parts, (0, 0, base.top), travel, kind)], directions=DIRECTIONS)
-    return facing(design, variant + variant // 3)
+    parts = [Part(cad.box(0.085, (0.10, 0.075, 0.12)[variant % 3], 0.03, 0.009).moved(z=high - 0.008), color)]
+    parts += [Part(cad.box(0.085, 0.016, high + 0.01, 0.004).moved(0, s * 0.04, 0.003), color) for s in (-1, 1)]
+    parts += _tram_top(variant, high + 0.02)
+    link = slid(parts, (0, 0, base.top), travel, "small" if variant % 3 == 1 else "large")
+    return switch(body, [link], SLIDE_X, variant + variant // 3)
 
 
-def head_post(z: float) -> list[Part]:
-    """A short post with a disc."""
-    post = lathe([(0.016, 0), (0.014, 0.03), (0.032, 0.034), (0.032, 0.048), (0.026, 0.052), (0, 0.052)], 20)
-    return [Part(post.moved(z=z), palette.IVORY)]
-
-
-def head_rail(z: float) -> list[Part]:
-    """A low handle across."""
-    path = [(0.0, -0.03, 0.0), (0.0, -0.03, 0.035), (0.0, 0.03, 0.035), (0.0, 0.03, 0.0)]
-    return [Part(tube(bent(path, 0.015), 0.009, 10).moved(z=z), palette.IRON)]
-
-
-def head_none(z: float) -> list[Part]:
-    """Two grooves to feel."""
-    return [Part(box(0.008, 0.08, 0.003).moved(x, 0, z - 0.0005), palette.SHADOW) for x in (-0.016, 0.016)]
+def _tram_top(variant: int, z: float) -> list[Part]:
+    """A short post with a disc, a low handle across, or two grooves to feel."""
+    if variant % 3 == 0:
+        post = cad.lathe([(0.016, 0), (0.014, 0.03), (0.032, 0.034), (0.032, 0.048), (0.026, 0.052), (0, 0.052)], 20)
+        return [Part(post.moved(z=z), palette.IVORY)]
+    if variant % 3 == 1:
+        path = [(0.0, -0.03, 0.0), (0.0, -0.03, 0.035), (0.0, 0.03, 0.035), (0.0, 0.03, 0.0)]
+        return [Part(cad.pipe(cad.bent(path, 0.015), 0.009, 10).moved(z=z), palette.IRON)]
+    return [Part(cad.box(0.008, 0.08, 0.003).moved(x, 0, z - 0.0005), palette.SHADOW) for x in (-0.016, 0.016)]
 
 
 def channel(variant: int, rng: np.random.Generator) -> Design:
@@ -98,20 +67,15 @@ def channel(variant: int, rng: np.random.Generator) -> Design:
     base = ground(span + 0.06, inner + 0.12, (0, 1, 2)[variant % 3], rng, palette.WOODS)
     color = pick(rng, (*palette.ACCENTS, palette.WHITE), unlike=base.cover)
     rails = pick(rng, (*palette.WOODS, palette.GRAPHITE, palette.NAVY), unlike=base.cover)
-    body = [*base.parts, Part(box(span, inner, 0.003).moved(z=base.top - 0.001), palette.SHADOW)]
-    for side in (-1, 1):
-        body.append(
-            Part(box(span + 0.02, 0.026, wall, 0.006).moved(0, side * (inner / 2 + 0.014), base.top - 0.001), rails)
-        )
+    body = [*base.parts, Part(cad.box(span, inner, 0.003).moved(z=base.top - 0.001), palette.SHADOW)]
+    rail = cad.box(span + 0.02, 0.026, wall, 0.006)
+    body += [Part(rail.moved(0, s * (inner / 2 + 0.014), base.top - 0.001), rails) for s in (-1, 1)]
     high = wall + (0.02, -0.012, 0.035)[variant % 3]
-    parts = [Part(box(block, inner - 0.012, high, 0.010), color)]
-    mark = (circle(0.02, 20), rectangle(0.014, inner - 0.035, 0.004), rectangle(0.04, 0.04, 0.008))[variant % 3]
-    parts.append(Part(prism(mark, high - 0.002, high + 0.006, bevel=0.002), palette.IVORY))
-    kind: Kind = "large" if variant % 3 == 1 else "small"
-    design = Design(
-        "Switch", SWITCH_SCALE, body, [slid(parts, (0, 0, base.top + 0.003), travel, kind)], directions=DIRECTIONS
-    )
-    return facing(design, variant)
+    parts = [Part(cad.box(block, inner - 0.012, high, 0.010), color)]
+    marks = (cad.circle(0.02, 20), cad.rectangle(0.014, inner - 0.035, 0.004), cad.rectangle(0.04, 0.04, 0.008))
+    parts.append(Part(cad.prism(marks[variant % 3], high - 0.002, high + 0.006, bevel=0.002), palette.IVORY))
+    link = slid(parts, (0, 0, base.top + 0.003), travel, "large" if variant % 3 == 1 else "small")
+    return switch(body, [link], SLIDE_X, variant)
 
 
 def beads(variant: int, rng: np.random.Generator) -> Design:
@@ -122,17 +86,16 @@ def beads(variant: int, rng: np.random.Generator) -> Design:
     wood = pick(rng, palette.WOODS)
     base = ground(span + 0.07, across + 0.02, (0, 2, 1)[variant % 3], rng)
     z = base.top + radius + 0.014
-    ends = [box(0.028, across, z - base.top + 0.024, 0.008).moved(s * span / 2, 0, base.top - 0.001) for s in (-1, 1)]
-    body, links = [*base.parts, *(Part(end, wood) for end in ends)], []
-    for k in range(count):
-        y = pitch * (k - (count - 1) / 2)
+    end = cad.box(0.028, across, z - base.top + 0.024, 0.008)
+    ends = [Part(end.moved(s * span / 2, 0, base.top - 0.001), wood) for s in (-1, 1)]
+    body, links = [*base.parts, *ends], []
+    for k, y in enumerate(row(count, pitch)):
         body.append(Part(rod((-span / 2, y, z), (span / 2, y, z), 0.010), palette.CHROME))
         color = palette.ACCENTS[(2 * k + 3 * variant) % len(palette.ACCENTS)]
-        bead = ball(radius, 22, 12).stretched(x=(1.0, 1.35, 0.8)[variant % 3])
-        band = torus(radius, 0.006, 22, 6).turned("y", np.pi / 2)
-        parts = [Part(bead, color), Part(band, palette.IVORY)]
-        links.append(slid(parts, (0, y, z), travel))
-    return facing(Design("Switch", SWITCH_SCALE, body, links, directions=DIRECTIONS), variant)
+        bead = cad.ball(radius, 22, 12).stretched(x=(1.0, 1.35, 0.8)[variant % 3])
+        band = cad.torus(radius, 0.006, 22, 6).turned("y", np.pi / 2)
+        links.append(slid([Part(bead, color), Part(band, palette.IVORY)], (0, y, z), travel))
+    return switch(body, links, SLIDE_X, variant)
 
 
 def faders(variant: int, rng: np.random.Generator) -> Design:
@@ -141,15 +104,14 @@ def faders(variant: int, rng: np.random.Generator) -> Design:
     travel, size = (0.13, 0.10, 0.15)[variant % 3], (0.030, 0.036, 0.027)[variant % 3]
     across = pitch * count + 0.06
     base = ground(travel + 0.15, across, (0, 3, 1)[variant % 3], rng)
-    body, links = list(base.parts), list[MovingLink]()
+    body, links = list(base.parts), []
     metal = pick(rng, (palette.STEEL, palette.BLACK, palette.BRASS), unlike=base.cover)
-    for k in range(count):
-        y = pitch * (k - (count - 1) / 2)
-        body += shifted(hardware.slot(travel + 2.2 * size, 0.018, metal, 0.007), (0, y, base.top - 0.001))
+    for k, y in enumerate(row(count, pitch)):
+        body += shifted(fixtures.slot(travel + 2.2 * size, 0.018, metal, 0.007), (0, y, base.top - 0.001))
         color = palette.ACCENTS[(3 * k + variant) % len(palette.ACCENTS)]
         parts = grip(("saddle", "fin", "barrel")[variant % 3], size, color, metal)
         links.append(slid(parts, (0, y, base.top + 0.010), travel))
-    return facing(Design("Switch", SWITCH_SCALE, body, links, directions=DIRECTIONS), variant + 1)
+    return switch(body, links, SLIDE_X, variant + 1)
 
 
 def drawer(variant: int, rng: np.random.Generator) -> Design:
@@ -157,30 +119,23 @@ def drawer(variant: int, rng: np.random.Generator) -> Design:
     length, width, tall = (0.16, 0.13)[variant % 2], (0.20, 0.14)[variant % 2], (0.085, 0.11)[variant % 2]
     travel = (0.11, 0.09)[variant % 2]
     wood = pick(rng, palette.WOODS)
-    foot = prism(rectangle(length + travel + 0.10, width + 0.08, 0.012), 0, 0.022, bevel=0.007)
+    foot = cad.prism(cad.rectangle(length + travel + 0.10, width + 0.08, 0.012), 0, 0.022, bevel=0.007)
     x = -travel / 2 - 0.01
     body = [Part(foot, pick(rng, (palette.SAGE, palette.NAVY, palette.IVORY, palette.BLUSH)))]
-    body.append(Part(box(length, 0.016, tall, 0.004).moved(x, width / 2 + 0.008, 0.02), wood))
-    body.append(Part(box(length, 0.016, tall, 0.004).moved(x, -width / 2 - 0.008, 0.02), wood))
-    body.append(Part(box(0.016, width + 0.03, tall, 0.004).moved(x - length / 2, 0, 0.02), wood))
-    body.append(Part(box(length - 0.03, width + 0.05, 0.016, 0.005).moved(x - 0.025, 0, 0.018 + tall), wood))
+    body.append(Part(cad.box(length, 0.016, tall, 0.004).moved(x, width / 2 + 0.008, 0.02), wood))
+    body.append(Part(cad.box(length, 0.016, tall, 0.004).moved(x, -width / 2 - 0.008, 0.02), wood))
+    body.append(Part(cad.box(0.016, width + 0.03, tall, 0.004).moved(x - length / 2, 0, 0.02), wood))
+    body.append(Part(cad.box(length - 0.03, width + 0.05, 0.016, 0.005).moved(x - 0.025, 0, 0.018 + tall), wood))
     color = pick(rng, palette.ACCENTS, unlike=wood)
-    outer, inner = rectangle(length - 0.02, width - 0.01, 0.004), rectangle(length - 0.05, width - 0.04, 0.004)
-    parts = [
-        Part(frame(outer, inner, 0, tall - 0.02, 0.003), wood),
-        Part(prism(inset_box(length, width), 0, 0.006), palette.BLUSH),
-    ]
-    parts.append(Part(box(0.022, width - 0.004, tall - 0.012, 0.006).moved(length / 2 - 0.006), color))
-    knob = lathe([(0.014, 0), (0.014, 0.016), (0.034, 0.024), (0.037, 0.042), (0.026, 0.054), (0, 0.056)], 20)
+    outer, inner = cad.rectangle(length - 0.02, width - 0.01, 0.004), cad.rectangle(length - 0.05, width - 0.04, 0.004)
+    floor = cad.prism(cad.rectangle(length - 0.03, width - 0.02, 0.004), 0, 0.006)
+    parts = [Part(cad.frame(outer, inner, 0, tall - 0.02, 0.003), wood), Part(floor, palette.BLUSH)]
+    parts.append(Part(cad.box(0.022, width - 0.004, tall - 0.012, 0.006).moved(length / 2 - 0.006), color))
+    knob = cad.lathe([(0.014, 0), (0.014, 0.016), (0.034, 0.024), (0.037, 0.042), (0.026, 0.054), (0, 0.056)], 20)
     parts.append(Part(knob.turned("y", np.pi / 2).moved(length / 2, 0, 0.5 * tall), palette.BRASS))
     at = (x, 0.0, 0.025)
     link = MovingLink(shifted(parts, at), "prismatic", at, (1, 0, 0), 0.0, travel, "small", "drawer")
-    return facing(Design("Switch", SWITCH_SCALE, body, [link], directions=DIRECTIONS), 3 + 2 * variant)
-
-
-def inset_box(length: float, width: float) -> np.ndarray:
-    """The floor of a drawer."""
-    return rectangle(length - 0.03, width - 0.02, 0.004)
+    return switch(body, [link], SLIDE_X, 3 + 2 * variant)
 
 
 def shutter(variant: int, rng: np.random.Generator) -> Design:
@@ -188,43 +143,36 @@ def shutter(variant: int, rng: np.random.Generator) -> Design:
     travel, width = (0.12, 0.09)[variant % 2], (0.14, 0.20)[variant % 2]
     span = 2 * travel + 0.11
     base = ground(span + 0.05, width + 0.09, (3, 0)[variant % 2], rng)
-    glass = prism(rectangle(travel + 0.01, width - 0.03, 0.01), 0, 0.006, bevel=0.002)
+    glass = cad.prism(cad.rectangle(travel + 0.01, width - 0.03, 0.01), 0, 0.006, bevel=0.002)
     body = [*base.parts, Part(glass.moved(-travel / 2 - 0.02, 0, base.top - 0.001), palette.GLASS)]
-    body += [
-        Part(box(span, 0.02, 0.030, 0.006).moved(0, s * width / 2, base.top - 0.001), palette.STEEL) for s in (-1, 1)
-    ]
+    guide = cad.box(span, 0.02, 0.030, 0.006)
+    body += [Part(guide.moved(0, s * width / 2, base.top - 0.001), palette.STEEL) for s in (-1, 1)]
     color = pick(rng, palette.ACCENTS, unlike=base.cover)
-    parts = [Part(prism(rectangle(travel + 0.05, width - 0.024, 0.01), 0, 0.014, bevel=0.004), color)]
-    handle = (box(0.016, 0.6 * width, 0.03, 0.005), lathe([(0.024, 0), (0.02, 0.02), (0.028, 0.03), (0, 0.034)], 20))
-    parts.append(Part(handle[variant % 2].moved(0.3 * travel, 0, 0.012), palette.IVORY))
-    design = Design(
-        "Switch", SWITCH_SCALE, body, [slid(parts, (0, 0, base.top + 0.008), travel)], directions=DIRECTIONS
-    )
-    return facing(design, variant + 2)
+    parts = [Part(cad.prism(cad.rectangle(travel + 0.05, width - 0.024, 0.01), 0, 0.014, bevel=0.004), color)]
+    knob = cad.lathe([(0.024, 0), (0.02, 0.02), (0.028, 0.03), (0, 0.034)], 20)
+    handle = knob if variant % 2 else cad.box(0.016, 0.6 * width, 0.03, 0.005)
+    parts.append(Part(handle.moved(0.3 * travel, 0, 0.012), palette.IVORY))
+    return switch(body, [slid(parts, (0, 0, base.top + 0.008), travel)], SLIDE_X, variant + 2)
 
 
 def strap(variant: int, rng: np.random.Generator) -> Design:
     """A flat bar under flat straps, moved by an upright tab."""
-    span, travel, broad = (
-        (0.34, 0.28, 0.40)[variant % 3],
-        (0.12, 0.09, 0.19)[variant % 3],
-        (0.05, 0.075, 0.035)[variant % 3],
-    )
+    span, travel, broad = ((0.34, 0.12, 0.05), (0.28, 0.09, 0.075), (0.40, 0.19, 0.035))[variant % 3]
     base = ground(span + 0.10, broad + 0.13, (0, 2, 1)[variant % 3], rng)
     metal = pick(rng, palette.METALS, unlike=base.cover)
     body, z = list(base.parts), base.top + 0.004
     for x in (-0.36 * span, 0.36 * span):
-        bridge = box(0.034, broad + 0.06, 0.010, 0.003).moved(x, 0, z + 0.024)
-        feet = [box(0.034, 0.022, 0.036, 0.004).moved(x, s * (broad / 2 + 0.02), base.top - 0.001) for s in (-1, 1)]
+        bridge = cad.box(0.034, broad + 0.06, 0.010, 0.003).moved(x, 0, z + 0.024)
+        feet = [cad.box(0.034, 0.022, 0.036, 0.004).moved(x, s * (broad / 2 + 0.02), base.top - 0.001) for s in (-1, 1)]
         body += [Part(solid, metal) for solid in (bridge, *feet)]
     color = pick(rng, (*palette.ACCENTS, palette.BLACK), unlike=base.cover)
-    parts = [
-        Part(
-            box(span - travel + 0.13, broad, 0.018, 0.005), pick(rng, (palette.STEEL, palette.IRON), unlike=base.cover)
-        )
-    ]
-    tab = (box(0.026, broad, 0.075, 0.008), box(0.07, 0.7 * broad, 0.04, 0.01), lying(0.026, 0.08).moved(z=0.035))
+    bar = cad.box(span - travel + 0.13, broad, 0.018, 0.005)
+    parts = [Part(bar, pick(rng, (palette.STEEL, palette.IRON), unlike=base.cover))]
+    tab = (
+        cad.box(0.026, broad, 0.075, 0.008),
+        cad.box(0.07, 0.7 * broad, 0.04, 0.01),
+        lying(0.026, 0.08).moved(z=0.035),
+    )
     parts.append(Part(tab[variant % 3].moved(z=0.014), color))
-    kind: Kind = "large" if variant % 3 == 2 else "small"
-    design = Design("Switch", SWITCH_SCALE, body, [slid(parts, (0, 0, z), travel, kind)], directions=DIRECTIONS)
-    return facing(design, variant + 1)
+    link = slid(parts, (0, 0, z), travel, "large" if variant % 3 == 2 else "small")
+    return switch(body, [link], SLIDE_X, variant + 1)

@@ -59,14 +59,13 @@ def rectangle(width: float, height: float, radius: float = 0.0, corner: int = 4)
     arc = radius * np.stack([np.cos(quarter), np.sin(quarter)], axis=1)
     parts = []
     for k, (sx, sy) in enumerate([(1, 1), (-1, 1), (-1, -1), (1, -1)]):
-        turn = np.array(
-            [[np.cos(k * np.pi / 2), np.sin(k * np.pi / 2)], [-np.sin(k * np.pi / 2), np.cos(k * np.pi / 2)]]
-        )
+        cosine, sine = np.cos(k * np.pi / 2), np.sin(k * np.pi / 2)
+        turn = np.array([[cosine, sine], [-sine, cosine]])
         parts.append(arc @ turn + np.array([sx * (width / 2 - radius), sy * (height / 2 - radius)]))
     return np.concatenate(parts)
 
 
-def star(radius: float, depth: float, lobes: int, points_per_lobe: int = 8) -> np.ndarray:
+def wavy(radius: float, depth: float, lobes: int, points_per_lobe: int = 8) -> np.ndarray:
     """A wavy circle: radius plus or minus `depth`; knurls with many lobes, petals with few."""
     angle = np.arange(lobes * points_per_lobe) * 2 * np.pi / (lobes * points_per_lobe)
     distance = radius + depth * np.cos(lobes * angle)
@@ -123,21 +122,22 @@ def _bands(count: int, here: np.ndarray, ahead: np.ndarray, points: int) -> list
     return faces
 
 
-def _rounding(size: float, steps: int) -> list[tuple[float, float]]:
-    """Insets and heights below the top of a quarter round, from the side to the top."""
-    angles = np.linspace(0, np.pi / 2, steps + 1)
-    return [(size * (1 - float(np.cos(a))), size * (1 - float(np.sin(a)))) for a in angles]
+def _edge(
+    outline: np.ndarray, z: float, size: float, steps: int, inwards: float = 1.0, upwards: float = 1.0
+) -> list[np.ndarray]:
+    """Rings of a quarter round from the side of an outline to its flat face at `z`; a single one if `size` is 0."""
+    if not size:
+        return [ring(outline, z)]
+    angles = np.linspace(0, np.pi / 2, steps + 1).tolist()
+    rounding = [(size * (1 - float(np.cos(a))), size * (1 - float(np.sin(a)))) for a in angles]
+    return [ring(inset(outline, inwards * distance), z - upwards * drop) for distance, drop in rounding]
 
 
 def prism(
     outline: np.ndarray, bottom: float, top: float, bevel: float = 0.0, foot: float = 0.0, steps: int = 2
 ) -> Solid:
     """An upright prism with a rounded upper edge (`bevel`) and lower edge (`foot`)."""
-    rings = [ring(inset(outline, d), bottom + h) for d, h in _rounding(foot, steps)[::-1]] if foot else []
-    if not rings:
-        rings = [ring(outline, bottom)]
-    rings += [ring(inset(outline, d), top - h) for d, h in _rounding(bevel, steps)] if bevel else [ring(outline, top)]
-    return loft(rings)
+    return loft([*_edge(outline, bottom, foot, steps, upwards=-1)[::-1], *_edge(outline, top, bevel, steps)])
 
 
 def box(x: float, y: float, z: float, bevel: float = 0.0) -> Solid:
@@ -147,10 +147,8 @@ def box(x: float, y: float, z: float, bevel: float = 0.0) -> Solid:
 
 def frame(outer: np.ndarray, inner: np.ndarray, bottom: float, top: float, bevel: float = 0.0, steps: int = 2) -> Solid:
     """A prism with a hole; the outlines must have equally many points that match by index."""
-    rings = [ring(outer, bottom)]
-    rings += [ring(inset(outer, d), top - h) for d, h in _rounding(bevel, steps)] if bevel else [ring(outer, top)]
-    edge = [ring(inset(inner, -d), top - h) for d, h in _rounding(bevel, steps)] if bevel else [ring(inner, top)]
-    return closed_loft([*rings, *edge[::-1], ring(inner, bottom)])
+    inside = [*_edge(inner, top, bevel, steps, inwards=-1)[::-1], ring(inner, bottom)]
+    return closed_loft([ring(outer, bottom), *_edge(outer, top, bevel, steps), *inside])
 
 
 def matching_circle(outline: np.ndarray, radius: float) -> np.ndarray:
@@ -160,12 +158,9 @@ def matching_circle(outline: np.ndarray, radius: float) -> np.ndarray:
 
 def lathe(profile: Profile, points: int = 28) -> Solid:
     """Turn (radius, z) pairs, from bottom to top on the outside, about z. A radius of 0 at an end makes a tip."""
-    tips: list[np.ndarray | None] = [None, None]
     kept = list(profile)
-    for end, index in ((0, 0), (1, -1)):
-        if kept[index][0] == 0:
-            tips[end] = np.array([0.0, 0.0, kept.pop(index)[1]])
-    return loft([ring(circle(radius, points), z) for radius, z in kept], (tips[0], tips[1]))
+    low, high = (np.array([0.0, 0.0, kept.pop(end)[1]]) if kept[end][0] == 0 else None for end in (0, -1))
+    return loft([ring(circle(radius, points), z) for radius, z in kept], (low, high))
 
 
 def smooth(profile: Profile, samples: int = 4) -> list[tuple[float, float]]:
@@ -211,7 +206,7 @@ def sweep(path: np.ndarray, section: np.ndarray) -> Solid:
     return loft(rings)
 
 
-def tube(path: Sequence[tuple[float, float, float]] | np.ndarray, radius: float, points: int = 10) -> Solid:
+def pipe(path: Sequence[tuple[float, float, float]] | np.ndarray, radius: float, points: int = 10) -> Solid:
     """A round wire along a path."""
     return sweep(np.asarray(path, dtype=np.float64), circle(radius, points))
 

@@ -19,7 +19,7 @@ from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
 from busybot.episodes.digests import Digests, episode_digests
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap import messages as topics
+from busybot.episodes.mcap import channels
 from busybot.episodes.mcap.reader import decode_episode
 from busybot.episodes.mcap.records import parse_records, read_records
 from busybot.episodes.schema import STEP_FIELDS, arrow_schema
@@ -43,7 +43,7 @@ def episode_rows(path: Path, index: int, data: bytes | None = None) -> dict[str,
     """
     records = read_records(path) if data is None else parse_records(data, str(path))
     episode = decode_episode(records, str(path), "lazy")
-    metadata = records.metadata[topics.METADATA]
+    metadata = records.metadata[channels.METADATA]
     about = FileFacts(records.size, metadata.get("image_format", ""), metadata["schema_version"])
     return rows_of(episode, index, about, episode_digests(episode))
 

@@ -9,10 +9,13 @@ import shlex
 import struct
 import zlib
 from collections import defaultdict
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import zstandard
+from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
@@ -22,6 +25,11 @@ from busybot.common.errors import BusybotError
 MAX_FILE_BYTES = 1 << 30
 MAX_CONTENT_BYTES = 2 << 30
 MAGIC = b"\x89MCAP0\r\n"
+FAULTS = (
+    *(McapError, zstandard.ZstdError, struct.error, DecodeError, ValueError, KeyError, IndexError, TypeError),
+    *(OverflowError, RecursionError, MemoryError),
+)
+"""What the libraries raise at damaged bytes, or at values that should not be there."""
 
 _SUMMARY_CRC_AND_MAGIC = 12
 
@@ -31,14 +39,14 @@ class Records:
     """What a file holds.
 
     Attributes:
-        messages: topic to (log time in ns, payload) in the order of the file.
+        messages: topic to payloads in the order of the file.
         schemas: topic to the name of its schema.
         metadata: name to keys and values; attachments: name to bytes.
         size: bytes of the file.
     """
 
     size: int
-    messages: dict[str, list[tuple[int, bytes]]] = field(default_factory=lambda: defaultdict(list))
+    messages: dict[str, list[bytes]] = field(default_factory=lambda: defaultdict(list))
     schemas: dict[str, str] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
@@ -55,24 +63,33 @@ def read_records(path: Path) -> Records:
 
 def parse_records(data: bytes, where: str) -> Records:
     """All records in a file's bytes; `where` names it in messages, see `read_records`."""
-    if data and not data.startswith(MAGIC[: len(data)]):
-        raise BusybotError(f"{where}: not an MCAP file", hint_of(where))
-    try:
+    with refusing(where, "not a whole MCAP file"):
         return _parse(data)
-    except BusybotError as error:
-        raise BusybotError(f"{where}: {error.what}", hint_of(where)) from None
-    except (McapError, ValueError, struct.error, zstandard.ZstdError, KeyError, OverflowError, MemoryError) as error:
-        reason = str(error) or "it ends too early"
-        raise BusybotError(f"{where}: not a whole MCAP file: {reason}", hint_of(where)) from None
 
 
-def hint_of(where: str) -> str:
-    """What to do about a damaged episode; names its dataset where the path tells it."""
+@contextmanager
+def refusing(where: str, what: str) -> Iterator[None]:
+    """Tell whatever a file's bytes cause as an error that names the file, and what to do about it.
+
+    Args:
+        what: the fault that an exception of other kinds amounts to.
+    """
     folder = Path(where).parent
     dataset = shlex.quote(str(folder.parent)) if folder.name == "episodes" else "DATASET"
-    return (
+    hint = (
         f"`busybot dataset repair {dataset}` saves what can be saved, then `busybot collect {dataset}` records the rest"
     )
+    try:
+        yield
+    except BusybotError as error:
+        raise BusybotError(f"{where}: {error.what}", error.hint or hint) from None
+    except FAULTS as error:
+        raise BusybotError(f"{where}: {what}: {reason_of(error)}", hint) from None
+
+
+def reason_of(error: Exception) -> str:
+    """What one of `FAULTS` says; the end of a file has no words."""
+    return f"{type(error).__name__}: {error}" if str(error) else "it ends too early"
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -92,6 +109,8 @@ def _read_bytes(path: Path) -> bytes:
 
 
 def _parse(data: bytes) -> Records:
+    if data and not data.startswith(MAGIC[: len(data)]):
+        raise BusybotError("not an MCAP file")
     stream = io.BytesIO(data)
     reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=len(data))
     found = Records(size=len(data))
@@ -103,7 +122,7 @@ def _parse(data: bytes) -> Records:
         if isinstance(record, Chunk):
             content = decompress(record, budget)
             budget -= len(content)
-            _parse_chunk(content, found, channels, schemas)
+            _parse_chunk(record, content, found, channels, schemas)
         elif isinstance(record, Metadata):
             found.metadata[record.name] = record.metadata
         elif isinstance(record, Attachment):
@@ -139,19 +158,17 @@ def decompress(chunk: Chunk, limit: int) -> bytes:
     return content
 
 
-def _parse_chunk(content: bytes, found: Records, channels: dict[int, str], schemas: dict[int, str]) -> None:
-    plain = Chunk(
-        compression="", data=content, message_end_time=0, message_start_time=0,
-        uncompressed_crc=0, uncompressed_size=len(content),
-    )  # fmt: skip
-    for record in breakup_chunk(plain):
+def _parse_chunk(
+    chunk: Chunk, content: bytes, found: Records, channels: dict[int, str], schemas: dict[int, str]
+) -> None:
+    for record in breakup_chunk(replace(chunk, compression="", data=content)):
         if isinstance(record, Schema):
             schemas[record.id] = record.name
         elif isinstance(record, Channel):
             channels[record.id] = record.topic
             found.schemas[record.topic] = schemas[record.schema_id] if record.schema_id else ""
         elif isinstance(record, Message):
-            found.messages[channels[record.channel_id]].append((record.log_time, record.data))
+            found.messages[channels[record.channel_id]].append(record.data)
 
 
 def _check_summary(data: bytes, footer: Footer) -> None:

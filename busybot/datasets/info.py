@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from busybot.common.frozen_model import FrozenModel
+from busybot.episodes.digests import Sha256
 from busybot.episodes.schema import SCHEMA_VERSION
 
 Version = Annotated[str, Field(pattern=r"^\d+\.\d+$")]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
-Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 class GeneratorInfo(FrozenModel):

@@ -6,15 +6,16 @@ A dataset is frozen from the moment its manifest is there under its final name: 
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError, field_validator
 
 from busybot.common.atomic_io import inside, read_json, scan, sha256_of
 from busybot.common.errors import BusybotError
-from busybot.common.frozen_model import FrozenModel
+from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.process_pool import share
-from busybot.datasets.info import CollectInfo, GeneratorInfo, Seed, Sha256, Version
+from busybot.datasets.info import CollectInfo, GeneratorInfo, Seed, Version
+from busybot.episodes.digests import Digests, Sha256
 
 MANIFEST_VERSION = "1.0"
 MANIFEST_FILE, CARD_FILE = "manifest.json", "README.md"
@@ -44,14 +45,6 @@ class AssetEntry(FrozenModel):
     sha256: Sha256
     licence: Annotated[str, Field(min_length=1, max_length=500)]
     carried: bool
-
-
-class Hashes(FrozenModel):
-    """Over all boards, traces and contents; see `digests`."""
-
-    board: Sha256
-    trace: Sha256
-    content: Sha256
 
 
 class Origin(FrozenModel):
@@ -89,7 +82,7 @@ class Manifest(FrozenModel):
     split: str
     boards: int
     steps: int
-    hashes: Hashes
+    hashes: Digests
     board_seed: Seed
     policy_seed: Seed
     generator: GeneratorInfo
@@ -129,18 +122,34 @@ def read_manifest(path: Path) -> Manifest:
     Raises:
         BusybotError: it is absent, not readable, or of a newer version.
     """
-    file = inside(path, MANIFEST_FILE)
-    values = read_json(file, max_bytes=MAX_MANIFEST_BYTES)
-    version = str(values.get("manifest_version")) if isinstance(values, dict) else ""
-    if version.split(".")[0] != MANIFEST_VERSION.split(".")[0]:
-        what = f"{file}: manifest version {version[:20] or 'missing'}; this installation reads {MANIFEST_VERSION}"
-        raise BusybotError(what, "use the busybot version that wrote it")
+    values = read_description(inside(path, MANIFEST_FILE), "manifest", MANIFEST_VERSION, MAX_MANIFEST_BYTES)
     try:
         return Manifest.model_validate(values)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part)[:80] for part in first["loc"])
-        raise BusybotError(f"{file}: {place}: {first['msg'].removeprefix('Value error, ')}", HINT_FETCH) from None
+        raise BusybotError(f"{path / MANIFEST_FILE}: {first_fault(error)}", HINT_FETCH) from None
+
+
+def read_description(file: Path, kind: Literal["manifest", "schema"], version: str, max_bytes: int = 64 << 20) -> Any:
+    """The JSON of a file that says of which version it is; those of another major one than `version` are refused."""
+    values = read_json(file, max_bytes)
+    found = str(values.get(f"{kind}_version"))[:20] if isinstance(values, dict) else ""
+    if found.split(".")[0] != version.split(".")[0]:
+        what = f"{file}: {kind} version {found or 'missing'}; this installation reads {version}"
+        raise BusybotError(what, "use the busybot version that wrote it, or make it again")
+    return values
+
+
+def plain_files(path: Path) -> dict[str, int]:
+    """Sizes of all files under a folder, by their paths in it.
+
+    Raises:
+        BusybotError: a link or device is among them.
+    """
+    found = scan(path)
+    if found.others:
+        what = f"{path / found.others[0]}: neither a file nor a folder but a link or device"
+        raise BusybotError(what, "put a copy of the file in its place, or remove it")
+    return found.files
 
 
 def file_entries(path: Path, names: list[str], workers: int = 1) -> dict[str, FileEntry]:

@@ -16,6 +16,11 @@ import numpy as np
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError, naming
 
+SALVAGED = "salvaged"
+"""Among the settings of an episode that was saved in part: {"of": steps that were recorded}."""
+ENDED = "ended"
+"""Among the settings of an episode that its policy ended before its last step: {"of": steps that it might have had}."""
+
 
 @dataclass(frozen=True)
 class Camera:

@@ -20,7 +20,7 @@ AssetsOption = Annotated[str | None, typer.Option(help="Objects, if they are not
 @app.command()
 def info(dataset: DatasetArgument, json: JsonOption = False) -> None:
     """What is in a dataset, with the hashes over its boards, traces and content."""
-    from busybot.datasets.dataset_stats import summarise
+    from busybot.datasets.summary import summarise
 
     summary = summarise(dataset)
     if json:
@@ -103,7 +103,7 @@ def diff(
     json: JsonOption = False,
 ) -> None:
     """Say what differs: settings, boards, actions, states, images, versions. Exits with 1 if anything does."""
-    from busybot.datasets.dataset_diff import diff as compare
+    from busybot.datasets.diff import diff as compare
 
     with episode_progress("comparing") as progress:
         found = compare(first, second, _workers(workers), progress)

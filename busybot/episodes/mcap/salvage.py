@@ -21,12 +21,11 @@ from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from busybot.common.errors import BusybotError
+from busybot.episodes.episode import SALVAGED
 from busybot.episodes.mcap import channels
 from busybot.episodes.mcap.records import FAULTS, MAGIC, MAX_CONTENT_BYTES, decompress, reason_of
 from busybot.episodes.mcap.writer import CHUNK_BYTES
 
-SALVAGED = "salvaged"
-"""Among the settings of an episode that was saved in part: {"of": steps that were recorded}."""
 _RECORD_HEAD = 9
 _PIECE = 1 << 16
 

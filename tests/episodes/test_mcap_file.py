@@ -72,7 +72,7 @@ def test_unchanged_frames_are_written_once(tmp_path: Path) -> None:
     still = replace(episode, steps=episode.steps + [episode.steps[2]] * 20, frame_of=episode.frame_of + [2] * 20)
     small, large = write_episode(tmp_path / "a.mcap", episode), write_episode(tmp_path / "b.mcap", still)
     assert large - small < 8000
-    assert len(read_records(tmp_path / "b.mcap").messages[channels.RGB]) == 3
+    assert len(read_records(tmp_path / "b.mcap").payloads[channels.RGB]) == 3
 
 
 def test_a_recording_from_elsewhere_needs_no_depth_segmentation_or_truth(tmp_path: Path) -> None:
@@ -96,13 +96,13 @@ def test_a_goal_comes_back_with_its_task(tmp_path: Path, decoding: str) -> None:
     for name in ("rgb", "segmentation", "boxes"):
         np.testing.assert_array_equal(getattr(back.goal, name), getattr(episode.goal, name))
     np.testing.assert_allclose(back.goal.depth, episode.goal.depth, atol=2.1e-5)
-    messages = read_records(tmp_path / "e.mcap").messages
+    messages = read_records(tmp_path / "e.mcap").payloads
     assert all(len(messages[topic]) == 1 for topic in channels.GOAL)
 
 
 def test_without_a_goal_nothing_is_written_of_one(file: Path) -> None:
     assert read_episode(file).goal is None and read_episode(file, images="lazy").goal is None
-    assert not read_records(file).messages.keys() & set(channels.GOAL)
+    assert not read_records(file).payloads.keys() & set(channels.GOAL)
     twice = replace(make_task_episode(), goals=2 * list(make_task_episode().goals))
     with pytest.raises(BusybotError, match="2 goal images"):
         write_episode(file, twice)
@@ -144,7 +144,7 @@ def test_times_are_simulation_times(file: Path) -> None:
 
 
 def test_everything_privileged_lies_under_truth(file: Path) -> None:
-    public = {topic for topic in read_records(file).schemas if not topic.startswith("/truth/")}
+    public = {topic for topic in read_records(file).schema_names if not topic.startswith("/truth/")}
     assert public == {
         "/camera/rgb",
         "/camera/depth",

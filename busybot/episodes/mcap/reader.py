@@ -66,15 +66,15 @@ def _check_version(records: Records) -> None:
 
 
 def _check_schemas(records: Records) -> None:
-    for topic, schema in records.schemas.items():
+    for topic, schema in records.schema_names.items():
         if schema != channels.SCHEMAS.get(topic, schema):
             raise ValueError(f"topic {topic} has schema {schema!r}, expected {channels.SCHEMAS[topic]!r}")
 
 
 def _decode(records: Records, where: str) -> Episode:
-    recording = json.loads(records.attachments[channels.RECORDING_FILE])
+    recording = json.loads(records.attachments[channels.RECORDING_FILE].data)
     try:
-        board = BoardSpec.model_validate_json(records.attachments[channels.BOARD_FILE])
+        board = BoardSpec.model_validate_json(records.attachments[channels.BOARD_FILE].data)
     except ValidationError as error:
         raise BusybotError(f"{channels.BOARD_FILE}: {first_fault(error)}") from None
     size = recording["camera"]
@@ -115,7 +115,7 @@ def _one(records: Records, topic: str) -> Any:
 
 def _messages(records: Records, topic: str) -> list[Any]:
     decode = channels.message_class(channels.SCHEMAS[topic]).FromString
-    return [decode(data) for data in records.messages.get(topic, ())]
+    return [decode(data) for data in records.payloads.get(topic, ())]
 
 
 def _steps(records: Records) -> tuple[list[Step], list[int]]:

@@ -13,7 +13,7 @@ import shutil
 import subprocess
 import tempfile
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
@@ -23,7 +23,7 @@ from busybot.common.atomic_io import copy_file, make_folder, remove, rename, wri
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.safe_yaml import parse_yaml
-from busybot.datasets.manifest import is_frozen, plain_files, read_manifest, unlike_manifest
+from busybot.datasets.info import is_frozen, is_plain_path, plain_files, read_manifest, unlike_manifest
 
 LARGEST_POINTER = 10_000
 LARGEST_LISTING = 1 << 30
@@ -157,8 +157,7 @@ def check_listing(listing: Path) -> None:
     except (ValueError, TypeError, KeyError, RecursionError):
         raise BusybotError(f"{listing}: not a list of files", hint) from None
     for name in names:
-        parts = PurePosixPath(name).parts
-        if not parts or name.startswith("/") or ".." in parts or "\\" in name or "\0" in name:
+        if not is_plain_path(name):
             raise BusybotError(f"{listing}: it names {name!r}, outside of the dataset", hint)
 
 

@@ -1,9 +1,8 @@
 """Freezing: a finished dataset gets a manifest and a card, and becomes read-only.
 
-Everything is written before the manifest, and the manifest appears whole or not at all: a dataset that was being frozen
-when the process was killed is either not frozen, or frozen and perhaps not yet read-only. Freezing it again continues.
-
-The card of a frozen dataset: a README with the front matter that Hugging Face reads.
+The card is a README with the front matter that Hugging Face reads. Everything is written before the manifest, and the
+manifest appears whole or not at all: a dataset that was being frozen when the process was killed is either not frozen,
+or frozen and perhaps not yet read-only. Freezing it again continues.
 """
 
 import json
@@ -19,12 +18,12 @@ from busybot.common.atomic_io import LOCK_FILE, forbid_writing, remove, write_at
 from busybot.common.errors import BusybotError
 from busybot.datasets.bundled_assets import Assets, plan_assets, write_carried
 from busybot.datasets.dataset import DAMAGED_FOLDER, INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.info import collect_command
-from busybot.datasets.manifest import (
+from busybot.datasets.info import (
     CARD_FILE,
     MANIFEST_FILE,
     Manifest,
     Origin,
+    collect_command,
     file_entries,
     is_frozen,
     plain_files,
@@ -38,20 +37,21 @@ from busybot.objects.license import UNKNOWN
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 _SPDX = re.compile(r"^[A-Za-z0-9.+-]+$")
 _TEXT = """
-# {name}
+# {manifest.name}
 
-{boards} boards of the split `{split}` and what happened on each of them: {steps} proposed actions of the policy
-`{policy}`, recorded by busybot with images, depth, segmentation and the simulator's truth.
+{manifest.boards} boards of the split `{manifest.split}` and what happened on each of them: \
+{manifest.steps} proposed actions of the policy
+`{manifest.collect.policy}`, recorded by busybot with images, depth, segmentation and the simulator's truth.
 
 | | |
 |---|---|
-| episodes | {boards}, one per board{partial}{tasks} |
-| schema version | {schema} |
-| board hash | `{hashes.board}` |
-| trace hash | `{hashes.trace}` |
-| content hash | `{hashes.content}` |
-| seeds | boards {board_seed}, policy {policy_seed} |
-| generator | {generator} |
+| episodes | {manifest.boards}, one per board{partial}{tasks} |
+| schema version | {manifest.schema_version} |
+| board hash | `{manifest.hashes.board}` |
+| trace hash | `{manifest.hashes.trace}` |
+| content hash | `{manifest.hashes.content}` |
+| seeds | boards {manifest.board_seed}, policy {manifest.policy_seed} |
+| generator | {manifest.generator.version} |
 | recorded with | {versions} |
 | renderer | {renderers} |
 | objects | {objects} |
@@ -82,18 +82,9 @@ def card(manifest: Manifest) -> str:
     kind = manifest.generator.config.get("tasks")
     columns = [f"- `{name}`: learners may read {', '.join(public_columns(name))}." for name in TABLES]
     text = _TEXT.format(
-        name=manifest.name,
-        boards=manifest.boards,
-        split=manifest.split,
-        steps=manifest.steps,
-        policy=manifest.collect.policy,
+        manifest=manifest,
         partial=partial,
         tasks=f"; {kind} tasks, each with a goal image" if kind else "",
-        schema=manifest.schema_version,
-        hashes=manifest.hashes,
-        board_seed=manifest.board_seed,
-        policy_seed=manifest.policy_seed,
-        generator=manifest.generator.version,
         versions="; ".join(", ".join(f"{k} {v}" for k, v in sorted(found.items())) for found in versions.values()),
         renderers="; ".join(dict.fromkeys(renderers)),
         objects=_objects(manifest),

@@ -19,8 +19,7 @@ from busybot.common.errors import BusybotError, without_name
 from busybot.common.process_pool import share
 from busybot.datasets.create import continue_or_create
 from busybot.datasets.dataset import DAMAGED_FOLDER, Dataset
-from busybot.datasets.info import CollectInfo
-from busybot.datasets.manifest import is_frozen, plain_files
+from busybot.datasets.info import CollectInfo, is_frozen, plain_files
 from busybot.datasets.verify import faults_of, is_partial
 from busybot.episodes.mcap.records import MAX_FILE_BYTES
 from busybot.episodes.mcap.salvage import Salvaged, salvage

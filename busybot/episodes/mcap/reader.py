@@ -150,19 +150,16 @@ def _images(
     metadata = records.metadata[channels.METADATA]
     rgbs, depths, segmentations = (_pictures(records, topic, count, camera) for topic in place[:3])
     boxes = [np.array(message.corners, np.int16).reshape(objects, 4) for message in _messages(records, place.boxes)]
-    rows = zip(rgbs, depths, segmentations, boxes, strict=True)
-    encoded = []
-    for rgb, depth, segmentation, corners in rows:
-        if rgb is None:
-            raise ValueError(f"no images on {place.rgb}")
-        encoded.append(EncodedImage(rgb, depth, segmentation, corners))
+    encoded = [EncodedImage(*parts) for parts in zip(rgbs, depths, segmentations, boxes, strict=True)]
+    if encoded and encoded[0].rgb is None:
+        raise ValueError(f"no images on {place.rgb}")
     scale = DepthScale(float(metadata["depth_offset"]), float(metadata["depth_scale"]))
     if not (np.isfinite((scale.offset, scale.scale)).all() and 0 < scale.scale < 1e3 and abs(scale.offset) < 1e6):
         raise ValueError(f"depth scale {scale}")
     return LazyImages(where, camera.width, camera.height, links, scale, encoded)
 
 
-def _pictures(records: Records, topic: str, count: int, camera: Camera) -> list[bytes] | list[None]:
+def _pictures(records: Records, topic: str, count: int, camera: Camera) -> list[Any]:
     """The encoded pictures of a topic, all of the camera's size; Nones if the topic is absent."""
     pictures = [message.data for message in _messages(records, topic)]
     if not pictures:

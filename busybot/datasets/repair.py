@@ -62,7 +62,7 @@ class Repaired:
     originals: Path
 
 
-Task = tuple[Path, int, str, Rows]
+_Task = tuple[Path, int, str, Rows]
 """A file, the index of its episode, the digest of its board, and what the tables know of it."""
 
 
@@ -133,7 +133,7 @@ def _stored(dataset: Dataset, shard: int) -> dict[int, Rows]:
 
 
 def _examine(
-    task: Task, collect: CollectInfo | None, keep_partial: bool
+    task: _Task, collect: CollectInfo | None, keep_partial: bool
 ) -> tuple[RepairVerdict, Rows | None, bytes | None]:
     """Verdict on a file, its rows for the tables, and the bytes that replace it; runs in a worker."""
     file, index, board_digest, stored = task

@@ -20,7 +20,19 @@ import pyarrow as pa
 from pydantic import ValidationError
 
 from busybot.boards.spec import BoardSpec
-from busybot.common import atomic_io
+from busybot.common.atomic_io import (
+    inside,
+    make_folder,
+    one_writer,
+    refuse_taken,
+    remove,
+    remove_abandoned,
+    remove_leftovers,
+    rename,
+    unfinished,
+    write_atomically,
+    write_json,
+)
 from busybot.common.config import changes, flat
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
@@ -62,7 +74,7 @@ class Dataset:
             BusybotError: there is something already, or the boards are not numbered as the info says.
         """
         place = Path(path).absolute()
-        atomic_io.refuse_taken(place)
+        refuse_taken(place)
         lines = []
         for index, board in enumerate(boards):
             if board.index != index:
@@ -70,17 +82,17 @@ class Dataset:
             lines.append(board.model_dump_json() + "\n")
         if len(lines) != info.boards:
             raise BusybotError(f"{path}: {len(lines)} boards where {info.boards} were announced")
-        atomic_io.make_folder(place.parent)
-        atomic_io.remove_abandoned(place.parent, place.name)
-        with atomic_io.unfinished(place.parent, place.name) as folder:
+        make_folder(place.parent)
+        remove_abandoned(place.parent, place.name)
+        with unfinished(place.parent, place.name) as folder:
             for name in ("boards", "episodes"):
-                atomic_io.make_folder(folder / name, folder)
+                make_folder(folder / name, folder)
             for shard, start in enumerate(range(0, len(lines), BOARDS_PER_SHARD)):
                 data = "".join(lines[start : start + BOARDS_PER_SHARD]).encode()
-                atomic_io.write_atomically(folder / _boards_name(shard), data, folder)
-            atomic_io.write_json(folder / INFO_FILE, info.model_dump(mode="json"))
-            atomic_io.refuse_taken(place)  # by somebody who was faster
-            atomic_io.rename(folder, place)
+                write_atomically(folder / _boards_name(shard), data, folder)
+            write_json(folder / INFO_FILE, info.model_dump(mode="json"))
+            refuse_taken(place)  # by somebody who was faster
+            rename(folder, place)
         return cls(Path(path), info)
 
     @classmethod
@@ -97,7 +109,7 @@ class Dataset:
             raise BusybotError(f"{path}: there is no such folder", "`busybot generate OUT` makes a dataset")
         if not (path / INFO_FILE).exists():
             raise BusybotError(f"{path}: not a dataset, it has no {INFO_FILE}", "`busybot generate OUT` makes one")
-        file = atomic_io.inside(path, INFO_FILE)
+        file = inside(path, INFO_FILE)
         values = read_description(file, "schema", SCHEMA_VERSION)
         try:
             return cls(path, DatasetInfo.model_validate(values))
@@ -117,7 +129,7 @@ class Dataset:
         return self._board(shard, number, self._lines(shard)[number])
 
     def _lines(self, shard: int) -> list[bytes]:
-        file = atomic_io.inside(self.path, _boards_name(shard))
+        file = inside(self.path, _boards_name(shard))
         try:
             lines = file.read_bytes().splitlines()
         except OSError as error:
@@ -141,11 +153,11 @@ class Dataset:
         """Where episode `index` is or will be."""
         if not 0 <= index < self.info.boards:
             raise BusybotError(f"{self.path}: there is no episode {index} of {self.info.boards}")
-        return atomic_io.inside(self.path, f"episodes/{index:06d}.mcap")
+        return inside(self.path, f"episodes/{index:06d}.mcap")
 
     def finished(self) -> set[int]:
         """Indices of episodes that are there under their final names."""
-        folder = atomic_io.inside(self.path, "episodes")
+        folder = inside(self.path, "episodes")
         if not folder.is_dir():
             return set()
         with os.scandir(folder) as entries:
@@ -165,7 +177,7 @@ class Dataset:
         self.info = Dataset.open(self.path).info  # another process may have begun since this one opened the dataset
         if self.info.collect is None or not self.finished():
             self.info = self.info.model_copy(update={"collect": collect})
-            atomic_io.write_json(atomic_io.inside(self.path, INFO_FILE), self.info.model_dump(mode="json"))
+            write_json(inside(self.path, INFO_FILE), self.info.model_dump(mode="json"))
             return
         recorded, wanted = (flat(value.model_dump(mode="json")) for value in (self.info.collect, collect))
         changed = changes(recorded, wanted)
@@ -182,17 +194,17 @@ class Dataset:
             BusybotError: another process holds the lock, or the dataset is frozen.
         """
         refuse_frozen(self.path)  # before the lock, too: in a read-only folder it could not be made
-        with atomic_io.one_writer(self.path):
+        with one_writer(self.path):
             refuse_frozen(self.path)
             yield
 
     def remove_leftovers(self) -> int:
         """Delete temporary files of writers that are no more; returns their number. Call it under `locked`."""
-        return atomic_io.remove_leftovers(self.path)
+        return remove_leftovers(self.path)
 
     def table_path(self, table: str, shard: int) -> Path:
         """Where shard `shard` of a table is or will be."""
-        return atomic_io.inside(self.path, f"tables/{table}/part-{shard:05d}.parquet")
+        return inside(self.path, f"tables/{table}/part-{shard:05d}.parquet")
 
     def write_tables(self, rows: Mapping[int, Rows] | None = None, derive: Derive = derive_here) -> None:
         """Bring the tables up to date with the finished episodes.
@@ -208,7 +220,7 @@ class Dataset:
             self._write_shard(shard, indices, rows or {}, derive)
         for table in TABLES:
             for shard in set(self.stored_shards(table)) - set(shards):
-                atomic_io.remove(self.table_path(table, shard), self.path)
+                remove(self.table_path(table, shard), self.path)
 
     def table(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """A whole table as it is stored, or some columns (`schema.public_columns` names those for learners)."""
@@ -253,7 +265,7 @@ class Dataset:
 
     def stored_shards(self, table: str) -> list[int]:
         """Numbers of the shards that a table has."""
-        folder = atomic_io.inside(self.path, f"tables/{table}")
+        folder = inside(self.path, f"tables/{table}")
         names = (_SHARD_NAME.match(file.name) for file in folder.iterdir()) if folder.is_dir() else ()
         return sorted(int(match[1]) for match in names if match)
 

@@ -14,7 +14,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
-from busybot.common.atomic_io import inside, remove, remove_leftovers, write_atomically
+from busybot.common.atomic_io import inside, remove, write_atomically
 from busybot.common.errors import BusybotError, without_name
 from busybot.common.process_pool import share
 from busybot.datasets.create import continue_or_create
@@ -101,7 +101,7 @@ def repair(
 def _repair(
     source: Dataset, target: Dataset, keep_partial: bool, workers: int, progress: Callable[[int, int], None] | None
 ) -> Repaired:
-    leftovers = remove_leftovers(target.path)
+    leftovers = target.remove_leftovers()
     boards = source.boards()
     finished = source.finished_by_shard()
     examine = partial(_examine, collect=source.info.collect, keep_partial=keep_partial)

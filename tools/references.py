@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from busybot.cli.main import COMMANDS, load_command
-from busybot.episodes.mcap import messages as topics
-from busybot.episodes.mcap.messages import PACKAGE
+from busybot.episodes.mcap.channels import SCHEMAS
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS, TABLES, Column, StepField
 from busybot.view.report.page import Block, Heading, Text, markdown, plain_grid
 
@@ -75,10 +74,10 @@ def dataset_format() -> str:
         rows = [(f"`{column.name}`", _column(column)) for column in columns]
         blocks += [Heading(f"`tables/{name}`", 3), plain_grid(("type", "unit, frame", "meaning"), rows, "column")]
     blocks += [Heading("Values of a step"), Text(VALUES), _values()]
-    channels = []
-    for topic, schema in (topics.FOXGLOVE | topics.OWN).items():
-        package = "foxglove" if topic in topics.FOXGLOVE else PACKAGE
-        channels.append((f"`{topic}`", (f"`{package}.{schema}`", "privileged" if topic.startswith("/truth") else "")))
+    channels = [
+        (f"`{topic}`", (f"`{schema}`", "privileged" if topic.startswith("/truth") else ""))
+        for topic, schema in SCHEMAS.items()
+    ]
     channel_grid = plain_grid(("message", ""), channels, "topic")
     return markdown([*blocks, Heading("Channels of an episode's MCAP file"), channel_grid])
 

@@ -1,5 +1,6 @@
 """Parameters of a stage from a YAML file, `--set a.b=c` and a command's own options, in this order of precedence."""
 
+from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
@@ -10,6 +11,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.safe_yaml import parse_yaml
 
 Config = TypeVar("Config", bound=BaseModel)
+Key = TypeVar("Key", int, str)
 MAX_BYTES = 1 << 20
 
 
@@ -58,6 +60,12 @@ def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     for key, value in values.items():
         found |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
     return found
+
+
+def changes(first: Mapping[Key, Any], second: Mapping[Key, Any]) -> dict[Key, tuple[Any, Any]]:
+    """What two mappings say differently: (in the first, in the second) by name, None where one says nothing."""
+    pairs = {name: (first.get(name), second.get(name)) for name in sorted(first.keys() | second.keys())}
+    return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
 def _explained(model: type[BaseModel], first: Any, options: dict[str, Any]) -> tuple[str, str]:

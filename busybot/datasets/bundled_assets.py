@@ -15,15 +15,13 @@ from busybot.boards.config import SPLITS
 from busybot.common.atomic_io import inside, write_atomically
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import boards_again
-from busybot.datasets.dataset import INFO_FILE, Dataset
-from busybot.datasets.manifest import AssetEntry, is_frozen
+from busybot.datasets.dataset import INFO_FILE, OBJECTS_FOLDER, Dataset
+from busybot.datasets.info import AssetEntry, is_frozen
 from busybot.objects.library import SPLIT_FILE, Library
 from busybot.objects.license import Licence, licences
 from busybot.objects.model import ObjectModel
 from busybot.objects.partnet.folder_snapshot import read_snapshot
 from busybot.objects.resolve import find, load_and_remember, mismatch
-
-OBJECTS_FOLDER = "objects"
 
 
 def library_of(dataset: Dataset, assets: str | None = None) -> Library:

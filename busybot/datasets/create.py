@@ -8,10 +8,11 @@ from pydantic import ValidationError
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import GENERATOR_VERSION, Redraws, generate_boards
 from busybot.boards.spec import BoardSpec
+from busybot.common.config import changes
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import first_fault
 from busybot.datasets.dataset import INFO_FILE, Dataset
-from busybot.datasets.info import AssetsInfo, DatasetInfo, GeneratorInfo
-from busybot.datasets.manifest import refuse_frozen
+from busybot.datasets.info import AssetsInfo, DatasetInfo, GeneratorInfo, refuse_frozen
 from busybot.objects.library import Library
 
 
@@ -59,11 +60,7 @@ def _same(dataset: Dataset, config: BoardConfig, library: Library) -> Dataset:
     """The dataset, if it was made from this; its recorded objects must be the library's."""
     info, wanted = dataset.info, config.model_dump(mode="json")
     recorded = info.generator.config
-    differing = [
-        f"{name} differs (was {recorded.get(name)!r}, now {wanted.get(name)!r})"
-        for name in sorted(wanted.keys() | recorded.keys())
-        if wanted.get(name) != recorded.get(name)
-    ]
+    differing = [f"{name} differs (was {was!r}, now {now!r})" for name, (was, now) in changes(recorded, wanted).items()]
     if info.generator.version != GENERATOR_VERSION:
         differing.append(f"version of the generator differs (was {info.generator.version}, now {GENERATOR_VERSION})")
     hashes = {key: model.sha256 for key, model in library.objects.items()}
@@ -94,15 +91,13 @@ def boards_again(generator: GeneratorInfo, library: Library, recorded: list[Boar
     """Boards from the recorded configuration; the recorded ones where another version of the generator drew them."""
     if generator.version != GENERATOR_VERSION:
         return recorded, "dataset"
+    hint = "only datasets of `busybot generate` can be made again"
     try:
         config = BoardConfig.model_validate(generator.config)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        what = f"the recorded configuration of the generator: {place}: {first['msg']}"
-        raise BusybotError(what, "only datasets of `busybot generate` can be made again") from None
+        raise BusybotError(f"the recorded configuration of the generator: {first_fault(error)}", hint) from None
     boards = list(generate_boards(config, library))
     if len(boards) != len(recorded):
         what = f"the recorded configuration gives {len(boards)} boards, the dataset has {len(recorded)}"
-        raise BusybotError(what, "only datasets of `busybot generate` can be made again")
+        raise BusybotError(what, hint)
     return boards, "configuration"

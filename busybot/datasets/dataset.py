@@ -11,7 +11,7 @@ damaged/                          originals of the files that `repair` replaced
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,7 +24,6 @@ from busybot.common.atomic_io import (
     inside,
     make_folder,
     one_writer,
-    read_json,
     refuse_taken,
     remove,
     remove_abandoned,
@@ -34,16 +33,18 @@ from busybot.common.atomic_io import (
     write_atomically,
     write_json,
 )
-from busybot.common.config import flat
+from busybot.common.config import changes, flat
 from busybot.common.errors import BusybotError
-from busybot.datasets.info import CollectInfo, DatasetInfo, collect_command
-from busybot.datasets.manifest import refuse_frozen
+from busybot.common.frozen_model import first_fault
+from busybot.datasets.info import CollectInfo, DatasetInfo, collect_command, read_description, refuse_frozen
 from busybot.episodes.digests import Digests, combine
 from busybot.episodes.schema import SCHEMA_VERSION, TABLES, arrow_schema
 from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode, write_shard
 
 BOARDS_PER_SHARD = 1000
 INFO_FILE = "dataset.json"
+OBJECTS_FOLDER, DAMAGED_FOLDER = "objects", "damaged"
+HINT_GENERATE = "generate the dataset again"
 
 _EPISODE_NAME = re.compile(r"^(\d{6,9})\.mcap$")
 _SHARD_NAME = re.compile(r"^part-(\d{5})\.parquet$")
@@ -109,17 +110,11 @@ class Dataset:
         if not (path / INFO_FILE).exists():
             raise BusybotError(f"{path}: not a dataset, it has no {INFO_FILE}", "`busybot generate OUT` makes one")
         file = inside(path, INFO_FILE)
-        values = read_json(file)
-        version = str(values.get("schema_version")) if isinstance(values, dict) else ""
-        if version.split(".")[0] != SCHEMA_VERSION.split(".")[0]:
-            what = f"{file}: schema version {version or 'missing'}; this installation reads {SCHEMA_VERSION}"
-            raise BusybotError(what, "use the busybot version that wrote it, or generate the dataset again")
+        values = read_description(file, "schema", SCHEMA_VERSION)
         try:
             return cls(path, DatasetInfo.model_validate(values))
         except ValidationError as error:
-            first = error.errors()[0]
-            place = ".".join(map(str, first["loc"]))
-            raise BusybotError(f"{file}: {place}: {first['msg']}", "generate the dataset again") from None
+            raise BusybotError(f"{file}: {first_fault(error)}", HINT_GENERATE) from None
 
     def boards(self) -> list[BoardSpec]:
         """All boards in order."""
@@ -138,10 +133,10 @@ class Dataset:
         try:
             lines = file.read_bytes().splitlines()
         except OSError as error:
-            raise BusybotError(f"{file}: cannot be read: {error.strerror}", "generate the dataset again") from None
+            raise BusybotError(f"{file}: cannot be read: {error.strerror}", HINT_GENERATE) from None
         expected = min(BOARDS_PER_SHARD, self.info.boards - shard * BOARDS_PER_SHARD)
         if len(lines) != expected:
-            raise BusybotError(f"{file}: {len(lines)} boards, expected {expected}", "generate the dataset again")
+            raise BusybotError(f"{file}: {len(lines)} boards, expected {expected}", HINT_GENERATE)
         return lines
 
     def _board(self, shard: int, number: int, line: bytes) -> BoardSpec:
@@ -149,9 +144,9 @@ class Dataset:
         try:
             board = BoardSpec.model_validate_json(line)
         except ValidationError as error:
-            raise BusybotError(f"{place}: {error.errors()[0]['msg']}", "generate the dataset again") from None
+            raise BusybotError(f"{place}: {first_fault(error)}", HINT_GENERATE) from None
         if board.index != shard * BOARDS_PER_SHARD + number:
-            raise BusybotError(f"{place}: holds board {board.index}", "generate the dataset again")
+            raise BusybotError(f"{place}: holds board {board.index}", HINT_GENERATE)
         return board
 
     def episode_path(self, index: int) -> Path:
@@ -185,10 +180,9 @@ class Dataset:
             write_json(inside(self.path, INFO_FILE), self.info.model_dump(mode="json"))
             return
         recorded, wanted = (flat(value.model_dump(mode="json")) for value in (self.info.collect, collect))
-        keys = sorted(recorded.keys() | wanted.keys())
-        pairs = ((k, recorded.get(k), wanted.get(k)) for k in keys)
-        differing = [f"{k} {was!r}, now {now!r}" for k, was, now in pairs if was != now]
-        if differing:
+        changed = changes(recorded, wanted)
+        if changed:
+            differing = [f"{name} {was!r}, now {now!r}" for name, (was, now) in changed.items()]
             what = f"{self.path}: its episodes were begun with other settings: {'; '.join(differing)}"
             raise BusybotError(what, f"{collect_command(self.path, self.info)}; or collect into another dataset")
 
@@ -221,7 +215,7 @@ class Dataset:
         Args:
             rows: episode index to rows, as `episode_rows` returned them for files of this dataset.
         """
-        shards = self._finished_by_shard()
+        shards = self.finished_by_shard()
         for shard, indices in shards.items():
             self._write_shard(shard, indices, rows or {}, derive)
         for table in TABLES:
@@ -238,8 +232,8 @@ class Dataset:
     def episodes_table(self, derive: Derive = derive_here) -> pa.Table:
         """The rows of table `episodes` for all finished episodes, also where the stored table lacks them."""
         rows = [arrow_schema("episodes").empty_table()]
-        for shard, indices in self._finished_by_shard().items():
-            stored = self._stored_rows(shard, ("episodes",))
+        for shard, indices in self.finished_by_shard().items():
+            stored = self.stored_rows(shard, ("episodes",))
             current = {i: stored[i] for i in indices if i in stored and self._is_current(i, stored[i])}
             # remembered, because a stopped collection may lack hundreds and one command asks several times
             keys = {i: (i, self.episode_path(i).stat().st_mtime_ns) for i in indices if i not in current}
@@ -256,13 +250,14 @@ class Dataset:
             episodes: what `episodes_table` returned, if it was called already.
         """
         rows = (self.episodes_table() if episodes is None else episodes).to_pydict()
+        boards = combine("board", ((board.index, board.digest()) for board in self.boards()))
         trace, content = (
             combine(kind, zip(rows["episode"], rows[f"{kind}_digest"], strict=True)) for kind in ("trace", "content")
         )
-        boards = combine("board", ((board.index, board.digest()) for board in self.boards()))
-        return Digests(boards, trace, content)
+        return Digests(board=boards, trace=trace, content=content)
 
-    def _finished_by_shard(self) -> dict[int, list[int]]:
+    def finished_by_shard(self) -> dict[int, list[int]]:
+        """Indices of finished episodes, in order, by the shard of the tables that they belong to."""
         shards: dict[int, list[int]] = {}
         for index in sorted(self.finished()):
             shards.setdefault(index // EPISODES_PER_SHARD, []).append(index)
@@ -275,7 +270,7 @@ class Dataset:
         return sorted(int(match[1]) for match in names if match)
 
     def _write_shard(self, shard: int, indices: list[int], given: Mapping[int, Rows], derive: Derive) -> None:
-        stored = self._stored_rows(shard)
+        stored = self.stored_rows(shard)
         kept = [i for i in indices if i in stored and i not in given]
         ready = {i: stored[i] for i in kept if self._is_current(i, stored[i]) and _is_whole(stored[i])}
         if set(ready) == set(indices) == set(stored):
@@ -287,14 +282,14 @@ class Dataset:
         for table in sorted(TABLES, key=lambda name: name == "episodes"):
             write_shard(self.table_path(table, shard), table, [ready[i][table] for i in indices], self.path)
 
-    def _stored_rows(self, shard: int, names: Iterable[str] = tuple(TABLES)) -> dict[int, Rows]:
-        """Rows of the shard by episode; nothing if one of its files is absent or unreadable."""
+    def stored_rows(self, shard: int, names: Sequence[str] = tuple(TABLES)) -> dict[int, Rows]:
+        """Rows of the shard by episode of the first table; nothing if one of its files is absent or unreadable."""
         try:
             tables = {name: split_by_episode(read_shard(self.table_path(name, shard), name)) for name in names}
         except BusybotError:
             return {}
         empty = {name: arrow_schema(name).empty_table() for name in names}
-        return {i: {name: tables[name].get(i, empty[name]) for name in names} for i in tables["episodes"]}
+        return {i: {name: tables[name].get(i, empty[name]) for name in names} for i in tables[names[0]]}
 
     def _is_current(self, index: int, rows: Rows) -> bool:
         return rows["episodes"]["bytes"][0].as_py() == self.episode_path(index).stat().st_size

@@ -13,17 +13,17 @@ import shutil
 import subprocess
 import tempfile
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
 from pydantic import Field, ValidationError
 
-from busybot.common.atomic_io import copy_file, make_folder, remove, rename, scan, write_atomically
+from busybot.common.atomic_io import copy_file, make_folder, remove, rename, write_atomically
 from busybot.common.errors import BusybotError
-from busybot.common.frozen_model import FrozenModel
+from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.safe_yaml import parse_yaml
-from busybot.datasets.manifest import is_frozen, read_manifest, unlike_manifest
+from busybot.datasets.info import is_frozen, is_plain_path, plain_files, read_manifest, unlike_manifest
 
 LARGEST_POINTER = 10_000
 LARGEST_LISTING = 1 << 30
@@ -97,8 +97,7 @@ def pull(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
         return Shared(dataset, pointer, out.nfiles, out.size, new=False)
     work = dataset.parent / f".{dataset.name}.pull"
     make_folder(work, dataset.parent)
-    if others := scan(work).others:
-        raise BusybotError(f"{work / others[0]}: neither a file nor a folder but a link or device", f"remove {work}")
+    plain_files(work)
     dvc = _Repository(work, remote, endpoint)
     copy_file(pointer, work / pointer.name, dataset.parent)
     dvc.run("fetch", "--quiet", pointer.name)
@@ -135,9 +134,7 @@ def read_pointer(pointer: Path, name: str) -> _Out:
     try:
         out = _Pointer.model_validate(parse_yaml(pointer.read_text(encoding="utf-8"), str(pointer))).outs[0]
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise BusybotError(f"{pointer}: {place or 'the file'}: {first['msg']}", hint) from None
+        raise BusybotError(f"{pointer}: {first_fault(error)}", hint) from None
     except UnicodeDecodeError as error:
         raise BusybotError(f"{pointer}: not UTF-8: {error.reason}", hint) from None
     if out.path != name:
@@ -160,8 +157,7 @@ def check_listing(listing: Path) -> None:
     except (ValueError, TypeError, KeyError, RecursionError):
         raise BusybotError(f"{listing}: not a list of files", hint) from None
     for name in names:
-        parts = PurePosixPath(name).parts
-        if not parts or name.startswith("/") or ".." in parts or "\\" in name or "\0" in name:
+        if not is_plain_path(name):
             raise BusybotError(f"{listing}: it names {name!r}, outside of the dataset", hint)
 
 

@@ -1,9 +1,8 @@
 """Freezing: a finished dataset gets a manifest and a card, and becomes read-only.
 
-Everything is written before the manifest, and the manifest appears whole or not at all: a dataset that was being frozen
-when the process was killed is either not frozen, or frozen and perhaps not yet read-only. Freezing it again continues.
-
-The card of a frozen dataset: a README with the front matter that Hugging Face reads.
+The card is a README with the front matter that Hugging Face reads. Everything is written before the manifest, and the
+manifest appears whole or not at all: a dataset that was being frozen when the process was killed is either not frozen,
+or frozen and perhaps not yet read-only. Freezing it again continues.
 """
 
 import json
@@ -15,24 +14,22 @@ from importlib.metadata import version
 from pathlib import Path
 
 from busybot import __version__
-from busybot.common.atomic_io import LOCK_FILE, Scan, forbid_writing, remove, scan, write_atomically, write_json
+from busybot.common.atomic_io import LOCK_FILE, forbid_writing, remove, write_atomically, write_json
 from busybot.common.errors import BusybotError
-from busybot.datasets.bundled_assets import OBJECTS_FOLDER, Assets, plan_assets, write_carried
-from busybot.datasets.dataset import INFO_FILE, Dataset
-from busybot.datasets.info import collect_command
-from busybot.datasets.manifest import (
+from busybot.datasets.bundled_assets import Assets, plan_assets, write_carried
+from busybot.datasets.dataset import DAMAGED_FOLDER, INFO_FILE, OBJECTS_FOLDER, Dataset
+from busybot.datasets.info import (
     CARD_FILE,
     MANIFEST_FILE,
-    Hashes,
     Manifest,
     Origin,
+    collect_command,
     file_entries,
     is_frozen,
+    plain_files,
     read_manifest,
 )
-from busybot.datasets.membership import is_partial
-from busybot.datasets.repair import DAMAGED_FOLDER
-from busybot.datasets.verify import verify
+from busybot.datasets.verify import is_partial, verify
 from busybot.episodes.schema import TABLES, public_columns
 from busybot.objects.library import Library
 from busybot.objects.license import UNKNOWN
@@ -40,20 +37,21 @@ from busybot.objects.license import UNKNOWN
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 _SPDX = re.compile(r"^[A-Za-z0-9.+-]+$")
 _TEXT = """
-# {name}
+# {manifest.name}
 
-{boards} boards of the split `{split}` and what happened on each of them: {steps} proposed actions of the policy
-`{policy}`, recorded by busybot with images, depth, segmentation and the simulator's truth.
+{manifest.boards} boards of the split `{manifest.split}` and what happened on each of them: \
+{manifest.steps} proposed actions of the policy
+`{manifest.collect.policy}`, recorded by busybot with images, depth, segmentation and the simulator's truth.
 
 | | |
 |---|---|
-| episodes | {boards}, one per board{partial}{tasks} |
-| schema version | {schema} |
-| board hash | `{hashes.board}` |
-| trace hash | `{hashes.trace}` |
-| content hash | `{hashes.content}` |
-| seeds | boards {board_seed}, policy {policy_seed} |
-| generator | {generator} |
+| episodes | {manifest.boards}, one per board{partial}{tasks} |
+| schema version | {manifest.schema_version} |
+| board hash | `{manifest.hashes.board}` |
+| trace hash | `{manifest.hashes.trace}` |
+| content hash | `{manifest.hashes.content}` |
+| seeds | boards {manifest.board_seed}, policy {manifest.policy_seed} |
+| generator | {manifest.generator.version} |
 | recorded with | {versions} |
 | renderer | {renderers} |
 | objects | {objects} |
@@ -84,18 +82,9 @@ def card(manifest: Manifest) -> str:
     kind = manifest.generator.config.get("tasks")
     columns = [f"- `{name}`: learners may read {', '.join(public_columns(name))}." for name in TABLES]
     text = _TEXT.format(
-        name=manifest.name,
-        boards=manifest.boards,
-        split=manifest.split,
-        steps=manifest.steps,
-        policy=manifest.collect.policy,
+        manifest=manifest,
         partial=partial,
         tasks=f"; {kind} tasks, each with a goal image" if kind else "",
-        schema=manifest.schema_version,
-        hashes=manifest.hashes,
-        board_seed=manifest.board_seed,
-        policy_seed=manifest.policy_seed,
-        generator=manifest.generator.version,
         versions="; ".join(", ".join(f"{k} {v}" for k, v in sorted(found.items())) for found in versions.values()),
         renderers="; ".join(dict.fromkeys(renderers)),
         objects=_objects(manifest),
@@ -193,11 +182,11 @@ def refuse_unfinished(dataset: Dataset) -> None:
 
 
 def _refuse_strangers(dataset: Dataset, assets: Assets) -> None:
-    found = _scan(dataset.path)
+    found = plain_files(dataset.path)
     known = {INFO_FILE, LOCK_FILE, CARD_FILE, *assets.files}
     folders = ("boards", "episodes", *(f"tables/{name}" for name in TABLES))  # `verify` looks at the names in these
-    strangers = [name for name in found.files if name not in known and name.rpartition("/")[0] not in folders]
-    strangers += [name for name in found.files if name.rpartition("/")[2].startswith(".") and name not in known]
+    strangers = [name for name in found if name not in known and name.rpartition("/")[0] not in folders]
+    strangers += [name for name in found if name.rpartition("/")[2].startswith(".") and name not in known]
     if not strangers:
         return
     first = strangers[0].split("/")[0]
@@ -208,27 +197,18 @@ def _refuse_strangers(dataset: Dataset, assets: Assets) -> None:
     raise BusybotError(f"{dataset.path / strangers[0]}: not part of a dataset, {len(strangers)} such files", hint)
 
 
-def _scan(path: Path) -> Scan:
-    found = scan(path)
-    if found.others:
-        what = f"{path / found.others[0]}: neither a file nor a folder but a link or device"
-        raise BusybotError(what, "put a copy of the file in its place, or remove it")
-    return found
-
-
 def _write_manifest(dataset: Dataset, assets: Assets, workers: int) -> Manifest:
     path, info = dataset.path, dataset.info
     assert info.collect is not None
     table = dataset.episodes_table()
     rows = table.select(["episode", "steps", "renderer", "versions", "settings"]).to_pylist()
-    hashes = dataset.hashes(table)
     manifest = Manifest(
         schema_version=info.schema_version,
         name=info.name,
         split=info.split,
         boards=info.boards,
         steps=sum(row["steps"] for row in rows),
-        hashes=Hashes(board=hashes.board, trace=hashes.trace, content=hashes.content),
+        hashes=dataset.hashes(table),
         board_seed=info.seed,
         policy_seed=info.collect.seed,
         generator=info.generator,
@@ -237,14 +217,14 @@ def _write_manifest(dataset: Dataset, assets: Assets, workers: int) -> Manifest:
             Origin(renderer=json.loads(renderer), versions=json.loads(versions), episodes=count)
             for (renderer, versions), count in Counter((r["renderer"], r["versions"]) for r in rows).most_common()
         ],
-        partial=[row["episode"] for row in rows if is_partial(json.loads(row["settings"]))],
+        partial=[row["episode"] for row in rows if is_partial(row["settings"])],
         boards_again=assets.boards_again,
         assets=assets.entries,
         frozen_with={"busybot": __version__, **{name: version(name) for name in FREEZING_PACKAGES}},
         files={},
     )
     _write_card(path, card(manifest))
-    names = [name for name in _scan(path).files if name != LOCK_FILE]
+    names = [name for name in plain_files(path) if name != LOCK_FILE]
     manifest = manifest.model_copy(update={"files": file_entries(path, names, workers)})
     write_json(path / MANIFEST_FILE, manifest.model_dump(mode="json"))
     return manifest
@@ -261,7 +241,7 @@ def _write_card(path: Path, text: str) -> None:
 def _finish(path: Path) -> None:
     """Remove the lock, which a frozen dataset needs no more, and take away all write permissions, the folder's last."""
     remove(path / LOCK_FILE)
-    files = [path / name for name in _scan(path).files]
+    files = [path / name for name in plain_files(path)]
     folders = sorted({parent for file in files for parent in file.parents if parent.is_relative_to(path)})
     for place in [*files, *reversed(folders)]:
         forbid_writing(place, path)

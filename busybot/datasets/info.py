@@ -1,18 +1,35 @@
-"""The typed content of `dataset.json`, which describes the files in a dataset's folder."""
+"""What a dataset says of itself: `dataset.json`, and of a frozen one its manifest.
+
+The manifest lists every file with its hash, and all that decided their content. A dataset is frozen from the moment
+its manifest is there under its final name: nothing is collected into it any more.
+"""
 
 import json
+import re
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationError, field_validator
 
-from busybot.common.frozen_model import FrozenModel
+from busybot.common.atomic_io import inside, read_json, scan, sha256_of
+from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel, first_fault
+from busybot.common.process_pool import share
+from busybot.episodes.digests import Digests, Sha256
 from busybot.episodes.schema import SCHEMA_VERSION
+
+MANIFEST_FILE, CARD_FILE = "manifest.json", "README.md"
+MANIFEST_VERSION = "1.0"
+MAX_MANIFEST_BYTES = 512 << 20
+"""A million files need about 150 MB."""
+HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
+
+_FILE_NAME = re.compile(r"^(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*$")
 
 Version = Annotated[str, Field(pattern=r"^\d+\.\d+$")]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
-Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 class GeneratorInfo(FrozenModel):
@@ -88,6 +105,83 @@ class DatasetInfo(FrozenModel):
         return kind if isinstance(kind, str) else None
 
 
+class FileEntry(FrozenModel):
+    """One file: SHA-256 and size in bytes."""
+
+    sha256: Sha256
+    bytes: Annotated[int, Field(ge=0)]
+
+
+class AssetEntry(FrozenModel):
+    """One object.
+
+    Attributes:
+        sha256: over the object's files.
+        licence: SPDX identifier, or in words.
+        carried: whether its files lie in the dataset's folder `objects`.
+    """
+
+    sha256: Sha256
+    licence: Annotated[str, Field(min_length=1, max_length=500)]
+    carried: bool
+
+
+class Origin(FrozenModel):
+    """What so many episodes have in common.
+
+    Attributes:
+        renderer: fingerprint of the renderer that made their pictures.
+        versions: of the packages that recorded them.
+    """
+
+    renderer: dict[str, Any]
+    versions: dict[str, Any]
+    episodes: Annotated[int, Field(ge=1)]
+
+
+class Manifest(FrozenModel):
+    """A frozen dataset.
+
+    Attributes:
+        schema_version: of episodes and tables.
+        board_seed, policy_seed: from which boards and actions were drawn.
+        generator: what drew the boards: version and configuration.
+        collect: how the episodes were recorded: the whole configuration.
+        origins: renderers and packages, most episodes first.
+        partial: episodes that `repair` could save only in part.
+        boards_again: whether the configuration gave the same boards again when the dataset was frozen.
+        assets: by object key, those on the boards and those carried besides.
+        frozen_with: versions of the packages that froze the dataset.
+        files: by path relative to the dataset; all but the manifest itself.
+    """
+
+    manifest_version: Version = MANIFEST_VERSION
+    schema_version: Version
+    name: str
+    split: str
+    boards: int
+    steps: int
+    hashes: Digests
+    board_seed: Seed
+    policy_seed: Seed
+    generator: GeneratorInfo
+    collect: CollectInfo
+    origins: list[Origin]
+    partial: list[int] = []
+    boards_again: bool
+    assets: dict[str, AssetEntry]
+    frozen_with: dict[str, str]
+    files: dict[str, FileEntry]
+
+    @field_validator("files")
+    @classmethod
+    def _inside(cls, files: dict[str, FileEntry]) -> dict[str, FileEntry]:
+        for name in files:
+            if not is_plain_path(name):
+                raise ValueError(f"{name[:80]!r} is not a plain relative path")
+        return files
+
+
 def collect_command(path: Path, info: DatasetInfo) -> str:
     """The command that records the missing episodes with the recorded settings.
 
@@ -105,3 +199,88 @@ def collect_command(path: Path, info: DatasetInfo) -> str:
     command += f" --set interaction.delta={collect.delta}" if collect.delta != 500 else ""
     responders = collect.settings.get("responders", True)
     return command + ("" if responders else f" --set responders={json.dumps(responders)}")
+
+
+def is_plain_path(name: str) -> bool:
+    """Whether a name that a stranger gave is a relative path without control characters and ways out of its folder."""
+    return _FILE_NAME.match(name) is not None
+
+
+def is_frozen(path: Path) -> bool:
+    """Whether the folder has a manifest, readable or not."""
+    file = path / MANIFEST_FILE
+    return file.is_symlink() or file.exists()
+
+
+def refuse_frozen(path: Path) -> None:
+    """Refuse to write into a frozen dataset."""
+    if is_frozen(path):
+        hint = "work on a copy without manifest.json (`chmod -R u+w COPY` first), or collect into another dataset"
+        raise BusybotError(f"{path}: the dataset is frozen", hint)
+
+
+def read_manifest(path: Path) -> Manifest:
+    """The manifest of the dataset in folder `path`.
+
+    Raises:
+        BusybotError: it is absent, not readable, or of a newer version.
+    """
+    values = read_description(inside(path, MANIFEST_FILE), "manifest", MANIFEST_VERSION, MAX_MANIFEST_BYTES)
+    try:
+        return Manifest.model_validate(values)
+    except ValidationError as error:
+        raise BusybotError(f"{path / MANIFEST_FILE}: {first_fault(error)}", HINT_FETCH) from None
+
+
+def read_description(file: Path, kind: Literal["manifest", "schema"], version: str, max_bytes: int = 64 << 20) -> Any:
+    """The JSON of a file that says of which version it is; those of another major one than `version` are refused."""
+    values = read_json(file, max_bytes)
+    found = str(values.get(f"{kind}_version"))[:20] if isinstance(values, dict) else ""
+    if found.split(".")[0] != version.split(".")[0]:
+        what = f"{file}: {kind} version {found or 'missing'}; this installation reads {version}"
+        raise BusybotError(what, "use the busybot version that wrote it, or make it again")
+    return values
+
+
+def plain_files(path: Path) -> dict[str, int]:
+    """Sizes of all files under a folder, by their paths in it.
+
+    Raises:
+        BusybotError: a link or device is among them.
+    """
+    found = scan(path)
+    if found.others:
+        what = f"{path / found.others[0]}: neither a file nor a folder but a link or device"
+        raise BusybotError(what, "put a copy of the file in its place, or remove it")
+    return found.files
+
+
+def file_entries(path: Path, names: list[str], workers: int = 1) -> dict[str, FileEntry]:
+    """Hash and size of files in the folder."""
+    entries = share(_entry, [path / name for name in names], workers)
+    return dict(zip(names, entries, strict=True))
+
+
+def _entry(file: Path) -> FileEntry:
+    return FileEntry(sha256=sha256_of(file), bytes=file.stat().st_size)
+
+
+def unlike_manifest(path: Path, manifest: Manifest, workers: int = 1) -> Iterator[tuple[str, str, str]]:
+    """Files that are missing, changed or not in the manifest: (path in the dataset, fault, hint).
+
+    Hidden files are passed over: version control and download tools put theirs beside the data.
+    """
+    found = scan(path).files
+    for name in sorted(manifest.files.keys() - found.keys()):
+        yield name, "missing; the manifest lists it", HINT_FETCH
+    shared = sorted(manifest.files.keys() & found.keys())
+    same_size = [name for name in shared if found[name] == manifest.files[name].bytes]
+    entries = file_entries(path, same_size, workers)
+    for name in shared:
+        if name not in entries:
+            yield name, f"{found[name]} bytes, the manifest says {manifest.files[name].bytes}", HINT_FETCH
+        elif entries[name] != manifest.files[name]:
+            yield name, "its content changed after freezing: another SHA-256 than the manifest's", HINT_FETCH
+    for name in sorted(found.keys() - manifest.files.keys() - {MANIFEST_FILE}):
+        if not any(part.startswith(".") for part in name.split("/")):
+            yield name, "not in the manifest", "move it out of the dataset"

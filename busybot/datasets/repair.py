@@ -1,31 +1,29 @@
 """Repairing a dataset: damaged episodes are saved as far as possible, tables made again.
 
 An episode that could be saved in part is an ordinary recording of fewer steps, marked in its settings
-(`salvage.SALVAGED`). It counts as finished: collecting continues with the other boards. Where the episode can be
+(`episode.SALVAGED`). It counts as finished: collecting continues with the other boards. Where the episode can be
 recorded again, dropping the part is better: collecting then makes the whole episode as it was.
 
 The original of every file that is replaced or removed is kept in the dataset's folder `damaged`.
 """
 
-import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
-from busybot.common.atomic_io import inside, remove, remove_leftovers, scan, write_atomically
+from busybot.common.atomic_io import inside, remove, write_atomically
 from busybot.common.errors import BusybotError, without_name
 from busybot.common.process_pool import share
 from busybot.datasets.create import continue_or_create
-from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import CollectInfo
-from busybot.datasets.manifest import is_frozen
-from busybot.datasets.membership import faults_of, is_partial
+from busybot.datasets.dataset import DAMAGED_FOLDER, Dataset
+from busybot.datasets.info import CollectInfo, is_frozen, plain_files
+from busybot.datasets.verify import faults_of, is_partial
 from busybot.episodes.mcap.records import MAX_FILE_BYTES
-from busybot.episodes.mcap.salvage import salvage
-from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode
-
-DAMAGED_FOLDER = "damaged"
+from busybot.episodes.mcap.salvage import Salvaged, salvage
+from busybot.episodes.tables import Rows, episode_rows
 
 Fate = Literal["sound", "whole", "partial", "dropped"]
 
@@ -64,14 +62,8 @@ class Repaired:
     originals: Path
 
 
-@dataclass(frozen=True)
-class _RepairTask:
-    file: Path
-    index: int
-    board_digest: str
-    collect: CollectInfo | None
-    stored: Rows | None
-    keep_partial: bool
+_Task = tuple[Path, int, str, Rows]
+"""A file, the index of its episode, the digest of its board, and what the tables know of it."""
 
 
 def repair(
@@ -93,7 +85,7 @@ def repair(
             is None, or another process writes into it.
     """
     dataset = Dataset.open(path)
-    _refuse_links(path)
+    plain_files(path)
     if out is None:
         if is_frozen(path):
             raise BusybotError(f"{path}: the dataset is frozen", "write the repaired one elsewhere: --out DIR")
@@ -106,86 +98,70 @@ def repair(
         return _repair(dataset, target, keep_partial, workers, progress)
 
 
-def _refuse_links(path: Path) -> None:
-    others = scan(path).others
-    if others:
-        what = f"{path / others[0]}: neither a file nor a folder but a link or device"
-        raise BusybotError(what, "put a copy of the file in its place, or remove it")
-
-
 def _repair(
     source: Dataset, target: Dataset, keep_partial: bool, workers: int, progress: Callable[[int, int], None] | None
 ) -> Repaired:
-    leftovers = remove_leftovers(target.path)
+    leftovers = target.remove_leftovers()
     boards = source.boards()
-    indices = sorted(source.finished())
+    finished = source.finished_by_shard()
+    examine = partial(_examine, collect=source.info.collect, keep_partial=keep_partial)
     rows: dict[int, Rows] = {}
     verdicts: list[RepairVerdict] = []
-    for start in range(0, len(indices), EPISODES_PER_SHARD):
-        part = indices[start : start + EPISODES_PER_SHARD]
-        stored = _stored(source, part)
-        tasks = [
-            _RepairTask(source.episode_path(i), i, boards[i].digest(), source.info.collect, stored.get(i), keep_partial)
-            for i in part
-        ]
-        for verdict, found, data in share(_examine, tasks, workers):
+    for shard, indices in finished.items():
+        stored = _stored(source, shard)
+        tasks = [(source.episode_path(i), i, boards[i].digest(), stored.get(i, {})) for i in indices]
+        for verdict, found, data in share(examine, tasks, workers):
             _put(source, target, verdict, data)
             if found is not None:
                 rows[verdict.episode] = found
             verdicts.append(verdict)
             if progress:
-                progress(len(verdicts), len(indices))
+                progress(len(verdicts), sum(map(len, finished.values())))
     target.write_tables(rows)
     damaged = tuple(verdict for verdict in verdicts if verdict.fate != "sound")
-    sound = len(verdicts) - len(damaged)
     originals = source.path / ("episodes" if source is not target else DAMAGED_FOLDER)
-    return Repaired(target.path, sound, damaged, leftovers, originals)
+    return Repaired(target.path, len(verdicts) - len(damaged), damaged, leftovers, originals)
 
 
-def _stored(dataset: Dataset, indices: Iterable[int]) -> dict[int, Rows]:
-    """What the tables know of the episodes, as far as they can be read."""
+def _stored(dataset: Dataset, shard: int) -> dict[int, Rows]:
+    """What the tables know of a shard's episodes, as far as they can be read."""
     found: dict[int, dict[str, Any]] = {}
-    for shard in {index // EPISODES_PER_SHARD for index in indices}:
-        for name in ("episodes", "steps"):
-            try:
-                rows = split_by_episode(read_shard(dataset.table_path(name, shard), name))
-            except BusybotError:
-                continue
-            for index, values in rows.items():
-                found.setdefault(index, {})[name] = values
+    for name in ("episodes", "steps"):
+        for index, rows in dataset.stored_rows(shard, (name,)).items():
+            found.setdefault(index, {}).update(rows)
     return dict(found)
 
 
-def _examine(task: _RepairTask) -> tuple[RepairVerdict, Rows | None, bytes | None]:
+def _examine(
+    task: _Task, collect: CollectInfo | None, keep_partial: bool
+) -> tuple[RepairVerdict, Rows | None, bytes | None]:
     """Verdict on a file, its rows for the tables, and the bytes that replace it; runs in a worker."""
-    data = None
-    verdict = RepairVerdict(task.index, "sound")
+    file, index, board_digest, stored = task
+    verdict, data = RepairVerdict(index, "sound"), None
     rows: Rows
     try:
-        rows = episode_rows(task.file, task.index)
+        rows = episode_rows(file, index)
     except BusybotError as error:
-        fault = without_name(error, task.file)
+        fault = without_name(error, file)
         try:
-            verdict, rows, data = _save(task, fault)
+            saved = _save(file)
+            data, rows = saved.data, episode_rows(file, index, saved.data)
+            _check_stored(stored, rows, saved.whole)
         except BusybotError as other:
-            return RepairVerdict(task.index, "dropped", f"{fault}; {without_name(other, task.file)}"), None, None
-    faults = faults_of(rows, task.index, task.board_digest, task.collect)
-    settings = json.loads(rows["episodes"]["settings"][0].as_py())
-    if not task.keep_partial and is_partial(settings):
+            return RepairVerdict(index, "dropped", f"{fault}; {without_name(other, file)}"), None, None
+        verdict = RepairVerdict(index, "whole" if saved.whole else "partial", fault, saved.steps, saved.of)
+    faults = faults_of(rows, index, board_digest, collect)
+    if not keep_partial and is_partial(rows["episodes"]["settings"][0].as_py()):
         faults.append("it could be saved in part only")
     if faults:
-        return RepairVerdict(task.index, "dropped", "; ".join(faults)), None, None
+        return RepairVerdict(index, "dropped", "; ".join(faults)), None, None
     return verdict, rows, data
 
 
-def _save(task: _RepairTask, fault: str) -> tuple[RepairVerdict, Rows, bytes]:
-    if task.file.stat().st_size > MAX_FILE_BYTES:
+def _save(file: Path) -> Salvaged:
+    if file.stat().st_size > MAX_FILE_BYTES:
         raise BusybotError(f"more than {MAX_FILE_BYTES} bytes")
-    saved = salvage(task.file.read_bytes())
-    rows = episode_rows(task.file, task.index, saved.data)
-    _check_stored(task.stored or {}, rows, saved.whole)
-    verdict = RepairVerdict(task.index, "whole" if saved.whole else "partial", fault, saved.steps, saved.of)
-    return verdict, rows, saved.data
+    return salvage(file.read_bytes())
 
 
 def _check_stored(stored: Rows, rows: Rows, whole: bool) -> None:
@@ -203,28 +179,20 @@ def _check_stored(stored: Rows, rows: Rows, whole: bool) -> None:
 def _put(source: Dataset, target: Dataset, verdict: RepairVerdict, data: bytes | None) -> None:
     """Carry out a verdict. In place, the original is kept first; killed in between, the next run does the same."""
     file, place = source.episode_path(verdict.episode), target.episode_path(verdict.episode)
-    if source is not target:
-        if verdict.fate == "dropped":
-            remove(place, target.path)
-        else:
-            write_atomically(place, file.read_bytes() if data is None else data, target.path)
-    elif verdict.fate != "sound":
+    if source is target and verdict.fate != "sound":
         _keep(target.path, file)
-        if data is None:
-            remove(file, target.path)
-        else:
-            write_atomically(file, data, target.path)
+    if verdict.fate == "dropped":
+        remove(place, target.path)
+    elif source is not target or data is not None:
+        write_atomically(place, file.read_bytes() if data is None else data, target.path)
 
 
 def _keep(folder: Path, file: Path) -> None:
     """A copy in `damaged`, under the first name that is free or holds the same bytes."""
     data = file.read_bytes()
-    number = 0
-    while True:
+    for number in count():
         place = inside(folder, f"{DAMAGED_FOLDER}/{file.name}{f'.{number}' if number else ''}")
         if not place.exists():
             write_atomically(place, data, folder)
-            return
         if place.read_bytes() == data:
             return
-        number += 1

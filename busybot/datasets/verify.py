@@ -1,22 +1,29 @@
-"""Verifies a dataset: structure, checksums, boards, and tables against the episodes themselves."""
+"""Verifies a dataset: structure, checksums, boards, that recordings belong to them, tables against the episodes."""
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
-from busybot.common.atomic_io import inside
 from busybot.common.errors import BusybotError, without_name
 from busybot.common.process_pool import share
-from busybot.datasets.bundled_assets import OBJECTS_FOLDER, library_of
-from busybot.datasets.dataset import BOARDS_PER_SHARD, INFO_FILE, Dataset
-from busybot.datasets.info import CollectInfo
-from busybot.datasets.manifest import CARD_FILE, HINT_FETCH, MANIFEST_FILE, is_frozen, read_manifest, unlike_manifest
-from busybot.datasets.membership import faults_of
-from busybot.datasets.repair import DAMAGED_FOLDER
+from busybot.datasets.bundled_assets import library_of
+from busybot.datasets.dataset import BOARDS_PER_SHARD, DAMAGED_FOLDER, HINT_GENERATE, INFO_FILE, OBJECTS_FOLDER, Dataset
+from busybot.datasets.info import (
+    CARD_FILE,
+    HINT_FETCH,
+    MANIFEST_FILE,
+    CollectInfo,
+    is_frozen,
+    read_manifest,
+    unlike_manifest,
+)
+from busybot.episodes.episode import ENDED, SALVAGED
 from busybot.episodes.schema import TABLES
-from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode
+from busybot.episodes.tables import HINT_TABLES, Rows, episode_rows, read_shard, split_by_episode
 
-HINT_TABLES = "remove the file; `busybot collect` on the dataset makes it again from the episodes"
 LINK = "a link where a file or folder is expected"
 HINT_STRAY = "move it out of the dataset"
 HINT_EPISODE = "`busybot dataset repair` saves what can be saved; or remove the file and collect again"
@@ -57,20 +64,6 @@ class VerifyReport:
         return not self.problems
 
 
-@dataclass(frozen=True)
-class _VerifyTask:
-    path: Path
-    index: int
-    board_digest: str | None
-    collect: CollectInfo | None
-
-
-@dataclass(frozen=True)
-class _Checked:
-    rows: Rows | None
-    problems: tuple[Problem, ...]
-
-
 def verify(
     path: Path,
     workers: int = 1,
@@ -95,15 +88,15 @@ def verify(
         return VerifyReport(0, tuple(problems), boards=dataset.info.boards)  # nothing is read through a link
     digests, board_problems = _boards(dataset)
     problems += board_problems
-    finished = sorted(dataset.finished())
+    finished = len(dataset.finished())
     if finished and dataset.info.collect is None:
         what = "there are episodes, but not how they were collected"
         problems.append(Problem(str(path / INFO_FILE), what, "collect into a new dataset"))
-    problems += _episodes(dataset, finished, digests, workers, progress)
+    problems += _episodes(dataset, digests, workers, progress)
     if is_frozen(path):
         problems += _manifest(dataset, workers, sound=not problems)
     objects, object_problems = _objects(dataset, assets)
-    return VerifyReport(len(finished), (*problems, *object_problems), is_frozen(path), objects, dataset.info.boards)
+    return VerifyReport(finished, (*problems, *object_problems), is_frozen(path), objects, dataset.info.boards)
 
 
 def _manifest(dataset: Dataset, workers: int, sound: bool) -> Iterator[Problem]:
@@ -117,7 +110,7 @@ def _manifest(dataset: Dataset, workers: int, sound: bool) -> Iterator[Problem]:
     for name, fault, hint in unlike_manifest(dataset.path, manifest, workers):
         sound = False
         yield Problem(str(dataset.path / name), fault, hint)
-    if sound and vars(dataset.hashes()) != manifest.hashes.model_dump():
+    if sound and dataset.hashes() != manifest.hashes:
         yield Problem(str(dataset.path / MANIFEST_FILE), "its hashes are not those of the dataset", HINT_FETCH)
 
 
@@ -159,53 +152,93 @@ def _boards(dataset: Dataset) -> tuple[dict[int, str], list[Problem]]:
     try:
         boards = dataset.boards()
     except BusybotError as error:
-        return {}, [Problem(str(dataset.path / "boards"), error.what, error.hint or "generate the dataset again")]
+        return {}, [Problem(str(dataset.path / "boards"), error.what, error.hint or HINT_GENERATE)]
     info, problems = dataset.info, []
     for board in boards:
         if (board.seed, board.split) != (info.seed, info.split):
             what = f"board {board.index} has seed {board.seed} and split {board.split!r}, "
             what += f"the dataset {info.seed} and {info.split!r}"
-            problems.append(Problem(str(dataset.path / "boards"), what, "generate the dataset again"))
+            problems.append(Problem(str(dataset.path / "boards"), what, HINT_GENERATE))
     return {board.index: board.digest() for board in boards}, problems
 
 
-def _episodes(
-    dataset: Dataset, finished: list[int], digests: dict[int, str], workers: int, progress: Progress | None
-) -> Iterator[Problem]:
+def _episodes(dataset: Dataset, digests: dict[int, str], workers: int, progress: Progress | None) -> Iterator[Problem]:
     """Read every episode, and compare the tables with what they should hold, one shard after the other."""
-    done = 0
-    for shard in sorted({index // EPISODES_PER_SHARD for index in finished} | _table_shards(dataset)):
-        indices = [i for i in finished if i // EPISODES_PER_SHARD == shard]
-        tasks = [_VerifyTask(dataset.episode_path(i), i, digests.get(i), dataset.info.collect) for i in indices]
+    finished, done = dataset.finished_by_shard(), 0
+    check = partial(_check_episode, collect=dataset.info.collect)
+    for shard in sorted(finished.keys() | {shard for name in TABLES for shard in dataset.stored_shards(name)}):
+        files = {index: dataset.episode_path(index) for index in finished.get(shard, ())}
+        checked = share(check, [(file, index, digests.get(index)) for index, file in files.items()], workers)
         rows: dict[int, Rows] = {}
-        for task, checked in zip(tasks, share(_check_episode, tasks, workers), strict=True):
-            yield from checked.problems
-            if checked.rows is not None:
-                rows[task.index] = checked.rows
+        for (index, file), (found, faults) in zip(files.items(), checked, strict=True):
+            yield from (Problem(str(file), fault, HINT_EPISODE) for fault in faults)
+            if found is not None:
+                rows[index] = found
             done += 1
             if progress is not None:
-                progress(done, len(finished))
-        yield from _tables(dataset, shard, rows, set(indices))
+                progress(done, sum(map(len, finished.values())))
+        yield from _tables(dataset, shard, rows, set(files))
 
 
-def _check_episode(task: _VerifyTask) -> _Checked:
-    """Read one file; runs in a worker."""
+def _check_episode(task: tuple[Path, int, str | None], collect: CollectInfo | None) -> tuple[Rows | None, list[str]]:
+    """Rows and faults of one file, given with its index and its board's digest; runs in a worker."""
+    file, index, board_digest = task
     try:
-        rows = episode_rows(task.path, task.index)
+        rows = episode_rows(file, index)
     except BusybotError as error:
-        return _Checked(None, (Problem(str(task.path), without_name(error, task.path), HINT_EPISODE),))
-    faults = faults_of(rows, task.index, task.board_digest, task.collect)
-    return _Checked(rows, tuple(Problem(str(task.path), fault, HINT_EPISODE) for fault in faults))
+        return None, [without_name(error, file)]
+    return rows, faults_of(rows, index, board_digest, collect)
 
 
-def _table_shards(dataset: Dataset) -> set[int]:
-    return {shard for name in TABLES for shard in dataset.stored_shards(name)}
+def faults_of(rows: Rows, index: int, board_digest: str | None, collect: CollectInfo | None) -> list[str]:
+    """What speaks against it, nothing if it belongs there.
+
+    An episode that was saved in part, or that its policy ended, may have fewer steps than the collection if it says
+    so.
+
+    Args:
+        rows: of the episode, as `tables.episode_rows` returns them.
+        board_digest: of board `index`; None if it is not known, likewise `collect`.
+    """
+    episode = {name: rows["episodes"][name][0].as_py() for name in rows["episodes"].column_names}
+    faults = []
+    if board_digest is not None and episode["board_digest"] != board_digest:
+        faults.append(f"its board is not board {index} of the dataset")
+    if collect is None:
+        return faults
+    pairs = [("policy", collect.policy), ("strict", collect.strict), ("delta", collect.delta)]
+    pairs.append(("image_format", collect.images))
+    faults += [
+        f"{name} is {episode[name]!r}, the dataset says {value!r}"
+        for name, value in pairs
+        if episode[name] is not None and episode[name] != value
+    ]
+    if _possible_steps(episode["steps"], json.loads(episode["settings"])) != collect.steps:
+        faults.append(f"it has {episode['steps']} steps, the dataset says {collect.steps}")
+    return faults
+
+
+def _possible_steps(steps: int, settings: dict[str, Any]) -> int:
+    """How many steps an episode with so many might have had, by its own account; -1 if that contradicts itself."""
+    for name in (SALVAGED, ENDED):
+        said = settings.get(name)
+        if isinstance(said, dict):
+            of = said.get("of")
+            if not isinstance(of, int) or of < steps:
+                return -1
+            steps = of
+    return steps
+
+
+def is_partial(settings: str) -> bool:
+    """Whether an episode's settings, as the table has them, say that it was saved in part."""
+    return isinstance(json.loads(settings).get(SALVAGED), dict)
 
 
 def _tables(dataset: Dataset, shard: int, derived: dict[int, Rows], finished: set[int]) -> Iterator[Problem]:
     """Compare the stored rows of a shard with those that its episodes give now."""
     for name in TABLES:
-        path = inside(dataset.path, f"tables/{name}/part-{shard:05d}.parquet")
+        path = dataset.table_path(name, shard)
         if not path.exists():
             yield Problem(str(path), f"missing; {len(finished)} episodes belong to it", "`busybot collect` makes it")
             continue

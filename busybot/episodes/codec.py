@@ -1,17 +1,16 @@
-"""Images to bytes and back: what a frame costs on disk and how exactly it comes back.
+"""Images to bytes and back, those of a file when they are asked for: what a frame costs and how exactly it comes back.
 
 RGB is JPEG (quality 90, no chroma subsampling) or PNG. Without subsampling a JPEG block is 8 x 8 pixels and depends on
 nothing else, so what did not change stays bit-equal; a restart marker per row of blocks makes unchanged rows equal as
 bytes too, and the zstd chunk of the MCAP file stores them once (64 -> 7 kB for a typical frame after the first).
 Depth is a 16-bit PNG of equidistant steps, segmentation a PNG of indices; both lossless and cheap: zlib's lowest level
 without row filters is the fastest to encode and decode (1.1 and 0.4 ms) and the chunk's zstd finds the repetitions.
-
-The images of an episode that was read from a file, decoded when they are asked for.
 """
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal, overload
 
 import cv2
@@ -28,6 +27,7 @@ DEPTH_OFFSET, DEPTH_SCALE = 2.0, 4e-5
 JPEG_QUALITY = 90
 JPEG_BLOCK = 8
 MAX_SIDE = 8192
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 
 _LARGEST = 65535
 _FAST_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_DEFAULT]
@@ -66,8 +66,12 @@ class DepthScale:
         np.clip(steps, 0, _LARGEST, out=steps)
         return np.multiply(steps.astype(np.uint16), depth > 0)
 
-    def table(self) -> np.ndarray:
-        """Board units of every stored value, float32 (65536,)."""
+    def restore(self, steps: np.ndarray) -> np.ndarray:
+        """Stored values, uint16 (H, W), to board units, float32 (H, W)."""
+        return np.take(self._table, steps)
+
+    @cached_property
+    def _table(self) -> np.ndarray:
         values = self.offset + np.arange(_LARGEST + 1) * self.scale
         values[0] = 0
         return values.astype(np.float32)
@@ -118,7 +122,7 @@ def _decode(data: bytes, flags: int, shape: tuple[int, ...], types: tuple[type, 
 
 def image_size(data: bytes) -> tuple[int, int]:
     """Width and height from a PNG's or JPEG's header, without decoding: a small file can claim a huge image."""
-    if data[:8] == b"\x89PNG\r\n\x1a\n" and data[12:16] == b"IHDR" and len(data) >= 24:
+    if data[:8] == PNG_MAGIC and data[12:16] == b"IHDR" and len(data) >= 24:
         width, height = struct.unpack(">II", data[16:24])
         return width, height
     position = 2
@@ -148,6 +152,17 @@ class EncodedImage:
     boxes: np.ndarray
 
 
+def encode_image(image: Image, rgb: ImageFormat, scale: DepthScale, links: int) -> EncodedImage:
+    """An image as files keep it; `links` is the number of links that its segmentation may name."""
+    depth, labels = image.depth, image.segmentation
+    return EncodedImage(
+        encode_rgb(image.rgb, rgb),
+        None if depth is None else encode_plain(scale.quantise(depth)),
+        None if labels is None else encode_plain(labels.astype(np.uint8) if links < 256 else labels),
+        image.boxes,
+    )
+
+
 @dataclass
 class LazyImages(Sequence[Image]):
     """Behaves like `Episode.images`; keeps the last two images decoded, those before and after a step.
@@ -165,7 +180,6 @@ class LazyImages(Sequence[Image]):
     depth_scale: DepthScale
     encoded: list[EncodedImage]
     _recent: dict[int, Image] = field(default_factory=dict, repr=False)
-    _depths: np.ndarray | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.encoded)
@@ -181,37 +195,25 @@ class LazyImages(Sequence[Image]):
             return [self[i] for i in range(*index.indices(len(self)))]
         position = range(len(self))[index]
         if position not in self._recent:
-            image = self._decode(position)
+            image = self._decode(self.encoded[position], position)
             for old in list(self._recent)[:-1]:
                 del self._recent[old]
             self._recent[position] = image
         return self._recent[position]
 
-    def __iter__(self) -> Iterator[Image]:
-        return (self[i] for i in range(len(self)))
-
     def as_stored(self, image: Image) -> Image:
         """Another image as it would come back from this file: through its codecs."""
-        png = self.encoded[0].rgb.startswith(b"\x89PNG") if self.encoded else True
-        rgb = decode_rgb(encode_rgb(image.rgb, "png" if png else "jpeg"), self.width, self.height)
-        if self._depths is None:
-            self._depths = self.depth_scale.table()
-        depth = None if image.depth is None else np.take(self._depths, self.depth_scale.quantise(image.depth))
-        return Image(rgb=rgb, depth=depth, segmentation=image.segmentation, boxes=image.boxes)
+        png = self.encoded[0].rgb.startswith(PNG_MAGIC) if self.encoded else True
+        return self._decode(encode_image(image, "png" if png else "jpeg", self.depth_scale, self.links))
 
-    def _decode(self, position: int) -> Image:
-        encoded = self.encoded[position]
+    def _decode(self, encoded: EncodedImage, position: int = -1) -> Image:
         try:
             rgb = decode_rgb(encoded.rgb, self.width, self.height)
             steps = None if encoded.depth is None else decode_plain(encoded.depth, self.width, self.height)
             segmentation = self._decode_segmentation(encoded.segmentation)
         except ValueError as error:
             raise BusybotError(f"{self.where}: image {position}: {error}", "record the episode again") from None
-        depth = None
-        if steps is not None:
-            if self._depths is None:
-                self._depths = self.depth_scale.table()
-            depth = np.take(self._depths, steps)
+        depth = None if steps is None else self.depth_scale.restore(steps)
         return Image(rgb=rgb, depth=depth, segmentation=segmentation, boxes=encoded.boxes)
 
     def _decode_segmentation(self, data: bytes | None) -> np.ndarray | None:

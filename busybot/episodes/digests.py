@@ -12,24 +12,26 @@ are taken from a file as it was read back, so they also say that the file can be
 import hashlib
 import struct
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pyarrow as pa
+from pydantic import Field
 
+from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.schema import STEP_FIELDS
 
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
-@dataclass(frozen=True)
-class Digests:
-    """SHA-256, hexadecimal, of one episode or (`combine`) of a dataset."""
 
-    board: str
-    trace: str
-    content: str
+class Digests(FrozenModel):
+    """Of one episode or (`combine`) of a dataset."""
+
+    board: Sha256
+    trace: Sha256
+    content: Sha256
 
 
 class _Hasher:
@@ -67,10 +69,11 @@ class _Hasher:
 
 def episode_digests(episode: Episode) -> Digests:
     """Digests of an episode that was read from its file."""
-    return Digests(episode.board.digest(), trace_digest(episode), content_digest(episode))
+    trace = _trace_digest(episode)
+    return Digests(board=episode.board.digest(), trace=trace, content=_content_digest(episode, trace))
 
 
-def trace_digest(episode: Episode) -> str:
+def _trace_digest(episode: Episode) -> str:
     """Actions (pixel, position, directions, distance) and discrete states."""
     hasher = _Hasher("trace")
     hasher.integers(len(episode.steps))
@@ -79,10 +82,10 @@ def trace_digest(episode: Episode) -> str:
     return hasher.hexadecimal()
 
 
-def content_digest(episode: Episode) -> str:
+def _content_digest(episode: Episode, trace: str) -> str:
     """Trace, rewards, joints, camera, links, positions, every stored image and the goal image, if there is one."""
     hasher = _Hasher("content")
-    hasher.text(trace_digest(episode))
+    hasher.text(trace)
     hasher.integers(episode.camera.width, episode.camera.height)
     for values in (episode.camera.matrix, episode.camera.pose, episode.positions):
         hasher.numbers(values)

@@ -16,6 +16,11 @@ import numpy as np
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError, naming
 
+SALVAGED = "salvaged"
+"""Among the settings of an episode that was saved in part: {"of": steps that were recorded}."""
+ENDED = "ended"
+"""Among the settings of an episode that its policy ended before its last step: {"of": steps that it might have had}."""
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -88,22 +93,9 @@ class Image:
 class Step:
     """One proposed action and what came of it. A proposed action executes a direction, then its opposite.
 
-    Attributes:
-        pixel: (u, v) chosen in the image before.
-        position: board frame, float32-representable, board units.
-        direction: index into `boards.directions.DIRECTIONS`, the one proposed.
-        executed: the directions that were tried, in order, vetoed ones among them.
-        distance: board units reached in the last executed direction when the motion stopped.
-        changed_pixels: pixels that differ between the raw images before and after.
-        reward: 1 if `changed_pixels` exceeds the episode's delta.
-        acted_object, acted_link: what the gripper held, -1 and "" for a miss. Privileged.
-        trigger_states_before, ..._after: discrete state of every trigger link, in the order of the trigger links among
-            `Episode.links`. Privileged.
-        responder_states_before, ..._after: state of every object, -1 for triggers. Privileged.
-        joint_positions_before, ..._after: the trigger links' joint positions (radians or object units x scale), same
-            order as the trigger states. Privileged.
-        success: a trigger state changed because of the action. Privileged.
-        vetoed: strict mode vetoed every direction, so that nothing could move. Privileged.
+    What each value means, its unit and frame, and whether it is privileged stands in `schema.STEP_FIELDS`. Positions
+    are float32-representable. States and joint positions of trigger links stand in the order of these links among
+    `Episode.links`, joint positions in radians or object units x scale.
     """
 
     pixel: tuple[int, int]

@@ -8,7 +8,7 @@ Columns marked privileged hold what the protocol ("Who may read what") keeps fro
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
 from types import MappingProxyType
 from typing import Literal, NamedTuple
@@ -47,9 +47,11 @@ class Column:
         return pa.field(self.name, self.type, nullable=self.nullable, metadata=metadata)
 
 
-def _vector(name: str, description: str, unit: str, nullable: bool = False) -> tuple[Column, ...]:
-    columns = (Column(f"{name}_{axis}", pa.float32(), f"{description}, {axis}", unit, BOARD) for axis in "xyz")
-    return tuple(replace(column, nullable=nullable) for column in columns)
+def _vector(name: str, description: str, unit: str, nullable: bool = False) -> list[Column]:
+    return [
+        Column(f"{name}_{axis}", pa.float32(), f"{description}, {axis}", unit, BOARD, nullable=nullable)
+        for axis in "xyz"
+    ]
 
 
 def _box(name: str, description: str, privileged: bool) -> list[Column]:
@@ -164,122 +166,76 @@ class StepField:
         return tuple(column.name for column in self.columns) if self.wire and self.wire.each else (self.name,)
 
 
-def _scalar(
-    column: Column, wire: Wire, hashed: Hashed | None = None, compared: Compared | None = None, name: str = ""
-) -> StepField:
-    return StepField(name or column.name, (column,), wire, hashed, compared)
+_PIXEL = "null if the action was not chosen in an image"
+_STEPS = (
+    _EPISODE,
+    Column("step", pa.int32(), "step k leads from frame k to frame k + 1"),
+    Column("image_before", pa.int32(), "index of the stored image that shows the frame before"),
+    Column("image_after", pa.int32(), "index of the stored image that shows the frame after"),
+    Column("pixel_u", pa.int16(), f"chosen column; {_PIXEL}", "pixel", PIXELS, nullable=True),
+    Column("pixel_v", pa.int16(), f"chosen row; {_PIXEL}", "pixel", PIXELS, nullable=True),
+    *_vector("position", "where the gripper acts", "board unit"),
+    Column("direction", pa.int8(), "index of the proposed direction among the 18"),
+    *_vector("direction", "unit vector of the proposed direction", "1"),
+    Column("executed", _SMALL_NUMBERS, "directions that were tried, in order, vetoed ones among them"),
+    Column("distance", pa.float32(), "reached in the last executed direction when the motion stopped", "board unit"),
+    Column("changed_pixels", pa.int32(), "pixels that differ between the raw images before and after", "pixel"),
+    Column("reward", pa.int8(), "1 if changed_pixels exceeds delta, or, if joint states reward, if one changed"),
+    _truth("vetoed", pa.bool_(), "strict mode vetoed every direction, so that nothing could move"),
+    _truth("acted_object", pa.int16(), "index of the object that the gripper held, -1 for a miss"),
+    _truth("acted_link", pa.string(), "name of the link that the gripper held, empty for a miss"),
+    _truth("success", pa.bool_(), "a trigger state changed because of the action"),
+    _truth("trigger_states_before", _SMALL_NUMBERS, "discrete state of every trigger link"),
+    _truth("trigger_states_after", _SMALL_NUMBERS, "discrete state of every trigger link"),
+    _truth("responder_states_before", _SMALL_NUMBERS, "state of every object, -1 for triggers"),
+    _truth("responder_states_after", _SMALL_NUMBERS, "state of every object, -1 for triggers"),
+    _truth("joint_positions_before", _NUMBERS, "of every trigger link", "radian or board unit"),
+    _truth("joint_positions_after", _NUMBERS, "of every trigger link", "radian or board unit"),
+)
 
 
-def _pixel(axis: str, what: str) -> Column:
-    description = f"chosen {what}; null if the action was not chosen in an image"
-    return Column(f"pixel_{axis}", pa.int16(), description, "pixel", PIXELS, nullable=True)
+def _of(*names: str) -> tuple[Column, ...]:
+    return tuple(column for column in _STEPS if column.name in names)
 
 
-def _states(name: str, description: str, number: int, place: int, of: Literal["triggers", "objects"]) -> StepField:
-    column = _truth(name, _SMALL_NUMBERS, description)
-    return StepField(name, (column,), Wire("sint32", number), Hashed("trace", place), "state", (of,), ())
+def _scalar(name: str, wire: Wire, hashed: Hashed | None = None, compared: Compared | None = None) -> StepField:
+    return StepField(name, _of(name), wire, hashed, compared)
+
+
+def _states(name: str, number: int, each: Literal["triggers", "objects"]) -> StepField:
+    return StepField(name, _of(name), Wire("sint32", number), Hashed("trace", number), "state", (each,), ())
 
 
 def _joints(name: str, number: int, place: int) -> StepField:
-    column = _truth(name, _NUMBERS, "of every trigger link", "radian or board unit")
     wire, hashed = Wire("double", number), Hashed("content", place)
-    return StepField(name, (column,), wire, hashed, "joints", ("triggers",), (), tolerance=1e-5)
+    return StepField(name, _of(name), wire, hashed, "joints", ("triggers",), (), tolerance=1e-5)
 
 
+_PIXEL_COLUMNS, _POSITION_COLUMNS = _of("pixel_u", "pixel_v"), _of("position_x", "position_y", "position_z")
 STEP_FIELDS: tuple[StepField, ...] = (
-    _scalar(Column("step", pa.int32(), "step k leads from frame k to frame k + 1"), Wire("uint32", 1), name="index"),
-    _scalar(
-        Column("image_before", pa.int32(), "index of the stored image that shows the frame before"), Wire("uint32", 2)
-    ),
-    _scalar(
-        Column("image_after", pa.int32(), "index of the stored image that shows the frame after"), Wire("uint32", 3)
-    ),
-    StepField(
-        "pixel",
-        (_pixel("u", "column"), _pixel("v", "row")),
-        Wire("sint32", 4, each=True),
-        Hashed("trace", 1),
-        "action",
-        shape=(2,),
-        unknown=UNKNOWN_PIXEL,
-    ),
-    StepField(
-        "position",
-        _vector("position", "where the gripper acts", "board unit"),
-        Wire("float", 6),
-        Hashed("trace", 3),
-        "action",
-        shape=(3,),
-    ),
-    _scalar(
-        Column("direction", pa.int8(), "index of the proposed direction among the 18"),
-        Wire("uint32", 7),
-        Hashed("trace", 1, part=2),
-        "action",
-    ),
-    StepField("direction_vector", _vector("direction", "unit vector of the proposed direction", "1"), shape=(3,)),
-    StepField(
-        "executed",
-        (Column("executed", _SMALL_NUMBERS, "directions that were tried, in order, vetoed ones among them"),),
-        Wire("uint32", 8),
-        Hashed("trace", 2),
-        "action",
-        shape=("directions",),
-    ),
-    _scalar(
-        Column(
-            "distance", pa.float32(), "reached in the last executed direction when the motion stopped", "board unit"
-        ),
-        Wire("double", 9),
-        Hashed("trace", 3, part=2),
-        "action",
-    ),
-    _scalar(
-        Column("changed_pixels", pa.int32(), "pixels that differ between the raw images before and after", "pixel"),
-        Wire("uint32", 10),
-        Hashed("content", 1),
-        "reward",
-    ),
-    _scalar(
-        Column("reward", pa.int8(), "1 if changed_pixels exceeds delta, or, if joint states reward, if one changed"),
-        Wire("uint32", 11),
-        Hashed("content", 1, part=2),
-        "reward",
-    ),
-    _scalar(
-        _truth("vetoed", pa.bool_(), "strict mode vetoed every direction, so that nothing could move"),
-        Wire("bool", 5),
-        Hashed("trace", 4, part=3),
-        "state",
-    ),
-    _scalar(
-        _truth("acted_object", pa.int16(), "index of the object that the gripper held, -1 for a miss"),
-        Wire("sint32", 2),
-        Hashed("trace", 4),
-        "state",
-    ),
-    _scalar(
-        _truth("acted_link", pa.string(), "name of the link that the gripper held, empty for a miss"),
-        Wire("string", 3),
-        Hashed("trace", 5),
-        "state",
-    ),
-    _scalar(
-        _truth("success", pa.bool_(), "a trigger state changed because of the action"),
-        Wire("bool", 4),
-        Hashed("trace", 4, part=2),
-        "state",
-    ),
-    _states("trigger_states_before", "discrete state of every trigger link", 6, 6, "triggers"),
-    _states("trigger_states_after", "discrete state of every trigger link", 7, 7, "triggers"),
-    _states("responder_states_before", "state of every object, -1 for triggers", 8, 8, "objects"),
-    _states("responder_states_after", "state of every object, -1 for triggers", 9, 9, "objects"),
+    StepField("index", _of("step"), Wire("uint32", 1)),
+    _scalar("image_before", Wire("uint32", 2)),
+    _scalar("image_after", Wire("uint32", 3)),
+    StepField("pixel", _PIXEL_COLUMNS, Wire("sint32", 4, each=True), Hashed("trace", 1), "action", (2,), UNKNOWN_PIXEL),
+    StepField("position", _POSITION_COLUMNS, Wire("float", 6), Hashed("trace", 3), "action", (3,)),
+    _scalar("direction", Wire("uint32", 7), Hashed("trace", 1, part=2), "action"),
+    StepField("direction_vector", _of("direction_x", "direction_y", "direction_z"), shape=(3,)),
+    StepField("executed", _of("executed"), Wire("uint32", 8), Hashed("trace", 2), "action", ("directions",)),
+    _scalar("distance", Wire("double", 9), Hashed("trace", 3, part=2), "action"),
+    _scalar("changed_pixels", Wire("uint32", 10), Hashed("content", 1), "reward"),
+    _scalar("reward", Wire("uint32", 11), Hashed("content", 1, part=2), "reward"),
+    _scalar("vetoed", Wire("bool", 5), Hashed("trace", 4, part=3), "state"),
+    _scalar("acted_object", Wire("sint32", 2), Hashed("trace", 4), "state"),
+    _scalar("acted_link", Wire("string", 3), Hashed("trace", 5), "state"),
+    _scalar("success", Wire("bool", 4), Hashed("trace", 4, part=2), "state"),
+    _states("trigger_states_before", 6, "triggers"),
+    _states("trigger_states_after", 7, "triggers"),
+    _states("responder_states_before", 8, "objects"),
+    _states("responder_states_after", 9, "objects"),
     _joints("joint_positions_before", 10, 2),
     _joints("joint_positions_after", 11, 3),
 )
 """The one description of a recorded step, in the order of the table's columns."""
-
-_STEPS = (_EPISODE, *(column for field in STEP_FIELDS for column in field.columns))
 
 _OBJECTS = (
     _EPISODE,
@@ -295,9 +251,7 @@ _OBJECTS = (
     _truth("scale", pa.float32(), "object units to board units"),
 )
 
-TABLES: Mapping[str, tuple[Column, ...]] = MappingProxyType(
-    {"episodes": _EPISODES, "steps": _STEPS, "objects": _OBJECTS}
-)
+TABLES: Mapping[str, tuple[Column, ...]] = MappingProxyType(dict(episodes=_EPISODES, steps=_STEPS, objects=_OBJECTS))
 
 
 @cache

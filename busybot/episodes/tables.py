@@ -6,7 +6,6 @@
 import io
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +16,17 @@ import pyarrow.parquet as pq
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
-from busybot.episodes.digests import Digests, episode_digests
+from busybot.episodes.codec import EncodedImage, LazyImages
+from busybot.episodes.digests import episode_digests
 from busybot.episodes.episode import Episode
-from busybot.episodes.mcap import messages as topics
+from busybot.episodes.mcap import channels
 from busybot.episodes.mcap.reader import decode_episode
-from busybot.episodes.mcap.records import parse_records, read_records
+from busybot.episodes.mcap.records import Records, parse_records, read_records
 from busybot.episodes.schema import STEP_FIELDS, arrow_schema
 
 EPISODES_PER_SHARD = 500
 EPISODES_PER_ROW_GROUP = 25
+HINT_TABLES = "remove the file; `busybot collect` on the dataset makes it again from the episodes"
 
 Rows = Mapping[str, pa.Table]
 """Table name to the rows of one episode or more."""
@@ -43,27 +44,9 @@ def episode_rows(path: Path, index: int, data: bytes | None = None) -> dict[str,
     """
     records = read_records(path) if data is None else parse_records(data, str(path))
     episode = decode_episode(records, str(path), "lazy")
-    metadata = records.metadata[topics.METADATA]
-    about = FileFacts(records.size, metadata.get("image_format", ""), metadata["schema_version"])
-    return rows_of(episode, index, about, episode_digests(episode))
-
-
-@dataclass(frozen=True)
-class FileFacts:
-    """What the file says beyond the episode."""
-
-    bytes: int
-    image_format: str
-    schema_version: str
-
-
-def rows_of(episode: Episode, index: int, about: FileFacts, digests: Digests) -> dict[str, pa.Table]:
-    """The rows of one episode; pure, no file is touched."""
-    columns = {
-        "episodes": {name: [value] for name, value in _episode(episode, about, digests).items()},
-        "steps": _steps(episode),
-        "objects": _objects(episode),
-    }
+    row = {**_episode(episode), **_facts(records)}
+    columns = {"episodes": {name: [value] for name, value in row.items()}}
+    columns |= {"steps": _steps(episode), "objects": _objects(episode)}
     tables = {}
     for name, values in columns.items():
         count = len(next(iter(values.values())))
@@ -71,8 +54,15 @@ def rows_of(episode: Episode, index: int, about: FileFacts, digests: Digests) ->
     return tables
 
 
-def _episode(episode: Episode, about: FileFacts, digests: Digests) -> dict[str, Any]:
-    board, first = episode.board, _first_encoded(episode)
+def _facts(records: Records) -> dict[str, Any]:
+    """What the file says beyond the episode."""
+    metadata = records.metadata[channels.METADATA]
+    said = {"image_format": metadata.get("image_format", ""), "schema_version": metadata["schema_version"]}
+    return {"bytes": records.size, **said}
+
+
+def _episode(episode: Episode) -> dict[str, Any]:
+    board, camera, encoded = episode.board, episode.camera, _encoded(episode)
     known = knows_truth(episode)
     return {
         "board": board.index,
@@ -84,25 +74,18 @@ def _episode(episode: Episode, about: FileFacts, digests: Digests) -> dict[str, 
         "steps": len(episode.steps),
         "images": len(episode.images),
         "objects": len(board.objects),
-        "bytes": about.bytes,
-        "image_format": about.image_format,
-        "depth": first.depth is not None,
-        "segmentation": first.segmentation is not None,
+        "depth": encoded[0].depth is not None,
+        "segmentation": encoded[0].segmentation is not None,
         "truth": known,
         "delta": _setting(episode, "delta", int),
         "strict": _setting(episode, "strict", bool),
-        "width": episode.camera.width,
-        "height": episode.camera.height,
-        "camera_matrix": episode.camera.matrix.ravel().tolist(),
-        "camera_pose": episode.camera.pose.ravel().tolist(),
-        "schema_version": about.schema_version,
-        "settings": json.dumps(episode.settings, sort_keys=True),
-        "renderer": json.dumps(episode.renderer, sort_keys=True),
-        "versions": json.dumps(episode.versions, sort_keys=True),
+        "width": camera.width,
+        "height": camera.height,
+        "camera_matrix": camera.matrix.ravel().tolist(),
+        "camera_pose": camera.pose.ravel().tolist(),
+        **{name: json.dumps(getattr(episode, name), sort_keys=True) for name in ("settings", "renderer", "versions")},
         "successes": sum(step.success for step in episode.steps) if known else None,
-        "board_digest": digests.board,
-        "trace_digest": digests.trace,
-        "content_digest": digests.content,
+        **{f"{kind}_digest": digest for kind, digest in vars(episode_digests(episode)).items()},
     }
 
 
@@ -119,8 +102,9 @@ def knows_truth(episode: Episode) -> bool:
     return any(link.trigger for link in episode.links)
 
 
-def _first_encoded(episode: Episode) -> Any:
-    return getattr(episode.images, "encoded", episode.images)[0]
+def _encoded(episode: Episode) -> list[EncodedImage]:
+    assert isinstance(episode.images, LazyImages)
+    return episode.images.encoded
 
 
 def _steps(episode: Episode) -> dict[str, list[Any]]:
@@ -132,37 +116,32 @@ def _steps(episode: Episode) -> dict[str, list[Any]]:
     columns: dict[str, list[Any]] = {}
     for field in STEP_FIELDS:
         values = [row[field.name] for row in rows]
+        several = len(field.columns) > 1
         if field.unknown is not None:
-            nothing = None if len(field.columns) == 1 else (None,) * len(field.columns)
+            nothing = (None,) * len(field.columns) if several else None
             values = [nothing if value == field.unknown else value for value in values]
         elif field.privileged and not known:
             values = [None] * len(values)
-        if len(field.columns) == 1:
-            columns[field.columns[0].name] = values
-        else:
-            columns |= {column.name: [value[i] for value in values] for i, column in enumerate(field.columns)}
+        for i, column in enumerate(field.columns):
+            columns[column.name] = [value[i] for value in values] if several else values
     return columns
 
 
 def _objects(episode: Episode) -> dict[str, Any]:
     """A row per frame and object, frame by frame."""
-    placed = episode.board.objects
+    placed, encoded = episode.board.objects, _encoded(episode)
     frames, count = len(episode.frame_of), len(placed)
-    encoded = getattr(episode.images, "encoded", episode.images)
-    boxes = np.stack([encoded[i].boxes for i in episode.frame_of]).reshape(-1, 4)
-    first = np.tile(encoded[0].boxes, (frames, 1))
     columns: dict[str, Any] = {
         "frame": np.repeat(np.arange(frames), count),
         "object": np.tile(np.arange(count), frames),
-        "role": [o.role for o in placed] * frames,
-        "category": [o.category for o in placed] * frames,
-        "instance": [o.instance for o in placed] * frames,
-        "yaw": np.tile(np.array([o.yaw for o in placed], np.float32), frames),
-        "scale": np.tile(np.array([o.scale for o in placed], np.float32), frames),
+        **{name: [getattr(o, name) for o in placed] * frames for name in ("role", "category", "instance")},
+        **{name: np.array([getattr(o, name) for o in placed] * frames, np.float32) for name in ("yaw", "scale")},
     }
     positions = np.tile(episode.positions, (frames, 1)).astype(np.float32)
     for i, axis in enumerate("xyz"):
         columns[f"position_{axis}"] = pa.array(positions[:, i], mask=np.isnan(positions[:, i]))
+    first = np.tile(encoded[0].boxes, (frames, 1))
+    boxes = np.stack([encoded[i].boxes for i in episode.frame_of]).reshape(-1, 4)
     for prefix, values in (("first_box", first), ("box", boxes)):
         for i, side in enumerate(("u0", "v0", "u1", "v1")):
             columns[f"{prefix}_{side}"] = pa.array(values[:, i], pa.int16(), mask=(values < 0).any(axis=1))
@@ -173,7 +152,7 @@ def write_shard(path: Path, table: str, rows: Iterable[pa.Table], root: Path | N
     """Write the rows of consecutive episodes, whole or not at all, a row group per 25 episodes.
 
     Args:
-        root: the dataset's folder; see `files`.
+        root: the dataset's folder; see `atomic_io`.
     """
     episodes = list(rows)
     buffer = io.BytesIO()
@@ -189,19 +168,20 @@ def read_shard(path: Path, table: str, columns: list[str] | None = None) -> pa.T
     Raises:
         BusybotError: naming the file, if it is no Parquet file or its columns are not the schema's.
     """
-    hint = "remove it; `busybot collect` on the dataset makes tables again from the episodes"
+    schema = arrow_schema(table)
+    schema = schema if columns is None else pa.schema([schema.field(name) for name in columns])
     try:
         file = pq.ParquetFile(io.BytesIO(path.read_bytes()))
         found = {field.name: field.type for field in file.schema_arrow}
-        wrong = [f.name for f in arrow_schema(table) if found.get(f.name) != f.type]
-        rows = None if wrong else file.read(columns=columns or arrow_schema(table).names)
-        if rows is not None:
-            rows.validate(full=True)  # text that is no UTF-8 would only be noticed when it is used
+        wrong = [field.name for field in arrow_schema(table) if found.get(field.name) != field.type]
+        if wrong:
+            what = f"{path}: not table {table!r} of this schema version: {', '.join(wrong)}"
+            raise BusybotError(what, HINT_TABLES)
+        rows = file.read(columns=schema.names)
+        rows.validate(full=True)  # text that is no UTF-8 would only be noticed when it is used
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
-        raise BusybotError(f"{path}: not a readable Parquet file: {error}", hint) from None
-    if rows is None:
-        raise BusybotError(f"{path}: not table {table!r} of this schema version: {', '.join(wrong)}", hint)
-    return rows.cast(pa.schema([arrow_schema(table).field(name) for name in rows.column_names]))
+        raise BusybotError(f"{path}: not a readable Parquet file: {error}", HINT_TABLES) from None
+    return rows.select(schema.names).cast(schema)
 
 
 def split_by_episode(rows: pa.Table) -> dict[int, pa.Table]:

@@ -1,6 +1,7 @@
 """Refuses episodes that contradict themselves, before they are written and after they are read."""
 
 from collections.abc import Sequence
+from typing import NoReturn
 
 import numpy as np
 
@@ -22,50 +23,47 @@ _BEFORE_AND_AFTER = [
 HINT = "record the episode again"
 
 
-def check_episode(episode: Episode, where: str) -> None:
+def check_episode(episode: Episode) -> None:
     """Everything that can be told without looking at pixels; `check_image` looks at one image.
 
-    Args:
-        where: the file, for messages.
-
     Raises:
-        BusybotError: naming the file and the contradiction.
+        BusybotError: naming the contradiction; the caller names the file.
     """
-    check_camera(episode.camera, where)
+    check_camera(episode.camera)
     board, objects = episode.board, len(episode.board.objects)
     if board.seed >= 2**63 or max(board.index, board.appearance_group) >= 2**31:
-        _refuse(where, "the board's seed, index or appearance group is too large for the tables")
+        _refuse("the board's seed, index or appearance group is too large for the tables")
     if np.shape(episode.positions) != (objects, 3) or np.isinf(episode.positions).any():
-        _refuse(where, f"positions of shape {np.shape(episode.positions)} for {objects} objects, or infinite ones")
+        _refuse(f"positions of shape {np.shape(episode.positions)} for {objects} objects, or infinite ones")
     if len(episode.links) > MAX_LINKS or any(not 0 <= link.object < objects for link in episode.links):
-        _refuse(where, f"a link belongs to an object that the board with its {objects} objects does not have")
-    check_frames(episode.frame_of, len(episode.steps), len(episode.images), where)
+        _refuse(f"a link belongs to an object that the board with its {objects} objects does not have")
+    check_frames(episode.frame_of, len(episode.steps), len(episode.images))
     if len(episode.goals) > 1:
-        _refuse(where, f"{len(episode.goals)} goal images, at most one is expected")
+        _refuse(f"{len(episode.goals)} goal images, at most one is expected")
     triggers = sum(link.trigger for link in episode.links)
     for index, step in enumerate(episode.steps):
         fault = _fault_of_action(step, episode.camera) or _fault_of_truth(step, objects, triggers)
         if fault:
-            _refuse(where, f"step {index}: {fault}")
+            _refuse(f"step {index}: {fault}")
 
 
-def check_camera(camera: Camera, where: str) -> None:
+def check_camera(camera: Camera) -> None:
     """Size of the images, shapes of the matrices."""
     if not (0 < camera.width <= MAX_SIDE and 0 < camera.height <= MAX_SIDE):
-        _refuse(where, f"images of {camera.width} x {camera.height} pixels (at most {MAX_SIDE} a side)")
+        _refuse(f"images of {camera.width} x {camera.height} pixels (at most {MAX_SIDE} a side)")
     for name, value, shape in (("matrix", camera.matrix, (3, 3)), ("pose", camera.pose, (4, 4))):
         if np.shape(value) != shape or not np.isfinite(value).all():
-            _refuse(where, f"the camera's {name} is not a finite {shape[0]} x {shape[1]} matrix")
+            _refuse(f"the camera's {name} is not a finite {shape[0]} x {shape[1]} matrix")
 
 
-def check_frames(frame_of: Sequence[int], steps: int, images: int, where: str) -> None:
+def check_frames(frame_of: Sequence[int], steps: int, images: int) -> None:
     """Every frame has an image, every image a frame, in order."""
     expected = len(frame_of) == steps + 1 and frame_of[0] == 0 and frame_of[-1] == images - 1
     if not expected or any(after - before not in (0, 1) for before, after in zip(frame_of, frame_of[1:], strict=False)):
-        _refuse(where, f"the frames of {steps} steps do not go through {images} images in order")
+        _refuse(f"the frames of {steps} steps do not go through {images} images in order")
 
 
-def check_image(image: Image, camera: Camera, objects: int, links: int, where: str) -> None:
+def check_image(image: Image, camera: Camera, objects: int, links: int) -> None:
     """Shapes, types and ranges of one image."""
     size = (camera.height, camera.width)
     wanted: list[tuple[str, np.ndarray, tuple[int, ...], type]] = [
@@ -78,9 +76,9 @@ def check_image(image: Image, camera: Camera, objects: int, links: int, where: s
         wanted.append(("segmentation", image.segmentation, size, np.uint16))
     for name, value, shape, kind in wanted:
         if value.shape != shape or value.dtype != kind:
-            _refuse(where, f"{name} is {value.dtype} {value.shape}, not {np.dtype(kind)} {shape}")
+            _refuse(f"{name} is {value.dtype} {value.shape}, not {np.dtype(kind)} {shape}")
     if image.segmentation is not None and int(image.segmentation.max()) > links:
-        _refuse(where, f"the segmentation names link {int(image.segmentation.max())} of {links}")
+        _refuse(f"the segmentation names link {int(image.segmentation.max())} of {links}")
 
 
 def _fault_of_action(step: Step, camera: Camera) -> str | None:
@@ -110,5 +108,5 @@ def _fault_of_truth(step: Step, objects: int, triggers: int) -> str | None:
     return None
 
 
-def _refuse(where: str, what: str) -> None:
-    raise BusybotError(f"{where}: {what}", HINT)
+def _refuse(what: str) -> NoReturn:
+    raise BusybotError(what, HINT)

@@ -16,7 +16,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.dataset_stats import origin_of
+from busybot.datasets.summary import origin_of
 from busybot.reason.inputs.board_dataset import RecordedBoards, held_apart
 from busybot.reason.inputs.feature_store import Progress, features_of
 from busybot.reason.models.event.config import EventConfig

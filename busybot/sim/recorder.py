@@ -16,9 +16,8 @@ from busybot import __version__
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.datasets.membership import ENDED
 from busybot.episodes.camera import Rays
-from busybot.episodes.episode import Episode, Image, Link, Observation
+from busybot.episodes.episode import ENDED, Episode, Image, Link, Observation
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.policy import AnyPolicyFactory, OracleFactory, oracle_observation
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator

@@ -14,9 +14,9 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
 from busybot.datasets.repair import repair
 from busybot.datasets.verify import verify
-from busybot.episodes.episode import Episode
+from busybot.episodes.episode import SALVAGED, Episode
 from busybot.episodes.mcap.reader import read_episode
-from busybot.episodes.mcap.salvage import SALVAGED, salvage
+from busybot.episodes.mcap.salvage import salvage
 from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.folders import COLLECT, make_dataset
 from tests.episodes.synthetic import make_episode, make_real_episode, make_task_episode

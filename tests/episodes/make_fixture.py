@@ -12,8 +12,8 @@ from pathlib import Path
 from busybot.boards.config import BoardConfig
 from busybot.common.atomic_io import write_json
 from busybot.datasets.create import create_dataset
-from busybot.datasets.dataset_stats import summarise
 from busybot.datasets.freeze import freeze
+from busybot.datasets.summary import summarise
 from busybot.episodes.digests import episode_digests
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode

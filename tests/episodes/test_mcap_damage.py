@@ -9,8 +9,8 @@ import pytest
 import zstandard
 
 from busybot.common.errors import BusybotError
-from busybot.episodes.mcap import messages as topics
-from busybot.episodes.mcap.messages import compressed_image_class, message_class
+from busybot.episodes.mcap import channels
+from busybot.episodes.mcap.channels import message_class
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.synthetic import make_episode, make_task_episode
@@ -84,26 +84,26 @@ def test_a_newer_minor_version_is_read_and_a_newer_major_refused(file: Path) -> 
 
 def edit_image(topic: str, data: bytes) -> bytes:
     """Let the first RGB picture claim 60000 x 60000 pixels."""
-    if topic != topics.RGB:
+    if topic != channels.RGB:
         return data
-    message = compressed_image_class().FromString(data)
+    message = message_class(channels.SCHEMAS[channels.RGB]).FromString(data)
     message.data = b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", 60000, 60000) + message.data[24:]
     return message.SerializeToString()
 
 
 def edit_step(topic: str, data: bytes, **values: int) -> bytes:
-    if topic != topics.STEP:
+    if topic != channels.STEP:
         return data
-    message = message_class("Step").FromString(data)
+    message = message_class(channels.SCHEMAS[channels.STEP]).FromString(data)
     for name, value in values.items():
         setattr(message, name, value)
     return message.SerializeToString()
 
 
 def shorten_position(topic: str, data: bytes) -> bytes:
-    if topic != topics.STEP:
+    if topic != channels.STEP:
         return data
-    message = message_class("Step").FromString(data)
+    message = message_class(channels.SCHEMAS[channels.STEP]).FromString(data)
     del message.position[-1]
     return message.SerializeToString()
 
@@ -117,13 +117,13 @@ def shorten_position(topic: str, data: bytes) -> bytes:
         ("in order", {"message": lambda t, d: edit_step(t, d, image_after=0, image_before=0)}),
         ("position has 2 components, not 3", {"message": shorten_position}),
         ("reward", {"message": lambda t, d: edit_step(t, d, reward=7)}),
-        ("messages on /truth/links", {"message": lambda t, d: None if t == topics.LINKS else d}),
+        ("messages on /truth/links", {"message": lambda t, d: None if t == channels.LINKS else d}),
         ("5 pictures on /camera/rgb", {"metadata": lambda m: {**m, "images": "100000000"}}),
         ("depth scale", {"metadata": lambda m: {**m, "depth_scale": "nan"}}),
         ("board.json", {"attachment": lambda n, d: b"{}" if n == "board.json" else d}),
         ("recording.json", {"attachment": lambda n, d: None if n == "recording.json" else d}),
         ("schema 'x'", {"schema": lambda name: "x" if name == "busybot.v1.Step" else name}),
-        ("DecodeError", {"message": lambda t, d: b"\xff\xff" if t == topics.STEP else d}),
+        ("DecodeError", {"message": lambda t, d: b"\xff\xff" if t == channels.STEP else d}),
     ],
 )
 def test_contradictions_are_refused_by_name(file: Path, what: str, edits: dict) -> None:
@@ -138,8 +138,8 @@ def test_contradictions_are_refused_by_name(file: Path, what: str, edits: dict) 
     [
         ("1 pictures on /goal/rgb", {"metadata": lambda m: {**m, "goals": "2"}}),
         ("1 pictures on /goal/rgb", {"metadata": lambda m: {name: m[name] for name in m if name != "goals"}}),
-        ("no images on /goal/rgb", {"message": lambda t, d: None if t == topics.GOAL_RGB else d}),
-        ("ValueError", {"message": lambda t, d: None if t == topics.GOAL_BOXES else d}),
+        ("no images on /goal/rgb", {"message": lambda t, d: None if t == channels.GOAL_RGB else d}),
+        ("ValueError", {"message": lambda t, d: None if t == channels.GOAL_BOXES else d}),
         ("task", {"attachment": lambda n, d: d.replace(b'"goal": [1, 1]', b'"goal": [1]')}),
     ],
 )
@@ -181,9 +181,9 @@ def test_a_decompression_bomb_is_refused_before_it_explodes(tmp_path: Path) -> N
 
 def test_a_corrupt_picture_is_refused_when_it_is_decoded(file: Path) -> None:
     def edit(topic: str, data: bytes) -> bytes:
-        if topic != topics.DEPTH:
+        if topic != channels.DEPTH:
             return data
-        message = compressed_image_class().FromString(data)
+        message = message_class(channels.SCHEMAS[channels.RGB]).FromString(data)
         message.data = message.data[:60] + bytes(len(message.data) - 60)
         return message.SerializeToString()
 

@@ -69,6 +69,7 @@ def test_the_field_list_has_every_value_of_a_step_once() -> None:
         "index", "image_before", "image_after", "direction_vector",
     ]  # fmt: skip
     assert len({field.name for field in STEP_FIELDS}) == len(STEP_FIELDS)
+    assert [column for field in STEP_FIELDS for column in field.columns] == list(TABLES["steps"][1:])
     assert all(field.wire and field.hashed and field.compared for field in OF_STEP.values())
     places = [field.hashed for field in STEP_FIELDS if field.hashed]
     assert len(set(places)) == len(places)

@@ -6,7 +6,7 @@ import pytest
 
 from busybot.common.atomic_io import read_json, scan
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.dataset_stats import summarise
+from busybot.datasets.summary import summarise
 from busybot.datasets.verify import verify
 from busybot.episodes.digests import episode_digests
 from busybot.episodes.mcap.reader import read_episode

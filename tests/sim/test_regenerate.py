@@ -9,7 +9,7 @@ import pytest
 
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.dataset_diff import diff
+from busybot.datasets.diff import diff
 from busybot.datasets.verify import verify
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode

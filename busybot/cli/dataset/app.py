@@ -28,7 +28,7 @@ EndpointOption = Annotated[str | None, typer.Option(help="Of S3-compatible stora
 @app.command()
 def info(dataset: DatasetArgument, json: JsonOption = False) -> None:
     """What is in a dataset, with the hashes over its boards, traces and content."""
-    from busybot.datasets.dataset_stats import summarise
+    from busybot.datasets.summary import summarise
 
     summary = summarise(dataset)
     if json:
@@ -80,7 +80,7 @@ def freeze(
     from busybot.datasets.dataset import Dataset
     from busybot.datasets.freeze import freeze as freeze_dataset
     from busybot.datasets.freeze import refuse_unfinished
-    from busybot.datasets.manifest import is_frozen
+    from busybot.datasets.info import is_frozen
 
     target, library = Dataset.open(dataset), None
     if (objects or assets) and not is_frozen(dataset):
@@ -111,7 +111,7 @@ def diff(
     json: JsonOption = False,
 ) -> None:
     """Say what differs: settings, boards, actions, states, images, versions. Exits with 1 if anything does."""
-    from busybot.datasets.dataset_diff import diff as compare
+    from busybot.datasets.diff import diff as compare
 
     with episode_progress("comparing") as progress:
         found = compare(first, second, processes(workers), progress)

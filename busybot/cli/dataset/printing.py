@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from busybot.cli.common import counted, pixel_shares, say
 
 if TYPE_CHECKING:
-    from busybot.datasets.dataset_diff import DatasetDifference
+    from busybot.datasets.diff import DatasetDifference
     from busybot.datasets.repair import Repaired
     from busybot.episodes.episode_diff import Difference
     from busybot.sim.regenerate import Regenerated

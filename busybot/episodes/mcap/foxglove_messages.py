@@ -11,7 +11,7 @@ from foxglove import messages as fg
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
 from busybot.episodes.episode import Camera, Step
-from busybot.episodes.mcap.messages import BOARD_FRAME, CAMERA_FRAME
+from busybot.episodes.mcap.channels import BOARD_FRAME, CAMERA_FRAME
 
 _ROLE_COLOR = {"trigger": (0.9, 0.5, 0.1), "responder": (0.1, 0.5, 0.9)}
 _ARROW_LENGTH = 0.3

@@ -3,19 +3,18 @@
 import json
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import numpy as np
-from google.protobuf.message import DecodeError
 from pydantic import ValidationError
 
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import first_fault
 from busybot.episodes.codec import DepthScale, EncodedImage, LazyImages, image_size
 from busybot.episodes.episode import Camera, Episode, Link, Step
-from busybot.episodes.mcap import messages as topics
-from busybot.episodes.mcap.messages import PACKAGE, compressed_image_class, message_class
-from busybot.episodes.mcap.records import Records, hint_of, read_records
+from busybot.episodes.mcap import channels
+from busybot.episodes.mcap.records import Records, read_records, refusing
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
 from busybot.episodes.validation import check_camera, check_episode
 
@@ -46,53 +45,47 @@ def read_episode(path: Path, images: Decoding = "eager") -> Episode:
 
 def decode_episode(records: Records, where: str, images: Decoding = "eager") -> Episode:
     """The episode of a file's records; `where` names the file in messages."""
-    check_version(records, where)
-    try:
+    with refusing(where, "not a recording of this project"):
+        _check_version(records)
         _check_schemas(records)
         episode = _decode(records, where)
-    except BusybotError:
-        raise
-    except ValidationError as error:
-        first = error.errors()[0]
-        _refuse(where, f"{topics.BOARD_FILE}: {'.'.join(map(str, first['loc']))}: {first['msg']}")
-    except (DecodeError, ValueError, KeyError, IndexError, TypeError, OverflowError, RecursionError) as error:
-        _refuse(where, f"not a recording of this project: {type(error).__name__}: {error}")
-    check_episode(episode, where)
+        check_episode(episode)
     if images == "eager":
         episode.images, episode.goals = list(episode.images), list(episode.goals)
     return episode
 
 
-def check_version(records: Records, where: str) -> None:
+def _check_version(records: Records) -> None:
     """Files of the same major schema version are read, newer ones refused."""
-    version = records.metadata.get(topics.METADATA, {}).get("schema_version", "")
+    version = records.metadata.get(channels.METADATA, {}).get("schema_version", "")
     if not version:
-        _refuse(where, "an MCAP file, but not a recording of busybot (it has no metadata of that name)")
+        raise BusybotError("an MCAP file, but not a recording of busybot (it has no metadata of that name)")
     if version.split(".")[0] != SCHEMA_VERSION.split(".")[0]:
-        what = f"{where}: written with episode schema {version}; this installation reads {SCHEMA_VERSION}"
+        what = f"written with episode schema {version}; this installation reads {SCHEMA_VERSION}"
         raise BusybotError(what, "use the busybot version that wrote it, or record the episode again")
 
 
 def _check_schemas(records: Records) -> None:
-    expected = {topic: f"foxglove.{name}" for topic, name in topics.FOXGLOVE.items()}
-    expected |= {topic: f"{PACKAGE}.{name}" for topic, name in topics.OWN.items()}
-    for topic, schema in records.schemas.items():
-        if schema != expected.get(topic, schema):
-            raise ValueError(f"topic {topic} has schema {schema!r}, expected {expected[topic]!r}")
+    for topic, schema in records.schema_names.items():
+        if schema != channels.SCHEMAS.get(topic, schema):
+            raise ValueError(f"topic {topic} has schema {schema!r}, expected {channels.SCHEMAS[topic]!r}")
 
 
 def _decode(records: Records, where: str) -> Episode:
-    recording = json.loads(records.attachments[topics.RECORDING_FILE])
-    board = BoardSpec.model_validate_json(records.attachments[topics.BOARD_FILE])
+    recording = json.loads(records.attachments[channels.RECORDING_FILE].data)
+    try:
+        board = BoardSpec.model_validate_json(records.attachments[channels.BOARD_FILE].data)
+    except ValidationError as error:
+        raise BusybotError(f"{channels.BOARD_FILE}: {first_fault(error)}") from None
     size = recording["camera"]
     matrices = (np.array(size[name], np.float64) for name in ("matrix", "pose"))
     camera = Camera(int(size["width"]), int(size["height"]), *matrices)
-    check_camera(camera, where)
-    links = tuple(Link(int(link.object), link.name, link.trigger) for link in _one(records, topics.LINKS).links)
-    positions = [list(item.position) for item in _one(records, topics.OBJECTS).objects]
+    check_camera(camera)
+    links = tuple(Link(int(link.object), link.name, link.trigger) for link in _one(records, channels.LINKS).links)
+    positions = [list(item.position) for item in _one(records, channels.OBJECTS).objects]
     steps, frame_of = _steps(records)
-    metadata = records.metadata[topics.METADATA]
-    counts = {topics.CAMERA: int(metadata["images"]), topics.GOAL: int(metadata.get("goals", 0))}
+    metadata = records.metadata[channels.METADATA]
+    counts = {channels.CAMERA: int(metadata["images"]), channels.GOAL: int(metadata.get("goals", 0))}
     images, goals = (
         _images(records, place, count, where, camera, len(links), len(board.objects)) for place, count in counts.items()
     )
@@ -114,21 +107,21 @@ def _decode(records: Records, where: str) -> Episode:
 
 
 def _one(records: Records, topic: str) -> Any:
-    messages = _own(records, topic)
+    messages = _messages(records, topic)
     if len(messages) != 1:
         raise ValueError(f"{len(messages)} messages on {topic}, expected one")
     return messages[0]
 
 
-def _own(records: Records, topic: str) -> list[Any]:
-    decode = message_class(topics.OWN[topic]).FromString
-    return [decode(data) for _, data in records.messages.get(topic, ())]
+def _messages(records: Records, topic: str) -> list[Any]:
+    decode = channels.message_class(channels.SCHEMAS[topic]).FromString
+    return [decode(data) for data in records.payloads.get(topic, ())]
 
 
 def _steps(records: Records) -> tuple[list[Step], list[int]]:
-    seen, truths = _own(records, topics.STEP), _own(records, topics.STEP_TRUTH)
-    if len(seen) > MAX_STEPS or len(seen) != int(records.metadata[topics.METADATA]["steps"]):
-        raise ValueError(f"{len(seen)} messages on {topics.STEP} do not fit the file's metadata")
+    seen, truths = _messages(records, channels.STEP), _messages(records, channels.STEP_TRUTH)
+    if len(seen) > MAX_STEPS or len(seen) != int(records.metadata[channels.METADATA]["steps"]):
+        raise ValueError(f"{len(seen)} messages on {channels.STEP} do not fit the file's metadata")
     frame_of = [0]
     steps = []
     for index, (step, truth) in enumerate(zip(seen, truths, strict=True)):
@@ -152,37 +145,28 @@ def _step(step: Any, truth: Any) -> Step:
 
 
 def _images(
-    records: Records, place: topics.Pictures, count: int, where: str, camera: Camera, links: int, objects: int
+    records: Records, place: channels.Pictures, count: int, where: str, camera: Camera, links: int, objects: int
 ) -> LazyImages:
-    metadata = records.metadata[topics.METADATA]
+    metadata = records.metadata[channels.METADATA]
     rgbs, depths, segmentations = (_pictures(records, topic, count, camera) for topic in place[:3])
-    boxes = [np.array(message.corners, np.int16).reshape(objects, 4) for message in _own(records, place.boxes)]
-    rows = zip(rgbs, depths, segmentations, boxes, strict=True)
-    encoded = []
-    for rgb, depth, segmentation, corners in rows:
-        if rgb is None:
-            raise ValueError(f"no images on {place.rgb}")
-        encoded.append(EncodedImage(rgb, depth, segmentation, corners))
+    boxes = [np.array(message.corners, np.int16).reshape(objects, 4) for message in _messages(records, place.boxes)]
+    encoded = [EncodedImage(*parts) for parts in zip(rgbs, depths, segmentations, boxes, strict=True)]
+    if encoded and encoded[0].rgb is None:
+        raise ValueError(f"no images on {place.rgb}")
     scale = DepthScale(float(metadata["depth_offset"]), float(metadata["depth_scale"]))
     if not (np.isfinite((scale.offset, scale.scale)).all() and 0 < scale.scale < 1e3 and abs(scale.offset) < 1e6):
         raise ValueError(f"depth scale {scale}")
     return LazyImages(where, camera.width, camera.height, links, scale, encoded)
 
 
-def _pictures(records: Records, topic: str, count: int, camera: Camera) -> list[bytes] | list[None]:
+def _pictures(records: Records, topic: str, count: int, camera: Camera) -> list[Any]:
     """The encoded pictures of a topic, all of the camera's size; Nones if the topic is absent."""
-    messages = records.messages.get(topic, [])
-    if not messages:
+    pictures = [message.data for message in _messages(records, topic)]
+    if not pictures:
         return [None] * min(count, MAX_STEPS + 1)
-    if len(messages) != count:
-        raise ValueError(f"{len(messages)} pictures on {topic}, expected {count}")
-    decode = compressed_image_class().FromString
-    pictures = [decode(data).data for _, data in messages]
+    if len(pictures) != count:
+        raise ValueError(f"{len(pictures)} pictures on {topic}, expected {count}")
     for position, picture in enumerate(pictures):
         if image_size(picture) != (camera.width, camera.height):
             raise ValueError(f"picture {position} on {topic} is {image_size(picture)}, not as the camera says")
     return pictures
-
-
-def _refuse(where: str, what: str) -> NoReturn:
-    raise BusybotError(f"{where}: {what}", hint_of(where))

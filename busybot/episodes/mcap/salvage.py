@@ -11,25 +11,21 @@ import json
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import zstandard
-from google.protobuf.message import DecodeError
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from busybot.common.errors import BusybotError
-from busybot.episodes.mcap import messages as topics
-from busybot.episodes.mcap.messages import message_class
-from busybot.episodes.mcap.records import MAGIC, MAX_CONTENT_BYTES, decompress
+from busybot.episodes.episode import SALVAGED
+from busybot.episodes.mcap import channels
+from busybot.episodes.mcap.records import FAULTS, MAGIC, MAX_CONTENT_BYTES, Records, decompress, reason_of
 from busybot.episodes.mcap.writer import CHUNK_BYTES
 
-SALVAGED = "salvaged"
-"""Among the settings of an episode that was saved in part: {"of": steps that were recorded}."""
 _RECORD_HEAD = 9
 _PIECE = 1 << 16
 
@@ -52,18 +48,6 @@ class Salvaged:
         return self.steps == self.of
 
 
-@dataclass
-class _Remains:
-    """Readable records, in the order of the file."""
-
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    attachments: dict[str, Attachment] = field(default_factory=dict)
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    messages: list[Message] = field(default_factory=list)
-    damaged: bool = False
-
-
 def salvage(data: bytes) -> Salvaged:
     """Save what can be saved of a file's bytes.
 
@@ -71,10 +55,9 @@ def salvage(data: bytes) -> Salvaged:
         BusybotError: nothing can be saved; says why.
     """
     try:
-        remains = _read(data)
-        return _rebuild(remains)
-    except (McapError, DecodeError, ValueError, struct.error, KeyError, TypeError, OverflowError, MemoryError) as error:
-        raise BusybotError(f"what is left of it cannot be read: {type(error).__name__}: {error}") from None
+        return _rebuild(*_read(data))
+    except FAULTS as error:
+        raise BusybotError(f"what is left of it cannot be read: {reason_of(error)}") from None
 
 
 def _records(data: bytes, start: int = 0) -> Iterator[tuple[int, bytes, bool]]:
@@ -91,27 +74,26 @@ def _stream(body: bytes) -> ReadDataStream:
     return ReadDataStream(io.BytesIO(body))
 
 
-def _read(data: bytes) -> _Remains:
+def _read(data: bytes) -> tuple[Records, bool]:
+    """All that can be read, and whether what follows is lost because a chunk is damaged."""
     if data[: len(MAGIC)] != MAGIC:
         raise BusybotError("it does not begin like an MCAP file")
-    found = _Remains()
+    found, damaged = Records(len(data)), False
     budget = MAX_CONTENT_BYTES
     for opcode, body, whole in _records(data, len(MAGIC)):
         if opcode == Opcode.CHUNK:
             content = _content(Chunk.read(_stream(body)), whole, budget)
             budget -= len(content)
-            found.damaged = whole and not content
-            _read_messages(content, found)
+            damaged = whole and not content
+            _read_chunk(content, found)
         elif whole and opcode == Opcode.ATTACHMENT:
             if zlib.crc32(body[:-4]) == struct.unpack("<I", body[-4:])[0]:
-                attachment = Attachment.read(_stream(body))
-                found.attachments[attachment.name] = attachment
+                found.add(Attachment.read(_stream(body)))
         elif whole and opcode == Opcode.METADATA:
-            metadata = Metadata.read(_stream(body))
-            found.metadata[metadata.name] = metadata.metadata
-        if found.damaged or opcode == Opcode.DATA_END:
+            found.add(Metadata.read(_stream(body)))
+        if damaged or opcode == Opcode.DATA_END:
             break
-    return found
+    return found, damaged
 
 
 def _content(chunk: Chunk, whole: bool, budget: int) -> bytes:
@@ -134,83 +116,79 @@ def _content(chunk: Chunk, whole: bool, budget: int) -> bytes:
     return bytes(content)
 
 
-def _read_messages(content: bytes, found: _Remains) -> None:
+def _read_chunk(content: bytes, found: Records) -> None:
     for opcode, body, whole in _records(content):
         if not whole:
             return
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(_stream(body))
-            found.schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(_stream(body))
-            found.channels[channel.id] = channel
-        elif opcode == Opcode.MESSAGE:
-            found.messages.append(Message.read(_stream(body), len(body)))
+        if opcode == Opcode.MESSAGE:
+            found.add(Message.read(_stream(body), len(body)))
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            found.add((Schema if opcode == Opcode.SCHEMA else Channel).read(_stream(body)))
 
 
-def _rebuild(remains: _Remains) -> Salvaged:
-    names = {topics.BOARD_FILE, topics.RECORDING_FILE}
-    if topics.METADATA not in remains.metadata or not names <= remains.attachments.keys():
+def _rebuild(remains: Records, damaged: bool) -> Salvaged:
+    names = {channels.BOARD_FILE, channels.RECORDING_FILE}
+    if channels.METADATA not in remains.metadata or not names <= remains.attachments.keys():
         raise BusybotError("its beginning is lost, and with it the board or the camera")
     groups = _groups(remains)
-    of = int(remains.metadata[topics.METADATA]["steps"])
+    of = int(remains.metadata[channels.METADATA]["steps"])
     steps = len(groups) - 1
     if steps < 0 or steps == 0 < of:
-        raise BusybotError("a chunk is damaged and no whole step before it" if remains.damaged else "no step is whole")
-    messages = [message for group in groups for message in group]
-    images = sum(remains.channels[message.channel_id].topic == topics.BOXES for message in messages)
-    return Salvaged(_write(remains, messages, steps, of, images), steps, of)
+        raise BusybotError("a chunk is damaged and no whole step before it" if damaged else "no step is whole")
+    remains.messages = [pair for group in groups for pair in group]
+    return Salvaged(_write(remains, steps, of), steps, of)
 
 
-def _groups(remains: _Remains) -> list[list[Message]]:
+Group = list[tuple[str, Message]]
+"""Messages that belong together, with their topics."""
+
+
+def _groups(remains: Records) -> list[Group]:
     """Messages of the start and of each whole step; the writer keeps the messages of a step together."""
-    groups: list[list[Message]] = [[]]
-    for message in remains.messages:
-        if remains.channels[message.channel_id].topic == topics.STEP:
+    groups: list[Group] = [[]]
+    for topic, message in remains.messages:
+        if topic == channels.STEP:
             groups.append([])
-        groups[-1].append(message)
-    first = _topics(remains, groups[0])
-    required = first & {topics.RGB, topics.DEPTH, topics.SEGMENTATION, topics.BOXES}
-    if not {topics.RGB, topics.BOXES, topics.LINKS, topics.OBJECTS} <= first:
+        groups[-1].append((topic, message))
+    first = {topic for topic, _ in groups[0]}
+    required = first & {channels.RGB, channels.DEPTH, channels.SEGMENTATION, channels.BOXES}
+    if not {channels.RGB, channels.BOXES, channels.LINKS, channels.OBJECTS} <= first:
         return []
-    if remains.metadata[topics.METADATA].get("goals", "0") != "0" and topics.GOAL_BOXES not in first:
+    if remains.metadata[channels.METADATA].get("goals", "0") != "0" and channels.GOAL_BOXES not in first:
         return []  # a goal's boxes come last: without them a part of it is lost
     whole = groups[:1]
     for group in groups[1:]:
-        step = message_class(topics.OWN[topics.STEP]).FromString(group[0].data)
-        wanted = {topics.STEP_TRUTH} | (required if step.image_after != step.image_before else set())
-        wanted |= {topics.LOG} | (first & {topics.JOINTS})
-        if not wanted <= _topics(remains, group):
+        step = channels.message_class(channels.SCHEMAS[channels.STEP]).FromString(group[0][1].data)
+        wanted = {channels.STEP_TRUTH} | (required if step.image_after != step.image_before else set())
+        wanted |= {channels.LOG} | (first & {channels.JOINTS})
+        if not wanted <= {topic for topic, _ in group}:
             break
         whole.append(group)
     return whole
 
 
-def _topics(remains: _Remains, group: list[Message]) -> set[str]:
-    return {remains.channels[message.channel_id].topic for message in group}
-
-
-def _write(remains: _Remains, messages: list[Message], steps: int, of: int, images: int) -> bytes:
+def _write(remains: Records, steps: int, of: int) -> bytes:
     buffer = io.BytesIO()
     writer = Writer(buffer, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
     writer.start()
-    facts = remains.metadata[topics.METADATA] | {"steps": str(steps), "images": str(images)}
-    writer.add_metadata(topics.METADATA, facts)
+    images = sum(topic == channels.BOXES for topic, _ in remains.messages)
+    facts = remains.metadata[channels.METADATA] | {"steps": str(steps), "images": str(images)}
+    writer.add_metadata(channels.METADATA, facts)
     for name, attachment in remains.attachments.items():
         data = attachment.data
-        if name == topics.RECORDING_FILE and steps < of:
+        if name == channels.RECORDING_FILE and steps < of:
             data = _marked(data, of)
         writer.add_attachment(attachment.create_time, attachment.log_time, name, attachment.media_type, data)
     schemas = {
         key: writer.register_schema(schema.name, schema.encoding, schema.data)
         for key, schema in sorted(remains.schemas.items())
     }
-    channels = {
+    registered = {
         key: writer.register_channel(channel.topic, channel.message_encoding, schemas[channel.schema_id])
         for key, channel in sorted(remains.channels.items())
     }
-    for message in messages:
-        channel = channels[message.channel_id]
+    for _, message in remains.messages:
+        channel = registered[message.channel_id]
         writer.add_message(channel, message.log_time, message.data, message.publish_time, message.sequence)
     writer.finish()
     return buffer.getvalue()

@@ -7,7 +7,6 @@ equal bytes in any process; only the library versions in header and metadata may
 import io
 import json
 import threading
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,11 +17,10 @@ from foxglove import messages as fg
 from foxglove.mcap import MCAPWriteOptions
 
 from busybot.common.atomic_io import write_atomically
-from busybot.episodes.codec import DepthScale, ImageFormat, encode_plain, encode_rgb
+from busybot.common.errors import naming
+from busybot.episodes.codec import DepthScale, EncodedImage, ImageFormat, encode_image
 from busybot.episodes.episode import Episode, Image, Step
-from busybot.episodes.mcap import foxglove_messages as scene
-from busybot.episodes.mcap import messages as topics
-from busybot.episodes.mcap.messages import PACKAGE, message_class, message_schema
+from busybot.episodes.mcap import channels, foxglove_messages
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
 from busybot.episodes.validation import check_episode, check_image
 
@@ -32,21 +30,12 @@ CHUNK_BYTES = 8 << 20
 _one_at_a_time = threading.Lock()
 
 
-@dataclass(frozen=True)
-class _Encoding:
-    """How the images of a file are encoded; `links` is the number of links that segmentation may name."""
-
-    rgb: ImageFormat
-    depth: DepthScale
-    links: int
-
-
 def write_episode(path: Path, episode: Episode, images: ImageFormat = "jpeg", root: Path | None = None) -> int:
     """Write the file under a temporary name, sync, rename.
 
     Args:
         images: how RGB is encoded; depth (to 4e-5 units) and segmentation are lossless in either case.
-        root: the dataset's folder; see `files`.
+        root: the dataset's folder; see `atomic_io`.
 
     Returns:
         The size of the file in bytes.
@@ -54,62 +43,62 @@ def write_episode(path: Path, episode: Episode, images: ImageFormat = "jpeg", ro
     Raises:
         BusybotError: naming the file and the contradiction, if the episode is not consistent.
     """
-    check_episode(episode, str(path))
-    data = episode_to_mcap(episode, images, str(path))
+    with naming(path):
+        check_episode(episode)
+        data = _encoded(episode, images)
     write_atomically(path, data, root)
     return len(data)
 
 
-def episode_to_mcap(episode: Episode, image_format: ImageFormat, where: str) -> bytes:
-    """The whole file; `where` names it in messages. The episode must have passed `check_episode`."""
+def _encoded(episode: Episode, image_format: ImageFormat) -> bytes:
+    """The whole file."""
     images = [*episode.images, *episode.goals]
     for image in images:
-        check_image(image, episode.camera, len(episode.board.objects), len(episode.links), where)
-    depth_scale = DepthScale.covering([image.depth for image in images if image.depth is not None])
-    encoding = _Encoding(image_format, depth_scale, len(episode.links))
-    context, _ = _channels()
+        check_image(image, episode.camera, len(episode.board.objects), len(episode.links))
+    scale = DepthScale.covering([image.depth for image in images if image.depth is not None])
+
+    def write_image(place: channels.Pictures, image: Image, index: int, frame: int) -> None:
+        _write_image(place, encode_image(image, image_format, scale, len(episode.links)), index, frame, image_format)
+
+    context, _ = _open_channels()
     buffer = io.BytesIO()
     options = MCAPWriteOptions(chunk_size=CHUNK_BYTES, compression_threads=0)
     with _one_at_a_time, foxglove.open_mcap(buffer, context=context, writer_options=options) as file:
-        file.write_metadata(topics.METADATA, _metadata(episode, image_format, depth_scale))
+        file.write_metadata(channels.METADATA, _metadata(episode, image_format, scale))
         board = episode.board.model_dump(mode="json")
-        for name, value in ((topics.BOARD_FILE, board), (topics.RECORDING_FILE, _recording(episode))):
+        for name, value in ((channels.BOARD_FILE, board), (channels.RECORDING_FILE, _recording(episode))):
             data = json.dumps(value, sort_keys=True, allow_nan=False).encode()
             file.attach(log_time=0, create_time=0, name=name, media_type="application/json", data=data)
         _write_static(episode)
-        _write_image(topics.CAMERA, episode.images[0], 0, 0, encoding)
+        write_image(channels.CAMERA, episode.images[0], 0, 0)
         for image in episode.goals:
-            _write_image(topics.GOAL, image, 0, 0, encoding)
+            write_image(channels.GOAL, image, 0, 0)
         for index, step in enumerate(episode.steps):
             _write_step(episode, index, step)
             before, after = episode.frame_of[index : index + 2]
             if after != before:
-                _write_image(topics.CAMERA, episode.images[after], after, index + 1, encoding)
+                write_image(channels.CAMERA, episode.images[after], after, index + 1)
             _write_joints(episode, step.joint_positions_after, index + 1)
     return buffer.getvalue()
 
 
 @cache
-def _channels() -> tuple[Context, dict[str, Channel]]:
+def _open_channels() -> tuple[Context, dict[str, Channel]]:
     """One set of channels for all files of a process: the SDK never forgets a channel."""
-    context = Context()
-    channels = {}
-    for topic in sorted({**topics.FOXGLOVE, **topics.OWN}):
-        if topic in topics.OWN:
-            name = topics.OWN[topic]
-            schema = Schema(name=f"{PACKAGE}.{name}", encoding="protobuf", data=message_schema(name))
-        else:
-            schema = getattr(fg, topics.FOXGLOVE[topic]).get_schema()
-        channels[topic] = Channel(topic, schema=schema, message_encoding="protobuf", context=context)
-    return context, channels
+    context, opened = Context(), {}
+    for topic, name in sorted(channels.SCHEMAS.items()):
+        schema = Schema(name=name, encoding="protobuf", data=channels.message_schema(name))
+        opened[topic] = Channel(topic, schema=schema, message_encoding="protobuf", context=context)
+    return context, opened
 
 
 def _log(topic: str, data: bytes, frame: int) -> None:
-    _channels()[1][topic].log(data, log_time=frame * topics.SECOND)
+    _open_channels()[1][topic].log(data, log_time=frame * channels.SECOND)
 
 
 def _log_own(topic: str, at_frame: int, **values: Any) -> None:
-    _log(topic, message_class(topics.OWN[topic])(**values).SerializeToString(deterministic=True), at_frame)
+    message = channels.message_class(channels.SCHEMAS[topic])(**values)
+    _log(topic, message.SerializeToString(deterministic=True), at_frame)
 
 
 def _metadata(episode: Episode, image_format: ImageFormat, depth_scale: DepthScale) -> dict[str, str]:
@@ -132,12 +121,7 @@ def _metadata(episode: Episode, image_format: ImageFormat, depth_scale: DepthSca
 def _recording(episode: Episode) -> dict[str, Any]:
     camera = episode.camera
     return {
-        "camera": {
-            "width": camera.width,
-            "height": camera.height,
-            "matrix": camera.matrix.tolist(),
-            "pose": camera.pose.tolist(),
-        },
+        "camera": vars(camera) | {"matrix": camera.matrix.tolist(), "pose": camera.pose.tolist()},
         "policy": episode.policy,
         "oracle": episode.oracle,
         "settings": episode.settings,
@@ -147,43 +131,29 @@ def _recording(episode: Episode) -> dict[str, Any]:
 
 def _write_static(episode: Episode) -> None:
     """What holds for the whole episode, at time 0."""
-    _log(topics.CALIBRATION, scene.calibration(episode.camera).encode(), 0)
-    _log(topics.TRANSFORMS, scene.transforms(episode.camera).encode(), 0)
-    _log(topics.SCENE, scene.board(episode.board, episode.positions).encode(), 0)
+    _log(channels.CALIBRATION, foxglove_messages.calibration(episode.camera).encode(), 0)
+    _log(channels.TRANSFORMS, foxglove_messages.transforms(episode.camera).encode(), 0)
+    _log(channels.SCENE, foxglove_messages.board(episode.board, episode.positions).encode(), 0)
     objects = zip(episode.board.objects, episode.positions, episode.images[0].boxes, strict=True)
     rows = [{"role": o.role, "position": p.tolist(), "box": b.tolist()} for o, p, b in objects]
-    _log_own(topics.OBJECTS, 0, objects=rows)
-    _log_own(topics.LINKS, 0, links=[vars(link) for link in episode.links])
+    _log_own(channels.OBJECTS, 0, objects=rows)
+    _log_own(channels.LINKS, 0, links=[vars(link) for link in episode.links])
     relations = [
-        {
-            "kind": relation.kind,
-            "triggers": [trigger.model_dump() for trigger in relation.triggers],
-            "responder": relation.responder,
-            "stage": relation.stage,
-            "states": relation.states,
-            "parameters": json.dumps(relation.parameters, sort_keys=True),
-        }
+        relation.model_dump() | {"parameters": json.dumps(relation.parameters, sort_keys=True)}
         for relation in episode.board.relations
     ]
-    _log_own(topics.RELATIONS, 0, relations=relations)
+    _log_own(channels.RELATIONS, 0, relations=relations)
     if episode.steps:
         _write_joints(episode, episode.steps[0].joint_positions_before, 0)
 
 
-def _write_image(place: topics.Pictures, image: Image, index: int, frame: int, encoding: _Encoding) -> None:
-    _write_picture(place.rgb, encode_rgb(image.rgb, encoding.rgb), encoding.rgb, frame)
-    if image.depth is not None:
-        _write_picture(place.depth, encode_plain(encoding.depth.quantise(image.depth)), "png", frame)
-    if image.segmentation is not None:
-        labels = image.segmentation.astype("uint8") if encoding.links < 256 else image.segmentation
-        _write_picture(place.segmentation, encode_plain(labels), "png", frame)
+def _write_image(place: channels.Pictures, image: EncodedImage, index: int, frame: int, rgb: ImageFormat) -> None:
+    stamp, pictures = fg.Timestamp(sec=frame, nsec=0), (image.rgb, image.depth, image.segmentation)
+    for topic, data, form in zip(place, pictures, (rgb, "png", "png"), strict=False):
+        if data is not None:
+            picture = fg.CompressedImage(timestamp=stamp, frame_id=channels.CAMERA_FRAME, data=data, format=form)
+            _log(topic, picture.encode(), frame)
     _log_own(place.boxes, frame, image=index, frame=frame, corners=image.boxes.ravel().tolist())
-
-
-def _write_picture(topic: str, data: bytes, image_format: str, frame: int) -> None:
-    stamp = fg.Timestamp(sec=frame, nsec=0)
-    message = fg.CompressedImage(timestamp=stamp, frame_id=topics.CAMERA_FRAME, data=data, format=image_format)
-    _log(topic, message.encode(), frame)
 
 
 def _write_step(episode: Episode, index: int, step: Step) -> None:
@@ -191,14 +161,14 @@ def _write_step(episode: Episode, index: int, step: Step) -> None:
     for field in STEP_FIELDS:
         if field.wire and field.wire.each:
             values |= zip(field.wire_names, values[field.name], strict=True)
-    for topic in (topics.STEP, topics.STEP_TRUTH):
-        names = message_class(topics.OWN[topic]).DESCRIPTOR.fields_by_name
+    for topic in (channels.STEP, channels.STEP_TRUTH):
+        names = channels.message_class(channels.SCHEMAS[topic]).DESCRIPTOR.fields_by_name
         _log_own(topic, index, **{name: values[name] for name in names})
-    _log(topics.SCENE, scene.action(step, index).encode(), index)
-    _log(topics.LOG, scene.sentence(step, index).encode(), index)
+    _log(channels.SCENE, foxglove_messages.action(step, index).encode(), index)
+    _log(channels.LOG, foxglove_messages.sentence(step, index).encode(), index)
 
 
 def _write_joints(episode: Episode, positions: tuple[float, ...], frame: int) -> None:
     if positions:
         names = [f"{link.object}/{link.name}" for link in episode.links if link.trigger]
-        _log(topics.JOINTS, scene.joints(names, positions, frame).encode(), frame)
+        _log(channels.JOINTS, foxglove_messages.joints(names, positions, frame).encode(), frame)

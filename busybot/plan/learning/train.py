@@ -22,7 +22,7 @@ from busybot.common.atomic_io import read_json, write_json
 from busybot.common.errors import BusybotError
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.dataset_stats import origin_of
+from busybot.datasets.summary import origin_of
 from busybot.evaluation.folder import Progress
 from busybot.interact.policy.policy_factory import fingerprint
 from busybot.plan.learning.bc import BcLearner

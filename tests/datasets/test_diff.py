@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.dataset_diff import diff
+from busybot.datasets.diff import diff
 from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode

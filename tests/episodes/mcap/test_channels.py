@@ -9,7 +9,7 @@ import pytest
 from google.protobuf import descriptor, descriptor_pb2
 from mcap.reader import make_reader
 
-from busybot.episodes.mcap.messages import MESSAGES, PACKAGE, message_class, message_schema
+from busybot.episodes.mcap.channels import MESSAGES, PACKAGE, message_class, message_schema
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
 from tests.episodes.make_fixture import FIXTURES
 from tests.episodes.test_schema import version_of
@@ -33,22 +33,22 @@ NUMBERS = {
 @pytest.mark.parametrize("name", NUMBERS)
 def test_fields_keep_their_numbers(name: str) -> None:
     """Old files are read by number: a field may be added at the end, never moved."""
-    fields = {field.number: field.name for field in message_class(name).DESCRIPTOR.fields}
+    fields = {field.number: field.name for field in message_class(f"{PACKAGE}.{name}").DESCRIPTOR.fields}
     assert fields == dict(enumerate(NUMBERS[name].split(), start=1))
 
 
 def test_messages_have_the_wire_format() -> None:
-    step = message_class("Step")(index=3, pixel_u=-1, position=[1.0, 2.0], executed=[0, 17], distance=0.5)
+    step = message_class("busybot.v1.Step")(index=3, pixel_u=-1, position=[1.0, 2.0], executed=[0, 17], distance=0.5)
     expected = b"\x08\x03" + b"\x20\x01" + b"\x32\x08" + struct.pack("<ff", 1, 2) + b"\x42\x02\x00\x11"
     assert step.SerializeToString() == expected + b"\x49" + struct.pack("<d", 0.5)
-    truth = message_class("StepTruth")(acted_link="ab", success=True, trigger_states_before=[-1])
+    truth = message_class("busybot.v1.StepTruth")(acted_link="ab", success=True, trigger_states_before=[-1])
     assert truth.SerializeToString() == b"\x1a\x02ab" + b"\x20\x01" + b"\x32\x01\x01"
 
 
 def test_a_schema_holds_the_message_and_its_parts_and_no_more() -> None:
-    schema = descriptor_pb2.FileDescriptorSet.FromString(message_schema("Relations"))
+    schema = descriptor_pb2.FileDescriptorSet.FromString(message_schema("busybot.v1.Relations"))
     assert [message.name for message in schema.file[0].message_type] == ["Trigger", "Relation", "Relations"]
-    assert len(message_schema("Step")) < 500
+    assert len(message_schema("busybot.v1.Step")) < 500
 
 
 def test_the_public_definition_says_the_same() -> None:
@@ -62,7 +62,7 @@ def test_the_public_definition_says_the_same() -> None:
         assert len(lines) == len(body.splitlines())
         described = [
             ("repeated " if field.is_repeated else "", kind_of(field), field.name, str(field.number))
-            for field in message_class(name).DESCRIPTOR.fields
+            for field in message_class(f"{PACKAGE}.{name}").DESCRIPTOR.fields
         ]
         assert lines == described
 
@@ -85,7 +85,7 @@ def test_released_recordings_describe_their_messages_alike(version: str) -> None
     assert found.keys() >= {"Step", "StepTruth", "Objects", "Boxes", "Links", "Relations"}
     for name, data in found.items():
         if version == SCHEMA_VERSION:
-            assert data == message_schema(name), name
+            assert data == message_schema(f"{PACKAGE}.{name}"), name
     then = {name: descriptor_pb2.FileDescriptorSet.FromString(found[name]) for name in ("Step", "StepTruth")}
     recorded = {(name, field.name) for name in then for field in then[name].file[0].message_type[0].field}
     expected = {

@@ -7,8 +7,7 @@ import pyarrow.compute as pc
 
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import collect_command
-from busybot.datasets.manifest import is_frozen
+from busybot.datasets.info import collect_command, is_frozen
 
 
 def summarise(path: Path) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from busybot.common.config import flat
+from busybot.common.config import changes, flat
 from busybot.common.process_pool import share
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode_diff import Difference, compare_episodes
@@ -62,10 +62,11 @@ def diff(
     datasets = (Dataset.open(first), Dataset.open(second))
     rows = [{row["episode"]: row for row in dataset.episodes_table().to_pylist()} for dataset in datasets]
     boards = [{board.index: board.digest() for board in dataset.boards()} for dataset in datasets]
+    settings = [flat(dataset.info.model_dump(mode="json", exclude={"name"})) for dataset in datasets]
     both = sorted(rows[0].keys() & rows[1].keys())
     found = DatasetDifference(
-        settings=_settings(*datasets),
-        boards=sorted(i for i in boards[0].keys() | boards[1].keys() if boards[0].get(i) != boards[1].get(i)),
+        settings=changes(*settings),
+        boards=list(changes(*boards)),
         only_in_a=sorted(rows[0].keys() - rows[1].keys()),
         only_in_b=sorted(rows[1].keys() - rows[0].keys()),
     )
@@ -81,17 +82,11 @@ def diff(
     return found
 
 
-def _settings(first: Dataset, second: Dataset) -> dict[str, tuple[Any, Any]]:
-    a, b = (flat(dataset.info.model_dump(mode="json", exclude={"name"})) for dataset in (first, second))
-    return {name: (a.get(name), b.get(name)) for name in sorted(a.keys() | b.keys()) if a.get(name) != b.get(name)}
-
-
 def _versions(first: dict[str, Any], second: dict[str, Any]) -> Iterator[str]:
     if first["schema_version"] != second["schema_version"]:
         yield "schema_version"
     for column in ("versions", "renderer", "settings"):
-        a, b = (flat(json.loads(row[column]), f"{column}.") for row in (first, second))
-        yield from (name for name in sorted(a.keys() | b.keys()) if a.get(name) != b.get(name))
+        yield from changes(*(flat(json.loads(row[column]), f"{column}.") for row in (first, second)))
 
 
 def _compare(pair: tuple[Path, Path]) -> Difference:

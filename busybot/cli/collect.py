@@ -71,8 +71,7 @@ def _print(dataset: Path, result: "Collected", json: bool) -> None:
 
 def _engine(name: str) -> "Engine":
     """Who runs the workers."""
-    from busybot.common.process_pool import run_tasks
-    from busybot.common.ray_pool import run_on_ray
+    from busybot.common.process_pool import run_on_ray, run_tasks
 
     engines: dict[str, Engine] = {"local": run_tasks, "ray": run_on_ray}
     if name not in engines:

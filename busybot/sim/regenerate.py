@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.common.errors import BusybotError, naming
-from busybot.common.process_pool import run_tasks
+from busybot.common.process_pool import Progress, run_tasks
 from busybot.datasets.create import boards_again, continue_or_create
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo, collect_command
@@ -22,8 +22,6 @@ from busybot.episodes.tables import Rows, episode_rows
 from busybot.objects.library import Library
 from busybot.sim.replay import act_again, render_config
 from busybot.sim.scene.board_scene import Simulator
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)

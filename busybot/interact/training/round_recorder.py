@@ -10,13 +10,14 @@ from typing import Any, Protocol
 from busybot.boards.config import BoardConfig
 from busybot.common.config import flat
 from busybot.common.errors import BusybotError
+from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
 from busybot.interact.training.config import RecordConfig
 from busybot.objects.library import Library
-from busybot.sim.collect import CollectConfig, Progress, collect
+from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.policy import PolicyFactory
 from busybot.training.run_folder import Lines, Panel, losses
 

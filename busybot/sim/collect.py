@@ -93,19 +93,26 @@ def collect(
         missing = [index for index in range(dataset.info.boards) if index not in before]
         seed = dataset.info.seed if config.seed is None else config.seed
         arguments = (dataset.path, library, config, seed, factory)
-        new = _store(dataset, engine(missing, _make_work, arguments, workers), len(before), progress)
+        results = engine(missing, _make_work, arguments, workers)
+        new = store_tables(dataset, results, progress, len(before), dataset.info.boards)
     return Collected(dataset.info.boards, len(before) + new, new)
 
 
-def _store(dataset: Dataset, results: Iterator[tuple[int, Rows]], done: int, progress: Progress | None) -> int:
-    """Write the tables of the episodes that come, also when they end early; returns how many came."""
+def store_tables(
+    dataset: Dataset, results: Iterator[tuple[int, Rows]], progress: Progress | None, done: int, total: int
+) -> int:
+    """Write the tables of the episodes that come, also when they end early; returns how many came.
+
+    Args:
+        done: how many of the `total` were there before.
+    """
     rows: dict[int, Rows] = {}
     try:
         new = 0
         for new, (index, result) in enumerate(results, start=1):
             rows[index] = result
             if progress:
-                progress(done + new, dataset.info.boards)
+                progress(done + new, total)
             if len(rows) >= EPISODES_PER_SHARD:
                 dataset.write_tables(rows)
                 rows = {}

@@ -77,8 +77,8 @@ class EpisodeReplay:
         if episode.steps and len(self.scene.triggers) != triggers:
             what = f"the recording has {triggers} trigger links, the objects {len(self.scene.triggers)}"
             raise BusybotError(what, OTHER_OBJECTS)
-        now = {"renderer": renderer_fingerprint(self.scene), "versions": package_versions()}
-        self._rule = rule_for(episode, replace(episode, **now))
+        now = replace(episode, renderer=renderer_fingerprint(self.scene), versions=package_versions())
+        self._rule = rule_for(episode, now)
 
     def put_back(self, step: int) -> BoardScene:
         """The scene as it was after `step` steps (0: at the start), in every bit; see the module.

@@ -124,7 +124,7 @@ def make_responder(index: int, model: ObjectModel, stage: str | None, articulati
     """
     effect = model.effect
     stage = stage or ("single" if effect is not None and effect.single is not None else "multi")
-    values = effect and (effect.multi if stage == "multi" else effect.single)
+    values = None if effect is None else effect.multi if stage == "multi" else effect.single
     if effect is None or values is None:
         raise BusybotError(f"{model.key} cannot be a {stage}-stage responder", "generate the board again")
     materials: list[Any] = []

@@ -5,6 +5,7 @@ about a quarter of SAPIEN's `minimal` (`benchmarks/speed/collection.py`). SAPIEN
 with its texture and colour and the table beneath are the background of every board, for looks only.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -76,7 +77,7 @@ class Surroundings:
 
 
 def _add_sides(
-    scene: sapien.Scene, name: str, levels: list[tuple[np.ndarray | float, float]], material: Any, lid: bool
+    scene: sapien.Scene, name: str, levels: Sequence[tuple[np.ndarray | float, float]], material: Any, lid: bool
 ) -> None:
     """Add the surface between rectangles around the origin, from one to the next, seen from above.
 

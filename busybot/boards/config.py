@@ -9,11 +9,7 @@ from busybot.common.frozen_model import FrozenModel
 Count = Annotated[int, Field(ge=0, le=32)]
 Range = tuple[Count, Count]
 
-SPLITS: dict[str, Literal["train", "novel"]] = {
-    "train": "train",
-    "novel-config": "train",
-    "novel-object": "novel",
-}
+SPLITS: dict[str, Literal["train", "novel"]] = {"train": "train", "novel-config": "train", "novel-object": "novel"}
 """Which instances stand on the boards of each split."""
 TASK_DEFAULTS = {"boards": 50, "group_size": 1}
 """Protocol "Planning": 50 tasks of a kind per split."""
@@ -59,14 +55,10 @@ class BoardConfig(FrozenModel):
         return {"relations": values["tasks"], **TASK_DEFAULTS, **values}
 
     @model_validator(mode="after")
-    def _relations_of_tasks(self) -> "BoardConfig":
+    def _fits_together(self) -> "BoardConfig":
         if self.tasks is not None and self.relations != self.tasks:
             what = f"relations {self.relations!r} contradict tasks {self.tasks!r}"
             raise ValueError(f"{what}; leave relations out, they follow from the tasks")
-        return self
-
-    @model_validator(mode="after")
-    def _ranges(self) -> "BoardConfig":
         for name in ("switches", "lamps", "responders", "toys"):
             low, high = getattr(self, name)
             if low > high:

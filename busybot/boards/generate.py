@@ -4,8 +4,8 @@ Boards come in appearance groups: one draw of objects, places, colours and trigg
 relations for each board. A group depends on (seed, split, group) alone, so any board can be made without the others.
 """
 
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,51 +26,11 @@ APPEARANCE_TRIES = 2_000
 RELATION_TRIES = 50
 
 
-@dataclass
-class Redraws:
-    """How often a draw was thrown away, by reason; a board's seed stays the same."""
-
-    too_many: int = 0
-    kinds: int = 0
-    overlap: int = 0
-    relations: int = 0
-
-    def add(self, other: "Redraws") -> None:
-        for name in vars(self):
-            setattr(self, name, getattr(self, name) + getattr(other, name))
-
-
-@dataclass(frozen=True)
-class Pools:
-    """Instances to draw from, per category: object keys and probabilities."""
-
-    keys: dict[str, tuple[str, ...]]
-    probabilities: dict[str, np.ndarray]
-    library: Library = field(repr=False)
-
-    @staticmethod
-    def of(config: BoardConfig, library: Library) -> "Pools":
-        """Collect the split's instances; an empty category that the configuration needs is refused."""
-        needed = {"Switch": config.switches, "Lamp": config.lamps, "Door": config.responders, "Toy": config.toys}
-        keys, probabilities = {}, {}
-        for category, (_, most) in needed.items():
-            entries = library.weights(SPLITS[config.split], category)
-            if config.relations == "one-to-one" and category == "Switch":
-                entries = [(key, weight) for key, weight in entries if _is_plain(library.get(key))]
-            if not entries and most > 0:
-                raise BusybotError(
-                    f"{library.name}: no {category} for the split {config.split!r} (relations {config.relations!r}), "
-                    f"but a board may need up to {most}",
-                    "add objects of this category, or set its count to 0",
-                )
-            weights = np.array([1.0 if config.uniform else weight for _, weight in entries])
-            keys[category] = tuple(key for key, _ in entries)
-            probabilities[category] = weights / weights.sum() if len(weights) else weights
-        return Pools(keys, probabilities, library)
-
-    def draw(self, category: str, rng: np.random.Generator) -> ObjectModel:
-        index = rng.choice(len(self.keys[category]), p=self.probabilities[category])
-        return self.library.get(self.keys[category][index])
+REASONS = ("too_many", "kinds", "overlap", "relations")
+Redraws = Counter[str]
+"""How often a draw was thrown away, by `REASONS`; a board's seed stays the same."""
+Pools = dict[str, tuple[list[str], np.ndarray]]
+"""What to draw from, per category: keys of objects and their probabilities."""
 
 
 def generate_boards(config: BoardConfig, library: Library, redraws: Redraws | None = None) -> Iterator[BoardSpec]:
@@ -79,76 +39,98 @@ def generate_boards(config: BoardConfig, library: Library, redraws: Redraws | No
     Raises:
         BusybotError: a category is empty, or no board fits the configuration (with the numbers).
     """
-    pools = Pools.of(config, library)
+    pools = _pools(config, library)
     for group in range((config.boards + config.group_size - 1) // config.group_size):
-        first = group * config.group_size
-        count = min(config.group_size, config.boards - first)
-        yield from _group(config, pools, group, count, redraws or Redraws())
+        yield from _group(config, library, pools, group, Redraws() if redraws is None else redraws)
 
 
-def _group(config: BoardConfig, pools: Pools, group: int, count: int, redraws: Redraws) -> Iterator[BoardSpec]:
+def _pools(config: BoardConfig, library: Library) -> Pools:
+    """The split's instances; an empty category that the configuration needs is refused."""
+    needed = {"Switch": config.switches, "Lamp": config.lamps, "Door": config.responders, "Toy": config.toys}
+    pools: Pools = {}
+    for category, (_, most) in needed.items():
+        entries = library.weights(SPLITS[config.split], category)
+        if config.relations == "one-to-one" and category == "Switch":
+            entries = [(key, weight) for key, weight in entries if _is_plain(library.get(key))]
+        if not entries and most > 0:
+            raise BusybotError(
+                f"{library.name}: no {category} for the split {config.split!r} (relations {config.relations!r}), "
+                f"but a board may need up to {most}",
+                "add objects of this category, or set its count to 0",
+            )
+        weights = np.array([1.0 if config.uniform else weight for _, weight in entries])
+        pools[category] = [key for key, _ in entries], weights / weights.sum() if len(weights) else weights
+    return pools
+
+
+def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redraws: Redraws) -> Iterator[BoardSpec]:
     rng = generator(config.seed, config.split, group, "board")
     counted = Redraws()
     for _ in range(APPEARANCE_TRIES):
-        models = _draw_models(config, pools, rng, counted)
+        models = _draw_models(config, library, pools, rng, counted)
         placements = place(models, rng, config.margin) if models else None
         if models is None or placements is None:
-            counted.overlap += models is not None
+            counted["overlap"] += models is not None
             continue
         # the whole group is drawn, however many boards are asked for: a longer dataset starts with a shorter one
         relations = _distinct_relations(models, config.group_size, rng)
         if relations is None:
-            counted.relations += 1
+            counted["relations"] += 1
             continue
         objects = tuple(
             PlacedObject(
                 key=model.key,
                 role=model.role,
-                position=spot.position,
-                yaw=spot.yaw,
+                position=position,
+                yaw=yaw,
                 scale=model.scale,
                 states=tuple(int(rng.integers(link.states)) for link in model.trigger_links),
             )
-            for model, spot in zip(models, placements, strict=True)
+            for model, (position, yaw) in zip(models, placements, strict=True)
         )
         texture, color = str(rng.choice(TEXTURES)), COLORS[int(rng.integers(len(COLORS)))]
-        redraws.add(counted)
-        for offset in range(count):
+        redraws.update(counted)
+        first = group * config.group_size
+        for index in range(first, min(first + config.group_size, config.boards)):
             board = BoardSpec(
-                index=group * config.group_size + offset,
+                index=index,
                 seed=config.seed,
                 split=config.split,
                 appearance_group=group,
                 texture=texture,
                 color=color,
                 objects=objects,
-                relations=relations[offset],
+                relations=relations[index - first],
             )
             yield with_task(board, models, config.tasks) if config.tasks else board
         return
     raise BusybotError(
-        f"no board of group {group} fits the configuration after {APPEARANCE_TRIES} draws: {counted.too_many} had more "
-        f"than {config.max_objects} objects, {counted.kinds} lacked the asked kinds of triggers, {counted.overlap} "
-        f"found no free place, {counted.relations} had more trigger links than compatible responders (or fewer than "
-        f"{config.group_size} different sets of relations)",
+        f"no board of group {group} fits the configuration after {APPEARANCE_TRIES} draws: "
+        f"{counted['too_many']} had more than {config.max_objects} objects, "
+        f"{counted['kinds']} lacked the asked kinds of triggers, {counted['overlap']} found no free place, "
+        f"{counted['relations']} had more trigger links than compatible responders "
+        f"(or fewer than {config.group_size} different sets of relations)",
         "ask for fewer objects, more responders, a smaller margin or a smaller group_size",
     )
 
 
 def _draw_models(
-    config: BoardConfig, pools: Pools, rng: np.random.Generator, redraws: Redraws
+    config: BoardConfig, library: Library, pools: Pools, rng: np.random.Generator, redraws: Redraws
 ) -> list[ObjectModel] | None:
-    switches = int(rng.integers(config.switches[0], config.switches[1] + 1))
-    responders = int(rng.integers(config.responders[0], config.responders[1] + 1))
-    lamps = int(rng.integers(config.lamps[0], min(config.lamps[1], responders) + 1)) if responders else 0
-    toys = int(rng.integers(config.toys[0], config.toys[1] + 1))
+    switches = int(rng.integers(*config.switches, endpoint=True))
+    responders = int(rng.integers(*config.responders, endpoint=True))
+    lamps = int(rng.integers(config.lamps[0], min(config.lamps[1], responders), endpoint=True)) if responders else 0
+    toys = int(rng.integers(*config.toys, endpoint=True))
     if switches + responders + toys > config.max_objects:
-        redraws.too_many += 1
+        redraws["too_many"] += 1
         return None
     wanted = ["Switch"] * switches + ["Lamp"] * lamps + ["Door"] * (responders - lamps) + ["Toy"] * toys
-    models = [pools.draw(str(category), rng) for category in rng.permutation(wanted)]
+    models: list[ObjectModel] = []
+    for category in rng.permutation(wanted):
+        keys, probabilities = pools[str(category)]
+        models.append(library.get(keys[rng.choice(len(keys), p=probabilities)]))
     if config.relations == "one-to-many" and not _has_both_kinds(models):
-        redraws.kinds += 1
+        redraws["kinds"] += 1
         return None
     return models
 

@@ -1,7 +1,5 @@
 """Places objects at random positions without overlap (paper appendix "Board Generation")."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from busybot.objects.model import ObjectModel
@@ -14,13 +12,8 @@ QUARTER_TURN_CATEGORIES = frozenset({"Lamp", "Door"})
 """Only these are turned; switches and toys keep their orientation (paper appendix)."""
 TRIES_PER_OBJECT = 50
 
-
-@dataclass(frozen=True)
-class Placement:
-    """Position (x, y, z) and yaw of an object, board frame."""
-
-    position: tuple[float, float, float]
-    yaw: float
+Placement = tuple[tuple[float, float, float], float]
+"""Position (x, y, z) and yaw of an object, board frame."""
 
 
 def footprint(model: ObjectModel, yaw: float, margin: float) -> tuple[np.ndarray, np.ndarray]:
@@ -41,7 +34,7 @@ def place(models: list[ObjectModel], rng: np.random.Generator, margin: float) ->
     """Draw yaws and positions one object after the other; None if one finds no free place in its tries."""
     limit = BOARD_HALF - EDGE
     taken: list[tuple[np.ndarray, np.ndarray]] = []
-    placements = []
+    placements: list[Placement] = []
     for model in models:
         yaw = float(rng.integers(4)) * np.pi / 2 if model.category in QUARTER_TURN_CATEGORIES else 0.0
         low, high = footprint(model, yaw, margin)
@@ -50,7 +43,7 @@ def place(models: list[ObjectModel], rng: np.random.Generator, margin: float) ->
             return None
         taken.append((spot + low, spot + high))
         position = (round(float(spot[0]), 6), round(float(spot[1]), 6), round(model.offset_z, 6))
-        placements.append(Placement(position, round(yaw, 6)))
+        placements.append((position, round(yaw, 6)))
     return placements
 
 

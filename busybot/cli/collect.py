@@ -66,8 +66,8 @@ def collect(
 
 
 def _engine(name: str) -> "Engine":
-    from busybot.common.process_pool import run_tasks
-    from busybot.common.ray_pool import run_on_ray
+    """Who runs the workers."""
+    from busybot.common.process_pool import run_on_ray, run_tasks
 
     engines: dict[str, Engine] = {"local": run_tasks, "ray": run_on_ray}
     if name not in engines:

@@ -30,7 +30,7 @@ def generate(
 ) -> None:
     """Draw boards: objects, places, colours and hidden relations. What the same command made before is left alone."""
     from busybot.boards.config import BoardConfig
-    from busybot.boards.generate import Redraws
+    from busybot.boards.generate import REASONS, Redraws
     from busybot.common.config import build
     from busybot.datasets.create import create_dataset
     from busybot.objects.resolve import find
@@ -42,10 +42,11 @@ def generate(
     with episode_progress("drawing") as progress:
         dataset = create_dataset(out, parameters, library, redraws, progress)
     if json:
+        thrown = {reason: redraws[reason] for reason in REASONS}
         facts = {name: getattr(dataset.info, name) for name in ("boards", "split", "seed")}
-        print_json({"dataset": out, **facts, "board_hash": dataset.hashes().board, "redraws": vars(redraws)})
+        print_json({"dataset": out, **facts, "board_hash": dataset.hashes().board, "redraws": thrown})
     else:
         goals = f" with {parameters.tasks} tasks" if parameters.tasks else ""
         made = f"{counted(dataset.info.boards, 'board')}{goals} ({dataset.info.split}) in {out}"
-        say(f"{made}; {sum(vars(redraws).values())} draws did not fit and were redrawn")
+        say(f"{made}; {redraws.total()} draws did not fit and were redrawn")
         say(f"next: {own_name()} collect {quote(str(out))}")

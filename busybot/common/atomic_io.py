@@ -326,26 +326,35 @@ def _alive(process: int) -> bool:
     except ProcessLookupError:
         return False
     except (PermissionError, OverflowError):
-        return True
+        pass
     return True
 
 
-def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
-    """Read JSON from a regular file of at most `max_bytes`; errors name the file and the line."""
+def read_text(path: Path, max_bytes: int, hint: str | None = None) -> str:
+    """The text of a regular file of at most `max_bytes`, in UTF-8."""
     try:
         if path.exists() and not path.is_file():
-            raise BusybotError(f"{path}: not a regular file")
+            raise BusybotError(f"{path}: not a regular file", hint)
         size = path.stat().st_size
         if size > max_bytes:
-            raise BusybotError(f"{path}: {size} bytes are more than the {max_bytes} that such a file may have")
-        return json.loads(path.read_text(encoding="utf-8"))
+            raise BusybotError(f"{path}: {size} bytes are more than the {max_bytes} that such a file may have", hint)
+        return path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise BusybotError(f"{path}: there is no such file") from None
-    except (ValueError, RecursionError) as error:  # of decoding, of JSON, and of numbers with thousands of digits
-        hint = "restore it from a copy, or make it again with the command that wrote it"
-        raise BusybotError(f"{path}: not valid JSON: {error}", hint) from None
+        raise BusybotError(f"{path}: there is no such file", hint) from None
     except OSError as error:
-        raise BusybotError(f"{path}: cannot be read: {error.strerror}") from None
+        raise BusybotError(f"{path}: cannot be read: {error.strerror}", hint) from None
+    except UnicodeDecodeError as error:
+        raise BusybotError(f"{path}: cannot be read as text: {error}", hint) from None
+
+
+def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
+    """Read JSON from such a file; errors name the file and the line."""
+    hint = "restore it from a copy, or make it again with the command that wrote it"
+    text = read_text(path, max_bytes, hint)
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:  # of JSON, and of numbers with thousands of digits
+        raise BusybotError(f"{path}: not valid JSON: {error}", hint) from None
 
 
 def inside(folder: Path, relative: str) -> Path:

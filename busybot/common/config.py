@@ -1,18 +1,31 @@
-"""Parameters of a stage from a YAML file, `--set a.b=c` and a command's own options, in this order of precedence."""
+"""Parameters of a stage from a YAML file, `--set a.b=c` and a command's own options, in this order of precedence.
+
+YAML that others wrote: plain values, nothing that takes long to parse, no short text for a huge one.
+"""
 
 from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
+import yaml
 from pydantic import BaseModel, ValidationError
 
+from busybot.common.atomic_io import read_text
 from busybot.common.errors import BusybotError
-from busybot.common.safe_yaml import parse_yaml
 
 Config = TypeVar("Config", bound=BaseModel)
 Key = TypeVar("Key", int, str)
 MAX_BYTES = 1 << 20
+MAX_TOKENS = 200_000
+MAX_DEPTH = 16
+_OPENING = (
+    yaml.FlowSequenceStartToken,
+    yaml.FlowMappingStartToken,
+    yaml.BlockSequenceStartToken,
+    yaml.BlockMappingStartToken,
+)
+_CLOSING = (yaml.FlowSequenceEndToken, yaml.FlowMappingEndToken, yaml.BlockEndToken)
 
 
 def build(
@@ -33,7 +46,9 @@ def build(
     Raises:
         BusybotError: naming the file or setting, the parameter and what is wrong with it.
     """
-    values = _read(file) if file else {}
+    values = parse_yaml(read_text(file, MAX_BYTES, "name a YAML file"), str(file)) if file else {}
+    if not isinstance(values, dict):
+        raise BusybotError(f"{file}: not a mapping of parameters", "write lines like `boards: 100`")
     for name, value in (usual or {}).items():
         _assign_default(values, name.split("."), value)
     for setting in settings:
@@ -111,21 +126,6 @@ def _known(model: type[BaseModel], name: str = "") -> str:
     return f"{meant}the parameters are {', '.join(model.model_fields)}"
 
 
-def _read(file: Path) -> dict[str, Any]:
-    try:
-        if not file.is_file():
-            raise BusybotError(f"{file}: there is no such file", "name a YAML file")
-        if file.stat().st_size > MAX_BYTES:
-            raise BusybotError(f"{file}: larger than {MAX_BYTES} bytes")
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise BusybotError(f"{file}: cannot be read: {error}") from None
-    values = parse_yaml(text, str(file))
-    if not isinstance(values, dict):
-        raise BusybotError(f"{file}: not a mapping of parameters", "write lines like `boards: 100`")
-    return values
-
-
 def _assign_default(values: dict[str, Any], path: list[str], value: Any) -> None:
     for name in path[:-1]:
         values = values.setdefault(name, {})
@@ -141,3 +141,47 @@ def _assign(values: dict[str, Any], path: list[str], value: Any, where: str) -> 
             raise BusybotError(f"{where}: {name} is a value, not a group of parameters")
         values = inner
     values[path[-1]] = value
+
+
+def check_tokens(where: str, text: str) -> None:
+    """Refuse a text before it is parsed: the parser is quadratic in the depth of brackets, and aliases multiply.
+
+    Args:
+        where: file or option, for the message.
+
+    Raises:
+        BusybotError: it has aliases, is nested too deeply or is too long; names the line.
+        yaml.YAMLError: it is no YAML.
+    """
+    depth = 0
+    for count, token in enumerate(yaml.scan(text, Loader=yaml.SafeLoader)):
+        line = f"{where}, line {token.start_mark.line + 1}"
+        if isinstance(token, yaml.AliasToken):
+            raise BusybotError(f"{line}: has an alias", "write the values out")
+        depth += isinstance(token, _OPENING)
+        depth -= isinstance(token, _CLOSING)
+        if depth > MAX_DEPTH:
+            raise BusybotError(f"{line}: nested more than {MAX_DEPTH} deep", "write it with fewer brackets")
+        if count > MAX_TOKENS:
+            raise BusybotError(f"{where}: more than the {MAX_TOKENS} words and signs allowed", "divide the file")
+
+
+def parse_yaml(text: str, where: str) -> Any:
+    """The value of a YAML text.
+
+    Raises:
+        BusybotError: naming `where`, the line and what is wrong.
+    """
+    try:
+        check_tokens(where, text)
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, RecursionError, ValueError) as error:  # of numbers with thousands of digits
+        raise BusybotError(f"{where}{yaml_fault(error)}", "compare with the examples in the documentation") from None
+
+
+def yaml_fault(error: Exception) -> str:
+    """`, line 3: not valid YAML: why`."""
+    mark = getattr(error, "problem_mark", None)
+    line = f", line {mark.line + 1}" if mark else ""
+    problem = getattr(error, "problem", None) or str(error) or type(error).__name__
+    return f"{line}: not valid YAML: {problem[:200]}"

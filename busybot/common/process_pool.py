@@ -1,7 +1,11 @@
-"""Spawned worker processes for long, independent tasks.
+"""Long, independent tasks in worker processes: spawned on this machine, or actors of a Ray cluster.
 
 Why not `concurrent.futures`: a simulator process must be replaced after some hundred boards, a task that hangs must be
 killed alone, and no worker may outlive its parent. Workers are spawned, never forked: no renderer survives a fork.
+
+Ray is for many machines that share a file system; on one, spawned processes are quicker to start and as fast. Without
+`RAY_ADDRESS` in the environment Ray is started here, on the loopback interface alone and without its dashboard, and
+ends with the work.
 """
 
 import contextlib
@@ -13,7 +17,7 @@ import signal
 import sys
 import time
 import traceback
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
@@ -24,12 +28,21 @@ from busybot.common.errors import BusybotError
 
 TASK_SECONDS = 300.0
 """A task that takes longer is killed and tried again."""
+RECYCLE = 300
+"""A worker is replaced after so many tasks."""
 TRIES = 3
 PR_SET_PDEATHSIG = 1
 PROCESSORS = Path("/proc/cpuinfo")
+LOOPBACK = "127.0.0.1"
+ONLY_HERE = "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"
 
 Engine = Callable[..., Iterator[tuple[int, Any]]]
-"""`run_tasks`, or something that keeps its contract."""
+"""`run_tasks` or `run_on_ray`."""
+Progress = Callable[[int, int], None]
+"""Told how many are done, of how many."""
+MakeWork = Callable[..., Callable[[int], Any]]
+Outcome = tuple[int, str, Any]
+"""(task, `done`, result), (task, `fault`, what and hint) or (task, `lost`, how)."""
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -55,7 +68,11 @@ def machine() -> dict[str, Any]:
     `processor` is its name where Linux tells it, else its kind; `bfloat16`, whether it multiplies that, decides how
     fast networks are (None where nobody tells).
     """
-    told = _processor()
+    told: dict[str, str] = {}
+    if PROCESSORS.is_file():
+        first = PROCESSORS.read_text(encoding="utf-8", errors="replace").split("\n\n")[0]
+        pairs = (line.partition(":") for line in first.splitlines())
+        told = {name.strip(): value.strip() for name, _, value in pairs}
     able = told.get("flags", told.get("Features", "")).split()
     return {
         "cores": os.cpu_count(),
@@ -65,21 +82,12 @@ def machine() -> dict[str, Any]:
     }
 
 
-def _processor() -> dict[str, str]:
-    """The kernel's words on the first processor, by their names; none where there is no such file."""
-    if not PROCESSORS.is_file():
-        return {}
-    lines = PROCESSORS.read_text(encoding="utf-8", errors="replace").split("\n\n")[0].splitlines()
-    pairs = (line.partition(":") for line in lines)
-    return {name.strip(): value.strip() for name, _, value in pairs}
-
-
 def run_tasks(
     tasks: Iterable[int],
-    make_work: Callable[..., Callable[[int], Any]],
+    make_work: MakeWork,
     arguments: tuple[Any, ...],
     workers: int,
-    recycle: int = 300,
+    recycle: int = RECYCLE,
     task_seconds: float = TASK_SECONDS,
 ) -> Iterator[tuple[int, Any]]:
     """Run `work = make_work(*arguments)` once per worker, then `work(task)` for every task; yields (task, result).
@@ -93,34 +101,61 @@ def run_tasks(
     Raises:
         BusybotError: a task was at fault (its message), or it killed its worker or ran out of time in every try.
     """
-    waiting = deque(tasks)
-    tries: dict[int, int] = {}
-    context = mp.get_context("spawn")
+    waiting, tries = deque(tasks), Counter[int]()
     pool: list[_Worker] = []
     try:
         while waiting or any(worker.task is not None for worker in pool):
-            pool = _staff(pool, min(workers, len(waiting) + _busy(pool)), context, make_work, arguments, recycle)
+            pool = _staff(pool, workers, len(waiting), make_work, arguments, recycle)
             for worker in pool:
                 if worker.task is None and waiting:
                     _hand_out(worker, waiting.popleft())
             wait([worker.pipe for worker in pool], timeout=0.5)
             for worker in pool:
                 outcome = _collect(worker, task_seconds)
-                if outcome is None:
-                    continue
-                task, state, value = outcome
-                if state == "done":
-                    yield task, value
-                elif state == "fault":
-                    raise BusybotError(*value)
-                else:
-                    tries[task] = tries.get(task, 0) + 1
-                    if tries[task] >= TRIES:
-                        raise BusybotError(f"task {task} {value} in each of {TRIES} tries", "busybot doctor")
-                    waiting.appendleft(task)
+                if outcome is not None:
+                    yield from _settle(outcome, waiting, tries)
     finally:
         for worker in pool:
             _end(worker)
+
+
+def run_on_ray(
+    tasks: Iterable[int],
+    make_work: MakeWork,
+    arguments: tuple[Any, ...],
+    workers: int,
+    recycle: int = RECYCLE,
+    task_seconds: float = TASK_SECONDS,
+) -> Iterator[tuple[int, Any]]:
+    """As `run_tasks`; `workers` are actors with a processor each, wherever the cluster has room for them.
+
+    Raises:
+        BusybotError: as there, or Ray is not installed or its cluster cannot be reached.
+    """
+    waiting, tries = deque(tasks), Counter[int]()
+    idle: list[tuple[Any, int]] = []
+    running: dict[Any, tuple[Any, int, int]] = {}
+    with _cluster(workers) as ray:
+        actor_class = ray.remote(num_cpus=1)(_Work)
+        while waiting or running:
+            while waiting and len(running) < workers:
+                actor, done = idle.pop() if idle else (actor_class.remote(make_work, arguments), 0)
+                task = waiting.popleft()
+                running[actor.run.remote(task)] = (actor, done, task)
+            ready, _ = ray.wait(list(running), num_returns=1, timeout=task_seconds)
+            for reference in ready or list(running)[:1]:
+                actor, done, task = running.pop(reference)
+                try:
+                    outcome = ray.get(reference, timeout=None if ready else 0)
+                except ray.exceptions.RayTaskError as error:
+                    outcome = task, "fault", (f"task {task}: {error.cause!r}", None)
+                except (ray.exceptions.RayActorError, ray.exceptions.GetTimeoutError):
+                    outcome, done = (task, "lost", "killed its worker or took too long"), recycle
+                if done + 1 < recycle:
+                    idle.append((actor, done + 1))
+                else:
+                    ray.kill(actor)
+                yield from _settle(outcome, waiting, tries)
 
 
 def share(function: Callable[[Task], Result], tasks: Iterable[Task], workers: int = 1) -> Iterator[Result]:
@@ -146,27 +181,48 @@ def _apply(function: Callable[[Task], Result], todo: list[Task]) -> Callable[[in
     return lambda index: function(todo[index])
 
 
-def _busy(pool: list[_Worker]) -> int:
-    return sum(worker.task is not None for worker in pool)
+def _settle(outcome: Outcome, waiting: deque[int], tries: Counter[int]) -> Iterator[tuple[int, Any]]:
+    """Pass a result on, raise a fault, and let a task that was lost wait again, but not for ever."""
+    task, state, value = outcome
+    if state == "done":
+        yield task, value
+        return
+    if state == "fault":
+        raise BusybotError(*value)
+    tries[task] += 1
+    if tries[task] >= TRIES:
+        raise BusybotError(f"task {task} {value} in each of {TRIES} tries", "busybot doctor")
+    waiting.appendleft(task)
+
+
+class _Work:
+    """What a worker does with its tasks; set up at the first one."""
+
+    def __init__(self, make_work: MakeWork, arguments: tuple[Any, ...]):
+        self._make_work, self._arguments = make_work, arguments
+        self._work: Callable[[int], Any] | None = None
+
+    def run(self, task: int) -> Outcome:
+        try:
+            self._work = self._work or self._make_work(*self._arguments)
+            return task, "done", self._work(task)
+        except BusybotError as error:
+            return task, "fault", (error.what, error.hint)
 
 
 def _staff(
-    pool: list[_Worker],
-    wanted: int,
-    context: Any,
-    make_work: Callable[..., Callable[[int], Any]],
-    arguments: tuple[Any, ...],
-    recycle: int,
+    pool: list[_Worker], workers: int, waiting: int, make_work: MakeWork, arguments: tuple[Any, ...], recycle: int
 ) -> list[_Worker]:
-    """Replace dead and worn out workers, and start missing ones."""
+    """Replace dead and worn out workers, and start missing ones, no more than there are tasks for."""
     kept = []
     for worker in pool:
-        worn_out = worker.task is None and worker.done >= recycle
-        if worn_out or not worker.process.is_alive() and worker.task is None:
+        if worker.task is None and (worker.done >= recycle or not worker.process.is_alive()):
             _end(worker)
         else:
             kept.append(worker)
-    while len(kept) < wanted:
+    busy = sum(worker.task is not None for worker in pool)
+    context = mp.get_context("spawn")
+    while len(kept) < min(workers, waiting + busy):
         here, there = context.Pipe()
         process = context.Process(target=_main, args=(there, os.getpid(), make_work, arguments), daemon=True)
         process.start()
@@ -181,16 +237,16 @@ def _hand_out(worker: _Worker, task: int) -> None:
         worker.pipe.send(task)
 
 
-def _collect(worker: _Worker, task_seconds: float) -> tuple[int, str, Any] | None:
-    """(task, `done` | `fault` | `lost`, value), or None while there is nothing to tell."""
+def _collect(worker: _Worker, task_seconds: float) -> Outcome | None:
+    """What came of the worker's task; None while there is nothing to tell."""
     task = worker.task
     if task is None:
         return None
     try:
         if worker.pipe.poll():
-            state, value = worker.pipe.recv()
+            outcome: Outcome = worker.pipe.recv()
             worker.task, worker.done = None, worker.done + 1
-            return task, state, value
+            return outcome
         dead = not worker.process.is_alive()
     except (EOFError, OSError):
         dead = True
@@ -217,31 +273,62 @@ def end_with(parent: int) -> None:
             os._exit(1)
 
 
-def _use_one_thread() -> None:
-    """Let networks use one thread in this process: there are as many workers as cores, more would only wait."""
-    os.environ["OMP_NUM_THREADS"] = "1"  # read by PyTorch when it is imported, which a task may do
-    if "torch" in sys.modules:
-        sys.modules["torch"].set_num_threads(1)
-
-
-def _main(
-    pipe: Connection, parent: int, make_work: Callable[..., Callable[[int], Any]], arguments: tuple[Any, ...]
-) -> None:
+def _main(pipe: Connection, parent: int, make_work: MakeWork, arguments: tuple[Any, ...]) -> None:
     """A worker's life: set up, then one task after the other until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt means
     end_with(parent)
-    _use_one_thread()
-    work: Callable[[int], Any] | None = None
+    # there are as many workers as cores: networks that use more than one thread would only wait
+    os.environ["OMP_NUM_THREADS"] = "1"  # read by PyTorch when it is imported, which a task may do
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)
+    work = _Work(make_work, arguments)
     while True:
         try:
             task = pipe.recv()
         except (EOFError, OSError):
             os._exit(0)
         try:
-            work = work or make_work(*arguments)
-            pipe.send(("done", work(task)))
-        except BusybotError as error:
-            pipe.send(("fault", (error.what, error.hint)))
+            pipe.send(work.run(task))
         except Exception as error:  # told to the parent, which ends the work; trying again would not help
             traceback.print_exc()
-            pipe.send(("fault", (f"task {task}: {type(error).__name__}: {error}", None)))
+            pipe.send((task, "fault", (f"task {task}: {type(error).__name__}: {error}", None)))
+
+
+@contextlib.contextmanager
+def _cluster(workers: int) -> Iterator[Any]:
+    """Ray, connected to the cluster that the environment names, or to one that is started here and ends again."""
+    ray = _imported_ray()
+    if ray.is_initialized():
+        yield ray
+        return
+    options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
+    if "RAY_ADDRESS" in os.environ:
+        options["runtime_env"] = {"env_vars": {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}}
+    else:
+        options |= {"address": "local", "include_dashboard": False, "_node_ip_address": LOOPBACK, "num_cpus": workers}
+    try:
+        ray.init(**options)
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        what = f"the Ray cluster cannot be reached: {str(error).splitlines()[0]}"
+        raise BusybotError(what, "see RAY_ADDRESS, or `ray status` on its machines") from None
+    try:
+        if "address" in options and not ray.util.get_node_ip_address().startswith("127."):
+            what = f"Ray would listen to the network: {ONLY_HERE} came too late"
+            raise BusybotError(what, "set it before Ray is imported")
+        yield ray
+    finally:
+        ray.shutdown()
+
+
+def _imported_ray() -> Any:
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    if "RAY_ADDRESS" not in os.environ:
+        # Ray replaces the loopback address by one that can be reached from outside, unless it believes that there are
+        # no clusters on this system; it reads this when it is imported
+        os.environ[ONLY_HERE] = "0"
+    try:
+        import ray
+    except ImportError:
+        hint = "pip install 'busybot[cluster]', or leave --engine ray out"
+        raise BusybotError("Ray is not installed", hint) from None
+    return ray

@@ -20,9 +20,9 @@ from urllib.parse import urlsplit
 from pydantic import Field, ValidationError
 
 from busybot.common.atomic_io import copy_file, make_folder, remove, rename, write_atomically
+from busybot.common.config import parse_yaml
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
-from busybot.common.safe_yaml import parse_yaml
 from busybot.datasets.info import is_frozen, is_plain_path, plain_files, read_manifest, unlike_manifest
 
 LARGEST_POINTER = 10_000

@@ -1,9 +1,7 @@
-"""Policies that need no model.
+"""Policies that need no model, and the true contacts of trigger links with the directions that move them.
 
 `random` knows only the picture (the paper's inferior policy, row "w/o exploration" of Table 2). `scripted` knows the
-joints: an oracle, for bounds and tests, marked as such in every episode.
-
-True contacts of every trigger link and the directions that move it: for oracles only.
+joints: an oracle, for bounds and tests, marked as such in every episode. True contacts are for oracles only.
 """
 
 from dataclasses import dataclass
@@ -132,8 +130,6 @@ def interior_pixels(mask: np.ndarray, rng: np.random.Generator, count: int) -> l
 
 @dataclass(frozen=True)
 class RandomFactory:
-    """Makes `RandomPolicy`."""
-
     name: str = RandomPolicy.name
 
     def make_policy(self, rays: Rays) -> Policy:
@@ -142,8 +138,6 @@ class RandomFactory:
 
 @dataclass(frozen=True)
 class ScriptedFactory:
-    """Makes `ScriptedPolicy`."""
-
     name: str = ScriptedPolicy.name
 
     def make_oracle(self, scene: BoardScene, rays: Rays, config: InteractionConfig) -> Policy:
@@ -152,11 +146,10 @@ class ScriptedFactory:
 
 def builtin_factory(name: str) -> AnyPolicyFactory:
     """The factory of a policy that needs no model, `random` or `scripted`; refuses other names."""
-    factories: tuple[AnyPolicyFactory, ...] = (RandomFactory(), ScriptedFactory())
-    for factory in factories:
-        if factory.name == name:
-            return factory
-    raise BusybotError(f"unknown policy {name!r}", "choose random, learned or scripted")
+    factories: dict[str, AnyPolicyFactory] = {"random": RandomFactory(), "scripted": ScriptedFactory()}
+    if name not in factories:
+        raise BusybotError(f"unknown policy {name!r}", "choose random, learned or scripted")
+    return factories[name]
 
 
 @dataclass(frozen=True)

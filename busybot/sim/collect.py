@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from busybot.common.frozen_model import FrozenModel
-from busybot.common.process_pool import Engine, run_tasks
+from busybot.common.process_pool import Engine, Progress, run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
 from busybot.episodes.mcap.writer import write_episode
@@ -63,10 +63,6 @@ class Collected:
     new: int
 
 
-Progress = Callable[[int, int], None]
-"""Told after each episode: episodes that are there, and boards."""
-
-
 def collect(
     dataset: Dataset,
     library: Library,
@@ -80,9 +76,10 @@ def collect(
     """Record an episode for every board that has none.
 
     Args:
+        progress: told after each episode: episodes that are there, and boards.
         factory: makes the policies; by default the built-in one that the configuration names.
         provenance: what else decides the policies' actions, JSON values; recorded, and another is refused later.
-        engine: runs the workers: `common.process_pool.run_tasks` here, `common.ray_pool.run_on_ray` on many machines.
+        engine: runs the workers: `run_tasks` on this machine, `run_on_ray` on many.
 
     Raises:
         BusybotError: the dataset's episodes were begun with other settings, the policy is unknown, or a worker is at
@@ -96,19 +93,26 @@ def collect(
         missing = [index for index in range(dataset.info.boards) if index not in before]
         seed = dataset.info.seed if config.seed is None else config.seed
         arguments = (dataset.path, library, config, seed, factory)
-        new = _store(dataset, engine(missing, _make_work, arguments, workers), len(before), progress)
+        results = engine(missing, _make_work, arguments, workers)
+        new = store_tables(dataset, results, progress, len(before), dataset.info.boards)
     return Collected(dataset.info.boards, len(before) + new, new)
 
 
-def _store(dataset: Dataset, results: Iterator[tuple[int, Rows]], done: int, progress: Progress | None) -> int:
-    """Write the tables of the episodes that come, also when they end early; returns how many came."""
+def store_tables(
+    dataset: Dataset, results: Iterator[tuple[int, Rows]], progress: Progress | None, done: int, total: int
+) -> int:
+    """Write the tables of the episodes that come, also when they end early; returns how many came.
+
+    Args:
+        done: how many of the `total` were there before.
+    """
     rows: dict[int, Rows] = {}
     try:
         new = 0
         for new, (index, result) in enumerate(results, start=1):
             rows[index] = result
             if progress:
-                progress(done + new, dataset.info.boards)
+                progress(done + new, total)
             if len(rows) >= EPISODES_PER_SHARD:
                 dataset.write_tables(rows)
                 rows = {}

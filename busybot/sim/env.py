@@ -1,10 +1,15 @@
-"""BusyBoard as a Gymnasium environment (paper section 3), registered by `busybot.sim.registration`."""
+"""BusyBoard as a Gymnasium environment (paper section 3), registered by `busybot.sim.registration`.
+
+`PixelActions` and `ImageObservations` give its actions and observations other shapes, as libraries for learning agents
+want them: they wrap the environment, one around the other, and Gymnasium's own wrappers go around them.
+"""
 
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.utils import RecordConstructorArgs
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.directions import DIRECTIONS
@@ -24,7 +29,14 @@ REACH = 0.05
 """A position farther than this from the visible surface at its pixel (along the optical axis) holds nothing."""
 
 
-class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
+Observation = dict[str, Any]
+Core = dict[str, Any]
+"""An action of the environment itself."""
+STEP_TRUTH = ("success", "acted_object", "changed_pixels", "executed", "distance")
+"""What `info` says of a step."""
+
+
+class BusyBoardEnv(gymnasium.Env[Observation, Core]):
     """A toy board with hidden relations between switches and lamps, doors and toys.
 
     ## Observation space
@@ -98,7 +110,7 @@ class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, Any], dict[str, Any]]:
+    ) -> tuple[Observation, dict[str, Any]]:
         super().reset(seed=seed)
         options = options or {}
         board = options.get("board") or self._draw(options.get("index"))
@@ -110,7 +122,7 @@ class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
         self._steps = 0
         return self._observation(), self._truth(None)
 
-    def step(self, action: dict[str, Any]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Core) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         scene = self._playing()
         position, direction = np.asarray(action["position"], np.float32), int(action["direction"])
         if position.shape != (3,) or not np.isfinite(position).all() or not 0 <= direction < len(DIRECTIONS):
@@ -153,7 +165,7 @@ class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
         scene = self._playing()
         return scene.spec, scene.save(), self._steps
 
-    def restore_state(self, state: tuple[BoardSpec, BoardState, int]) -> dict[str, Any]:
+    def restore_state(self, state: tuple[BoardSpec, BoardState, int]) -> Observation:
         """Go back to a saved state and return its observation; the same actions then have the same outcomes."""
         board, saved, steps = state
         if self._scene is None or self._scene.spec != board:
@@ -170,28 +182,78 @@ class BusyBoardEnv(gymnasium.Env[dict[str, Any], dict[str, Any]]):
         config = self._boards.model_copy(update={"seed": seed, "boards": 1, "group_size": 1})
         return next(generate_boards(config, self._library))
 
-    def _observation(self) -> dict[str, Any]:
+    def _observation(self) -> Observation:
         assert self._image.depth is not None
         return {"rgb": self._image.rgb.copy(), "depth": self._image.depth.copy()}
 
     def _truth(self, step: Step | None) -> dict[str, Any]:
         scene = self._playing()
-        truth: dict[str, Any] = {
-            "board": scene.spec,
-            "trigger_states": scene.trigger_states(),
-            "responder_states": scene.responder_states(),
-        }
-        if step is not None:
-            truth |= {
-                "success": step.success,
-                "acted_object": step.acted_object,
-                "changed_pixels": step.changed_pixels,
-                "executed": step.executed,
-                "distance": step.distance,
-            }
-        return truth
+        now = {"trigger_states": scene.trigger_states(), "responder_states": scene.responder_states()}
+        done = {} if step is None else {name: getattr(step, name) for name in STEP_TRUTH}
+        return {"board": scene.spec, **now, **done}
 
     def _playing(self) -> BoardScene:
         if self._scene is None:
             raise BusybotError("the environment has no board yet", "call reset() first")
         return self._scene
+
+
+class PixelActions(gymnasium.ActionWrapper[Observation, np.ndarray, Core], RecordConstructorArgs):
+    """Act on a pixel: the position is what the depth image shows there.
+
+    ## Action space
+    `MultiDiscrete([H, W, 18])`: row and column of the image, and the direction's index.
+    """
+
+    def __init__(self, env: gymnasium.Env[Observation, Core]):
+        RecordConstructorArgs.__init__(self)
+        super().__init__(env)
+        height, width = _board(env).observation_space["depth"].shape  # type: ignore[index]
+        self.action_space = spaces.MultiDiscrete([height, width, len(DIRECTIONS)])
+
+    def action(self, action: np.ndarray) -> Core:
+        """The core environment's action. A pixel where the camera sees nothing lies at the camera: a miss."""
+        if not self.action_space.contains(np.asarray(action, np.int64)):
+            raise BusybotError(f"the action {action} is not one", f"it must lie in {self.action_space}")
+        row, column, direction = (int(value) for value in action)
+        return {"position": _board(self.env).position_at(row, column), "direction": direction}
+
+
+class ImageObservations(gymnasium.ObservationWrapper[np.ndarray, Any, Observation], RecordConstructorArgs):
+    """One array instead of a dictionary, with the channels first, as convolutions want it.
+
+    ## Observation space
+    `rgb`: uint8 (3, H, W). `depth`: float32 (1, H, W), board units. `rgbd`: float32 (4, H, W), colours from 0 to 1,
+    then depth.
+    """
+
+    def __init__(self, env: gymnasium.Env[Observation, Any], kind: str = "rgb"):
+        RecordConstructorArgs.__init__(self, kind=kind)
+        super().__init__(env)
+        if kind not in ("rgb", "depth", "rgbd"):
+            raise BusybotError(f"there are no observations {kind!r}", "choose rgb, depth or rgbd")
+        self.kind = kind
+        assert isinstance(env.observation_space, spaces.Dict)
+        depth = env.observation_space["depth"]
+        assert isinstance(depth, spaces.Box)
+        shape, far = depth.shape, float(depth.high.max())
+        shown: dict[str, spaces.Space[np.ndarray]] = {
+            "rgb": spaces.Box(0, 255, (3, *shape), np.uint8),
+            "depth": spaces.Box(0, far, (1, *shape), np.float32),
+            "rgbd": spaces.Box(0, max(far, 1.0), (4, *shape), np.float32),
+        }
+        self.observation_space = shown[kind]
+
+    def observation(self, observation: Observation) -> np.ndarray:
+        """The wrapped environment's observation as one array."""
+        colours, depth = np.moveaxis(observation["rgb"], -1, 0), observation["depth"][None]
+        if self.kind != "rgbd":
+            return np.ascontiguousarray(colours if self.kind == "rgb" else depth)
+        return np.concatenate([colours.astype(np.float32) / 255, depth])
+
+
+def _board(env: gymnasium.Env[Any, Any]) -> BusyBoardEnv:
+    core = env.unwrapped
+    if not isinstance(core, BusyBoardEnv):
+        raise BusybotError(f"{core} is not a BusyBoard", "wrap busybot/Board-v0")
+    return core

@@ -17,11 +17,10 @@ from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
-from busybot.episodes.episode import ENDED, Episode, Image, Link, Observation
+from busybot.episodes.episode import ENDED, Episode, Image, Observation
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
 from busybot.sim.policy import AnyPolicyFactory, OracleFactory, oracle_observation
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
-from busybot.sim.scene.render import RenderConfig
 from busybot.sim.vulkan_check import driver_of
 
 RECORDED_PACKAGES = ("sapien", "numpy", "opencv-python")
@@ -44,28 +43,14 @@ def record_episode(
         seed: of the collection; with the board's split and index it determines every draw of the policy.
     """
     scene = simulator.board(board)
-    assert simulator.render is not None
     rays = Rays(scene.camera)
     if isinstance(factory, OracleFactory):
         policy, oracle = factory.make_oracle(scene, rays, config), True
     else:
         policy, oracle = factory.make_policy(rays), False
     images = [scene.observe()]
-    episode = Episode(
-        board=board,
-        camera=scene.camera,
-        links=scene.links,
-        positions=visible_centres(images[0], rays, scene.links, len(board.objects)),
-        images=images,
-        goals=picture_goal(scene),
-        frame_of=[0],
-        steps=[],
-        policy=policy.name,
-        oracle=oracle,
-        settings={"seed": seed, "interaction": config.model_dump(mode="json")},
-        renderer=renderer_fingerprint(simulator.render, scene),
-        versions=package_versions(),
-    )
+    settings = {"seed": seed, "interaction": config.model_dump(mode="json")}
+    episode = begin_episode(scene, images, policy.name, oracle, settings)
     rng = generator(seed, board.split, board.index, f"policy/{factory.name}")
     seen = _observation(images[0], episode)
     for _ in range(steps):
@@ -82,6 +67,31 @@ def record_episode(
         policy.observe(action, step.executed, step.reward, seen)
         episode.frame_of.append(len(images) - 1)
     return episode
+
+
+def begin_episode(
+    scene: BoardScene, images: list[Image], policy: str, oracle: bool, settings: dict[str, Any]
+) -> Episode:
+    """An episode without steps yet.
+
+    Args:
+        images: the first one; those that follow are appended to it.
+    """
+    return Episode(
+        board=scene.spec,
+        camera=scene.camera,
+        links=scene.links,
+        positions=_visible_centres(images[0], scene),
+        images=images,
+        goals=picture_goal(scene),
+        frame_of=[0],
+        steps=[],
+        policy=policy,
+        oracle=oracle,
+        settings=settings,
+        renderer=renderer_fingerprint(scene),
+        versions=package_versions(),
+    )
 
 
 def _observation(image: Image, episode: Episode) -> Observation:
@@ -102,8 +112,7 @@ def picture_goal(scene: BoardScene) -> list[Image]:
     task = scene.spec.task
     if task is None:
         return []
-    wanted = [(link.object, link.link) for link in task.links]
-    if wanted != [(joint.object, joint.link.name) for joint in scene.triggers]:
+    if [(link.object, link.link) for link in task.links] != list(scene.trigger_numbers):
         what = f"board {scene.spec.index}: its task names other links than its objects have"
         raise BusybotError(what, "use the objects with which the boards were generated")
     now = scene.save()
@@ -113,10 +122,11 @@ def picture_goal(scene: BoardScene) -> list[Image]:
     return [image]
 
 
-def visible_centres(image: Image, rays: Rays, links: tuple[Link, ...], objects: int) -> np.ndarray:
+def _visible_centres(image: Image, scene: BoardScene) -> np.ndarray:
     """Mean position of each object's visible points, float32 (N, 3), board frame; NaN if nothing shows."""
     assert image.depth is not None and image.segmentation is not None
-    owner = np.array([0, *(link.object + 1 for link in links)])[image.segmentation]
+    rays, objects = Rays(scene.camera), len(scene.models)
+    owner = np.array([0, *(link.object + 1 for link in scene.links)])[image.segmentation]
     visible = np.flatnonzero((owner > 0) & (image.depth > 0))
     points = rays.directions.reshape(-1, 3)[visible] * image.depth.ravel()[visible, None] + rays.origin
     index = owner.ravel()[visible] - 1
@@ -126,22 +136,17 @@ def visible_centres(image: Image, rays: Rays, links: tuple[Link, ...], objects: 
         return (sums / counts[:, None]).astype(np.float32)
 
 
-def renderer_fingerprint(config: RenderConfig, scene: BoardScene) -> dict[str, Any]:
+def renderer_fingerprint(scene: BoardScene) -> dict[str, Any]:
     """What pictures depend on beside the board: equal fingerprints on one machine make equal pictures."""
-    device = scene.scene.render_system.device
+    config, device = scene.view, scene.scene.render_system.device
     return {
         "device": device.name,
-        "driver": _driver(device.name),
+        "driver": driver_of(device.name),
         "sapien": version("sapien"),
         "shader": config.shader,
         "shader_sha256": _shader_hash() if config.shader == "busybot" else "",
         "config": config.model_dump(mode="json"),
     }
-
-
-@cache
-def _driver(device: str) -> str | None:
-    return driver_of(device)
 
 
 @cache

@@ -5,12 +5,12 @@ recorded one, else close (`episodes.episode_diff`). The result is a dataset of i
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from busybot.common.errors import BusybotError, naming
-from busybot.common.process_pool import run_tasks
+from busybot.common.process_pool import Progress, run_tasks
 from busybot.datasets.create import boards_again, continue_or_create
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo, collect_command
@@ -20,13 +20,12 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.tables import Rows, episode_rows
 from busybot.objects.library import Library
+from busybot.sim.collect import store_tables
 from busybot.sim.replay import act_again, render_config
 from busybot.sim.scene.board_scene import Simulator
 
-Progress = Callable[[int, int], None]
 
-
-@dataclass(frozen=True)
+@dataclass
 class Regenerated:
     """How the dataset made again compares with the recorded one.
 
@@ -52,6 +51,13 @@ class Regenerated:
     def ok(self) -> bool:
         return self.boards_from == "configuration" and not self.boards_unlike and not self.failed
 
+    def add(self, index: int, difference: Difference, rule: Rule) -> None:
+        """Count in how an episode compares."""
+        self.episodes[rule] += 1
+        if not difference.holds(rule):
+            self.failed[index] = difference
+        self.joints, self.image = max(self.joints, difference.joints), self.image.worst(difference.image)
+
 
 def regenerate(
     path: Path, out: Path, library: Library, workers: int = 1, progress: Progress | None = None
@@ -60,7 +66,6 @@ def regenerate(
 
     Args:
         library: with all objects from which the boards were drawn, not only those that stand on them.
-        workers: processes that share the work; 0 does it in this one.
 
     Raises:
         BusybotError: the dataset has no episodes or no configuration, an object is missing, or `out` holds something
@@ -77,43 +82,18 @@ def regenerate(
         raise BusybotError(f"{out}: it is the recorded dataset itself", "name another folder")
     target = continue_or_create(out, dataset.info, boards)
     indices = [index for index in indices if index not in set(unlike)]
+    found = Regenerated(out, len(boards), origin, unlike)
+
+    def compared() -> Iterator[tuple[int, Rows]]:
+        for index, (rows, difference, rule) in run_tasks(indices, _make_work, (path, out, library, collect), workers):
+            found.add(index, difference, rule)
+            yield index, rows
+
     with target.locked():
         target.remove_leftovers()
-        compared = _run(indices, (path, out, library, collect), workers)
-        told = (lambda done: progress(done, len(indices))) if progress else None
-        return _judge(Regenerated(out, len(boards), origin, unlike), target, compared, told)
-
-
-def _judge(
-    found: Regenerated,
-    target: Dataset,
-    compared: Iterator[tuple[int, tuple[Rows, Difference, Rule]]],
-    progress: Callable[[int], None] | None,
-) -> Regenerated:
-    """Sum up the episodes that come; the target's tables are written also when they end early."""
-    counts, failed, joints, worst = dict(found.episodes), {}, found.joints, found.image
-    rows: dict[int, Rows] = {}
-    try:
-        for index, (derived, difference, rule) in compared:
-            rows[index] = derived
-            counts[rule] += 1
-            if not difference.holds(rule):
-                failed[index] = difference
-            worst, joints = worst.worst(difference.image), max(joints, difference.joints)
-            if progress:
-                progress(len(rows))
-    finally:
-        target.write_tables(rows)
-    return replace(found, episodes=counts, failed=dict(sorted(failed.items())), joints=joints, image=worst)
-
-
-def _run(indices: list[int], arguments: tuple, workers: int) -> Iterator[tuple[int, Any]]:
-    """Index and outcome of each episode; without workers all is done here."""
-    if workers:
-        yield from run_tasks(indices, _make_work, arguments, workers)
-    else:
-        work = _make_work(*arguments)
-        yield from ((index, work(index)) for index in indices)
+        store_tables(target, compared(), progress, 0, len(indices))
+    found.failed = dict(sorted(found.failed.items()))
+    return found
 
 
 def _make_work(path: Path, out: Path, library: Library, collect: CollectInfo) -> Callable[[int], Any]:
@@ -123,10 +103,10 @@ def _make_work(path: Path, out: Path, library: Library, collect: CollectInfo) ->
 
     def play(index: int, recorded: Episode) -> Episode:
         config = render_config(recorded)
-        if config.model_dump_json() not in simulators:
-            responders = bool(collect.settings.get("responders", True))
-            simulators[config.model_dump_json()] = Simulator(library, config, responders)
-        return act_again(simulators[config.model_dump_json()], target.board(index), recorded)
+        look = config.model_dump_json()
+        if look not in simulators:
+            simulators[look] = Simulator(library, config, bool(collect.settings.get("responders", True)))
+        return act_again(simulators[look], target.board(index), recorded)
 
     def work(index: int) -> tuple[Rows, Difference, Rule]:
         file, recorded = target.episode_path(index), read_episode(source.episode_path(index), images="lazy")

@@ -19,21 +19,22 @@ from pydantic import BaseModel, ValidationError
 
 from busybot.boards.relations import responder_state
 from busybot.boards.spec import BoardSpec
+from busybot.boards.task import start_states
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError, naming
 from busybot.common.process_pool import run_tasks
-from busybot.episodes.camera import Rays
 from busybot.episodes.codec import LazyImages, encode_rgb
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.episode_diff import JOINT_TOLERANCE, ImageDifference, Rule, compare_images, rule_for
 from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
-from busybot.sim.recorder import package_versions, picture_goal, renderer_fingerprint, visible_centres
+from busybot.sim.recorder import begin_episode, package_versions, renderer_fingerprint
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
 from busybot.sim.scene.render import RenderConfig
 
 REPLAY_SECONDS = 24 * 3600.0
+OTHER_OBJECTS = "name the library with which it was recorded: --assets DIR"
 Config = TypeVar("Config", bound=BaseModel)
 
 
@@ -75,9 +76,9 @@ class EpisodeReplay:
         triggers = sum(link.trigger for link in episode.links)
         if episode.steps and len(self.scene.triggers) != triggers:
             what = f"the recording has {triggers} trigger links, the objects {len(self.scene.triggers)}"
-            raise BusybotError(what, "name the library with which it was recorded: --assets DIR")
-        assert simulator.render is not None
-        self._renderer = renderer_fingerprint(simulator.render, self.scene)
+            raise BusybotError(what, OTHER_OBJECTS)
+        now = replace(episode, renderer=renderer_fingerprint(self.scene), versions=package_versions())
+        self._rule = rule_for(episode, now)
 
     def put_back(self, step: int) -> BoardScene:
         """The scene as it was after `step` steps (0: at the start), in every bit; see the module.
@@ -88,7 +89,7 @@ class EpisodeReplay:
         steps = self.episode.steps
         if not 0 <= step <= len(steps):
             raise BusybotError(f"there is no step {step}", f"choose one from 0 (the start) to {len(steps)}")
-        states = steps[step - 1].trigger_states_after if step else self._start()
+        states = steps[step - 1].trigger_states_after if step else start_states(self.episode.board)
         self.scene.rest(BoardState(states))
         last = next((s for s in reversed(steps[:step]) if s.success), None)
         number = None if last is None else held_trigger(self.scene, last)
@@ -113,14 +114,7 @@ class EpisodeReplay:
             states = here == tuple(getattr(recorded, f"{name}_states_{when}") for name in ("trigger", "responder"))
             there = np.array(getattr(recorded, f"joint_positions_{when}"))
             joints = float(np.abs(there - self.scene.joint_positions()).max(initial=0.0))
-        rule = rule_for(self.episode, self._now())
-        return Compared(step, states, joints, compare_images(self.episode.image(step), image), rule)
-
-    def _start(self) -> tuple[int, ...]:
-        return tuple(state for placed in self.episode.board.objects for state in placed.states)
-
-    def _now(self) -> Episode:
-        return replace(self.episode, renderer=self._renderer, versions=package_versions())
+        return Compared(step, states, joints, compare_images(self.episode.image(step), image), self._rule)
 
 
 def replay_file(
@@ -141,9 +135,8 @@ def replay_file(
 
 def _make_replay(path: Path, library: Library, step: int | None, screenshot: Path | None) -> Callable[[int], Any]:
     def work(_: int) -> list[Compared]:
-        episode = read_episode(path, images="lazy")
-        replay = EpisodeReplay(simulator_of(episode, library), episode)
-        steps = range(len(episode.steps) + 1) if step is None else range(step, step + 1)
+        replay = _replay_of(path, library)
+        steps = range(len(replay.episode.steps) + 1) if step is None else range(step, step + 1)
         compared = [replay.compare(number) for number in steps]
         if screenshot:
             picture = replay.put_back(steps[-1]).observe().rgb
@@ -151,6 +144,11 @@ def _make_replay(path: Path, library: Library, step: int | None, screenshot: Pat
         return compared
 
     return work
+
+
+def _replay_of(path: Path, library: Library) -> EpisodeReplay:
+    episode = read_episode(path, images="lazy")
+    return EpisodeReplay(simulator_of(episode, library), episode)
 
 
 def pictures_again(path: Path, library: Library) -> Iterator[tuple[int, np.ndarray]]:
@@ -164,8 +162,7 @@ def pictures_again(path: Path, library: Library) -> Iterator[tuple[int, np.ndarr
 
 
 def _make_picture(path: Path, library: Library) -> Callable[[int], np.ndarray]:
-    episode = read_episode(path, images="lazy")
-    replay = EpisodeReplay(simulator_of(episode, library), episode)
+    replay = _replay_of(path, library)
     return lambda step: replay.observe(step).rgb
 
 
@@ -204,11 +201,10 @@ def held_trigger(scene: BoardScene, step: Step) -> int | None:
     """
     if step.acted_object < 0:
         return None
-    for number, joint in enumerate(scene.triggers):
-        if (joint.object, joint.link.name) == (step.acted_object, step.acted_link):
-            return number
-    what = f"the recording holds link {step.acted_link!r} of object {step.acted_object}, the board has no such trigger"
-    raise BusybotError(what, "name the library with which it was recorded: --assets DIR")
+    if (step.acted_object, step.acted_link) not in scene.trigger_numbers:
+        what = f"the recording holds link {step.acted_link!r} of object {step.acted_object}"
+        raise BusybotError(f"{what}, the board has no such trigger", OTHER_OBJECTS)
+    return scene.trigger_numbers[step.acted_object, step.acted_link]
 
 
 def act_again(simulator: Simulator, board: BoardSpec, recorded: Episode) -> Episode:
@@ -221,29 +217,15 @@ def act_again(simulator: Simulator, board: BoardSpec, recorded: Episode) -> Epis
     interaction = recorded.settings.get("interaction")
     config = _parameters(InteractionConfig, interaction, "interaction")
     scene = simulator.board(board)
-    assert simulator.render is not None
-    image = scene.observe()
-    centres = visible_centres(image, Rays(scene.camera), scene.links, len(board.objects))
-    images, goals, frame_of, steps = [image], picture_goal(scene), [0], []
+    images = [scene.observe()]
+    again = begin_episode(scene, images, recorded.policy, recorded.oracle, recorded.settings)
     for step in recorded.steps:
         grasp = Grasp(held_trigger(scene, step), np.array(step.position), step.pixel)
         done, after = interact(scene, grasp, step.executed or (step.direction,), config, images[-1])
-        steps.append(done)
+        again.steps.append(done)
         images += [] if after is None else [after]
-        frame_of.append(len(images) - 1)
-    return replace(
-        recorded,
-        board=board,
-        camera=scene.camera,
-        links=scene.links,
-        positions=centres,
-        images=images,
-        goals=goals,
-        frame_of=frame_of,
-        steps=steps,
-        renderer=renderer_fingerprint(simulator.render, scene),
-        versions=package_versions(),
-    )
+        again.frame_of.append(len(images) - 1)
+    return again
 
 
 def _require_truth(episode: Episode) -> None:

@@ -13,7 +13,7 @@ from busybot.boards.spec import BoardSpec, PlacedObject
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel
 from busybot.sim.scene.board_scene import Simulator
-from busybot.sim.scene.joints import Responder
+from busybot.sim.scene.joints import Responder, rest_at
 from busybot.sim.scene.render import RenderConfig
 
 GROUND = (243, 241, 237)
@@ -116,6 +116,4 @@ def _pose(responder: Responder, category: str) -> None:
         responder.show(1)
     elif category == "Door" and responder.effect.single is not None:
         values = np.array(responder.effect.single[:2])
-        positions = responder.articulation.qpos
-        positions[list(responder.axes)] = values[0] + AJAR * (values[1] - values[0])
-        responder.articulation.set_qpos(positions)
+        rest_at(responder.articulation, responder.axes, values[0] + AJAR * (values[1] - values[0]))

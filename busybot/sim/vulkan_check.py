@@ -9,11 +9,14 @@ import json
 import os
 import subprocess
 import sys
+from ctypes import Structure, c_char, c_uint8, c_uint32, c_uint64, c_void_p
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZE = 16
+NO_ANSWER: dict[str, Any] = {"renders": False, "device": None, "driver": None, "error": None}
 STRUCTURE_PROPERTIES2 = 1000059001
 STRUCTURE_DRIVER = 1000196000
 STRUCTURE_INSTANCE = 1
@@ -26,7 +29,6 @@ def run(python: str = sys.executable, time_limit_s: float = 60.0) -> dict[str, A
     Returns:
         `renders` (bool), `device` and `driver` (names, or None when unknown), `error` (None when it renders).
     """
-    answer: dict[str, Any] = {"renders": False, "device": None, "driver": None, "error": None}
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     try:
         done = subprocess.run(
@@ -39,25 +41,24 @@ def run(python: str = sys.executable, time_limit_s: float = 60.0) -> dict[str, A
             env=os.environ | {"PYTHONPATH": path},
         )
     except subprocess.TimeoutExpired:
-        return answer | {"error": f"the probe did not end within {time_limit_s:g} s"}
+        return NO_ANSWER | {"error": f"the probe did not end within {time_limit_s:g} s"}
     except OSError as error:
-        return answer | {"error": f"the probe did not start: {error}"}
+        return NO_ANSWER | {"error": f"the probe did not start: {error}"}
     for line in reversed(done.stdout.splitlines()):
         if line.startswith("{"):
-            return answer | json.loads(line)
+            return NO_ANSWER | json.loads(line)
     words = [line for line in done.stderr.splitlines() if line.strip()]
-    return answer | {
-        "error": f"the probe ended with code {done.returncode}: {words[-1].strip() if words else 'no message'}"
-    }
+    last = words[-1].strip() if words else "no message"
+    return NO_ANSWER | {"error": f"the probe ended with code {done.returncode}: {last}"}
 
 
 def probe() -> dict[str, Any]:
     """Render a red box in this process; what `run` returns. Errors of SAPIEN come back as text."""
-    answer: dict[str, Any] = {"renders": False, "device": None, "driver": None, "error": None}
+    answer = dict(NO_ANSWER)
     try:
         import sapien
     except ImportError as error:
-        return answer | {"error": f"sapien cannot be imported: {error}"}
+        return NO_ANSWER | {"error": f"sapien cannot be imported: {error}"}
     try:
         # Without a usable device this raises, or crashes the process.
         renderer = sapien.render.RenderSystem()
@@ -86,6 +87,7 @@ def _red_box_is_seen(sapien: Any, renderer: Any) -> bool:
     return bool(middle[0] > 0.5 and middle[1] < 0.2 and corner[0] < 0.2)
 
 
+@cache
 def driver_of(device: str) -> str | None:
     """Name and version of the Vulkan driver of the device with this name, as the driver states them, or None."""
     for library in (os.environ.get("SAPIEN_VULKAN_LIBRARY_PATH"), "libvulkan.so.1"):
@@ -98,52 +100,47 @@ def driver_of(device: str) -> str | None:
     return None
 
 
-class _Driver(ctypes.Structure):
+class _Driver(Structure):
     """VkPhysicalDeviceDriverProperties."""
 
     _fields_ = [
-        ("type", ctypes.c_uint32),
-        ("next", ctypes.c_void_p),
-        ("id", ctypes.c_uint32),
-        ("name", ctypes.c_char * 256),
-        ("info", ctypes.c_char * 256),
-        ("conformance", ctypes.c_uint8 * 4),
+        ("type", c_uint32),
+        ("next", c_void_p),
+        ("id", c_uint32),
+        ("name", c_char * 256),
+        ("info", c_char * 256),
+        ("conformance", c_uint8 * 4),
     ]
 
 
-class _Properties(ctypes.Structure):
+class _Properties(Structure):
     """VkPhysicalDeviceProperties2; the limits after the name are only room for what the driver writes."""
 
     _fields_ = [
-        ("type", ctypes.c_uint32),
-        ("next", ctypes.c_void_p),
-        ("numbers", ctypes.c_uint32 * 5),
-        ("name", ctypes.c_char * 256),
-        ("rest", ctypes.c_uint8 * 2048),
+        ("type", c_uint32),
+        ("next", c_void_p),
+        ("numbers", c_uint32 * 5),
+        ("name", c_char * 256),
+        ("rest", c_uint8 * 2048),
     ]
 
 
-class _Application(ctypes.Structure):
+class _Application(Structure):
     """VkApplicationInfo, with only the version of Vulkan set."""
 
-    _fields_ = [
-        ("type", ctypes.c_uint32),
-        ("names", ctypes.c_uint64 * 4),
-        ("engine", ctypes.c_uint32),
-        ("version", ctypes.c_uint32),
-    ]
+    _fields_ = [("type", c_uint32), ("names", c_uint64 * 4), ("engine", c_uint32), ("version", c_uint32)]
 
 
-class _Instance(ctypes.Structure):
+class _Instance(Structure):
     """VkInstanceCreateInfo without layers and extensions."""
 
     _fields_ = [
-        ("type", ctypes.c_uint32),
-        ("next", ctypes.c_void_p),
-        ("flags", ctypes.c_uint32),
-        ("application", ctypes.c_void_p),
-        ("layers", ctypes.c_uint64 * 2),
-        ("extensions", ctypes.c_uint64 * 2),
+        ("type", c_uint32),
+        ("next", c_void_p),
+        ("flags", c_uint32),
+        ("application", c_void_p),
+        ("layers", c_uint64 * 2),
+        ("extensions", c_uint64 * 2),
     ]
 
 
@@ -151,17 +148,17 @@ def _drivers(vulkan: ctypes.CDLL) -> dict[str, str]:
     """Device name -> driver name and version, of all Vulkan devices."""
     application = _Application(version=VULKAN_1_2)
     create = _Instance(type=STRUCTURE_INSTANCE, application=ctypes.addressof(application))
-    instance, count = ctypes.c_void_p(), ctypes.c_uint32()
+    instance, count = c_void_p(), c_uint32()
     if vulkan.vkCreateInstance(ctypes.byref(create), None, ctypes.byref(instance)) != 0:
         return {}
     vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)
-    devices = (ctypes.c_void_p * count.value)()
+    devices = (c_void_p * count.value)()
     vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), devices)
     found = {}
     for device in devices:
         answer = _Driver(type=STRUCTURE_DRIVER)
         properties = _Properties(type=STRUCTURE_PROPERTIES2, next=ctypes.addressof(answer))
-        vulkan.vkGetPhysicalDeviceProperties2(ctypes.c_void_p(device), ctypes.byref(properties))
+        vulkan.vkGetPhysicalDeviceProperties2(c_void_p(device), ctypes.byref(properties))
         found[properties.name.decode()] = f"{answer.name.decode()} {answer.info.decode()}".strip()
     vulkan.vkDestroyInstance(instance, None)
     return found

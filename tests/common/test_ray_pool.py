@@ -11,7 +11,7 @@ import psutil
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.common.ray_pool import ONLY_HERE, run_on_ray
+from busybot.common.process_pool import ONLY_HERE, run_on_ray
 
 os.environ[ONLY_HERE] = "0"  # Ray reads it when it is imported
 

@@ -84,7 +84,7 @@ def test_every_state_of_every_responder_can_be_told_from_its_picture(simulator: 
         for stage, values in (("single", model.effect.single), ("multi", model.effect.multi)):
             if values is None:
                 continue
-            responder.stage = stage
+            responder.values = values
             pictures = []
             for state in range(len(values)):
                 responder.show(state)

@@ -18,6 +18,8 @@ from busybot.sim.regenerate import regenerate
 from tests.episodes.folders import make_dataset
 from tests.episodes.tamper import rewrite
 
+pytestmark = pytest.mark.usefixtures("in_process")
+
 
 @pytest.fixture
 def copy(recorded: Dataset, tmp_path: Path) -> Dataset:
@@ -31,7 +33,7 @@ def edit(dataset: Dataset, **values: object) -> None:
 
 
 def test_boards_and_recordings_come_out_equal(recorded: Dataset, tmp_path: Path) -> None:
-    done = regenerate(recorded.path, tmp_path / "out", find("procedural"), workers=0)
+    done = regenerate(recorded.path, tmp_path / "out", find("procedural"))
     assert done.ok and (done.boards_from, done.boards_unlike) == ("configuration", [])
     assert done.episodes == {"equal": 3, "close": 0} and done.joints == 0 and done.image.equal
     assert verify(tmp_path / "out").ok
@@ -40,11 +42,11 @@ def test_boards_and_recordings_come_out_equal(recorded: Dataset, tmp_path: Path)
 
 
 def test_a_stopped_one_is_continued(recorded: Dataset, tmp_path: Path) -> None:
-    regenerate(recorded.path, tmp_path / "out", find("procedural"), workers=0)
+    regenerate(recorded.path, tmp_path / "out", find("procedural"))
     out = Dataset.open(tmp_path / "out")
     out.episode_path(1).unlink()
     kept = out.episode_path(0).stat().st_mtime_ns
-    assert regenerate(recorded.path, out.path, find("procedural"), workers=0).ok
+    assert regenerate(recorded.path, out.path, find("procedural")).ok
     assert out.finished() == {0, 1, 2} and out.episode_path(0).stat().st_mtime_ns == kept
 
 
@@ -59,7 +61,7 @@ def test_changed_recordings_and_boards_are_found(copy: Dataset, tmp_path: Path) 
     board = json.loads(lines[0])
     board["objects"][0]["yaw"] += 0.01
     (copy.path / "boards/boards-00000.jsonl").write_text("\n".join([json.dumps(board), *lines[1:]]) + "\n")
-    done = regenerate(copy.path, tmp_path / "out", find("procedural"), workers=0)
+    done = regenerate(copy.path, tmp_path / "out", find("procedural"))
     assert not done.ok and done.boards_unlike == [0]
     assert set(done.failed) == {1, 2} and done.failed[2].state == 1 and done.failed[1].frames[0] == 0
     assert done.image.colour > 0.5
@@ -72,7 +74,7 @@ def test_another_renderer_makes_the_looser_rule_apply(recorded: Dataset, copy: D
 
     for index in range(3):
         rewrite(copy.episode_path(index), attachment=foreign)
-    done = regenerate(copy.path, tmp_path / "out", find("procedural"), workers=0)
+    done = regenerate(copy.path, tmp_path / "out", find("procedural"))
     assert done.episodes == {"equal": 0, "close": 3}
     assert done.ok and done.image.equal
     for pixels, close in ((19, True), (20, False)):  # of 160 x 120
@@ -81,24 +83,24 @@ def test_another_renderer_makes_the_looser_rule_apply(recorded: Dataset, copy: D
         for image in episode.images:
             image.rgb.reshape(-1, 3)[:pixels] ^= 128
         write_episode(copy.episode_path(0), episode, "png")
-        assert regenerate(copy.path, tmp_path / "out", find("procedural"), workers=0).ok == close
+        assert regenerate(copy.path, tmp_path / "out", find("procedural")).ok == close
 
 
 def test_boards_of_another_generator_are_taken_as_they_are(copy: Dataset, tmp_path: Path) -> None:
     edit(copy, generator={**copy.info.generator.model_dump(), "version": "0.1"})
-    done = regenerate(copy.path, tmp_path / "out", find("procedural"), workers=0)
+    done = regenerate(copy.path, tmp_path / "out", find("procedural"))
     assert done.boards_from == "dataset" and not done.ok and not done.failed and done.episodes["equal"] == 3
 
 
 def test_what_cannot_be_made_again_is_said(copy: Dataset, tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match="itself"):
-        regenerate(copy.path, copy.path, find("procedural"), workers=0)
+        regenerate(copy.path, copy.path, find("procedural"))
     with pytest.raises(BusybotError, match="no episodes"):
         regenerate(make_dataset(tmp_path / "empty", finished=()).path, tmp_path / "out", find("procedural"))
     make_dataset(tmp_path / "other")
     with pytest.raises(BusybotError, match="another dataset"):
-        regenerate(copy.path, tmp_path / "other", find("procedural"), workers=0)
+        regenerate(copy.path, tmp_path / "other", find("procedural"))
     edit(copy, generator={**copy.info.generator.model_dump(), "config": {"walls": 4}})
     with pytest.raises(BusybotError, match="walls") as error:
-        regenerate(copy.path, tmp_path / "out", find("procedural"), workers=0)
+        regenerate(copy.path, tmp_path / "out", find("procedural"))
     assert error.value.hint

@@ -9,9 +9,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from busybot.common.errors import BusybotError
-from busybot.sim.env import BusyBoardEnv
+from busybot.sim.env import BusyBoardEnv, ImageObservations, PixelActions
 from busybot.sim.scene.render import RenderConfig
-from busybot.sim.wrappers import ImageObservations, PixelActions
 
 NAME = "busybot.sim.registration:busybot/Board-v0"
 SMALL = RenderConfig(width=160, height=120)

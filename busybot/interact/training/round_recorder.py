@@ -12,6 +12,7 @@ from pathlib import Path
 from busybot.boards.config import BoardConfig
 from busybot.common.config import flat
 from busybot.common.errors import BusybotError
+from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
@@ -20,7 +21,7 @@ from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.policy.policy_factory import ExplorePolicyFactory
 from busybot.interact.training.config import RecordConfig
 from busybot.objects.library import Library
-from busybot.sim.collect import CollectConfig, Progress, collect
+from busybot.sim.collect import CollectConfig, collect
 from busybot.training.loop import files_of
 from busybot.training.run_folder import Lines, Panel, begin_folder, draw, losses, read_metrics
 

@@ -21,9 +21,9 @@ import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from busybot.common.atomic_io import write_atomically
+from busybot.common.config import check_tokens, yaml_fault
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
-from busybot.common.safe_yaml import check_tokens, describe
 from busybot.objects.partnet.annotation import Number, Value, Vector3
 from busybot.objects.partnet.urdf import Urdf
 
@@ -164,7 +164,7 @@ def read_overrides(path: Path) -> Overrides:
         lines = _lines(path, node)
         value: Any = loader.construct_document(node) if node is not None else None
     except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise BusybotError(f"{path}{describe(error)}", _HINT) from None
+        raise BusybotError(f"{path}{yaml_fault(error)}", _HINT) from None
     found = Overrides(path, {}, lines)
     objects = value.get("objects") if isinstance(value, dict) else None
     if not isinstance(objects, dict) or set(value) != {"objects"}:

@@ -15,7 +15,7 @@ from busybot.boards.task import MAX_STEPS, reached, responder_states
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.process_pool import run_tasks
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.dataset_stats import origin_of
+from busybot.datasets.summary import origin_of
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.folder import Progress
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config

@@ -63,13 +63,18 @@ class Builders:
             self._builders.popitem(last=False)
         if self._looks:
             sapien.render.clear_cache(models=True, images=True)
-            _return_memory()
+            # the C library keeps what lies between the pieces that are still in use, and glibc alone can give it back
+            trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+            if trim is not None:
+                trim(0)
 
     def _load(self, model: ObjectModel, scale: float) -> ArticulationBuilder:
         loader = URDFLoader()
         loader.set_scene(_Unbound())
         loader.fix_root_link = True
         loader.scale = scale
+        # clones share their materials: what a board paints is read from SAPIEN's cache each time
+        painted = model.effect.link if model.effect is not None and model.effect.type == "color" else None
         try:
             builder = loader.load_file_as_articulation_builder(str(model.urdf))
             for link in builder.link_builders:
@@ -77,16 +82,11 @@ class Builders:
                 _give_stops(link.joint_record, model, scale)
                 if not self._looks:
                     link.visual_records = []
-                elif link.visual_records and not _is_painted(link.name, model):
+                elif link.visual_records and link.name != painted:
                     link.build_render_component = link.build_render_component().clone
         except Exception as error:  # the loader raises whatever its parsers raise
             raise BusybotError(f"{model.urdf}: SAPIEN cannot load it: {error}", "busybot assets check") from error
         return builder
-
-
-def _is_painted(link: str, model: ObjectModel) -> bool:
-    """Whether a board paints the link: clones share their materials, so it is read from SAPIEN's cache each time."""
-    return model.effect is not None and model.effect.type == "color" and model.effect.link == link
 
 
 def _give_stops(record: Any, model: ObjectModel, scale: float) -> None:
@@ -95,10 +95,3 @@ def _give_stops(record: Any, model: ObjectModel, scale: float) -> None:
         if record.name == link.joint and not np.isfinite(record.limits).all():
             unit = scale if link.joint_type == "prismatic" else 1.0
             record.joint_type, record.limits = link.joint_type, [[link.lower * unit, link.upper * unit]]
-
-
-def _return_memory() -> None:
-    """Give freed memory back to the system: the C library keeps what lies between the pieces that are still in use."""
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc alone has it
-    if trim is not None:
-        trim(0)

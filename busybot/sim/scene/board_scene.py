@@ -46,10 +46,8 @@ class Simulator:
         self._builders = Builders(looks=render is not None)
         sapien.physx.set_scene_config(gravity=np.zeros(3, np.float32))
         sapien.set_log_level("critical")
-        self._surroundings: Surroundings | None = None
+        self._surroundings = None if render is None else Surroundings(lights=render.shader != "busybot")
         self._keep_alive: Any = None
-        if render is not None:
-            self._surroundings = Surroundings(lights=render.shader != "busybot")
 
     def board(self, spec: BoardSpec) -> "BoardScene":
         """Build the board.
@@ -62,15 +60,13 @@ class Simulator:
         self._keep_alive = board.scene
         return board
 
-    def new_scene(self) -> sapien.Scene:
+    def new_scene(self, spec: BoardSpec, models: list[ObjectModel]) -> sapien.Scene:
+        """A scene with what the objects stand on, if anybody looks."""
         scene = sapien.Scene() if self.render else sapien.Scene([sapien.physx.PhysxCpuSystem()])
         scene.set_timestep(TIME_STEP)
-        return scene
-
-    def place_board(self, scene: sapien.Scene, spec: BoardSpec, models: list[ObjectModel]) -> None:
-        """Add what the objects stand on, if anybody looks."""
         if self._surroundings is not None:
             self._surroundings.add(scene, spec, models)
+        return scene
 
     def build_object(self, scene: sapien.Scene, model: ObjectModel, placed: PlacedObject) -> Any:
         """An articulation of the object, at its place, its joints damped and free of friction."""
@@ -98,6 +94,7 @@ class BoardScene:
 
     Attributes:
         triggers: movable trigger links, in board order.
+        trigger_numbers: place among them, by object index and name of the link.
         responders: by object index.
         links: what segmentation names: per object its body, then its trigger links.
     """
@@ -105,55 +102,61 @@ class BoardScene:
     def __init__(self, simulator: Simulator, spec: BoardSpec):
         self.spec = spec
         self._render = simulator.render
-        self.scene = simulator.new_scene()
         self.models = [simulator.library.get(placed.key) for placed in spec.objects]
-        simulator.place_board(self.scene, spec, self.models)
+        self.scene = simulator.new_scene(spec, self.models)
         stages = _stages(spec)
         self.triggers: list[TriggerJoint] = []
         self.responders: dict[int, Responder] = {}
         links: list[Link] = []
         codes: dict[int, int] = {}
+        self._trigger_of_link: dict[int, int] = {}
         for index, (placed, model) in enumerate(zip(spec.objects, self.models, strict=True)):
             articulation = simulator.build_object(self.scene, model, placed)
             links.append(Link(index, "body", False))
             codes |= {link.entity.per_scene_id: len(links) for link in articulation.links}
             if placed.role == "responder":
                 painted = simulator.render is not None
-                stage = stages.get(index, _default_stage(model))
-                self.responders[index] = make_responder(index, model, stage, articulation, painted)
+                self.responders[index] = make_responder(index, model, stages.get(index), articulation, painted)
             for joint in make_triggers(index, model, placed.states, articulation):
                 self.triggers.append(joint)
                 links.append(Link(index, joint.link.name, True))
                 codes[joint.body.entity.per_scene_id] = len(links)
+                self._trigger_of_link[len(links)] = len(self.triggers) - 1
         self.links = tuple(links)
         self._codes = np.zeros(max(codes, default=0) + 2, np.uint16)
         self._codes[list(codes)] = list(codes.values())
+        self.trigger_numbers = {(joint.object, joint.link.name): number for number, joint in enumerate(self.triggers)}
         relations = spec.relations if simulator.responders else ()
-        self._relation_of = {_joint_index(self.triggers, relation): relation for relation in relations}
-        self._trigger_of_link = {
-            code: number
-            for number, joint in enumerate(self.triggers)
-            if (code := codes[joint.body.entity.per_scene_id])
-        }
-        for number in range(len(self.triggers)):
-            self._respond(number)
-        self._camera = add_camera(self.scene, self._render) if self._render else None
+        self._relation_of = {self._driver(relation): relation for relation in relations}
+        for number, joint in enumerate(self.triggers):
+            self._respond(number, joint.state)
+        self._camera: Any = add_camera(self.scene, self._render) if self._render else None
         self.scene.step()
 
     @property
     def camera(self) -> Camera:
         """The camera's pinhole model."""
-        return camera_model(self._need_render())
+        return camera_model(self.view)
+
+    @property
+    def view(self) -> RenderConfig:
+        """How the board is looked at.
+
+        Raises:
+            BusybotError: it is simulated without a renderer.
+        """
+        if self._render is None:
+            raise BusybotError("this simulation has no renderer", "make the Simulator with a RenderConfig")
+        return self._render
 
     def observe(self) -> Image:
         """Render: RGB, depth and link segmentation with the objects' boxes."""
-        config = self._need_render()
-        assert self._camera is not None
+        config = self.view
         self.scene.update_render()
         self._camera.take_picture()
-        picture = read_picture(self._camera, config)
-        segmentation = np.take(self._codes, picture.entities, mode="clip")
-        return Image(picture.rgb, picture.depth, segmentation, self._boxes(segmentation))
+        rgb, depth, entities = read_picture(self._camera, config)
+        segmentation = np.take(self._codes, entities, mode="clip")
+        return Image(rgb, depth, segmentation, self._boxes(segmentation))
 
     def trigger_at(self, code: int) -> int | None:
         """Number of the trigger joint whose link has this segmentation code, None for anything else."""
@@ -174,18 +177,16 @@ class BoardScene:
     def set_trigger(self, number: int, state: int) -> None:
         """Let a trigger rest in a state; its responder follows at once."""
         self.triggers[number].settle(state)
-        self._respond(number)
+        self._respond(number, state)
         # SAPIEN places links a millionth of a unit off until the next step, which shows at edges
         self.scene.step()
 
     @contextmanager
     def showing(self, number: int, state: int) -> Iterator[None]:
         """Let the trigger's responder show what it would show in a trigger state, for a look in mid-motion."""
-        relation = self._relation_of.get(number)
-        if relation is not None:
-            self.responders[relation.responder].show(responder_state(relation, state))
+        self._respond(number, state)
         yield
-        self._respond(number)
+        self._respond(number, self.triggers[number].state)
 
     def save(self) -> BoardState:
         """The board's exact state; only between interactions."""
@@ -207,10 +208,23 @@ class BoardScene:
         """The relation that a trigger joint drives. Ground truth."""
         return self._relation_of.get(number)
 
-    def _respond(self, number: int) -> None:
+    def _driver(self, relation: Relation) -> int:
+        """Number of the trigger joint that a relation names."""
+        reference = relation.triggers[0]
+        number = self.trigger_numbers.get((reference.object, reference.link))
+        if number is None:
+            what = f"a relation names link {reference.link!r} of object {reference.object}, which is no trigger link"
+            raise BusybotError(what)
+        states = self.triggers[number].link.states
+        if len(relation.states) != states:
+            raise BusybotError(f"a relation lists {len(relation.states)} states, its link has {states}")
+        return number
+
+    def _respond(self, number: int, state: int) -> None:
+        """Let the trigger's responder show what belongs to a trigger state."""
         relation = self._relation_of.get(number)
         if relation is not None:
-            self.responders[relation.responder].show(responder_state(relation, self.triggers[number].state))
+            self.responders[relation.responder].show(responder_state(relation, state))
 
     def _boxes(self, segmentation: np.ndarray) -> np.ndarray:
         """Bounding box of each object's visible pixels, int16 (N, 4), -1 where nothing shows."""
@@ -225,11 +239,6 @@ class BoardScene:
                 boxes[index] = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
         return boxes
 
-    def _need_render(self) -> RenderConfig:
-        if self._render is None:
-            raise BusybotError("this simulation has no renderer", "make the Simulator with a RenderConfig")
-        return self._render
-
 
 def _stages(spec: BoardSpec) -> dict[int, str]:
     """Stage of each controlled responder; refuses relations that this simulator cannot make physical."""
@@ -240,19 +249,3 @@ def _stages(spec: BoardSpec) -> dict[int, str]:
                 f"this version simulates {', '.join(sorted(KNOWN_KINDS))} with one trigger",
             )
     return {relation.responder: relation.stage for relation in spec.relations}
-
-
-def _default_stage(model: ObjectModel) -> str:
-    return "single" if model.effect is not None and model.effect.single is not None else "multi"
-
-
-def _joint_index(triggers: list[TriggerJoint], relation: Relation) -> int:
-    reference = relation.triggers[0]
-    for number, joint in enumerate(triggers):
-        if (joint.object, joint.link.name) == (reference.object, reference.link):
-            if len(relation.states) != joint.link.states:
-                raise BusybotError(f"a relation lists {len(relation.states)} states, its link has {joint.link.states}")
-            return number
-    raise BusybotError(
-        f"a relation names link {reference.link!r} of object {reference.object}, which is no trigger link"
-    )

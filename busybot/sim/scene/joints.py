@@ -5,6 +5,7 @@ state 0 below a quarter, 2 above three quarters, else 1. At rest a joint sits in
 in the middle.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,10 +63,7 @@ class TriggerJoint:
     def settle(self, state: int) -> None:
         """Snap into the state's detent, at rest."""
         self.state = state
-        position = self.articulation.qpos
-        position[self.axis] = self.rest(state)
-        self.articulation.set_qpos(position)
-        self.articulation.set_qvel(np.zeros_like(position))
+        rest_at(self.articulation, (self.axis,), (self.rest(state),))
 
 
 @dataclass
@@ -74,13 +72,13 @@ class Responder:
 
     Attributes:
         object: index of the object on the board.
-        stage: which of the effect's value lists applies.
+        values: of the effect, by state.
         state: index of the value shown.
     """
 
     object: int
     effect: Effect
-    stage: str
+    values: Sequence[tuple[float, ...]]
     articulation: Any
     axes: tuple[int, ...]
     materials: tuple[Any, ...]
@@ -88,19 +86,21 @@ class Responder:
 
     def show(self, state: int) -> None:
         """Show a state at once."""
-        values = self.effect.multi if self.stage == "multi" else self.effect.single
-        assert values is not None
         self.state = state
         if self.effect.type == "color":
             for material in self.materials:
-                material.set_base_color([*(DARK + (PAINT - DARK) * channel for channel in values[state]), 1.0])
-                material.set_emission([*(GLOW * channel for channel in values[state]), 1.0])
-            return
-        position = self.articulation.qpos
-        for axis, value in zip(self.axes, values[state], strict=True):
-            position[axis] = value
-        self.articulation.set_qpos(position)
-        self.articulation.set_qvel(np.zeros_like(position))
+                material.set_base_color([*(DARK + (PAINT - DARK) * channel for channel in self.values[state]), 1.0])
+                material.set_emission([*(GLOW * channel for channel in self.values[state]), 1.0])
+        else:
+            rest_at(self.articulation, self.axes, self.values[state])
+
+
+def rest_at(articulation: Any, axes: tuple[int, ...], positions: Sequence[float]) -> None:
+    """Put some joints of an articulation to these positions, all at rest."""
+    every = articulation.qpos
+    every[list(axes)] = positions
+    articulation.set_qpos(every)
+    articulation.set_qvel(np.zeros_like(every))
 
 
 def make_triggers(index: int, model: ObjectModel, states: tuple[int, ...], articulation: Any) -> list[TriggerJoint]:
@@ -117,10 +117,15 @@ def make_triggers(index: int, model: ObjectModel, states: tuple[int, ...], artic
     return joints
 
 
-def make_responder(index: int, model: ObjectModel, stage: str, articulation: Any, painted: bool) -> Responder:
-    """The responder in state 0. With `painted`, its coloured parts lose their texture, which would hide the paint."""
+def make_responder(index: int, model: ObjectModel, stage: str | None, articulation: Any, painted: bool) -> Responder:
+    """The responder in state 0; without a stage, which is for one that nothing controls, its effect's first.
+
+    With `painted`, its coloured parts lose their texture, which would hide the paint.
+    """
     effect = model.effect
-    if effect is None or (effect.multi if stage == "multi" else effect.single) is None:
+    stage = stage or ("single" if effect is not None and effect.single is not None else "multi")
+    values = None if effect is None else effect.multi if stage == "multi" else effect.single
+    if effect is None or values is None:
         raise BusybotError(f"{model.key} cannot be a {stage}-stage responder", "generate the board again")
     materials: list[Any] = []
     if effect.type == "color" and painted:
@@ -134,6 +139,6 @@ def make_responder(index: int, model: ObjectModel, stage: str, articulation: Any
     for axis in axes:
         # effects may lie beyond the annotated limits (the track toys' do)
         articulation.active_joints[axis].set_limits(np.array([[-10, 10]], np.float32))
-    responder = Responder(index, effect, stage, articulation, axes, tuple(materials))
+    responder = Responder(index, effect, values, articulation, axes, tuple(materials))
     responder.show(0)
     return responder

@@ -1,12 +1,12 @@
-"""Pictures of a board: shader packs, camera, and what is read back.
+"""Pictures of a board: what it stands on, shader packs, camera, and what is read back.
 
 The default shader pack (`shaders/`) draws RGB, depth and segmentation in one pass without shadows: on a CPU it costs
-about a quarter of SAPIEN's `minimal` (`benchmarks/speed/collection.py`). SAPIEN's own packs are selectable.
-
-The slab with its texture and colour, and the table beneath: the background of every board, for looks only.
+about a quarter of SAPIEN's `minimal` (`benchmarks/speed/collection.py`). SAPIEN's own packs are selectable. The slab
+with its texture and colour and the table beneath are the background of every board, for looks only.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -60,9 +60,10 @@ class Surroundings:
         half = np.array(spec.size) / 2
         table_color = [channel**2.2 if self._lights else channel for channel in TABLE_COLOR]
         table = sapien.render.RenderMaterial(base_color=table_color, roughness=1.0)
-        _add_mesh(scene, "table", *_frame(half, TABLE_HALF, -BOARD_THICKNESS), table)
-        mesh = _frustum(half - BEVEL, half, 0.0, -BEVEL, skirt=-BOARD_THICKNESS)
-        _add_mesh(scene, "board", *mesh, self._material(spec, models))
+        # the table is a ring: what lies under the board would be shaded for nothing
+        _add_sides(scene, "table", [(half, -BOARD_THICKNESS), (TABLE_HALF, -BOARD_THICKNESS)], table, lid=False)
+        slab = [(half - BEVEL, 0.0), (half, -BEVEL), (half, -BOARD_THICKNESS)]
+        _add_sides(scene, "board", slab, self._material(spec, models), lid=True)
 
     def _material(self, spec: BoardSpec, models: list[ObjectModel]) -> Any:
         key = (spec.texture, spec.color, spec.objects)
@@ -75,53 +76,29 @@ class Surroundings:
         return self._surface[1]
 
 
-def _frustum(
-    top: np.ndarray, bottom: np.ndarray, z_top: float, z_bottom: float, skirt: float | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A rectangle at `z_top` with slanted sides to `z_bottom` and upright ones down to `skirt`.
+def _add_sides(
+    scene: sapien.Scene, name: str, levels: Sequence[tuple[np.ndarray | float, float]], material: Any, lid: bool
+) -> None:
+    """Add the surface between rectangles around the origin, from one to the next, seen from above.
 
-    Returns:
-        vertices (V, 3), triangles (T, 3), normals (V, 3) and texture coordinates (V, 2) that follow x and y.
+    Its texture coordinates follow x and y, and reach from 0 to 1 over the last one.
+
+    Args:
+        levels: half extents (x, y) and height z of each rectangle.
+        lid: whether the first one is filled.
     """
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
-    levels = [(top, z_top), (bottom, z_bottom)] + ([(bottom, skirt)] if skirt is not None else [])
     rings = [np.concatenate([signs * half, np.full((4, 1), z)], axis=1) for half, z in levels]
-    faces = [rings[0]]
-    for upper, lower in zip(rings, rings[1:], strict=False):
+    faces = [rings[0]] if lid else []
+    for upper, lower in pairwise(rings):
         faces += [np.stack([lower[i], lower[(i + 1) % 4], upper[(i + 1) % 4], upper[i]]) for i in range(4)]
     vertices = np.concatenate(faces)
     triangles = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(len(faces))])
     normals = np.repeat([np.cross(f[1] - f[0], f[2] - f[0]) for f in faces], 4, axis=0)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
-    return vertices, triangles, normals, vertices[:, :2] / (2 * bottom.max()) + 0.5
-
-
-def _frame(inner: np.ndarray, outer: float, z: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A level ring around the board: what lies under the board would be shaded for nothing. Returns as `_frustum`."""
-    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
-    near, far = signs * inner, signs * outer
-    corners = np.concatenate([np.stack([far[i], far[(i + 1) % 4], near[(i + 1) % 4], near[i]]) for i in range(4)])
-    vertices = np.concatenate([corners, np.full((16, 1), z)], axis=1)
-    triangles = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(4)])
-    return vertices, triangles, np.tile([0.0, 0.0, 1.0], (16, 1)), corners / (2 * outer) + 0.5
-
-
-def _add_mesh(
-    scene: sapien.Scene,
-    name: str,
-    vertices: np.ndarray,
-    triangles: np.ndarray,
-    normals: np.ndarray,
-    uvs: np.ndarray,
-    material: Any,
-) -> None:
-    shape = sapien.render.RenderShapeTriangleMesh(
-        vertices.astype(np.float32),
-        triangles.astype(np.uint32),
-        normals.astype(np.float32),
-        uvs.astype(np.float32),
-        material,
-    )
+    uvs = vertices[:, :2] / (2 * np.max(levels[-1][0])) + 0.5
+    arrays = (vertices.astype(np.float32), triangles.astype(np.uint32), normals.astype(np.float32))
+    shape = sapien.render.RenderShapeTriangleMesh(*arrays, uvs.astype(np.float32), material)
     body = sapien.render.RenderBodyComponent()
     body.attach(shape)
     entity = sapien.Entity()
@@ -163,32 +140,12 @@ class RenderConfig(FrozenModel):
         return self
 
 
-@dataclass
-class RenderedPicture:
-    """What the camera sees.
-
-    Attributes:
-        rgb: uint8 (H, W, 3).
-        depth: float32 (H, W), board units along the optical axis, 0 where nothing was hit.
-        entities: uint16 (H, W), SAPIEN's per-scene id of the visible entity.
+def camera_model(config: RenderConfig) -> Camera:
+    """The pinhole model: intrinsics in pixels (pixel centres at .5), and the camera's pose on the board in OpenCV's
+    convention (x right, y down, z forward).
     """
-
-    rgb: np.ndarray
-    depth: np.ndarray
-    entities: np.ndarray
-
-
-def _select_shader(config: RenderConfig) -> None:
-    """Choose the shader pack of the next camera: SAPIEN keeps it globally, but reads it when a camera is made."""
-    ours = config.shader == "busybot"
-    directory = str(Path(__file__).with_name("shaders")) if ours else config.shader
-    sapien.render.set_picture_format("Color", "r8g8b8a8unorm" if ours else "r32g32b32a32sfloat")
-    sapien.render.set_picture_format("Segmentation", "r16g16b16a16uint" if ours else "r32g32b32a32uint")
-    sapien.render.set_camera_shader_dir(directory)
-
-
-def camera_pose(config: RenderConfig) -> np.ndarray:
-    """Camera to board, shape (4, 4), in OpenCV's convention (x right, y down, z forward)."""
+    focal = config.width / 2 / np.tan(np.deg2rad(config.fov_deg) / 2)
+    matrix = np.array([[focal, 0, config.width / 2], [0, focal, config.height / 2], [0, 0, 1]])
     position = np.array(config.position, float)
     forward = np.array(config.target, float) - position
     forward /= np.linalg.norm(forward)
@@ -198,19 +155,16 @@ def camera_pose(config: RenderConfig) -> np.ndarray:
     pose = np.eye(4)
     pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
     pose[:3, 3] = position
-    return pose
-
-
-def camera_model(config: RenderConfig) -> Camera:
-    """The pinhole model: intrinsics in pixels (pixel centres at .5) and pose."""
-    focal = config.width / 2 / np.tan(np.deg2rad(config.fov_deg) / 2)
-    matrix = np.array([[focal, 0, config.width / 2], [0, focal, config.height / 2], [0, 0, 1]])
-    return Camera(config.width, config.height, matrix, camera_pose(config))
+    return Camera(config.width, config.height, matrix, pose)
 
 
 def add_camera(scene: sapien.Scene, config: RenderConfig) -> Any:
     """Mount the camera in the scene and return SAPIEN's camera component."""
-    _select_shader(config)
+    # SAPIEN keeps the shader pack and its formats globally, but reads them when a camera is made
+    ours = config.shader == "busybot"
+    sapien.render.set_picture_format("Color", "r8g8b8a8unorm" if ours else "r32g32b32a32sfloat")
+    sapien.render.set_picture_format("Segmentation", "r16g16b16a16uint" if ours else "r32g32b32a32uint")
+    sapien.render.set_camera_shader_dir(str(Path(__file__).with_name("shaders")) if ours else config.shader)
     model = camera_model(config)
     fov_vertical = 2 * np.arctan(config.height / 2 / model.matrix[1, 1])
     camera = scene.add_camera("camera", config.width, config.height, fov_vertical, config.near, config.far)
@@ -223,8 +177,13 @@ def add_camera(scene: sapien.Scene, config: RenderConfig) -> Any:
     return camera
 
 
-def read_picture(camera: Any, config: RenderConfig) -> RenderedPicture:
-    """Fetch the picture that `camera.take_picture()` asked for."""
+def read_picture(camera: Any, config: RenderConfig) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fetch the picture that `camera.take_picture()` asked for.
+
+    Returns:
+        RGB, uint8 (H, W, 3); depth, float32 (H, W), board units along the optical axis, 0 where nothing was hit;
+        SAPIEN's per-scene ids of the visible entities, uint16 (H, W).
+    """
     ours = config.shader == "busybot"
     color = camera.get_picture("Color")
     rgb = cv2.cvtColor(color, cv2.COLOR_RGBA2RGB) if ours else (color[..., :3].clip(0, 1) * 255).astype(np.uint8)
@@ -234,11 +193,10 @@ def read_picture(camera: Any, config: RenderConfig) -> RenderedPicture:
         entities = cv2.extractChannel(camera.get_picture("Segmentation"), 1)
     else:
         entities = camera.get_picture("Segmentation")[..., 1].astype(np.uint16)
-    return RenderedPicture(rgb, _metric_depth(camera, config), entities)
+    return rgb, _metric_depth(camera, config), entities
 
 
 def _metric_depth(camera: Any, config: RenderConfig) -> np.ndarray:
-    """Metric depth from the depth buffer, float32."""
     near, far = np.float32(config.near), np.float32(config.far)
     if config.shader == "default":
         depth = -camera.get_picture("Position")[..., 2]

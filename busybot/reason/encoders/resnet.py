@@ -5,9 +5,8 @@ The paper's features are 256 channels "extracted from the 10th layer" of a ResNe
 paper leaves open is chosen: boxes are scaled to 64 x 64 pixels, and channels are averaged over the object's pixels
 (`resnet50-box`: over the box) instead of over the whole crop.
 
-`random` is the same network with weights that were drawn: what it lacks against `resnet50` is what ImageNet taught.
-
-Where the weights of ImageNet's ResNet-50 come from: a file at hand, the cache, or their official place.
+The weights come from a file at hand, the cache, or their official place. `random` is the same network with weights that
+were drawn: what it lacks against `resnet50` is what ImageNet taught.
 """
 
 import hashlib

@@ -1,18 +1,14 @@
-"""Decoders that read states from features of objects, trained on training boards only; for evaluators only.
+"""Judges of features: they read the states that one board's objects show, beside the true ones; for evaluators only.
 
-One linear classifier for each category: doors and toys by their state, lamps by their colour or off, because a lamp's
-state index means different colours on different lamps (protocol "Reasoning"). The paper's authors pooled the test
-splits into the training of theirs.
-
-Reads the state that a predicted feature shows (protocol "Reasoning", Pred-A); for evaluators only.
-
-Judges read features of one board's objects into states and hold what they should read. The primary judge takes the
-nearest of the states that the same object showed on this board. The other one uses decoders, see `decoders`.
+The primary judge (protocol "Reasoning", Pred-A) takes the nearest of the states that the same object showed on this
+board. The other one uses decoders, trained on training boards only (the paper's authors pooled the test splits into the
+training of theirs): one linear classifier for each category, doors and toys by their state, lamps by their colour or
+off, because a lamp's state index means different colours on different lamps.
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -81,7 +77,7 @@ def _commonest(values: np.ndarray) -> int:
 def judged_objects(observed: ObservedEpisode) -> np.ndarray:
     """The responders that show in the first frame, bool (N,): only of them can a picture be expected."""
     left, top, right, bottom = np.asarray(observed.boxes).reshape(-1, 4).T
-    return np.array([role == "responder" for role in observed.roles], bool) & (right > left) & (bottom > top)
+    return np.asarray((np.array(observed.roles, str) == "responder") & (right > left) & (bottom > top))
 
 
 BOARDS = 300
@@ -96,8 +92,7 @@ UNKNOWN = ""
 """Of objects whose appearance has no name: triggers, categories without examples."""
 
 
-@dataclass(frozen=True)
-class Examples:
+class Examples(NamedTuple):
     """What objects of training boards look like.
 
     Attributes:
@@ -195,9 +190,7 @@ def fit_decoders(parts: Iterable[Examples]) -> dict[str, Linear]:
     boards = list(parts)
     if not boards:
         return {}
-    features, categories, shown = (
-        np.concatenate([getattr(one, name) for one in boards]) for name in ("features", "categories", "shown")
-    )
+    features, categories, shown = map(np.concatenate, zip(*boards, strict=True))
     return {
         str(category): fit_linear(features[categories == category], shown[categories == category])
         for category in np.unique(categories)
@@ -211,16 +204,14 @@ def train_decoders(dataset: Dataset, features: Mapping[int, np.ndarray], library
         features: float (T + 1, N, C) by episode.
         library: with the dataset's objects.
     """
-    return fit_decoders(_examples(dataset, features, library))
-
-
-def _examples(dataset: Dataset, features: Mapping[int, np.ndarray], library: Library) -> Iterable[Examples]:
+    parts = []
     for index in sorted(features)[:BOARDS]:
         episode = read_episode(dataset.episode_path(index), "lazy")
         truth = states_of(episode)
         if truth is not None:
             shown = appearances(episode.board, library, truth.states)
-            yield examples(episode.board, features[index], shown, judged_objects(observe_episode(episode)))
+            parts.append(examples(episode.board, features[index], shown, judged_objects(observe_episode(episode))))
+    return fit_decoders(parts)
 
 
 class DecodedState:

@@ -1,6 +1,4 @@
-"""Features as one Parquet file, for other programs. Training reads the store, which is mapped into memory.
-
-Features of a dataset's objects: 256 numbers for every frame and object, computed once and kept beside the dataset.
+"""Features of a dataset's objects: 256 numbers for every frame and object, computed once and kept beside the dataset.
 
 The store of a dataset in `data/boards` is the folder `data/boards.features`:
 
@@ -10,6 +8,8 @@ embedded-0a1b2c3d/                   an encoder, with a digest of all that decid
 An episode that was recorded again has another digest, so features never belong to other pictures than they seem to.
 Files are there whole or not at all; what is missing is computed when it is asked for. Nothing is written into the
 dataset, which may be frozen; where nothing can be written beside it either, the store lies in the user's cache.
+
+Training reads the store, which is mapped into memory. `write_table` makes one Parquet file of it for other programs.
 """
 
 import hashlib

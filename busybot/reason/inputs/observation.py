@@ -6,7 +6,7 @@ held, joints, states, rewards, relations, object names and categories are not hi
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,19 +74,18 @@ class ObservedEpisode:
     @property
     def triggers(self) -> np.ndarray:
         """Indices of the triggers."""
-        return np.array([i for i, role in enumerate(self.roles) if role == "trigger"], int)
+        return np.flatnonzero(np.array(self.roles, str) == "trigger")
 
     @property
     def responders(self) -> np.ndarray:
         """Indices of the responders."""
-        return np.array([i for i, role in enumerate(self.roles) if role == "responder"], int)
+        return np.flatnonzero(np.array(self.roles, str) == "responder")
 
     @property
     def candidates(self) -> np.ndarray:
         """bool (N, N), True where the row is a trigger and the column a responder."""
-        trigger = np.array([role == "trigger" for role in self.roles], bool)
-        responder = np.array([role == "responder" for role in self.roles], bool)
-        return trigger[:, None] & responder[None]
+        roles = np.array(self.roles, str)
+        return (roles == "trigger")[:, None] & (roles == "responder")[None]
 
     def frame(self, index: int) -> Frame:
         """Frame `index`, 0 is the initial one."""
@@ -96,15 +95,7 @@ class ObservedEpisode:
     def first(self, images: int) -> "ObservedEpisode":
         """The same board watched for at most `images` frames (so many minus one actions)."""
         steps = max(0, images - 1)
-        return ObservedEpisode(
-            self.camera,
-            self.roles,
-            self.boxes,
-            self.positions,
-            self.actions[:steps],
-            self.images,
-            self.image_of[: steps + 1],
-        )
+        return replace(self, actions=self.actions[:steps], image_of=self.image_of[: steps + 1])
 
 
 def observe_episode(episode: Episode) -> ObservedEpisode:

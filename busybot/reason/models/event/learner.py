@@ -1,11 +1,10 @@
-"""Training the `event` model. Neither relations nor states are known to it: it learns from what happened next.
+"""Trains the `event` model. Neither relations nor states are known to it: it learns from what happened next.
 
-The event model's loss: the likelihood of what happened, by its two stages and the edges.
-
-After a step a responder looks as before, or, if its trigger was acted on, as before or after a past change of it, or
-like nothing seen yet. Around each known look there is a bell, so a step has a likelihood; a responder's steps together
-have one for each possible trigger, and the edge probabilities weigh those. The sum over triggers is exact: they are
-few, so no edges need be drawn (Gumbel) as in the paper.
+Its loss is the likelihood of what happened, by its two stages and the edges. After a step a responder looks as before,
+or, if its trigger was acted on, as before or after a past change of it, or like nothing seen yet. Around each known
+look there is a bell, so a step has a likelihood; a responder's steps together have one for each possible trigger, and
+the edge probabilities weigh those. The sum over triggers is exact: they are few, so no edges need be drawn (Gumbel) as
+in the paper.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -24,8 +23,7 @@ from busybot.reason.inputs.board_dataset import BoardDataset, batches_of, in_tur
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.event.config import EventConfig, LossConfig
 from busybot.reason.models.event.data import Context, ObservedOutcome, Queries, board_graph, context_of, padded, split
-from busybot.reason.models.event.networks import Effects, EventNet, log_sum
-from busybot.reason.models.event.reasoner import likeliest_outcome
+from busybot.reason.models.event.networks import Effects, EventNet, likeliest_frames, log_sum
 from busybot.training.checkpoint import initialise
 from busybot.training.loop import Learner, cosine_rate, descend
 
@@ -199,9 +197,9 @@ def _right(
     network: EventNet, seen: Context, asked: Queries, outcome: ObservedOutcome, blur: float
 ) -> tuple[Tensor, Tensor]:
     """Whether all responders of a board look as predicted, and whether any changed, bool (B, Q)."""
-    choice = likeliest_outcome(network, seen, asked, blur)
-    copied = outcome.look.gather(2, choice.frame.clamp(min=0).unsqueeze(-1))[..., 0]
-    error = torch.where(choice.frame >= 0, copied, outcome.moved)
+    frame = likeliest_frames(network, seen, asked, blur)
+    copied = outcome.look.gather(2, frame.clamp(min=0).unsqueeze(-1))[..., 0]
+    error = torch.where(frame >= 0, copied, outcome.moved)
     boards = len(seen.actions)
     worst = scatter(error, seen.board, dim_size=boards, reduce="max")
     moved = scatter(outcome.moved, seen.board, dim_size=boards, reduce="max")

@@ -1,6 +1,4 @@
-"""The `paper` model's side of the training loop: the schedule of its iterations, and its judgements.
-
-Training of the `paper` model: one iteration, and the order of the boards (paper section 3.2, appendix A.1).
+"""Trains the `paper` model: one iteration, the schedule of all, and judgements (paper section 3.2, appendix A.1).
 
 Inference and dynamics networks are trained together on the mean squared error of the features after each of the steps
 that follow the observed frames; every step starts from its true features. Adam; an iteration whose loss explodes is
@@ -28,12 +26,10 @@ from busybot.reason.inputs.board_dataset import BoardDataset, BoardSource, batch
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import Boards, board_graph, read_batch
-from busybot.reason.models.paper.networks import PaperHistoryNetwork, PaperNetwork, Relations
+from busybot.reason.models.paper.networks import Network, PaperHistoryNetwork, PaperNetwork, Relations
 from busybot.training.checkpoint import Checkpoint, drawing
 from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, descend
-
-Network = PaperNetwork | PaperHistoryNetwork
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ off, because a lamp's state index means different colours on different lamps.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -146,43 +145,34 @@ def examples(board: BoardSpec, features: np.ndarray, shown: np.ndarray, judged: 
     return Examples(np.array(rows).reshape(-1, features.shape[-1]), np.array(categories, "U64"), np.array(names, NAMES))
 
 
-@dataclass(frozen=True)
 class Linear:
     """Standardised features times weights; the greatest score names the class.
 
-    Attributes:
-        mean, spread: float (C,).
-        weights: float (C + 1, K), the last row a constant.
-        classes: str (K,).
+    Fitted by regularised least squares onto the classes, each class with the same total weight.
+
+    Args:
+        features: float (M, C).
+        shown: str (M,), the classes.
     """
 
-    mean: np.ndarray
-    spread: np.ndarray
-    weights: np.ndarray
-    classes: np.ndarray
+    def __init__(self, features: np.ndarray, shown: np.ndarray):
+        spread = features.std(axis=0)
+        self._mean = features.mean(axis=0)
+        self._spread = np.maximum(spread, max(LEAST_SPREAD * float(spread.mean()), 1e-9))
+        self._classes, number, size = np.unique(shown, return_inverse=True, return_counts=True)
+        inputs, weight = self._inputs(features), (1 / size)[number][:, None] / len(self._classes)
+        targets = np.eye(len(self._classes))[number]
+        penalty = RIDGE * np.eye(inputs.shape[1])
+        penalty[-1, -1] = 0
+        self._weights = np.linalg.solve(inputs.T @ (weight * inputs) + penalty, inputs.T @ (weight * targets))
 
     def read(self, features: np.ndarray) -> np.ndarray:
         """Features (M, C) to classes, str (M,)."""
-        return self.classes[(_inputs(features, self.mean, self.spread) @ self.weights).argmax(axis=1)]
+        return np.asarray(self._classes[(self._inputs(features) @ self._weights).argmax(axis=1)])
 
-
-def fit_linear(features: np.ndarray, shown: np.ndarray) -> Linear:
-    """Regularised least squares onto the classes, each class with the same total weight."""
-    mean, spread = features.mean(axis=0), features.std(axis=0)
-    spread = np.maximum(spread, max(LEAST_SPREAD * float(spread.mean()), 1e-9))
-    classes, number, size = np.unique(shown, return_inverse=True, return_counts=True)
-    inputs, weight = _inputs(features, mean, spread), (1 / size)[number][:, None] / len(classes)
-    targets = np.eye(len(classes))[number]
-    penalty = RIDGE * np.eye(inputs.shape[1])
-    penalty[-1, -1] = 0
-    return Linear(
-        mean, spread, np.linalg.solve(inputs.T @ (weight * inputs) + penalty, inputs.T @ (weight * targets)), classes
-    )
-
-
-def _inputs(features: np.ndarray, mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    scaled = (features.astype(float) - mean) / spread
-    return np.concatenate([scaled, np.ones((len(scaled), 1))], axis=1)
+    def _inputs(self, features: np.ndarray) -> np.ndarray:
+        scaled = (features.astype(float) - self._mean) / self._spread
+        return np.concatenate([scaled, np.ones((len(scaled), 1))], axis=1)
 
 
 def fit_decoders(parts: Iterable[Examples]) -> dict[str, Linear]:
@@ -192,7 +182,7 @@ def fit_decoders(parts: Iterable[Examples]) -> dict[str, Linear]:
         return {}
     features, categories, shown = map(np.concatenate, zip(*boards, strict=True))
     return {
-        str(category): fit_linear(features[categories == category], shown[categories == category])
+        str(category): Linear(features[categories == category], shown[categories == category])
         for category in np.unique(categories)
     }
 

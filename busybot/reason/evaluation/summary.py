@@ -17,8 +17,9 @@ from busybot.reason.models.base import InferredGraph
 
 Forecasts = Sequence[tuple[BoardSpec, JudgedPrediction]]
 Scores = dict[str, float | None]
-EDGE_NAMES = {"edge_p": "precision", "edge_r": "recall", "edge_acc": "accuracy"}
-"""How results call the scores of `metrics.EDGES`."""
+CLAIMS: m.Shares = {"edge_p": m.EDGES["precision"], "edge_r": m.EDGES["recall"]}
+EDGES: m.Shares = CLAIMS | {"edge_acc": m.EDGES["accuracy"]}
+"""`metrics.EDGES` as results call them."""
 SINGLE = {"responders": "pred_a_responder", "changed": "pred_a_changed", "unchanged": "pred_a_unchanged"}
 """How results by category call the scores of single responders."""
 
@@ -165,7 +166,7 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
         "steps": sum(one.steps for one in judged),
         "policy": ", ".join(sorted({one.policy for one in judged})),
         "oracle": any(one.oracle for one in judged),
-        **_edge_scores(counts),
+        **m.micro(counts, EDGES),
         "edge_r_bound": _bound(judged, steps),
         **summarise_predictions(forecasts),
         "ece": calibrated["ece"],
@@ -183,11 +184,6 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
     }
 
 
-def _edge_scores(counts: Sequence[m.Counts]) -> Scores:
-    scores = m.micro(counts, m.EDGES)
-    return {told: scores[name] for told, name in EDGE_NAMES.items()}
-
-
 def _calibration(judged: Sequence[JudgedGraph], probabilities: Sequence[np.ndarray]) -> Scores:
     said = [p[one.truth.candidates] for one, p in zip(judged, probabilities, strict=True)]
     true = [one.truth.edges[one.truth.candidates] for one in judged]
@@ -203,7 +199,7 @@ def _summary_by_kind(judged: Sequence[JudgedGraph], steps: int) -> dict[str, dic
     kinds = sorted({kind for one in judged for names in one.truth.kinds.values() for kind in names})
     result = {}
     for kind in kinds:
-        hits = claimed = true = 0
+        counts = []
         for one in judged:
             edges = one.graph.claimed(steps)
             of_kind = np.zeros_like(one.truth.edges)
@@ -211,14 +207,9 @@ def _summary_by_kind(judged: Sequence[JudgedGraph], steps: int) -> dict[str, dic
                 of_kind[pair] = kind in names
             of_trigger = np.asarray(of_kind.any(axis=1))[:, None]
             wrong = edges & one.truth.candidates & ~one.truth.edges & of_trigger
-            hits += int((edges & of_kind).sum())
-            claimed += int((edges & of_kind).sum() + wrong.sum())
-            true += int(of_kind.sum())
-        result[kind] = {
-            "edge_p": hits / claimed if claimed else None,
-            "edge_r": hits / true if true else None,
-            "relations": true,
-        }
+            hits = int((edges & of_kind).sum())
+            counts.append({"hits": hits, "claimed": hits + int(wrong.sum()), "true": int(of_kind.sum())})
+        result[kind] = {**m.micro(counts, CLAIMS), "relations": m.totals(counts, CLAIMS)["true"]}
     return result
 
 
@@ -227,8 +218,7 @@ def _curve(judged: Sequence[JudgedGraph], forecasts: Forecasts, images: int) -> 
     longest = min(images, 1 + max((one.steps for one in judged), default=0))
     curve = []
     for seen in range(2, longest + 1):
-        scores = _edge_scores([one.counts(seen - 1) for one in judged])
-        del scores["edge_acc"]
+        scores = m.micro([one.counts(seen - 1) for one in judged], CLAIMS)
         bound = _bound(judged, seen - 1)
         curve.append({"images": seen, **scores, "edge_r_bound": bound, **after_images(forecasts, seen)})
     return curve
@@ -242,7 +232,7 @@ def _baselines(judged: Sequence[JudgedGraph], seed: int) -> dict[str, Scores]:
         pairs = zip(judged, claimed, strict=True)
         counts = [m.count_edges(edges > 0, one.truth.edges, one.truth.candidates) for one, edges in pairs]
         calibrated = _calibration(judged, claimed)
-        rows[name] = {**_edge_scores(counts), "ece": calibrated["ece"], "brier": calibrated["brier"]}
+        rows[name] = {**m.micro(counts, EDGES), "ece": calibrated["ece"], "brier": calibrated["brier"]}
     return rows
 
 

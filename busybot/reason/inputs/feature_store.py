@@ -139,14 +139,11 @@ def _digests(dataset: Dataset, episodes: Iterable[int] | None) -> dict[int, str]
     """Content digests of the wanted episodes."""
     rows = dataset.episodes_table().select(["episode", "content_digest"]).to_pydict()
     known = dict(zip(rows["episode"], rows["content_digest"], strict=True))
-    if not known:
-        what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
-        raise BusybotError(what, collect_command(dataset.path, dataset.info))
     wanted = sorted(known) if episodes is None else sorted(set(episodes))
     absent = [index for index in wanted if index not in known]
-    if absent:
-        what = f"{dataset.path}: board {absent[0]} has no episode"
-        raise BusybotError(what, collect_command(dataset.path, dataset.info))
+    if not known or absent:
+        what = f"board {absent[0]} has no" if known else f"none of its {dataset.info.boards} boards has an"
+        raise BusybotError(f"{dataset.path}: {what} episode", collect_command(dataset.path, dataset.info))
     return {index: known[index] for index in wanted}
 
 

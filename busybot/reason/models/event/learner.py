@@ -8,7 +8,7 @@ in the paper.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -28,23 +28,14 @@ from busybot.training.checkpoint import initialise
 from busybot.training.loop import Learner, cosine_rate, descend
 
 
-@dataclass(frozen=True)
-class Loss:
-    """Scalars.
+def loss_of(
+    net: EventNet, seen: Context, asked: Queries, outcome: ObservedOutcome, config: LossConfig
+) -> tuple[Tensor, Tensor]:
+    """Loss of the steps asked for, given the known ones.
 
-    Attributes:
-        total: what is minimised.
-        surprise: mean negative log likelihood of a responder's step.
-        divergence: of the edges from their prior, mean over responders.
+    Returns:
+        what is minimised, and the part of it that is the mean negative log likelihood of a responder's step; scalars.
     """
-
-    total: Tensor
-    surprise: Tensor
-    divergence: Tensor
-
-
-def loss_of(net: EventNet, seen: Context, asked: Queries, outcome: ObservedOutcome, config: LossConfig) -> Loss:
-    """Loss of the steps asked for, given the known ones."""
     log_edges, log_none = net.log_edges(seen)
     controlled, idle = log_likelihoods(net.effects(seen, asked), outcome, config)  # (R, Q) each
     real = outcome.real[seen.board]
@@ -58,7 +49,7 @@ def loss_of(net: EventNet, seen: Context, asked: Queries, outcome: ObservedOutco
         explained = scatter(mixed, row, dim_size=len(seen.board), reduce="sum")
     surprise = -((idle * real).sum() + explained.sum()) / real.sum().clamp(min=1)
     apart = divergence(log_edges, log_none, row, config.prior, net.exclusive)
-    return Loss(surprise + config.divergence * apart, surprise, apart)
+    return surprise + config.divergence * apart, surprise
 
 
 def log_likelihoods(effects: Effects, outcome: ObservedOutcome, config: LossConfig) -> tuple[Tensor, Tensor]:
@@ -145,7 +136,7 @@ class EventLearner(Learner):
         seen, asked, outcome = split(everything, self._images(everything, rng) - 1, config.questions)
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, self.iterations)
         self.network.train()
-        loss = loss_of(self.network, seen, asked, outcome, config.loss).total
+        loss, _ = loss_of(self.network, seen, asked, outcome, config.loss)
         descend(self.optimizer, loss, rate, config.clip)
         return float(loss.detach()), rate
 
@@ -162,22 +153,18 @@ class EventLearner(Learner):
     def judge(self) -> Mapping[str, float]:
         """Loss, and shares of steps in which all responders look as predicted, also of steps that changed something."""
         self.network.eval()
-        totals: dict[str, float] = dict.fromkeys(
-            ("surprise", "answers", "steps", "right", "changes", "right_changes"), 0
-        )
+        totals = np.zeros(6)
         for seen, asked, outcome in self._questions():
             answers = float(outcome.real[seen.board].sum())
-            surprise = loss_of(self.network, seen, asked, outcome, self.config.loss).surprise
-            right, changes = _right(self.network, seen, asked, outcome, self.config.loss.blur)
-            counts = (outcome.real, right & outcome.real, changes, right & changes)
-            totals["surprise"] += float(surprise) * answers
-            totals["answers"] += answers
-            for name, count in zip(("steps", "right", "changes", "right_changes"), counts, strict=True):
-                totals[name] += float(count.sum())
-        if not totals["steps"]:
+            surprise = float(loss_of(self.network, seen, asked, outcome, self.config.loss)[1])
+            right, changed = _right(self.network, seen, asked, outcome, self.config.loss.blur)
+            counts = (outcome.real, right & outcome.real, changed, right & changed)
+            totals += [surprise * answers, answers, *(float(count.sum()) for count in counts)]
+        surprise, answers, steps, right_steps, changes, right_changes = totals.tolist()
+        if not steps:
             return {}
-        figures = {"loss": totals["surprise"] / totals["answers"], "right": totals["right"] / totals["steps"]}
-        return figures | ({"right_changes": totals["right_changes"] / totals["changes"]} if totals["changes"] else {})
+        figures = {"loss": surprise / answers, "right": right_steps / steps}
+        return figures | ({"right_changes": right_changes / changes} if changes else {})
 
     def _questions(self) -> Iterator[tuple[Context, Queries, ObservedOutcome]]:
         for batch in batches_of(self.held_out, in_turn(len(self.held_out), JUDGED_AT_ONCE)):

@@ -11,7 +11,7 @@ What the paper leaves open, and what is chosen here:
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -22,7 +22,7 @@ from torch.nn import functional
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.reason.inputs.board_dataset import BoardDataset, BoardSource, batches_of, in_turn
+from busybot.reason.inputs.board_dataset import BoardDataset, batches_of, in_turn
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import Boards, board_graph, read_batch
@@ -131,8 +131,8 @@ class PaperLearner(Learner):
     def __init__(
         self,
         config: PaperReasonConfig,
-        boards: BoardSource[BoardSequence],
-        held_out: BoardSource[BoardSequence],
+        boards: Sequence[BoardSequence],
+        held_out: Sequence[BoardSequence],
         seed: int,
     ):
         torch.set_num_threads(config.threads)

@@ -15,7 +15,7 @@ import numpy as np
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
-from busybot.reason.inputs.appearances import Appearance, MaskSource, appearances_of
+from busybot.reason.inputs.appearances import Appearance, appearances_of
 from busybot.reason.inputs.object_masks import MaskConfig, ObjectMasks, OracleMasks
 from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.inputs.sequence import CHANNELS
@@ -77,7 +77,7 @@ class FeatureExtractor:
         observed = observe_episode(episode)
         return self._encode(observed, OracleMasks(episode)) if self.oracle else self.of(observed)
 
-    def _encode(self, observed: ObservedEpisode, pixels: MaskSource) -> np.ndarray:
+    def _encode(self, observed: ObservedEpisode, pixels: ObjectMasks | OracleMasks) -> np.ndarray:
         looks = appearances_of(observed, pixels)
         # the last row is that of objects without looks
         rows = np.concatenate([self.encoder.encode(looks.looks), np.zeros((1, CHANNELS), np.float32)])

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.stats import mode
 
 from busybot.boards.spec import BoardSpec
 from busybot.datasets.dataset import Dataset
@@ -24,11 +25,9 @@ class StateReadout(Protocol):
 
     Attributes:
         truth: (T + 1, N), what each object truly shows in each frame, in the judge's own terms.
-        judged: bool (N,), the objects that it reads.
     """
 
     truth: np.ndarray
-    judged: np.ndarray
 
     def read(self, features: np.ndarray) -> np.ndarray:
         """Features float (F, N, C) to what they show, (F, N)."""
@@ -51,12 +50,12 @@ class NearestState:
             states: int (T + 1, N), true states.
             judged: bool (N,).
         """
-        self.truth, self.judged = states, judged
+        self.truth = states
         self._shown: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         for index in np.flatnonzero(judged):
             members = [clusters[:, index] == number for number in np.unique(clusters[:, index])]
             centres = [features[own, index].mean(axis=0) for own in members]
-            commonest = [_commonest(states[own, index]) for own in members]
+            commonest = [mode(states[own, index]).mode for own in members]
             self._shown[int(index)] = (np.array(centres, np.float32), np.array(commonest))
 
     def read(self, features: np.ndarray) -> np.ndarray:
@@ -66,11 +65,6 @@ class NearestState:
             apart = np.linalg.norm(features[:, index, None] - centres[None], axis=-1)
             found[:, index] = states[apart.argmin(axis=1)]
         return found
-
-
-def _commonest(values: np.ndarray) -> int:
-    found, times = np.unique(values, return_counts=True)
-    return int(found[times.argmax()])
 
 
 def judged_objects(observed: ObservedEpisode) -> np.ndarray:
@@ -209,7 +203,7 @@ class DecodedState:
 
     def __init__(self, decoders: dict[str, Linear], board: BoardSpec, shown: np.ndarray, judged: np.ndarray):
         """`shown` is str (T + 1, N) of `appearances`, `judged` bool (N,)."""
-        self.truth, self.judged = shown, judged
+        self.truth = shown
         self._of = {int(i): decoders.get(board.objects[i].category) for i in np.flatnonzero(judged)}
 
     def read(self, features: np.ndarray) -> np.ndarray:

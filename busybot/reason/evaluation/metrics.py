@@ -14,7 +14,7 @@ from itertools import chain
 
 import numpy as np
 
-from busybot.evaluation.bootstrap import LEVEL, Interval, share_interval
+from busybot.evaluation.bootstrap import Interval, share_interval
 
 BINS = 15
 UNCERTAIN = (0.05, 0.95)
@@ -97,18 +97,16 @@ def macro(counts: Sequence[Counts], of: Shares) -> dict[str, float | None]:
     return {name: float(np.mean(values)) if values else None for name, values in defined.items()}
 
 
-def intervals(
-    counts: Sequence[Counts], of: Shares, rng: np.random.Generator, draws: int = DRAWS, level: float = LEVEL
-) -> dict[str, Interval]:
+def intervals(counts: Sequence[Counts], of: Shares, rng: np.random.Generator) -> dict[str, Interval]:
     """Bootstrap over boards: percentile intervals of the micro scores; None if a resample leaves a score undefined."""
     if not counts:
         return dict.fromkeys(of)
-    chosen = rng.integers(len(counts), size=(draws, len(counts)))
+    chosen = rng.integers(len(counts), size=(DRAWS, len(counts)))
     drawn = {name: np.array([one[name] for one in counts])[chosen].sum(1) for name in totals(counts, of)}
-    return {name: share_interval(drawn[part], drawn[whole], level) for name, (part, whole) in of.items()}
+    return {name: share_interval(drawn[part], drawn[whole]) for name, (part, whole) in of.items()}
 
 
-def calibration(probabilities: np.ndarray, true: np.ndarray, bins: int = BINS) -> dict[str, float | None]:
+def calibration(probabilities: np.ndarray, true: np.ndarray) -> dict[str, float | None]:
     """How far probabilities can be believed: those of pairs, 0 to 1, against the truth, both of shape (pairs,).
 
     Returns:
@@ -119,8 +117,8 @@ def calibration(probabilities: np.ndarray, true: np.ndarray, bins: int = BINS) -
     probabilities, true = np.asarray(probabilities, float), np.asarray(true, float)
     unsure = (probabilities > UNCERTAIN[0]) & (probabilities < UNCERTAIN[1])
     return {
-        "ece": calibration_error(probabilities, true, bins),
-        "ece_uncertain": calibration_error(probabilities[unsure], true[unsure], bins),
+        "ece": calibration_error(probabilities, true),
+        "ece_uncertain": calibration_error(probabilities[unsure], true[unsure]),
         "brier": float(((probabilities - true) ** 2).mean()) if len(true) else None,
         "pairs": len(true),
         "pairs_uncertain": int(unsure.sum()),

@@ -145,18 +145,15 @@ def acted_objects(observed: ObservedEpisode) -> np.ndarray:
 
 def trigger_at(observed: ObservedEpisode, pixel: tuple[int, int]) -> int:
     """The trigger at a pixel (u, v) by the rule of `acted_objects`, -1 for none."""
-    best: tuple[float, float, float] | None = None
-    found = -1
+    u, v = pixel
+    near = []
     for index in observed.triggers:
         u0, v0, u1, v1 = (int(side) for side in observed.boxes[index])
         if u1 <= u0 or v1 <= v0:
             continue
-        u, v = pixel
         outside = math.hypot(max(u0 - u, 0, u - (u1 - 1)), max(v0 - v, 0, v - (v1 - 1)))
         if outside > REACH * max(u1 - u0, v1 - v0):
             continue
         centre = math.hypot(u + 0.5 - (u0 + u1) / 2, v + 0.5 - (v0 + v1) / 2)
-        rank = (outside, float((u1 - u0) * (v1 - v0)), centre)
-        if best is None or rank < best:
-            best, found = rank, int(index)
-    return found
+        near.append((outside, (u1 - u0) * (v1 - v0), centre, int(index)))
+    return min(near)[-1] if near else -1

@@ -22,7 +22,7 @@ import warnings
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 from scipy.special import betaln, softmax
 
 from busybot.common.errors import BusybotError
@@ -30,8 +30,6 @@ from busybot.common.frozen_model import FrozenModel
 from busybot.reason.inputs.object_masks import ChangeConfig, changes
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
 from busybot.reason.models.base import InferredGraph
-
-Positive = Annotated[float, Field(gt=0)]
 
 
 class CountConfig(FrozenModel):
@@ -47,8 +45,8 @@ class CountConfig(FrozenModel):
     """
 
     controlled: Annotated[float, Field(gt=0, lt=1)] = 0.5
-    effect: tuple[Positive, Positive] = (1.5, 1.0)
-    noise: tuple[Positive, Positive] = (1.0, 5000.0)
+    effect: tuple[PositiveFloat, PositiveFloat] = (1.5, 1.0)
+    noise: tuple[PositiveFloat, PositiveFloat] = (1.0, 5000.0)
     change: ChangeConfig = ChangeConfig()
 
 

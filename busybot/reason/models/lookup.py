@@ -6,10 +6,8 @@ responder; what it changes to is copied from the past change of that responder t
 past change can also be undone: then the look *before* it is copied.
 """
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import Field
+from pydantic import NonNegativeFloat, PositiveFloat
 
 from busybot.common.frozen_model import FrozenModel
 from busybot.reason.inputs.sequence import THRESHOLDS, BoardSequence, threshold_of
@@ -33,9 +31,6 @@ class Persistence:
         return current.copy()
 
 
-Positive = Annotated[float, Field(gt=0)]
-
-
 class LookupConfig(FrozenModel):
     """Constants of the lookup.
 
@@ -48,10 +43,10 @@ class LookupConfig(FrozenModel):
         counting: priors of the graph.
     """
 
-    changed: Positive = THRESHOLDS["embedded"]
-    reach: Positive = 0.2
-    fit: Positive = 0.5
-    direction: Annotated[float, Field(ge=0)] = 0.1
+    changed: PositiveFloat = THRESHOLDS["embedded"]
+    reach: PositiveFloat = 0.2
+    fit: PositiveFloat = 0.5
+    direction: NonNegativeFloat = 0.1
     counting: CountConfig = CountConfig()
 
 

@@ -48,34 +48,28 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
     tensors = load_tensors(folder / WEIGHTS_FILE).tensors
     try:
         with drawing_nothing():
-            return _MAKERS[info.model](info, tensors, folder / WEIGHTS_FILE)
+            return _trained(info, tensors, folder / WEIGHTS_FILE)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(["config", *map(str, first["loc"])])
         raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
 
 
-def _event(info: ReasonerInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
-    from busybot.reason.models.event.config import EventConfig
-    from busybot.reason.models.event.networks import EventNet, EventReasoner
+def _trained(info: ReasonerInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
+    if info.model == "event":
+        from busybot.reason.models.event.config import EventConfig
+        from busybot.reason.models.event.networks import EventNet, EventReasoner
 
-    config = EventConfig.model_validate(info.config)
-    network = EventNet(config.net)
-    load_weights(network, tensors, file)
-    return EventReasoner(network, info.encoder, config.loss.blur)
-
-
-def _paper(info: ReasonerInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
+        event = EventConfig.model_validate(info.config)
+        net = EventNet(event.net)
+        load_weights(net, tensors, file)
+        return EventReasoner(net, info.encoder, event.loss.blur)
     from busybot.reason.models.paper.config import PaperReasonConfig
-    from busybot.reason.models.paper.networks import PaperHistoryNetwork, PaperNetwork, PaperReasoner
+    from busybot.reason.models.paper.networks import PaperReasoner, network_of
 
-    config = PaperReasonConfig.model_validate(info.config)
-    network = PaperNetwork(config.network) if config.inference else PaperHistoryNetwork(config.network)
+    network = network_of(PaperReasonConfig.model_validate(info.config))
     load_weights(network, tensors, file)
     return PaperReasoner(network, info.encoder)
-
-
-_MAKERS = {"event": _event, "paper": _paper}
 
 
 class NoParameters(FrozenModel):

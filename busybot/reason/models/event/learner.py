@@ -7,7 +7,7 @@ the edge probabilities weigh those. The sum over triggers is exact: they are few
 in the paper.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -154,23 +154,20 @@ class EventLearner(Learner):
         """Loss, and shares of steps in which all responders look as predicted, also of steps that changed something."""
         self.network.eval()
         totals = np.zeros(6)
-        for seen, asked, outcome in self._questions():
+        for batch in batches_of(self.held_out, in_turn(len(self.held_out), JUDGED_AT_ONCE)):
+            everything = context_of(batch, self.network.scale)
+            steps = min(self.config.images, everything.actions.shape[1]) - 1
+            seen, asked, outcome = split(everything, steps, self.config.questions)
             answers = float(outcome.real[seen.board].sum())
             surprise = float(loss_of(self.network, seen, asked, outcome, self.config.loss)[1])
             right, changed = _right(self.network, seen, asked, outcome, self.config.loss.blur)
             counts = (outcome.real, right & outcome.real, changed, right & changed)
             totals += [surprise * answers, answers, *(float(count.sum()) for count in counts)]
-        surprise, answers, steps, right_steps, changes, right_changes = totals.tolist()
-        if not steps:
+        surprise, answers, judged, right_steps, changes, right_changes = totals.tolist()
+        if not judged:
             return {}
-        figures = {"loss": surprise / answers, "right": right_steps / steps}
+        figures = {"loss": surprise / answers, "right": right_steps / judged}
         return figures | ({"right_changes": right_changes / changes} if changes else {})
-
-    def _questions(self) -> Iterator[tuple[Context, Queries, ObservedOutcome]]:
-        for batch in batches_of(self.held_out, in_turn(len(self.held_out), JUDGED_AT_ONCE)):
-            everything = context_of(batch, self.network.scale)
-            steps = min(self.config.images, everything.actions.shape[1]) - 1
-            yield split(everything, steps, self.config.questions)
 
 
 def _noisy(seen: Context, most: float, rng: np.random.Generator) -> Context:

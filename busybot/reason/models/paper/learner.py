@@ -26,7 +26,7 @@ from busybot.reason.inputs.board_dataset import BoardDataset, batches_of, in_tur
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import Boards, board_graph, read_batch
-from busybot.reason.models.paper.networks import Network, PaperHistoryNetwork, PaperNetwork, Relations
+from busybot.reason.models.paper.networks import Network, Relations, network_of
 from busybot.training.checkpoint import Checkpoint, drawing
 from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, descend
@@ -52,7 +52,7 @@ class IterationOutcome:
 def make_network(config: PaperReasonConfig, seed: int) -> Network:
     """A network with weights drawn for this seed."""
     with drawing(generator(seed, "train", 0, "initial weights/paper")):
-        return PaperNetwork(config.network) if config.inference else PaperHistoryNetwork(config.network)
+        return network_of(config)
 
 
 def make_optimizer(network: nn.Module, config: PaperReasonConfig) -> torch.optim.Optimizer:

@@ -36,7 +36,7 @@ from torch import Tensor, nn
 
 from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
 from busybot.reason.models.base import InferredGraph
-from busybot.reason.models.paper.config import PaperNetworkConfig
+from busybot.reason.models.paper.config import PaperNetworkConfig, PaperReasonConfig
 from busybot.reason.models.paper.data import STATE, Boards, Frames, boards_of, states_of
 from busybot.reason.models.paper.parts import KINDS, Actions, GraphNet, Recurrent, TimeConvolution, factor
 
@@ -175,6 +175,11 @@ def drawn(logits: Tensor, noise: Tensor | None, temperature: float) -> Tensor:
 
 
 Network = PaperNetwork | PaperHistoryNetwork
+
+
+def network_of(config: PaperReasonConfig) -> Network:
+    """The networks that are trained with these parameters."""
+    return PaperNetwork(config.network) if config.inference else PaperHistoryNetwork(config.network)
 
 
 class PaperReasoner:

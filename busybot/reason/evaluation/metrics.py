@@ -23,7 +23,7 @@ DRAWS = 1000
 
 Counts = Mapping[str, int]
 """Of one board."""
-Shares = Mapping[str, tuple[str, str]]
+Shares = dict[str, tuple[str, str]]
 """The names of the counts of a part and of its whole, by the name of their share."""
 
 EDGES: Shares = {"precision": ("hits", "claimed"), "recall": ("hits", "true"), "accuracy": ("correct", "pairs")}

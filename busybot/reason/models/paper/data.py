@@ -7,7 +7,7 @@ Letters: M nodes and P edges of all B boards, T recorded steps, F frames.
 """
 
 from collections.abc import Sequence as Several
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -126,7 +126,7 @@ class Boards:
         """The same boards on a device, with numbers of a type."""
         tensors = {name: value for name, value in vars(self).items() if isinstance(value, Tensor)}
         types = {name: dtype if value.is_floating_point() else value.dtype for name, value in tensors.items()}
-        return replace(self, **{name: value.to(device, types[name]) for name, value in tensors.items()})
+        return Boards(**{name: value.to(device, types[name]) for name, value in tensors.items()}, sizes=self.sizes)
 
 
 def states_of(features: Tensor, positions: Tensor) -> Tensor:

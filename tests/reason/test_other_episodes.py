@@ -108,8 +108,8 @@ def test_they_are_judged_beside_ours(name: str, tmp_path: Path, event: str) -> N
 @pytest.mark.parametrize("name", ["no segmentation", "no depth", "first boxes alone", "three objects"])
 def test_counting_finds_their_relations(name: str) -> None:
     judged = judge_episode(OTHERS[name](), ReasonEvaluation("count", images=7))
-    assert judged.counts(6).hits == judged.truth.shown.astype(bool).sum() > 0  # type: ignore[union-attr]
-    assert judged.counts(6).claimed == judged.counts(6).hits
+    assert judged.counts(6)["hits"] == judged.truth.shown.astype(bool).sum() > 0  # type: ignore[union-attr]
+    assert judged.counts(6)["claimed"] == judged.counts(6)["hits"]
 
 
 def test_without_depth_the_pixels_of_the_box_are_taken() -> None:
@@ -131,6 +131,5 @@ def test_a_picture_that_lost_its_depth_is_no_error() -> None:
     episode = make_episode(0)
     episode.images = [replace(image, depth=None if k == 1 else image.depth) for k, image in enumerate(episode.images)]
     features = make_extractor("embedded").of_episode(episode)
-    assert (
-        np.isfinite(features).all() and judge_episode(episode, ReasonEvaluation("count", images=7)).counts(6).hits == 2
-    )
+    assert np.isfinite(features).all()
+    assert judge_episode(episode, ReasonEvaluation("count", images=7)).counts(6)["hits"] == 2

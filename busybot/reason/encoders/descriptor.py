@@ -16,10 +16,9 @@ The paper takes the first stage of an ImageNet ResNet-50 instead (encoder `resne
 compares them.
 """
 
-import cv2
 import numpy as np
 
-from busybot.reason.inputs.appearances import Appearance
+from busybot.reason.inputs.appearances import Appearance, scaled
 from busybot.reason.inputs.sequence import CHANNELS
 
 SIDE = 32
@@ -47,11 +46,11 @@ class Descriptor:
 
 def describe(look: Appearance) -> np.ndarray:
     """The descriptor of one look, float32 (256,); zeros where nothing shows the object."""
-    weight = _scaled(look.own.astype(np.float32))
+    weight = scaled(look.own.astype(np.float32), SIDE)
     total = float(weight.sum())
     if total <= 0:
         return np.zeros(CHANNELS, np.float32)
-    light = _scaled(look.rgb * look.own[..., None].astype(np.float32)) / 255  # colour times weight
+    light = scaled(look.rgb * look.own[..., None].astype(np.float32), SIDE) / 255  # colour times weight
     colour = light / np.maximum(weight, LEAST_WEIGHT)[..., None]
     shares = weight / total
     parts = (
@@ -62,10 +61,6 @@ def describe(look: Appearance) -> np.ndarray:
         GRADIENT_GAIN * _gradients(light @ GREY),
     )
     return np.concatenate([part.ravel() for part in parts]).astype(np.float32)
-
-
-def _scaled(values: np.ndarray) -> np.ndarray:
-    return np.asarray(cv2.resize(values, (SIDE, SIDE), interpolation=cv2.INTER_AREA))
 
 
 def _summary(colour: np.ndarray, weight: np.ndarray, shares: np.ndarray) -> np.ndarray:

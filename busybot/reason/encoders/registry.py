@@ -6,7 +6,6 @@ simulator's segmentation calls its own (an oracle).
 """
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
-from busybot.reason.inputs.appearances import Appearance, MaskSource, appearances_of
+from busybot.reason.inputs.appearances import Appearance, appearances_of
 from busybot.reason.inputs.object_masks import MaskConfig, ObjectMasks, OracleMasks
 from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.inputs.sequence import CHANNELS
@@ -75,13 +74,10 @@ class FeatureExtractor:
 
     def of_episode(self, episode: Episode) -> np.ndarray:
         """The same from an episode, of which only an oracle reads what is privileged."""
-        return (
-            self._encode(observe_episode(episode), OracleMasks(episode))
-            if self.oracle
-            else self.of(observe_episode(episode))
-        )
+        observed = observe_episode(episode)
+        return self._encode(observed, OracleMasks(episode)) if self.oracle else self.of(observed)
 
-    def _encode(self, observed: ObservedEpisode, pixels: MaskSource) -> np.ndarray:
+    def _encode(self, observed: ObservedEpisode, pixels: ObjectMasks | OracleMasks) -> np.ndarray:
         looks = appearances_of(observed, pixels)
         # the last row is that of objects without looks
         rows = np.concatenate([self.encoder.encode(looks.looks), np.zeros((1, CHANNELS), np.float32)])
@@ -117,5 +113,4 @@ def _make(base: str, weights: Path | None) -> Encoder:
         return Descriptor()
     from busybot.reason.encoders.resnet import drawn, pretrained  # torch only where it is needed
 
-    make: Callable[[], Encoder] = drawn if base == "random" else lambda: pretrained(weights)
-    return make()
+    return drawn() if base == "random" else pretrained(weights)

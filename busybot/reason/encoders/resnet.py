@@ -5,16 +5,14 @@ The paper's features are 256 channels "extracted from the 10th layer" of a ResNe
 paper leaves open is chosen: boxes are scaled to 64 x 64 pixels, and channels are averaged over the object's pixels
 (`resnet50-box`: over the box) instead of over the whole crop.
 
-`random` is the same network with weights that were drawn: what it lacks against `resnet50` is what ImageNet taught.
-
-Where the weights of ImageNet's ResNet-50 come from: a file at hand, the cache, or their official place.
+The weights come from a file at hand, the cache, or their official place. `random` is the same network with weights that
+were drawn: what it lacks against `resnet50` is what ImageNet taught.
 """
 
 import hashlib
 import urllib.request
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -24,7 +22,7 @@ from busybot.common.atomic_io import replacing, sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.objects.cache import cache_folder
-from busybot.reason.inputs.appearances import Appearance
+from busybot.reason.inputs.appearances import Appearance, scaled
 from busybot.reason.inputs.sequence import CHANNELS
 
 ADDRESS = "https://download.pytorch.org/models/resnet50-0676ba61.pth"
@@ -138,17 +136,13 @@ class ResNetEncoder:
         rows = [np.zeros((0, CHANNELS), np.float32)]
         for start in range(0, len(looks), BATCH):
             batch = looks[start : start + BATCH]
-            rgb = torch.from_numpy(np.stack([_scaled(look.rgb, SIDE) for look in batch]))
-            weight = torch.from_numpy(np.stack([_scaled(look.own.astype(np.float32), CELLS) for look in batch]))
+            rgb = torch.from_numpy(np.stack([scaled(look.rgb, SIDE) for look in batch]))
+            weight = torch.from_numpy(np.stack([scaled(look.own.astype(np.float32), CELLS) for look in batch]))
             colours = (rgb.float() / 255 - torch.tensor(MEAN)) / torch.tensor(SPREAD)
             channels = self._network(colours.permute(0, 3, 1, 2))
             total = weight.sum((1, 2)).clamp(min=1e-6)
             rows.append((torch.einsum("bcij,bij->bc", channels, weight) / total[:, None]).numpy())
         return np.concatenate(rows)
-
-
-def _scaled(values: np.ndarray, side: int) -> np.ndarray:
-    return np.asarray(cv2.resize(values, (side, side), interpolation=cv2.INTER_AREA))
 
 
 def pretrained(file: Path | None) -> ResNetEncoder:

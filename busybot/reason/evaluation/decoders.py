@@ -1,20 +1,16 @@
-"""Decoders that read states from features of objects, trained on training boards only; for evaluators only.
+"""Judges of features: they read the states that one board's objects show, beside the true ones; for evaluators only.
 
-One linear classifier for each category: doors and toys by their state, lamps by their colour or off, because a lamp's
-state index means different colours on different lamps (protocol "Reasoning"). The paper's authors pooled the test
-splits into the training of theirs.
-
-Reads the state that a predicted feature shows (protocol "Reasoning", Pred-A); for evaluators only.
-
-Judges read features of one board's objects into states and hold what they should read. The primary judge takes the
-nearest of the states that the same object showed on this board. The other one uses decoders, see `decoders`.
+The primary judge (protocol "Reasoning", Pred-A) takes the nearest of the states that the same object showed on this
+board. The other one uses decoders, trained on training boards only (the paper's authors pooled the test splits into the
+training of theirs): one linear classifier for each category, doors and toys by their state, lamps by their colour or
+off, because a lamp's state index means different colours on different lamps.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.stats import mode
 
 from busybot.boards.spec import BoardSpec
 from busybot.datasets.dataset import Dataset
@@ -29,11 +25,9 @@ class StateReadout(Protocol):
 
     Attributes:
         truth: (T + 1, N), what each object truly shows in each frame, in the judge's own terms.
-        judged: bool (N,), the objects that it reads.
     """
 
     truth: np.ndarray
-    judged: np.ndarray
 
     def read(self, features: np.ndarray) -> np.ndarray:
         """Features float (F, N, C) to what they show, (F, N)."""
@@ -56,12 +50,12 @@ class NearestState:
             states: int (T + 1, N), true states.
             judged: bool (N,).
         """
-        self.truth, self.judged = states, judged
+        self.truth = states
         self._shown: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         for index in np.flatnonzero(judged):
             members = [clusters[:, index] == number for number in np.unique(clusters[:, index])]
             centres = [features[own, index].mean(axis=0) for own in members]
-            commonest = [_commonest(states[own, index]) for own in members]
+            commonest = [mode(states[own, index]).mode for own in members]
             self._shown[int(index)] = (np.array(centres, np.float32), np.array(commonest))
 
     def read(self, features: np.ndarray) -> np.ndarray:
@@ -73,15 +67,10 @@ class NearestState:
         return found
 
 
-def _commonest(values: np.ndarray) -> int:
-    found, times = np.unique(values, return_counts=True)
-    return int(found[times.argmax()])
-
-
 def judged_objects(observed: ObservedEpisode) -> np.ndarray:
     """The responders that show in the first frame, bool (N,): only of them can a picture be expected."""
     left, top, right, bottom = np.asarray(observed.boxes).reshape(-1, 4).T
-    return np.array([role == "responder" for role in observed.roles], bool) & (right > left) & (bottom > top)
+    return np.asarray((np.array(observed.roles, str) == "responder") & (right > left) & (bottom > top))
 
 
 BOARDS = 300
@@ -96,8 +85,7 @@ UNKNOWN = ""
 """Of objects whose appearance has no name: triggers, categories without examples."""
 
 
-@dataclass(frozen=True)
-class Examples:
+class Examples(NamedTuple):
     """What objects of training boards look like.
 
     Attributes:
@@ -151,43 +139,34 @@ def examples(board: BoardSpec, features: np.ndarray, shown: np.ndarray, judged: 
     return Examples(np.array(rows).reshape(-1, features.shape[-1]), np.array(categories, "U64"), np.array(names, NAMES))
 
 
-@dataclass(frozen=True)
 class Linear:
     """Standardised features times weights; the greatest score names the class.
 
-    Attributes:
-        mean, spread: float (C,).
-        weights: float (C + 1, K), the last row a constant.
-        classes: str (K,).
+    Fitted by regularised least squares onto the classes, each class with the same total weight.
+
+    Args:
+        features: float (M, C).
+        shown: str (M,), the classes.
     """
 
-    mean: np.ndarray
-    spread: np.ndarray
-    weights: np.ndarray
-    classes: np.ndarray
+    def __init__(self, features: np.ndarray, shown: np.ndarray):
+        spread = features.std(axis=0)
+        self._mean = features.mean(axis=0)
+        self._spread = np.maximum(spread, max(LEAST_SPREAD * float(spread.mean()), 1e-9))
+        self._classes, number, size = np.unique(shown, return_inverse=True, return_counts=True)
+        inputs, weight = self._inputs(features), (1 / size)[number][:, None] / len(self._classes)
+        targets = np.eye(len(self._classes))[number]
+        penalty = RIDGE * np.eye(inputs.shape[1])
+        penalty[-1, -1] = 0
+        self._weights = np.linalg.solve(inputs.T @ (weight * inputs) + penalty, inputs.T @ (weight * targets))
 
     def read(self, features: np.ndarray) -> np.ndarray:
         """Features (M, C) to classes, str (M,)."""
-        return self.classes[(_inputs(features, self.mean, self.spread) @ self.weights).argmax(axis=1)]
+        return np.asarray(self._classes[(self._inputs(features) @ self._weights).argmax(axis=1)])
 
-
-def fit_linear(features: np.ndarray, shown: np.ndarray) -> Linear:
-    """Regularised least squares onto the classes, each class with the same total weight."""
-    mean, spread = features.mean(axis=0), features.std(axis=0)
-    spread = np.maximum(spread, max(LEAST_SPREAD * float(spread.mean()), 1e-9))
-    classes, number, size = np.unique(shown, return_inverse=True, return_counts=True)
-    inputs, weight = _inputs(features, mean, spread), (1 / size)[number][:, None] / len(classes)
-    targets = np.eye(len(classes))[number]
-    penalty = RIDGE * np.eye(inputs.shape[1])
-    penalty[-1, -1] = 0
-    return Linear(
-        mean, spread, np.linalg.solve(inputs.T @ (weight * inputs) + penalty, inputs.T @ (weight * targets)), classes
-    )
-
-
-def _inputs(features: np.ndarray, mean: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    scaled = (features.astype(float) - mean) / spread
-    return np.concatenate([scaled, np.ones((len(scaled), 1))], axis=1)
+    def _inputs(self, features: np.ndarray) -> np.ndarray:
+        scaled = (features.astype(float) - self._mean) / self._spread
+        return np.concatenate([scaled, np.ones((len(scaled), 1))], axis=1)
 
 
 def fit_decoders(parts: Iterable[Examples]) -> dict[str, Linear]:
@@ -195,11 +174,9 @@ def fit_decoders(parts: Iterable[Examples]) -> dict[str, Linear]:
     boards = list(parts)
     if not boards:
         return {}
-    features, categories, shown = (
-        np.concatenate([getattr(one, name) for one in boards]) for name in ("features", "categories", "shown")
-    )
+    features, categories, shown = map(np.concatenate, zip(*boards, strict=True))
     return {
-        str(category): fit_linear(features[categories == category], shown[categories == category])
+        str(category): Linear(features[categories == category], shown[categories == category])
         for category in np.unique(categories)
     }
 
@@ -211,16 +188,14 @@ def train_decoders(dataset: Dataset, features: Mapping[int, np.ndarray], library
         features: float (T + 1, N, C) by episode.
         library: with the dataset's objects.
     """
-    return fit_decoders(_examples(dataset, features, library))
-
-
-def _examples(dataset: Dataset, features: Mapping[int, np.ndarray], library: Library) -> Iterable[Examples]:
+    parts = []
     for index in sorted(features)[:BOARDS]:
         episode = read_episode(dataset.episode_path(index), "lazy")
         truth = states_of(episode)
         if truth is not None:
             shown = appearances(episode.board, library, truth.states)
-            yield examples(episode.board, features[index], shown, judged_objects(observe_episode(episode)))
+            parts.append(examples(episode.board, features[index], shown, judged_objects(observe_episode(episode))))
+    return fit_decoders(parts)
 
 
 class DecodedState:
@@ -228,7 +203,7 @@ class DecodedState:
 
     def __init__(self, decoders: dict[str, Linear], board: BoardSpec, shown: np.ndarray, judged: np.ndarray):
         """`shown` is str (T + 1, N) of `appearances`, `judged` bool (N,)."""
-        self.truth, self.judged = shown, judged
+        self.truth = shown
         self._of = {int(i): decoders.get(board.objects[i].category) for i in np.flatnonzero(judged)}
 
     def read(self, features: np.ndarray) -> np.ndarray:

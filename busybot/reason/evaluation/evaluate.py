@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
+from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.common.process_pool import default_workers, share
 from busybot.datasets.bundled_assets import library_of
@@ -31,11 +32,11 @@ from busybot.reason.evaluation.decoders import (
     judged_objects,
     train_decoders,
 )
-from busybot.reason.evaluation.ground_truth import StateTruth, states_of, truth_of
+from busybot.reason.evaluation.ground_truth import states_of, truth_of
 from busybot.reason.evaluation.prediction import DECODED, NEAREST, EvaluatedBoard, judge_prediction
 from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.inputs.feature_store import features_of
-from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
+from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.inputs.sequence import BoardSequence, clusters_of, sequence_of, threshold_of
 from busybot.reason.models.registry import GRAPHS, REASONERS, config_class, infer, reasoner_of
 from busybot.training.model_cards import file_hashes, find_folder
@@ -81,40 +82,34 @@ def judge_episode(
         features: float (T + 1, N, 256) of the model's encoder; what infers a graph alone needs none.
     """
     judging = judging or ReasonEvaluation()
-    observed = observe_episode(episode)
+    observed, truth = observe_episode(episode), states_of(episode)
     seen = observed.first(judging.images)
-    sequence = None if features is None else sequence_of(observed, features)
-    if sequence is None:
+    if features is None:
+        reasoner, sequence = None, None
         graph = infer(seen, judging.model, judging.config)
     else:
-        graph = reasoner_of(judging.model, judging.config).graph(sequence.first(judging.images))
-    truth, predicted = states_of(episode), None
+        reasoner, sequence = reasoner_of(judging.model, judging.config), sequence_of(observed, features)
+        graph = reasoner.graph(sequence.first(judging.images))
+    predicted = None
     if truth is not None and len(truth.links) >= judging.images:
-        watched = evaluated_board(episode, observed, sequence, truth, judging)
-        reasoner = None if sequence is None else reasoner_of(judging.model, judging.config)
+        judged = judged_objects(observed)
+        judges = {} if sequence is None else _judges(episode.board, judging, sequence, truth.states, judged)
+        watched = EvaluatedBoard(truth, observed, judged, sequence, judges)
         predicted = judge_prediction(watched, reasoner, judging.images, (*CURVE, judging.images))
     steps = len(seen.actions)
     return JudgedGraph(episode.board, graph, truth_of(episode), steps, episode.policy, episode.oracle, predicted)
 
 
-def evaluated_board(
-    episode: Episode,
-    observed: ObservedEpisode,
-    sequence: BoardSequence | None,
-    truth: StateTruth,
-    judging: ReasonEvaluation,
-) -> EvaluatedBoard:
-    """Truth and judges of a board."""
-    judged = judged_objects(observed)
-    judges: dict[str, StateReadout] = {}
-    if sequence is not None:
-        threshold = threshold_of(reasoner_of(judging.model, judging.config).encoder)
-        clusters = clusters_of(sequence.features, threshold)
-        judges[NEAREST] = NearestState(sequence.features, clusters, truth.states, judged)
-    if sequence is not None and judging.decoders is not None and judging.library is not None:
-        shown = appearances(episode.board, judging.library, truth.states)
-        judges[DECODED] = DecodedState(judging.decoders, episode.board, shown, judged)
-    return EvaluatedBoard(truth, observed, judged, sequence, judges)
+def _judges(
+    board: BoardSpec, judging: ReasonEvaluation, sequence: BoardSequence, states: np.ndarray, judged: np.ndarray
+) -> dict[str, StateReadout]:
+    """Judges of a board by name."""
+    clusters = clusters_of(sequence.features, threshold_of(reasoner_of(judging.model, judging.config).encoder))
+    judges: dict[str, StateReadout] = {NEAREST: NearestState(sequence.features, clusters, states, judged)}
+    if judging.decoders is not None and judging.library is not None:
+        shown = appearances(board, judging.library, states)
+        judges[DECODED] = DecodedState(judging.decoders, board, shown, judged)
+    return judges
 
 
 def _judge_file(task: tuple[int, Path], judging: ReasonEvaluation, features: FeaturesOf | None) -> JudgedGraph:
@@ -143,10 +138,17 @@ def evaluate_dataset(
         BusybotError: no episode is finished, one is damaged, or there is no such model.
     """
     judging = judging or ReasonEvaluation()
-    indices = _check(dataset, judging)
-    features = _features(dataset, judging, workers)
-    if training is not None and features is not None:
-        trained = train_decoders(training, _features(training, judging, workers) or {}, library_of(training, assets))
+    if judging.images < 2:
+        raise BusybotError(f"{judging.images} images show no action", "take at least 2")
+    encoder = None if judging.model in GRAPHS else reasoner_of(judging.model, judging.config).encoder
+    indices = sorted(dataset.finished())
+    if not indices:
+        what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
+        raise BusybotError(what, collect_command(dataset.path, dataset.info))
+    features = None if encoder is None else features_of(dataset, encoder, workers=workers)
+    if training is not None and encoder is not None:
+        learnt = features_of(training, encoder, workers=workers)
+        trained = train_decoders(training, learnt, library_of(training, assets))
         judging = replace(judging, decoders=trained, library=library_of(dataset, assets))
     judged: list[JudgedGraph] = []
     processes = workers or min(default_workers(), 1 + len(indices) // BOARDS_PER_WORKER)
@@ -161,30 +163,10 @@ def evaluate_dataset(
         **summarise(judged, judging.images, seed),
         "images_used": 1 + max(one.steps for one in judged),
         "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
-        "encoder": None if features is None else reasoner_of(judging.model, judging.config).encoder,
+        "encoder": encoder,
         "dataset": origin(dataset),
         "decoders": None if training is None else origin(training),
     }
-
-
-def _check(dataset: Dataset, judging: ReasonEvaluation) -> list[int]:
-    """Numbers of the finished episodes, after a look at what is asked for."""
-    if judging.images < 2:
-        raise BusybotError(f"{judging.images} images show no action", "take at least 2")
-    if judging.model not in GRAPHS:
-        reasoner_of(judging.model, judging.config)
-    indices = sorted(dataset.finished())
-    if not indices:
-        what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
-        raise BusybotError(what, collect_command(dataset.path, dataset.info))
-    return indices
-
-
-def _features(dataset: Dataset, judging: ReasonEvaluation, workers: int | None) -> FeaturesOf | None:
-    """What the model reads of a dataset; None for one that reads no features."""
-    if judging.model in GRAPHS:
-        return None
-    return features_of(dataset, reasoner_of(judging.model, judging.config).encoder, workers=workers)
 
 
 def _model_hashes(model: str) -> dict[str, dict[str, str]]:

@@ -1,11 +1,9 @@
-"""True relations and states of a recorded board, for evaluators only.
+"""True relations and states of a recorded board, and what observed transitions determine, for evaluators only.
 
 Nothing in `busybot.reason` that infers or predicts may import this module.
 
-pred_a_bound: what the observed transitions of a board determine, from the truth; for evaluators only.
-
-A transition of a responder is determined when an action on the same trigger link was *seen* to cause it, or to cause
-its reverse: the picture to expect is then one that was seen before. Two variants:
+The bound on Pred-A (`determined`): a transition of a responder is determined when an action on the same trigger link
+was *seen* to cause it, or to cause its reverse: the picture to expect is then one that was seen before. Two variants:
 
 - *not knowing* which actions fail: an action on a link is expected to do what the link was seen to do from the
   responder's current state. A failing action is predicted wrongly where that is anything at all. Where several effects
@@ -93,7 +91,7 @@ class StateTruth:
 def states_of(episode: Episode) -> StateTruth | None:
     """Read the states from the privileged part of the steps; None where a recording does not know them."""
     objects, steps = len(episode.board.objects), episode.steps
-    told = [s.responder_states_before for s in steps[:1]] + [s.responder_states_after for s in steps]
+    told = [step.responder_states_before for step in steps[:1]] + [step.responder_states_after for step in steps]
     if not told or any(len(states) != objects for states in told):
         return None
     place = {(link.object, link.name): index for index, link in enumerate(episode.links)}
@@ -121,14 +119,11 @@ def determined(
     Returns:
         bool (T, N).
     """
-    links = [
-        int(link) if link >= 0 else _aimed_at(truth, contacts, acted, observed, step)
-        for step, link in enumerate(truth.links)
-    ]
     before, after = truth.states[:-1], truth.states[1:]
     right = np.ones(before.shape, bool)
-    for step in range(len(links)):
-        seen = np.flatnonzero((truth.links[:observed] == links[step]) & (links[step] >= 0))
+    for step, held in enumerate(truth.links):
+        link = held if held >= 0 else _aimed_at(truth, contacts, acted, observed, step)
+        seen = np.flatnonzero((truth.links[:observed] == link) & (link >= 0))
         for responder in range(before.shape[1]):
             start, end = before[step, responder], after[step, responder]
             ends = _ends(before[seen, responder], after[seen, responder], start)

@@ -5,148 +5,57 @@ is not defined is None: nothing claimed has no precision, no relations have no r
 
 A step is predicted rightly (Pred-A) when all responders of the board are.
 
-*Micro* pools the pairs or steps of all boards, *macro* averages over the boards where the value is defined.
+*Micro* pools the pairs or steps of all boards, *macro* averages over the boards where the value is defined. Both take
+the counts of each board and a table of shares: which count is divided by which.
 """
 
-from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 
-from busybot.evaluation.bootstrap import LEVEL, Interval, share_interval
+from busybot.evaluation.bootstrap import Interval, share_interval
 
 BINS = 15
 UNCERTAIN = (0.05, 0.95)
 """Pairs with a probability between these are the ones about which a reasoner is not sure."""
 DRAWS = 1000
 
-EDGE_COLUMNS, PREDICTION_COLUMNS = 5, 8
-"""Numbers counted per board."""
+Counts = Mapping[str, int]
+"""Of one board."""
+Shares = dict[str, tuple[str, str]]
+"""The names of the counts of a part and of its whole, by the name of their share."""
+
+EDGES: Shares = {"precision": ("hits", "claimed"), "recall": ("hits", "true"), "accuracy": ("correct", "pairs")}
+"""Edge-P, Edge-R and Edge-Acc, the share of right entries."""
+PREDICTIONS: Shares = {
+    "pred_a": ("right", "steps"),
+    "pred_a_successful": ("right_successful", "successful"),
+    "pred_a_responder": ("right_responders", "responders"),
+    "pred_a_changed": ("right_changed", "changed"),
+    "pred_a_unchanged": ("right_unchanged", "unchanged"),
+}
+"""Of steps predicted rightly, all and successful ones; of responders, all and by what they did."""
 
 
-@dataclass(frozen=True)
-class EdgeCounts:
-    """One board: claimed edges that are true, claimed edges, true edges, pairs judged rightly, pairs."""
+def count_edges(claimed: np.ndarray, true: np.ndarray, candidates: np.ndarray) -> Counts:
+    """Compare two graphs, bool (N, N), on the candidate pairs, bool (N, N).
 
-    hits: int
-    claimed: int
-    true: int
-    correct: int
-    pairs: int
-
-
-@dataclass(frozen=True)
-class EdgeScores:
-    """Precision (Edge-P), recall (Edge-R) and the share of right entries (Edge-Acc)."""
-
-    precision: float | None
-    recall: float | None
-    accuracy: float | None
-
-
-@dataclass(frozen=True)
-class EdgeIntervals:
-    """Intervals of the same three."""
-
-    precision: Interval
-    recall: Interval
-    accuracy: Interval
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """How far probabilities can be believed.
-
-    Attributes:
-        ece: expected calibration error over bins of equal mass.
-        ece_uncertain: the same over pairs with .05 < p < .95.
-        brier: mean squared difference of probability and truth.
-        pairs, pairs_uncertain: how many pairs that is.
+    Returns:
+        claimed edges that are true, claimed edges, true edges, pairs judged rightly, pairs: names as in `EDGES`.
     """
-
-    ece: float | None
-    ece_uncertain: float | None
-    brier: float | None
-    pairs: int
-    pairs_uncertain: int
-
-
-@dataclass(frozen=True)
-class PredictionCounts:
-    """One board's predicted steps and responders, and how many of them are right.
-
-    Attributes:
-        steps, right: all steps; right means that all responders are.
-        successful, right_successful: steps whose action changed a trigger's state.
-        responders, right_responders: responders in all steps.
-        changed, right_changed: of these, the ones that changed in the step.
-    """
-
-    steps: int
-    right: int
-    successful: int
-    right_successful: int
-    responders: int
-    right_responders: int
-    changed: int
-    right_changed: int
-
-
-@dataclass(frozen=True)
-class PredictionScores:
-    """Share of steps predicted rightly (Pred-A), of all and of successful ones; of responders, by what they did."""
-
-    steps: float | None
-    successful: float | None
-    responders: float | None
-    changed: float | None
-    unchanged: float | None
-
-
-def count_edges(claimed: np.ndarray, true: np.ndarray, candidates: np.ndarray) -> EdgeCounts:
-    """Compare two graphs, bool (N, N), on the candidate pairs, bool (N, N)."""
     claimed, true = claimed[candidates].astype(bool), true[candidates].astype(bool)
-    return EdgeCounts(
-        hits=int((claimed & true).sum()),
-        claimed=int(claimed.sum()),
-        true=int(true.sum()),
-        correct=int((claimed == true).sum()),
-        pairs=len(true),
-    )
+    return {
+        "hits": int((claimed & true).sum()),
+        "claimed": int(claimed.sum()),
+        "true": int(true.sum()),
+        "correct": int((claimed == true).sum()),
+        "pairs": len(true),
+    }
 
 
-def micro(counts: Sequence[EdgeCounts]) -> EdgeScores:
-    """All boards pooled."""
-    hits, claimed, true, correct, pairs = _table(counts, EDGE_COLUMNS).sum(0)
-    return EdgeScores(_share(hits, claimed), _share(hits, true), _share(correct, pairs))
-
-
-def macro(counts: Sequence[EdgeCounts]) -> EdgeScores:
-    """Mean over the boards on which the value is defined."""
-    scores = [micro([one]) for one in counts]
-    return EdgeScores(
-        _mean([score.precision for score in scores]),
-        _mean([score.recall for score in scores]),
-        _mean([score.accuracy for score in scores]),
-    )
-
-
-def intervals(
-    counts: Sequence[EdgeCounts], rng: np.random.Generator, draws: int = DRAWS, level: float = LEVEL
-) -> EdgeIntervals:
-    """Bootstrap over boards: percentile intervals of the micro scores; None if a resample leaves a score undefined."""
-    if not counts:
-        return EdgeIntervals(None, None, None)
-    hits, claimed, true, correct, pairs = _resampled(_table(counts, EDGE_COLUMNS), rng, draws)
-    return EdgeIntervals(
-        share_interval(hits, claimed, level), share_interval(hits, true, level), share_interval(correct, pairs, level)
-    )
-
-
-def count_predictions(
-    right: np.ndarray, changed: np.ndarray, responders: np.ndarray, successful: np.ndarray
-) -> PredictionCounts:
-    """Compare predictions with what happened in S steps on a board of N objects.
+def count_predictions(right: np.ndarray, changed: np.ndarray, responders: np.ndarray, successful: np.ndarray) -> Counts:
+    """Compare predictions with what happened in S steps on a board of N objects; names as in `PREDICTIONS`.
 
     Args:
         right: bool (S, N), whether the predicted state is the true one.
@@ -156,70 +65,64 @@ def count_predictions(
     """
     right, changed = right[:, responders], changed[:, responders]
     whole = np.asarray(right.all(axis=1))
-    return PredictionCounts(
-        steps=len(whole),
-        right=int(whole.sum()),
-        successful=int(successful.sum()),
-        right_successful=int((whole & successful).sum()),
-        responders=right.size,
-        right_responders=int(right.sum()),
-        changed=int(changed.sum()),
-        right_changed=int((right & changed).sum()),
-    )
+    return {
+        "steps": len(whole),
+        "right": int(whole.sum()),
+        "successful": int(successful.sum()),
+        "right_successful": int((whole & successful).sum()),
+        "responders": right.size,
+        "right_responders": int(right.sum()),
+        "changed": int(changed.sum()),
+        "right_changed": int((right & changed).sum()),
+        "unchanged": int((~changed).sum()),
+        "right_unchanged": int((right & ~changed).sum()),
+    }
 
 
-def prediction_scores(counts: Sequence[PredictionCounts]) -> PredictionScores:
+def totals(counts: Sequence[Counts], of: Shares) -> dict[str, int]:
+    """Sums over all boards of the counts that the shares are made of."""
+    return {name: sum(one[name] for one in counts) for name in dict.fromkeys(chain(*of.values()))}
+
+
+def micro(counts: Sequence[Counts], of: Shares) -> dict[str, float | None]:
     """All boards pooled."""
-    return PredictionScores(
-        *(_share(part, whole) for part, whole in _prediction_ratios(_table(counts, PREDICTION_COLUMNS).sum(0)))
-    )
+    sums = totals(counts, of)
+    return {name: _share(sums[part], sums[whole]) for name, (part, whole) in of.items()}
 
 
-def macro_predictions(counts: Sequence[PredictionCounts]) -> float | None:
-    """Mean over boards of the share of steps predicted rightly."""
-    return _mean([_share(one.right, one.steps) for one in counts])
+def macro(counts: Sequence[Counts], of: Shares) -> dict[str, float | None]:
+    """Mean over the boards on which the value is defined."""
+    scores = [micro([one], of) for one in counts]
+    defined = {name: [score for one in scores if (score := one[name]) is not None] for name in of}
+    return {name: float(np.mean(values)) if values else None for name, values in defined.items()}
 
 
-def prediction_intervals(
-    counts: Sequence[PredictionCounts], rng: np.random.Generator, draws: int = DRAWS, level: float = LEVEL
-) -> dict[str, Interval]:
-    """Bootstrap over boards: intervals of the scores by their names; None as for `intervals`."""
-    names = list(PredictionScores.__dataclass_fields__)
+def intervals(counts: Sequence[Counts], of: Shares, rng: np.random.Generator) -> dict[str, Interval]:
+    """Bootstrap over boards: percentile intervals of the micro scores; None if a resample leaves a score undefined."""
     if not counts:
-        return dict.fromkeys(names)
-    ratios = _prediction_ratios(_resampled(_table(counts, PREDICTION_COLUMNS), rng, draws))
-    return {name: share_interval(part, whole, level) for name, (part, whole) in zip(names, ratios, strict=True)}
+        return dict.fromkeys(of)
+    chosen = rng.integers(len(counts), size=(DRAWS, len(counts)))
+    drawn = {name: np.array([one[name] for one in counts])[chosen].sum(1) for name in totals(counts, of)}
+    return {name: share_interval(drawn[part], drawn[whole]) for name, (part, whole) in of.items()}
 
 
-def _prediction_ratios(sums: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Part and whole of each of `PredictionScores`, from sums (8, ...)."""
-    steps, right, successful, right_successful, responders, right_responders, changed, right_changed = sums
-    return [
-        (right, steps),
-        (right_successful, successful),
-        (right_responders, responders),
-        (right_changed, changed),
-        (right_responders - right_changed, responders - changed),
-    ]
+def calibration(probabilities: np.ndarray, true: np.ndarray) -> dict[str, float | None]:
+    """How far probabilities can be believed: those of pairs, 0 to 1, against the truth, both of shape (pairs,).
 
-
-def _resampled(table: np.ndarray, rng: np.random.Generator, draws: int) -> np.ndarray:
-    """Sums (columns, draws) over boards drawn with replacement from a table (boards, columns)."""
-    chosen = rng.integers(len(table), size=(draws, len(table)))
-    return np.asarray(table[chosen].sum(1).T)
-
-
-def calibration(probabilities: np.ndarray, true: np.ndarray, bins: int = BINS) -> Calibration:
-    """Calibration over pairs: probabilities in 0..1 and truth, both of shape (pairs,)."""
+    Returns:
+        `ece`, the expected calibration error over bins of equal mass; `ece_uncertain`, the same over pairs with
+        .05 < p < .95; `brier`, the mean squared difference of probability and truth; `pairs` and `pairs_uncertain`, how
+        many pairs that is.
+    """
     probabilities, true = np.asarray(probabilities, float), np.asarray(true, float)
     unsure = (probabilities > UNCERTAIN[0]) & (probabilities < UNCERTAIN[1])
-    return Calibration(
-        ece=calibration_error(probabilities, true, bins),
-        ece_uncertain=calibration_error(probabilities[unsure], true[unsure], bins),
-        brier=float(((probabilities - true) ** 2).mean()) if len(true) else None,
-        pairs=len(true),
-        pairs_uncertain=int(unsure.sum()),
-    )
+    return {
+        "ece": calibration_error(probabilities, true),
+        "ece_uncertain": calibration_error(probabilities[unsure], true[unsure]),
+        "brier": float(((probabilities - true) ** 2).mean()) if len(true) else None,
+        "pairs": len(true),
+        "pairs_uncertain": int(unsure.sum()),
+    }
 
 
 def calibration_error(probabilities: np.ndarray, true: np.ndarray, bins: int = BINS) -> float | None:
@@ -251,15 +154,5 @@ def shown_share(edges: Sequence[np.ndarray], shown: Sequence[np.ndarray | None],
     return _share(seen, sum(int(edge.sum()) for edge in edges))
 
 
-def _table(counts: Sequence[EdgeCounts] | Sequence[PredictionCounts], columns: int) -> np.ndarray:
-    """int (boards, columns)."""
-    return np.array([astuple(one) for one in counts], int).reshape(-1, columns)
-
-
-def _share(part: int | np.ndarray, whole: int | np.ndarray) -> float | None:
-    return float(part / whole) if whole else None
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    defined = [value for value in values if value is not None]
-    return float(np.mean(defined)) if defined else None
+def _share(part: int, whole: int) -> float | None:
+    return part / whole if whole else None

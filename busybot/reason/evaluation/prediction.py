@@ -1,12 +1,11 @@
-"""The predicted steps of one board, judged against the truth (protocol "Reasoning", Pred-A); for evaluators only.
+"""The predicted steps of one board beside what happened (protocol "Reasoning", Pred-A); for evaluators only.
 
-A graph is inferred from the first images. Each later step is predicted by itself, from its true current features.
+For figures (`judge_prediction`) a graph is inferred from the first images, and each later step is predicted by itself,
+from its true current features.
 
-One episode step by step as a reasoner takes it, beside what happened: for people who look at it.
-
-What it believes after each step, and what it had expected of the step: predicted from the true current features with
-what was observed until then, at most the first 23 images as in the paper. Expectations are read as states by the
-primary judge of `judge`; where a recording does not know states, clusters of looks stand in for them.
+For people who look at an episode (`explain`) it is gone through step by step: what a reasoner believes after each step,
+and what it had expected of it with what was observed until then, at most the first 23 images as in the paper. The
+primary judge reads expectations as states; where a recording does not know states, clusters of looks stand in for them.
 """
 
 from collections.abc import Iterable, Mapping

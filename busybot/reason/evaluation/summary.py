@@ -1,46 +1,42 @@
-"""Judged boards to one result: all metrics of protocol "Reasoning" as JSON values, shares from 0 to 1.
+"""Judged boards to one result: all metrics of protocol "Reasoning" as JSON values, shares from 0 to 1."""
 
-Judged predictions of many boards to the part of a result that is about Pred-A; JSON values, shares from 0 to 1.
-"""
-
-import platform
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from importlib.metadata import version
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from busybot import __version__
 from busybot.boards.spec import BoardSpec
 from busybot.common.rng import generator
 from busybot.evaluation.bootstrap import LEVEL
+from busybot.evaluation.results import package_versions
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation.ground_truth import GraphTruth
 from busybot.reason.evaluation.prediction import BOUND, BOUND_KNOWING, DECODED, NEAREST, PERSISTENCE, JudgedPrediction
-from busybot.reason.models import lookup as baselines
 from busybot.reason.models.base import InferredGraph
 
 Forecasts = Sequence[tuple[BoardSpec, JudgedPrediction]]
-Part = Callable[[BoardSpec, JudgedPrediction], np.ndarray]
-"""Which predicted steps (S,) or objects (N,) of a board belong to a part of the result, bool."""
+Scores = dict[str, float | None]
+CLAIMS: m.Shares = {"edge_p": m.EDGES["precision"], "edge_r": m.EDGES["recall"]}
+EDGES: m.Shares = CLAIMS | {"edge_acc": m.EDGES["accuracy"]}
+"""`metrics.EDGES` as results call them."""
+SINGLE = {"responders": "pred_a_responder", "changed": "pred_a_changed", "unchanged": "pred_a_unchanged"}
+"""How results by category call the scores of single responders."""
 
 
 def summarise_predictions(forecasts: Forecasts) -> dict[str, Any]:
     """Pred-A by the primary judge, its bounds, what it is compared with and how far the judges can be trusted."""
-    counts = counted(forecasts, NEAREST)
-    scores = m.prediction_scores(counts)
-    steps = m.prediction_scores(counted(forecasts, BOUND))
+    counts, bound = counted(forecasts, NEAREST), _scores(forecasts, BOUND)
     return {
         "predicted_boards": len(forecasts),
         "predicted_steps": sum(len(one.successful) for _, one in forecasts),
         "failing": _share([~one.successful for _, one in forecasts]),
-        **_flat(scores),
-        "pred_a_macro": m.macro_predictions(counts),
-        "pred_a_bound": steps.steps,
-        "bounds": {"not_knowing": _flat(steps), "knowing": _scores(forecasts, BOUND_KNOWING)},
-        "decoded": _scores(forecasts, DECODED),
-        "persistence": _scores(forecasts, PERSISTENCE),
+        **m.micro(counts, m.PREDICTIONS),
+        "pred_a_macro": m.macro(counts, m.PREDICTIONS)["pred_a"],
+        "pred_a_bound": bound["pred_a"],
+        "bounds": {"not_knowing": bound, "knowing": _scores_if_any(forecasts, BOUND_KNOWING)},
+        "decoded": _scores_if_any(forecasts, DECODED),
+        "persistence": _scores_if_any(forecasts, PERSISTENCE),
         "decoder_accuracy": {name: _accuracy(forecasts, name) for name in (NEAREST, DECODED)},
         "pred_by_kind": _by_kind(forecasts),
         "pred_by_category": _by_category(forecasts),
@@ -50,58 +46,44 @@ def summarise_predictions(forecasts: Forecasts) -> dict[str, Any]:
 def intervals(forecasts: Forecasts, seed: int) -> dict[str, Any]:
     """Bootstrap intervals over boards, by the names of the scores."""
     rng = generator(seed, forecasts[0][0].split if forecasts else "", 0, "reason/bootstrap-predictions")
-    found = m.prediction_intervals(counted(forecasts, NEAREST), rng)
-    return {NAMES[name]: interval for name, interval in found.items()}
+    return m.intervals(counted(forecasts, NEAREST), m.PREDICTIONS, rng)
 
 
-def after_images(forecasts: Forecasts, images: int) -> dict[str, float | None]:
+def after_images(forecasts: Forecasts, images: int) -> Scores:
     """Pred-A and its bound when so many images were observed; None where that was not judged."""
-    return {
-        "pred_a": m.prediction_scores(counted(forecasts, NEAREST, images)).steps,
-        "pred_a_bound": m.prediction_scores(counted(forecasts, BOUND, images)).steps,
-    }
-
-
-NAMES = {
-    "steps": "pred_a",
-    "successful": "pred_a_successful",
-    "responders": "pred_a_responder",
-    "changed": "pred_a_changed",
-    "unchanged": "pred_a_unchanged",
-}
-"""Fields of `metrics.PredictionScores` as results call them."""
+    names = {"pred_a": NEAREST, "pred_a_bound": BOUND}
+    return {told: _scores(forecasts, name, images=images)["pred_a"] for told, name in names.items()}
 
 
 def counted(
-    forecasts: Forecasts,
-    name: str,
-    images: int | None = None,
-    steps: Part | None = None,
-    objects: Part | None = None,
-) -> list[m.PredictionCounts]:
-    """Counts per board that has predictions of this name: of all or some steps, of all or some responders.
+    forecasts: Forecasts, name: str, images: int | None = None, kind: str | None = None, category: str | None = None
+) -> list[m.Counts]:
+    """Counts per board that has predictions of this name.
 
     Args:
-        name: of `Forecast.right`; with `images` of `Forecast.by_images`.
+        name: of `JudgedPrediction.right`; with `images` of `by_images`.
+        kind: count only steps of this kind.
+        category: count only responders of this category.
     """
     counts = []
     for board, one in forecasts:
         right = (one.right if images is None else one.by_images.get(images, {})).get(name)
         if right is not None:
-            chosen = steps(board, one) if steps else np.ones(len(right), bool)
-            judged = one.judged & objects(board, one) if objects else one.judged
-            counts.append(m.count_predictions(right[chosen], one.changed[chosen], judged, one.successful[chosen]))
+            steps = np.array([kind in (None, each) for each in one.kinds], bool)
+            wanted = np.array([category in (None, placed.category) for placed in board.objects], bool)
+            judged = one.judged & wanted
+            counts.append(m.count_predictions(right[steps], one.changed[steps], judged, one.successful[steps]))
     return counts
 
 
-def _flat(scores: m.PredictionScores) -> dict[str, float | None]:
-    return {told: getattr(scores, name) for name, told in NAMES.items()}
+def _scores(forecasts: Forecasts, name: str, **chosen: Any) -> Scores:
+    """Scores of what `counted` counts."""
+    return m.micro(counted(forecasts, name, **chosen), m.PREDICTIONS)
 
 
-def _scores(forecasts: Forecasts, name: str) -> dict[str, float | None] | None:
+def _scores_if_any(forecasts: Forecasts, name: str) -> Scores | None:
     """None if nobody predicted under this name."""
-    counts = counted(forecasts, name)
-    return _flat(m.prediction_scores(counts)) if counts else None
+    return _scores(forecasts, name) if counted(forecasts, name) else None
 
 
 def _share(parts: Sequence[np.ndarray]) -> float | None:
@@ -124,30 +106,24 @@ def _accuracy(forecasts: Forecasts, judge: str) -> dict[str, Any] | None:
 
 def _by_kind(forecasts: Forecasts) -> dict[str, dict[str, Any]]:
     """Scores of the steps by the kind of the relation whose trigger was held."""
-    result = {}
-    for kind in sorted({kind for _, one in forecasts for kind in one.kinds}):
-
-        def steps(_: BoardSpec, one: JudgedPrediction, kind: str = kind) -> np.ndarray:
-            return np.array(one.kinds) == kind
-
-        scores = m.prediction_scores(counted(forecasts, NEAREST, steps=steps))
-        bound = m.prediction_scores(counted(forecasts, BOUND, steps=steps))
-        number = sum(int(steps(board, one).sum()) for board, one in forecasts)
-        result[kind] = {**_flat(scores), "pred_a_bound": bound.steps, "steps": number}
-    return result
+    kinds = [kind for _, one in forecasts for kind in one.kinds]
+    return {
+        kind: {
+            **_scores(forecasts, NEAREST, kind=kind),
+            "pred_a_bound": _scores(forecasts, BOUND, kind=kind)["pred_a"],
+            "steps": kinds.count(kind),
+        }
+        for kind in sorted(set(kinds))
+    }
 
 
-def _by_category(forecasts: Forecasts) -> dict[str, dict[str, Any]]:
+def _by_category(forecasts: Forecasts) -> dict[str, Scores]:
     """Scores of single responders by their category."""
     result = {}
     found = {board.objects[index].category for board, one in forecasts for index in np.flatnonzero(one.judged)}
     for category in sorted(found):
-
-        def objects(board: BoardSpec, _: JudgedPrediction, category: str = category) -> np.ndarray:
-            return np.array([placed.category == category for placed in board.objects])
-
-        scores = _flat(m.prediction_scores(counted(forecasts, NEAREST, objects=objects)))
-        result[category] = {name: scores[NAMES[name]] for name in ("responders", "changed", "unchanged")}
+        scores = _scores(forecasts, NEAREST, category=category)
+        result[category] = {told: scores[name] for told, name in SINGLE.items()}
     return result
 
 
@@ -170,7 +146,7 @@ class JudgedGraph:
     oracle: bool
     forecast: JudgedPrediction | None = None
 
-    def counts(self, steps: int) -> m.EdgeCounts:
+    def counts(self, steps: int) -> m.Counts:
         """Edges claimed after so many steps against the truth."""
         claimed = self.graph.claimed(steps)
         return m.count_edges(claimed, self.truth.edges, self.truth.candidates)
@@ -181,7 +157,6 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
     steps = images - 1
     forecasts = [(one.board, one.forecast) for one in judged if one.forecast is not None]
     counts = [one.counts(steps) for one in judged]
-    scores = m.micro(counts)
     rng = generator(seed, judged[0].board.split if judged else "", 0, "reason/bootstrap")
     calibrated = _calibration(judged, [one.graph.after(steps) for one in judged])
     return {
@@ -191,31 +166,25 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
         "steps": sum(one.steps for one in judged),
         "policy": ", ".join(sorted({one.policy for one in judged})),
         "oracle": any(one.oracle for one in judged),
-        "edge_p": scores.precision,
-        "edge_r": scores.recall,
-        "edge_acc": scores.accuracy,
+        **m.micro(counts, EDGES),
         "edge_r_bound": _bound(judged, steps),
         **summarise_predictions(forecasts),
-        "ece": calibrated.ece,
-        "brier": calibrated.brier,
+        "ece": calibrated["ece"],
+        "brier": calibrated["brier"],
         "threshold": judged[0].graph.threshold if judged else None,
-        "macro": asdict(m.macro(counts)),
-        "intervals": {
-            "level": LEVEL,
-            **asdict(m.intervals(counts, rng)),
-            **intervals(forecasts, seed),
-        },
-        "calibration": asdict(calibrated),
-        "counts": _totals(counts),
+        "macro": m.macro(counts, m.EDGES),
+        "intervals": {"level": LEVEL, **m.intervals(counts, m.EDGES, rng), **intervals(forecasts, seed)},
+        "calibration": calibrated,
+        "counts": m.totals(counts, m.EDGES),
         "by_kind": _summary_by_kind(judged, steps),
         "by_images": _curve(judged, forecasts, images),
         "baselines": _baselines(judged, seed),
         "seed": seed,
-        "versions": {"busybot": __version__, "python": platform.python_version(), "numpy": version("numpy")},
+        "versions": package_versions(("numpy",)),
     }
 
 
-def _calibration(judged: Sequence[JudgedGraph], probabilities: Sequence[np.ndarray]) -> m.Calibration:
+def _calibration(judged: Sequence[JudgedGraph], probabilities: Sequence[np.ndarray]) -> Scores:
     said = [p[one.truth.candidates] for one, p in zip(judged, probabilities, strict=True)]
     true = [one.truth.edges[one.truth.candidates] for one in judged]
     return m.calibration(np.concatenate([np.zeros(0), *said]), np.concatenate([np.zeros(0), *true]))
@@ -225,16 +194,12 @@ def _bound(judged: Sequence[JudgedGraph], steps: int) -> float | None:
     return m.shown_share([one.truth.edges for one in judged], [one.truth.shown for one in judged], steps)
 
 
-def _totals(counts: Sequence[m.EdgeCounts]) -> dict[str, int]:
-    return {name: sum(getattr(one, name) for one in counts) for name in ("hits", "claimed", "true", "correct", "pairs")}
-
-
 def _summary_by_kind(judged: Sequence[JudgedGraph], steps: int) -> dict[str, dict[str, Any]]:
     """Scores by kind of relation. A wrong edge has no kind: it counts for every kind that its trigger really has."""
     kinds = sorted({kind for one in judged for names in one.truth.kinds.values() for kind in names})
     result = {}
     for kind in kinds:
-        hits = claimed = true = 0
+        counts = []
         for one in judged:
             edges = one.graph.claimed(steps)
             of_kind = np.zeros_like(one.truth.edges)
@@ -242,14 +207,9 @@ def _summary_by_kind(judged: Sequence[JudgedGraph], steps: int) -> dict[str, dic
                 of_kind[pair] = kind in names
             of_trigger = np.asarray(of_kind.any(axis=1))[:, None]
             wrong = edges & one.truth.candidates & ~one.truth.edges & of_trigger
-            hits += int((edges & of_kind).sum())
-            claimed += int((edges & of_kind).sum() + wrong.sum())
-            true += int(of_kind.sum())
-        result[kind] = {
-            "edge_p": hits / claimed if claimed else None,
-            "edge_r": hits / true if true else None,
-            "relations": true,
-        }
+            hits = int((edges & of_kind).sum())
+            counts.append({"hits": hits, "claimed": hits + int(wrong.sum()), "true": int(of_kind.sum())})
+        result[kind] = {**m.micro(counts, CLAIMS), "relations": m.totals(counts, CLAIMS)["true"]}
     return result
 
 
@@ -258,28 +218,40 @@ def _curve(judged: Sequence[JudgedGraph], forecasts: Forecasts, images: int) -> 
     longest = min(images, 1 + max((one.steps for one in judged), default=0))
     curve = []
     for seen in range(2, longest + 1):
-        scores = m.micro([one.counts(seen - 1) for one in judged])
+        scores = m.micro([one.counts(seen - 1) for one in judged], CLAIMS)
         bound = _bound(judged, seen - 1)
-        edges = {"images": seen, "edge_p": scores.precision, "edge_r": scores.recall, "edge_r_bound": bound}
-        curve.append(edges | after_images(forecasts, seen))
+        curve.append({"images": seen, **scores, "edge_r_bound": bound, **after_images(forecasts, seen)})
     return curve
 
 
-def _baselines(judged: Sequence[JudgedGraph], seed: int) -> dict[str, dict[str, Any]]:
-    graphs = [baselines.trivial_graphs(one.board, one.truth.candidates, seed) for one in judged]
+def _baselines(judged: Sequence[JudgedGraph], seed: int) -> dict[str, Scores]:
+    graphs = [trivial_graphs(one.board, one.truth.candidates, seed) for one in judged]
     rows = {}
-    for name in baselines.NAMES:
+    for name in TRIVIAL_GRAPHS:
         claimed = [graph[name] for graph in graphs]
-        counts = [
-            m.count_edges(edges > 0, one.truth.edges, one.truth.candidates)
-            for one, edges in zip(judged, claimed, strict=True)
-        ]
-        scores, calibrated = m.micro(counts), _calibration(judged, claimed)
-        rows[name] = {
-            "edge_p": scores.precision,
-            "edge_r": scores.recall,
-            "edge_acc": scores.accuracy,
-            "ece": calibrated.ece,
-            "brier": calibrated.brier,
-        }
+        pairs = zip(judged, claimed, strict=True)
+        counts = [m.count_edges(edges > 0, one.truth.edges, one.truth.candidates) for one, edges in pairs]
+        calibrated = _calibration(judged, claimed)
+        rows[name] = {**m.micro(counts, EDGES), "ece": calibrated["ece"], "brier": calibrated["brier"]}
     return rows
+
+
+TRIVIAL_GRAPHS = ("empty graph", "all-ones graph", "random trigger")
+"""Claims that need no look at the board and stand beside every result: they say what a number is worth."""
+
+
+def trivial_graphs(board: BoardSpec, candidates: np.ndarray, seed: int) -> dict[str, np.ndarray]:
+    """Edge probabilities (N, N) by name; candidates is bool (N, N).
+
+    `random trigger` claims one trigger by chance for each responder. Its draws depend on (seed, split, board).
+    """
+    guess = np.zeros(candidates.shape)
+    triggers, responders = np.flatnonzero(candidates.any(1)), np.flatnonzero(candidates.any(0))
+    if len(triggers):
+        rng = generator(seed, board.split, board.index, "reason/random-trigger")
+        guess[rng.choice(triggers, size=len(responders)), responders] = 1.0
+    return {
+        "empty graph": np.zeros(candidates.shape),
+        "all-ones graph": candidates.astype(float),
+        "random trigger": guess,
+    }

@@ -6,11 +6,11 @@ nothing changed.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
+import cv2
 import numpy as np
 
-from busybot.reason.inputs.object_masks import Region
+from busybot.reason.inputs.object_masks import ObjectMasks, OracleMasks, Region
 from busybot.reason.inputs.observation import Frame, ObservedEpisode
 
 
@@ -27,13 +27,9 @@ class Appearance:
     own: np.ndarray
 
 
-class MaskSource(Protocol):
-    """Tells objects from what else their boxes show: `OwnPixels`, or an oracle (`TruePixels`)."""
-
-    @property
-    def regions(self) -> dict[int, Region]: ...
-
-    def masks(self, index: int, number: int) -> tuple[np.ndarray, np.ndarray]: ...
+def scaled(values: np.ndarray, side: int) -> np.ndarray:
+    """A box's values, scaled to side x side cells."""
+    return np.asarray(cv2.resize(values, (side, side), interpolation=cv2.INTER_AREA))
 
 
 @dataclass(frozen=True)
@@ -82,7 +78,7 @@ class TrackedObject:
         return self._known.setdefault((self._own.tobytes(), self._rgb[self._own].tobytes()), len(self._known))
 
 
-def appearances_of(observed: ObservedEpisode, pixels: MaskSource) -> Appearances:
+def appearances_of(observed: ObservedEpisode, pixels: ObjectMasks | OracleMasks) -> Appearances:
     """The looks of all responders that have a box in the first frame."""
     of = np.full((len(observed.image_of), len(observed.roles)), -1, int)
     watched = {i: TrackedObject(region) for i, region in pixels.regions.items() if observed.roles[i] == "responder"}

@@ -6,7 +6,7 @@ the learner, so that a training that was stopped goes on with the same batches.
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -21,20 +21,10 @@ if TYPE_CHECKING:
     from busybot.datasets.dataset import Dataset as Recordings
     from busybot.reason.inputs.feature_store import Features
 
-Board_co = TypeVar("Board_co", covariant=True)
-
-
-class BoardSource(Protocol[Board_co]):
-    """Boards in memory, or stored ones that are read one by one when they are asked for (`RecordedBoards`)."""
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, index: int, /) -> Board_co: ...
-
 
 @dataclass(frozen=True)
-class RecordedBoards:
-    """Boards that are read when they are asked for.
+class RecordedBoards(Sequence[BoardSequence]):
+    """Stored boards that are read one by one, when they are asked for.
 
     Attributes:
         features: of each dataset.
@@ -47,12 +37,9 @@ class RecordedBoards:
     def __len__(self) -> int:
         return len(self.places)
 
-    def __getitem__(self, index: int) -> BoardSequence:
+    def __getitem__(self, index: Any) -> Any:
         dataset, episode = self.places[index]
         return self.features[dataset].sequence(episode)
-
-    def __iter__(self) -> Iterator[BoardSequence]:
-        return (self[index] for index in range(len(self)))
 
 
 def held_apart(
@@ -72,8 +59,7 @@ def held_apart(
     for number, (dataset, found) in enumerate(zip(datasets, known, strict=True)):
         boards = dataset.boards()
         for episode in found:
-            board = boards[episode]
-            group_of[number, episode] = (board.seed, board.split, board.appearance_group)
+            group_of[number, episode] = (boards[episode].seed, boards[episode].split, boards[episode].appearance_group)
     if not group_of:
         raise BusybotError("no board has an episode to train on", "busybot collect DATASET")
     held = groups_apart(set(group_of.values()), share, seed, "reason/held out")
@@ -90,7 +76,7 @@ class BoardDataset(Dataset):
         graph: makes one, whenever it is asked for.
     """
 
-    def __init__(self, boards: BoardSource[Any], graph: Callable[[Any], HeteroData] = lambda board: board):
+    def __init__(self, boards: Sequence[Any], graph: Callable[[Any], HeteroData] = lambda board: board):
         super().__init__()
         self.boards, self.graph = boards, graph
 

@@ -1,6 +1,4 @@
-"""Features as one Parquet file, for other programs. Training reads the store, which is mapped into memory.
-
-Features of a dataset's objects: 256 numbers for every frame and object, computed once and kept beside the dataset.
+"""Features of a dataset's objects: 256 numbers for every frame and object, computed once and kept beside the dataset.
 
 The store of a dataset in `data/boards` is the folder `data/boards.features`:
 
@@ -10,6 +8,8 @@ embedded-0a1b2c3d/                   an encoder, with a digest of all that decid
 An episode that was recorded again has another digest, so features never belong to other pictures than they seem to.
 Files are there whole or not at all; what is missing is computed when it is asked for. Nothing is written into the
 dataset, which may be frozen; where nothing can be written beside it either, the store lies in the user's cache.
+
+Training reads the store, which is mapped into memory. `write_table` makes one Parquet file of it for other programs.
 """
 
 import hashlib
@@ -139,14 +139,11 @@ def _digests(dataset: Dataset, episodes: Iterable[int] | None) -> dict[int, str]
     """Content digests of the wanted episodes."""
     rows = dataset.episodes_table().select(["episode", "content_digest"]).to_pydict()
     known = dict(zip(rows["episode"], rows["content_digest"], strict=True))
-    if not known:
-        what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
-        raise BusybotError(what, collect_command(dataset.path, dataset.info))
     wanted = sorted(known) if episodes is None else sorted(set(episodes))
     absent = [index for index in wanted if index not in known]
-    if absent:
-        what = f"{dataset.path}: board {absent[0]} has no episode"
-        raise BusybotError(what, collect_command(dataset.path, dataset.info))
+    if not known or absent:
+        what = f"board {absent[0]} has no" if known else f"none of its {dataset.info.boards} boards has an"
+        raise BusybotError(f"{dataset.path}: {what} episode", collect_command(dataset.path, dataset.info))
     return {index: known[index] for index in wanted}
 
 

@@ -1,21 +1,17 @@
-"""Own pixels by the recorded segmentation: an oracle, for rows that tell what recognising them by depth costs.
-
-Which pixels of an object's first-frame box show the object itself.
+"""Tells which pixels of an object's first-frame box show the object itself, and which objects changed in a step.
 
 A pixel inside the box may show the object, the board, or something that reaches in: a neighbour's door leaf, a tall
 neighbour seen at an angle, a lever. Depth tells them apart. Every object has a *home*: the rectangle on the board over
 which its visible points lay in the first frame. Layouts keep homes apart, so a raised point above another place is an
 intruder.
 
-Without depth, a pixel belongs to the smallest box that holds it, and nothing is known of intruders.
+Without depth, a pixel belongs to the smallest box that holds it, and nothing is known of intruders. `OracleMasks` reads
+the recorded segmentation, for rows that tell what recognising own pixels by depth costs.
 
-Detects which objects look different after a step: changed pixels, each given to the object that it shows.
-
-A changed pixel of an object's box counts when it shows the object before or after, and no intruder at all (see
-`reason.inputs.object_masks`).
-
-The constants were chosen on training objects, on boards as they are generated and on crowded ones without margins:
-there at most 2 % of an unchanged object's pixels count, and at least 14 % of a changed one's.
+An object changed when enough pixels of its box did (`changes`). A changed pixel counts when it shows the object before
+or after, and no intruder at all. The constants were chosen on training objects, on boards as they are generated and on
+crowded ones without margins: there at most 2 % of an unchanged object's pixels count, and at least 14 % of a changed
+one's.
 """
 
 from dataclasses import dataclass
@@ -205,22 +201,11 @@ class ChangeConfig(MaskConfig):
     share: Annotated[float, Field(ge=0, lt=1)] = 0.05
 
 
-@dataclass(frozen=True)
-class Counts:
-    """Changed pixels.
+def count_pixels(observed: ObservedEpisode, config: ChangeConfig) -> tuple[np.ndarray, np.ndarray]:
+    """Changed pixels of every object in every step, int (T, N), and pixels that showed it in the first frame, int (N,).
 
-    Attributes:
-        changed: int (T, N), changed pixels of every object in every step; 0 for objects without a box.
-        area: int (N,), pixels that showed the object in the first frame.
+    Both are 0 for objects without a box.
     """
-
-    changed: np.ndarray
-    area: np.ndarray
-
-
-def count_pixels(observed: ObservedEpisode, config: ChangeConfig | None = None) -> Counts:
-    """Count changed pixels per object and step."""
-    config = config or ChangeConfig()
     before = observed.frame(0)
     pixels = ObjectMasks(observed, config)
     changed = np.zeros((len(observed.actions), len(observed.roles)), int)
@@ -236,14 +221,14 @@ def count_pixels(observed: ObservedEpisode, config: ChangeConfig | None = None) 
         for index in pixels.regions:
             changed[step, index] = _count(pixels, index, differs, step)
         before = after
-    return Counts(changed, area)
+    return changed, area
 
 
 def changes(observed: ObservedEpisode, config: ChangeConfig | None = None) -> np.ndarray:
     """Whether each object's appearance changed in each step, bool (T, N)."""
     config = config or ChangeConfig()
-    counts = count_pixels(observed, config)
-    return counts.changed > np.maximum(config.least, config.share * counts.area)
+    changed, area = count_pixels(observed, config)
+    return changed > np.maximum(config.least, config.share * area)
 
 
 def _count(pixels: ObjectMasks, index: int, differs: np.ndarray, step: int) -> int:

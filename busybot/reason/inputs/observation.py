@@ -6,7 +6,7 @@ held, joints, states, rewards, relations, object names and categories are not hi
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,19 +74,18 @@ class ObservedEpisode:
     @property
     def triggers(self) -> np.ndarray:
         """Indices of the triggers."""
-        return np.array([i for i, role in enumerate(self.roles) if role == "trigger"], int)
+        return np.flatnonzero(np.array(self.roles, str) == "trigger")
 
     @property
     def responders(self) -> np.ndarray:
         """Indices of the responders."""
-        return np.array([i for i, role in enumerate(self.roles) if role == "responder"], int)
+        return np.flatnonzero(np.array(self.roles, str) == "responder")
 
     @property
     def candidates(self) -> np.ndarray:
         """bool (N, N), True where the row is a trigger and the column a responder."""
-        trigger = np.array([role == "trigger" for role in self.roles], bool)
-        responder = np.array([role == "responder" for role in self.roles], bool)
-        return trigger[:, None] & responder[None]
+        roles = np.array(self.roles, str)
+        return (roles == "trigger")[:, None] & (roles == "responder")[None]
 
     def frame(self, index: int) -> Frame:
         """Frame `index`, 0 is the initial one."""
@@ -96,15 +95,7 @@ class ObservedEpisode:
     def first(self, images: int) -> "ObservedEpisode":
         """The same board watched for at most `images` frames (so many minus one actions)."""
         steps = max(0, images - 1)
-        return ObservedEpisode(
-            self.camera,
-            self.roles,
-            self.boxes,
-            self.positions,
-            self.actions[:steps],
-            self.images,
-            self.image_of[: steps + 1],
-        )
+        return replace(self, actions=self.actions[:steps], image_of=self.image_of[: steps + 1])
 
 
 def observe_episode(episode: Episode) -> ObservedEpisode:
@@ -154,18 +145,15 @@ def acted_objects(observed: ObservedEpisode) -> np.ndarray:
 
 def trigger_at(observed: ObservedEpisode, pixel: tuple[int, int]) -> int:
     """The trigger at a pixel (u, v) by the rule of `acted_objects`, -1 for none."""
-    best: tuple[float, float, float] | None = None
-    found = -1
+    u, v = pixel
+    near = []
     for index in observed.triggers:
         u0, v0, u1, v1 = (int(side) for side in observed.boxes[index])
         if u1 <= u0 or v1 <= v0:
             continue
-        u, v = pixel
         outside = math.hypot(max(u0 - u, 0, u - (u1 - 1)), max(v0 - v, 0, v - (v1 - 1)))
         if outside > REACH * max(u1 - u0, v1 - v0):
             continue
         centre = math.hypot(u + 0.5 - (u0 + u1) / 2, v + 0.5 - (v0 + v1) / 2)
-        rank = (outside, float((u1 - u0) * (v1 - v0)), centre)
-        if best is None or rank < best:
-            best, found = rank, int(index)
-    return found
+        near.append((outside, (u1 - u0) * (v1 - v0), centre, int(index)))
+    return min(near)[-1] if near else -1

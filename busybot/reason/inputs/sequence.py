@@ -1,20 +1,17 @@
-"""One board as arrays for models of relations: features, positions and actions.
+"""One board as arrays for models of relations, and the states that an object showed on it, without labels.
 
-Made from `ObservedEpisode` and the features of its pictures, so it holds nothing that a reasoner may not know (protocol
-"Who may read what"). Triggers have no features, as in the paper.
+Features, positions and actions come from `ObservedEpisode` and the features of its pictures, so they hold nothing that
+a reasoner may not know (protocol "Who may read what"). Triggers have no features, as in the paper.
 
-Clusters an object's features on a board into the states that it showed, without labels.
-
-Frames in which an object looks alike form a cluster. Two looks are alike when they lie nearer than a threshold, which
-is fixed once on training objects: between the distances of looks of one state (JPEG, a neighbour in front) and those of
-different states.
+Frames in which an object looks alike form a cluster, a state. Two looks are alike when they lie nearer than a
+threshold, which is fixed once on training objects: between the distances of looks of one state (JPEG, a neighbour in
+front) and those of different states.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.cluster.hierarchy import fcluster, linkage
 
 from busybot.common.errors import BusybotError
 
@@ -59,14 +56,8 @@ class BoardSequence:
     def first(self, images: int) -> "BoardSequence":
         """The same board watched for at most `images` frames (so many minus one actions)."""
         steps = max(0, images - 1)
-        return BoardSequence(
-            self.features[: steps + 1],
-            self.positions,
-            self.actions[:steps],
-            self.acted[:steps],
-            self.triggers,
-            self.responders,
-        )
+        known = {"features": self.features[: steps + 1], "actions": self.actions[:steps], "acted": self.acted[:steps]}
+        return replace(self, **known)
 
 
 def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSequence:
@@ -79,9 +70,7 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
     Raises:
         BusybotError: the features are not those of so many frames and objects.
     """
-    from busybot.reason.inputs.observation import (
-        acted_objects,  # decodes pictures; models that read sequences do without
-    )
+    from busybot.reason.inputs.observation import acted_objects  # decodes pictures; what trains does without
 
     roles = np.array(observed.roles, str)
     expected = (len(observed.image_of), len(roles), CHANNELS)
@@ -137,6 +126,8 @@ def clusters_of(features: np.ndarray, threshold: float) -> np.ndarray:
 
 def _cluster(looks: np.ndarray, threshold: float) -> np.ndarray:
     """Clusters of one object's looks (T + 1, C): average linkage of those that differ."""
+    from scipy.cluster.hierarchy import fcluster, linkage  # what trains on sequences does without
+
     distinct, frame = np.unique(looks, axis=0, return_inverse=True)
     frame = frame.reshape(-1)
     if len(distinct) == 1:

@@ -1,43 +1,18 @@
-"""Looking the answer up: what happened when something close by was touched before (protocol "Reasoning", row "lookup").
+"""The reasoners without training (protocol "Reasoning"): `lookup`, and `persistence`, for which nothing ever changes.
 
-Nothing is learnt. The graph is counted from the steps in which features changed. To predict a step, the nearest past
-contact on the same trigger that changed something names the responder; what it changes to is copied from the past
-change of that responder that began nearest to its present look. A past change can also be undone: then the look
-*before* it is copied.
-
-Trivial predictions that need no look at the board and stand beside every result: they say what a number is worth.
+`lookup` asks what happened when something close by was touched before. The graph is counted from the steps in which
+features changed. To predict a step, the nearest past contact on the same trigger that changed something names the
+responder; what it changes to is copied from the past change of that responder that began nearest to its present look. A
+past change can also be undone: then the look *before* it is copied.
 """
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import Field
+from pydantic import NonNegativeFloat, PositiveFloat
 
-from busybot.boards.spec import BoardSpec
 from busybot.common.frozen_model import FrozenModel
-from busybot.common.rng import generator
 from busybot.reason.inputs.sequence import THRESHOLDS, BoardSequence, threshold_of
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.counting import CountConfig, count_changes
-
-NAMES = ("empty graph", "all-ones graph", "random trigger")
-
-
-def trivial_graphs(board: BoardSpec, candidates: np.ndarray, seed: int) -> dict[str, np.ndarray]:
-    """Edge probabilities (N, N) by name; candidates is bool (N, N).
-
-    `random trigger` claims one trigger by chance for each responder. Its draws depend on (seed, split, board).
-    """
-    guess = np.zeros(candidates.shape)
-    triggers, responders = np.flatnonzero(candidates.any(1)), np.flatnonzero(candidates.any(0))
-    if len(triggers):
-        rng = generator(seed, board.split, board.index, "reason/random-trigger")
-        guess[rng.choice(triggers, size=len(responders)), responders] = 1.0
-    return {
-        "empty graph": np.zeros(candidates.shape),
-        "all-ones graph": candidates.astype(float),
-        "random trigger": guess,
-    }
 
 
 class Persistence:
@@ -56,9 +31,6 @@ class Persistence:
         return current.copy()
 
 
-Positive = Annotated[float, Field(gt=0)]
-
-
 class LookupConfig(FrozenModel):
     """Constants of the lookup.
 
@@ -71,10 +43,10 @@ class LookupConfig(FrozenModel):
         counting: priors of the graph.
     """
 
-    changed: Positive = THRESHOLDS["embedded"]
-    reach: Positive = 0.2
-    fit: Positive = 0.5
-    direction: Annotated[float, Field(ge=0)] = 0.1
+    changed: PositiveFloat = THRESHOLDS["embedded"]
+    reach: PositiveFloat = 0.2
+    fit: PositiveFloat = 0.5
+    direction: NonNegativeFloat = 0.1
     counting: CountConfig = CountConfig()
 
 

@@ -1,9 +1,7 @@
 """Reasoners by name or folder, and inference from a recorded episode to a graph in one call.
 
 `count` and `pc` read what was observed and infer a graph alone. The others are reasoners: they read features and
-predict, too.
-
-Trained models of relations: a folder with `weights.safetensors` and `model.json`, which says what they are.
+predict, too. A trained one is a folder with `weights.safetensors` and `model.json`, which says what it is.
 """
 
 from collections.abc import Callable
@@ -19,9 +17,8 @@ from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.episode import Episode
 from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.models.base import InferredGraph, Reasoner
-from busybot.reason.models.counting import CountConfig, count
+from busybot.reason.models.counting import CountConfig, PcConfig, count, discover
 from busybot.reason.models.lookup import Lookup, LookupConfig, Persistence
-from busybot.reason.models.pc import PcConfig, discover
 from busybot.training.checkpoint import drawing_nothing, load_tensors, load_weights
 from busybot.training.model_cards import INFO_FILE, WEIGHTS_FILE, ModelCard, find_folder, read_info
 
@@ -51,50 +48,32 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
     tensors = load_tensors(folder / WEIGHTS_FILE).tensors
     try:
         with drawing_nothing():
-            return _MAKERS[info.model](info, tensors, folder / WEIGHTS_FILE)
+            return _trained(info, tensors, folder / WEIGHTS_FILE)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(["config", *map(str, first["loc"])])
         raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
 
 
-def _event(info: ReasonerInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
-    from busybot.reason.models.event.config import EventConfig
-    from busybot.reason.models.event.networks import EventNet
-    from busybot.reason.models.event.reasoner import EventReasoner
+def _trained(info: ReasonerInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
+    if info.model == "event":
+        from busybot.reason.models.event.config import EventConfig
+        from busybot.reason.models.event.networks import EventNet, EventReasoner
 
-    config = EventConfig.model_validate(info.config)
-    network = EventNet(config.net)
-    load_weights(network, tensors, file)
-    return EventReasoner(network, info.encoder, config.loss.blur)
-
-
-def _paper(info: ReasonerInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
+        event = EventConfig.model_validate(info.config)
+        net = EventNet(event.net)
+        load_weights(net, tensors, file)
+        return EventReasoner(net, info.encoder, event.loss.blur)
     from busybot.reason.models.paper.config import PaperReasonConfig
-    from busybot.reason.models.paper.networks import PaperHistoryNetwork, PaperNetwork
-    from busybot.reason.models.paper.reasoner import PaperHistoryReasoner, PaperReasoner
+    from busybot.reason.models.paper.networks import PaperReasoner, network_of
 
-    config = PaperReasonConfig.model_validate(info.config)
-    network = PaperNetwork(config.network) if config.inference else PaperHistoryNetwork(config.network)
+    network = network_of(PaperReasonConfig.model_validate(info.config))
     load_weights(network, tensors, file)
-    if isinstance(network, PaperNetwork):
-        return PaperReasoner(network, info.encoder)
-    return PaperHistoryReasoner(network, info.encoder)
-
-
-_MAKERS = {"event": _event, "paper": _paper}
+    return PaperReasoner(network, info.encoder)
 
 
 class NoParameters(FrozenModel):
     """Of models that have none to set."""
-
-
-def _persistence(_: NoParameters) -> Reasoner:
-    return Persistence()
-
-
-def _lookup(config: LookupConfig) -> Reasoner:
-    return Lookup(config=config)
 
 
 DEFAULT_REASONER = "event"
@@ -105,8 +84,8 @@ GRAPHS: dict[str, tuple[Callable[[ObservedEpisode, Any], InferredGraph], type[Ba
 }
 """What infers a graph from `ObservedEpisode` alone, with its parameters."""
 REASONERS: dict[str, tuple[Callable[[Any], Reasoner], type[BaseModel]]] = {
-    "lookup": (_lookup, LookupConfig),
-    "persistence": (_persistence, NoParameters),
+    "lookup": (lambda config: Lookup(config=config), LookupConfig),
+    "persistence": (lambda _: Persistence(), NoParameters),
 }
 """Reasoners without training, with their parameters."""
 
@@ -133,7 +112,6 @@ def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
         return make(config or parameters())
     if model in GRAPHS:
         raise BusybotError(f"`{model}` predicts no states", f"choose {DEFAULT_REASONER}, lookup or a trained reasoner")
-
     try:
         return load_reasoner(model)
     except BusybotError as error:

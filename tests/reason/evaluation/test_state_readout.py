@@ -6,11 +6,11 @@ from busybot.objects.resolve import find
 from busybot.reason.evaluation.decoders import (
     DecodedState,
     Examples,
+    Linear,
     NearestState,
     appearances,
     examples,
     fit_decoders,
-    fit_linear,
 )
 from tests.episodes.synthetic import make_board
 
@@ -72,7 +72,7 @@ def test_a_decoder_reads_what_it_was_shown() -> None:
     features = rng.normal(size=(90, 8))
     features[:, 0] += 9.0 * (shown == "#ff0000")
     features[:, 1] += 9.0 * (shown == "#00ff00")
-    decoder = fit_linear(features, shown)
+    decoder = Linear(features, shown)
     assert (decoder.read(features) == shown).mean() > 0.95
     assert decoder.read(np.array([[9.0] + [0.0] * 7])).tolist() == ["#ff0000"]
 

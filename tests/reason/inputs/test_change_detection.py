@@ -25,8 +25,8 @@ def test_a_lamp_that_changes_colour_changes(depth: bool) -> None:
     scene = two_lamps((RED, RED), (GREEN, RED), (GREEN, RED), (GREEN, GREEN))
     observed = (scene if depth else scene.without_depth()).observed()
     assert changes(observed).tolist() == [[True, False], [False, False], [False, True]]
-    assert count_pixels(observed).changed[0].tolist() == [900, 0]
-    assert count_pixels(observed).area.tolist() == [900, 900]
+    assert count_pixels(observed, ChangeConfig())[0][0].tolist() == [900, 0]
+    assert count_pixels(observed, ChangeConfig())[1].tolist() == [900, 900]
 
 
 def test_colours_within_the_tolerance_are_equal() -> None:
@@ -40,7 +40,7 @@ def test_a_small_part_that_moves_is_enough_noise_is_not() -> None:
     frames = [[Patch(track, BROWN), Patch((u, 30, u + 10, 50), RED, 0.3)] for u in (30, 45)]
     frames.append([*frames[1], Patch((70, 22, 79, 30), GREEN, 0.25)])
     observed = Scene(("responder",), [track], frames).observed()
-    assert count_pixels(observed).changed[:, 0].tolist() == [400, 72]
+    assert count_pixels(observed, ChangeConfig())[0][:, 0].tolist() == [400, 72]
     assert changes(observed)[:, 0].tolist() == [True, False]
 
 
@@ -59,7 +59,7 @@ def test_a_lever_that_reaches_into_a_box_does_not_change_it() -> None:
     still = [Patch(LEFT, RED), Patch(trigger, BROWN)]
     reaching = [*still, Patch((55, 45, 75, 60), GREEN, 1.2)]
     scene = Scene(("responder", "trigger"), [LEFT, trigger], [still, reaching, still])
-    assert count_pixels(scene.observed()).changed[:, 1].all()
+    assert count_pixels(scene.observed(), ChangeConfig())[0][:, 1].all()
     assert not changes(scene.observed())[:, 0].any()
     assert changes(scene.without_depth().observed())[:, 0].all(), "without depth it cannot be told"
 

@@ -12,13 +12,11 @@ import busybot
 from busybot.reason.inputs import board_dataset, feature_store, sequence
 from busybot.reason.models import base, message_passing
 from busybot.reason.models.event import learner as event_learner
-from busybot.reason.models.event import reasoner as event_reasoner
 from busybot.reason.models.paper import learner as paper_learner
-from busybot.reason.models.paper import reasoner as paper_reasoner
 
 PACKAGE = Path(busybot.__file__).parent
 ALLOWED = {"torch", "torch_geometric", "numpy", "pydantic", "safetensors"}
-MODELS = [board_dataset, sequence, base, message_passing, event_learner, event_reasoner, paper_learner, paper_reasoner]
+MODELS = [board_dataset, sequence, base, message_passing, event_learner, paper_learner]
 """Each stands for all that it imports."""
 
 

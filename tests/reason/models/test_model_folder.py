@@ -8,8 +8,7 @@ import pytest
 
 from busybot.common.errors import BusybotError
 from busybot.reason.models.event.config import EventConfig, EventNetConfig
-from busybot.reason.models.event.networks import EventNet
-from busybot.reason.models.event.reasoner import EventReasoner
+from busybot.reason.models.event.networks import EventNet, EventReasoner
 from busybot.reason.models.registry import ReasonerInfo, load_reasoner
 from busybot.training.checkpoint import save_model
 from tests.reason.boards import make_boards

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.reason.models.pc import PcConfig, discover_changes
+from busybot.reason.models.counting import PcConfig, discover_changes
 
 ABSENT = "causal-learn is not installed: `make extras`"
 TRIGGERS, RESPONDERS = np.array([0, 1, 2]), np.array([3, 4, 5])

@@ -2,13 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from busybot.common.frozen_model import FrozenModel
 from busybot.training.loop import LoopConfig
-
-Positive = Annotated[float, Field(gt=0)]
-Weight = Annotated[float, Field(ge=0)]
 
 
 class EventNetConfig(FrozenModel):
@@ -39,11 +36,11 @@ class LossConfig(FrozenModel):
         divergence: weight of the edges' divergence from it.
     """
 
-    blur: Positive = 0.5
-    unknown: Positive = 0.02
-    floor: Positive = 1e-4
+    blur: PositiveFloat = 0.5
+    unknown: PositiveFloat = 0.02
+    floor: PositiveFloat = 1e-4
     prior: Annotated[float, Field(gt=0, lt=1)] = 0.2
-    divergence: Weight = 0.001
+    divergence: NonNegativeFloat = 0.001
 
 
 class EventConfig(FrozenModel):
@@ -67,13 +64,13 @@ class EventConfig(FrozenModel):
     encoder: str = "embedded"
     iterations: Annotated[int, Field(ge=0)] = 1200
     batch: Annotated[int, Field(ge=1)] = 48
-    learning_rate: Positive = 3e-3
+    learning_rate: PositiveFloat = 3e-3
     warm_up: Annotated[int, Field(ge=1)] = 20
-    weight_decay: Weight = 1e-3
-    clip: Positive = 1.0
+    weight_decay: NonNegativeFloat = 1e-3
+    clip: PositiveFloat = 1.0
     images: Annotated[int, Field(ge=2)] = 23
     questions: Annotated[int, Field(ge=1)] = 8
-    noise: Weight = 0.2
+    noise: NonNegativeFloat = 0.2
     net: EventNetConfig = EventNetConfig()
     loss: LossConfig = LossConfig()
     loop: LoopConfig = LoopConfig()

@@ -1,10 +1,7 @@
-"""Boards as graphs for the `event` model: one `HeteroData` per episode, any number of objects.
+"""Boards as graphs for the `event` model, any number of objects, and the vectors of facts that its networks read.
 
 The model compares looks and never reads them: of the features it keeps how far the looks of one responder lie apart.
 So it knows nothing of any encoder's axes, cannot memorise objects, and costs the same whatever the features' size.
-
-Fact vectors of the `event` model's networks: one table of columns for each.
-
 Distances between looks are in units of the smallest change, those between contacts in board units. Nothing depends on
 what objects look like, where a board stands or which way it is turned about its normal.
 
@@ -70,8 +67,6 @@ def padded(boards: Iterable[HeteroData]) -> list[HeteroData]:
 
 
 def _pad(board: HeteroData, missing: int) -> HeteroData:
-    if not missing:
-        return board
     longer = board.clone()
     longer["responder"].distances = pad(board["responder"].distances, (0, missing, 0, missing))
     longer["step"].action = pad(board["step"].action, (0, 0, 0, missing))

@@ -1,15 +1,14 @@
-"""Training the `event` model. Neither relations nor states are known to it: it learns from what happened next.
+"""Trains the `event` model. Neither relations nor states are known to it: it learns from what happened next.
 
-The event model's loss: the likelihood of what happened, by its two stages and the edges.
-
-After a step a responder looks as before, or, if its trigger was acted on, as before or after a past change of it, or
-like nothing seen yet. Around each known look there is a bell, so a step has a likelihood; a responder's steps together
-have one for each possible trigger, and the edge probabilities weigh those. The sum over triggers is exact: they are
-few, so no edges need be drawn (Gumbel) as in the paper.
+Its loss is the likelihood of what happened, by its two stages and the edges. After a step a responder looks as before,
+or, if its trigger was acted on, as before or after a past change of it, or like nothing seen yet. Around each known
+look there is a bell, so a step has a likelihood; a responder's steps together have one for each possible trigger, and
+the edge probabilities weigh those. The sum over triggers is exact: they are few, so no edges need be drawn (Gumbel) as
+in the paper.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -24,29 +23,19 @@ from busybot.reason.inputs.board_dataset import BoardDataset, batches_of, in_tur
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.event.config import EventConfig, LossConfig
 from busybot.reason.models.event.data import Context, ObservedOutcome, Queries, board_graph, context_of, padded, split
-from busybot.reason.models.event.networks import Effects, EventNet, log_sum
-from busybot.reason.models.event.reasoner import likeliest_outcome
+from busybot.reason.models.event.networks import Effects, EventNet, likeliest_frames, log_sum
 from busybot.training.checkpoint import initialise
 from busybot.training.loop import Learner, cosine_rate, descend
 
 
-@dataclass(frozen=True)
-class Loss:
-    """Scalars.
+def loss_of(
+    net: EventNet, seen: Context, asked: Queries, outcome: ObservedOutcome, config: LossConfig
+) -> tuple[Tensor, Tensor]:
+    """Loss of the steps asked for, given the known ones.
 
-    Attributes:
-        total: what is minimised.
-        surprise: mean negative log likelihood of a responder's step.
-        divergence: of the edges from their prior, mean over responders.
+    Returns:
+        what is minimised, and the part of it that is the mean negative log likelihood of a responder's step; scalars.
     """
-
-    total: Tensor
-    surprise: Tensor
-    divergence: Tensor
-
-
-def loss_of(net: EventNet, seen: Context, asked: Queries, outcome: ObservedOutcome, config: LossConfig) -> Loss:
-    """Loss of the steps asked for, given the known ones."""
     log_edges, log_none = net.log_edges(seen)
     controlled, idle = log_likelihoods(net.effects(seen, asked), outcome, config)  # (R, Q) each
     real = outcome.real[seen.board]
@@ -60,7 +49,7 @@ def loss_of(net: EventNet, seen: Context, asked: Queries, outcome: ObservedOutco
         explained = scatter(mixed, row, dim_size=len(seen.board), reduce="sum")
     surprise = -((idle * real).sum() + explained.sum()) / real.sum().clamp(min=1)
     apart = divergence(log_edges, log_none, row, config.prior, net.exclusive)
-    return Loss(surprise + config.divergence * apart, surprise, apart)
+    return surprise + config.divergence * apart, surprise
 
 
 def log_likelihoods(effects: Effects, outcome: ObservedOutcome, config: LossConfig) -> tuple[Tensor, Tensor]:
@@ -147,7 +136,7 @@ class EventLearner(Learner):
         seen, asked, outcome = split(everything, self._images(everything, rng) - 1, config.questions)
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, self.iterations)
         self.network.train()
-        loss = loss_of(self.network, seen, asked, outcome, config.loss).total
+        loss, _ = loss_of(self.network, seen, asked, outcome, config.loss)
         descend(self.optimizer, loss, rate, config.clip)
         return float(loss.detach()), rate
 
@@ -164,28 +153,21 @@ class EventLearner(Learner):
     def judge(self) -> Mapping[str, float]:
         """Loss, and shares of steps in which all responders look as predicted, also of steps that changed something."""
         self.network.eval()
-        totals: dict[str, float] = dict.fromkeys(
-            ("surprise", "answers", "steps", "right", "changes", "right_changes"), 0
-        )
-        for seen, asked, outcome in self._questions():
-            answers = float(outcome.real[seen.board].sum())
-            surprise = loss_of(self.network, seen, asked, outcome, self.config.loss).surprise
-            right, changes = _right(self.network, seen, asked, outcome, self.config.loss.blur)
-            counts = (outcome.real, right & outcome.real, changes, right & changes)
-            totals["surprise"] += float(surprise) * answers
-            totals["answers"] += answers
-            for name, count in zip(("steps", "right", "changes", "right_changes"), counts, strict=True):
-                totals[name] += float(count.sum())
-        if not totals["steps"]:
-            return {}
-        figures = {"loss": totals["surprise"] / totals["answers"], "right": totals["right"] / totals["steps"]}
-        return figures | ({"right_changes": totals["right_changes"] / totals["changes"]} if totals["changes"] else {})
-
-    def _questions(self) -> Iterator[tuple[Context, Queries, ObservedOutcome]]:
+        totals = np.zeros(6)
         for batch in batches_of(self.held_out, in_turn(len(self.held_out), JUDGED_AT_ONCE)):
             everything = context_of(batch, self.network.scale)
             steps = min(self.config.images, everything.actions.shape[1]) - 1
-            yield split(everything, steps, self.config.questions)
+            seen, asked, outcome = split(everything, steps, self.config.questions)
+            answers = float(outcome.real[seen.board].sum())
+            surprise = float(loss_of(self.network, seen, asked, outcome, self.config.loss)[1])
+            right, changed = _right(self.network, seen, asked, outcome, self.config.loss.blur)
+            counts = (outcome.real, right & outcome.real, changed, right & changed)
+            totals += [surprise * answers, answers, *(float(count.sum()) for count in counts)]
+        surprise, answers, judged, right_steps, changes, right_changes = totals.tolist()
+        if not judged:
+            return {}
+        figures = {"loss": surprise / answers, "right": right_steps / judged}
+        return figures | ({"right_changes": right_changes / changes} if changes else {})
 
 
 def _noisy(seen: Context, most: float, rng: np.random.Generator) -> Context:
@@ -199,9 +181,9 @@ def _right(
     network: EventNet, seen: Context, asked: Queries, outcome: ObservedOutcome, blur: float
 ) -> tuple[Tensor, Tensor]:
     """Whether all responders of a board look as predicted, and whether any changed, bool (B, Q)."""
-    choice = likeliest_outcome(network, seen, asked, blur)
-    copied = outcome.look.gather(2, choice.frame.clamp(min=0).unsqueeze(-1))[..., 0]
-    error = torch.where(choice.frame >= 0, copied, outcome.moved)
+    frame = likeliest_frames(network, seen, asked, blur)
+    copied = outcome.look.gather(2, frame.clamp(min=0).unsqueeze(-1))[..., 0]
+    error = torch.where(frame >= 0, copied, outcome.moved)
     boards = len(seen.actions)
     worst = scatter(error, seen.board, dim_size=boards, reduce="max")
     moved = scatter(outcome.moved, seen.board, dim_size=boards, reduce="max")

@@ -1,19 +1,23 @@
-"""The networks of the `event` model: which trigger controls which responder, and what a contact does to it.
+"""The `event` model: which trigger controls which responder, and what a contact does to it.
 
 Two stages (protocol "Why the paper falls short"): does responder j change with this contact, and if so, to what. The
 answer to the second is a look that j has had before, or something new: past changes are repeated or undone. All that
-the networks read stands in `facts`.
+the networks read stands in `data`.
 
 Letters: B boards, R responders and E candidate pairs of all boards, L known steps, Q steps asked for.
 """
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
+from torch_geometric.data import Batch
 from torch_geometric.utils import scatter, softmax
 
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.event.config import EventNetConfig
 from busybot.reason.models.event.data import (
     CHANGE_FACTS,
@@ -28,15 +32,20 @@ from busybot.reason.models.event.data import (
     Contacts,
     Context,
     Queries,
+    apart,
+    board_graph,
     change_facts,
     changed,
     contacts_of,
+    context_of,
     count_facts,
     look_facts,
     past_facts,
     reversed_facts,
+    trigger_rows,
 )
 from busybot.reason.models.message_passing import GraphModule
+from busybot.training.device import threads
 
 NEVER = -1e4
 """Logit of what is impossible."""
@@ -257,3 +266,88 @@ def log_sum(values: Tensor, base: Tensor, row: Tensor) -> Tensor:
     top = scatter(values, row, dim_size=len(base), reduce="max").maximum(base).detach()
     total = scatter(torch.exp(values - top[row]), row, dim_size=len(base), reduce="sum")
     return top + torch.log(total + torch.exp(base - top))
+
+
+class EventReasoner:
+    """The trained networks as a `Reasoner`.
+
+    Judges one board at a time, in one thread: networks so small gain nothing from more, which wait for each other.
+
+    Args:
+        network: trained.
+        encoder: which features it was trained on.
+        blur: looks so near each other are the same, in units of the smallest change (`LossConfig.blur`).
+    """
+
+    name = "event"
+
+    def __init__(self, network: EventNet, encoder: str, blur: float = 0.5):
+        self.network, self.encoder, self.blur = network.eval(), encoder, blur
+
+    @threads(1)
+    @torch.no_grad()
+    def graph(self, seen: BoardSequence) -> InferredGraph:
+        """Edge probabilities after each step, and before the first: the prior. Zeros but for candidates.
+
+        A network without inference claims no relation.
+        """
+        beliefs = np.zeros((seen.steps + 1, *seen.candidates.shape))
+        if not self.network.inference:
+            return InferredGraph(self.name, beliefs[: max(1, seen.steps)])
+        known = self._known(seen)
+        for step in range(seen.steps + 1):
+            # pairs stand in the order of the candidates
+            beliefs[step][seen.candidates] = self.network.log_edges(known.first(step))[0].exp().numpy()
+        return InferredGraph(self.name, beliefs[1:] if seen.steps else beliefs, prior=beliefs[0])
+
+    @threads(1)
+    @torch.no_grad()
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+        """Features after each of S steps, as `Reasoner.predict`: each is a copy, of the current ones or of earlier."""
+        result = np.array(current, np.float32)
+        responders = np.flatnonzero(seen.responders)
+        if not len(responders) or not len(actions) or not seen.steps:
+            return result
+        known = self._known(seen)
+        looks = torch.from_numpy(np.ascontiguousarray(seen.features[:, responders].swapaxes(0, 1)))
+        now = torch.from_numpy(np.ascontiguousarray(result[:, responders].swapaxes(0, 1)))
+        asked = Queries(
+            apart(now, looks) / self.network.scale,
+            torch.from_numpy(np.asarray(actions, np.float32))[None],
+            torch.from_numpy(trigger_rows(seen.triggers, np.asarray(acted, np.int64)))[None],
+        )
+        frame = likeliest_frames(self.network, known, asked, self.blur).numpy()
+        row, step = np.nonzero(frame >= 0)
+        result[step, responders[row]] = seen.features[frame[row, step], responders[row]]
+        return result
+
+    def _known(self, seen: BoardSequence) -> Context:
+        return context_of(Batch.from_data_list([board_graph(seen)]), self.network.scale)
+
+
+def likeliest_frames(network: EventNet, seen: Context, asked: Queries, blur: float) -> Tensor:
+    """The frame whose look every responder is likeliest to copy in every step, int (R, Q); -1 where it stays as it is.
+
+    Args:
+        blur: as of `EventReasoner`.
+    """
+    effects = network.effects(seen, asked)
+    log_edges, _ = network.log_edges(seen)
+    trigger, row = seen.edge_index
+    on = asked.acted[seen.board[row]] == trigger[:, None]  # (E, Q)
+    edge = scatter(log_edges.exp()[:, None] * on, row, dim_size=len(seen.board), reduce="sum")
+    change = edge * torch.sigmoid(effects.change)
+    if not effects.frames.shape[1]:
+        return torch.full(change.shape, -1)
+    likely, best = (change.unsqueeze(-1) * _mass(effects, seen, blur)).max(-1)
+    frame = effects.frames[:, None].expand(-1, change.shape[1], -1).gather(2, best.unsqueeze(-1))[..., 0]
+    return torch.where(likely > 1 - change, frame, -1)
+
+
+def _mass(effects: Effects, seen: Context, blur: float) -> Tensor:
+    """Probability of the look of each candidate, (R, Q, 2K): candidates that look alike support each other."""
+    frames = effects.frames
+    rows = seen.distances.gather(1, frames[:, :, None].expand(-1, -1, seen.distances.shape[2]))
+    between = rows.gather(2, frames[:, None].expand(-1, frames.shape[1], -1))  # (R, 2K, 2K)
+    alike = torch.exp(-0.5 * (between / blur) ** 2)
+    return torch.einsum("rqc,rcd->rqd", effects.choice[..., :-1].exp(), alike)

@@ -125,9 +125,8 @@ class Boards:
     def to(self, device: torch.device | str, dtype: torch.dtype = torch.float32) -> "Boards":
         """The same boards on a device, with numbers of a type."""
         tensors = {name: value for name, value in vars(self).items() if isinstance(value, Tensor)}
-        floats = {name: value.to(device, dtype) for name, value in tensors.items() if value.is_floating_point()}
-        others = {name: value.to(device) for name, value in tensors.items() if not value.is_floating_point()}
-        return Boards(**floats, **others, sizes=self.sizes)
+        types = {name: dtype if value.is_floating_point() else value.dtype for name, value in tensors.items()}
+        return Boards(**{name: value.to(device, types[name]) for name, value in tensors.items()}, sizes=self.sizes)
 
 
 def states_of(features: Tensor, positions: Tensor) -> Tensor:

@@ -1,6 +1,4 @@
-"""The `paper` model's side of the training loop: the schedule of its iterations, and its judgements.
-
-Training of the `paper` model: one iteration, and the order of the boards (paper section 3.2, appendix A.1).
+"""Trains the `paper` model: one iteration, the schedule of all, and judgements (paper section 3.2, appendix A.1).
 
 Inference and dynamics networks are trained together on the mean squared error of the features after each of the steps
 that follow the observed frames; every step starts from its true features. Adam; an iteration whose loss explodes is
@@ -13,7 +11,7 @@ What the paper leaves open, and what is chosen here:
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -24,16 +22,14 @@ from torch.nn import functional
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.reason.inputs.board_dataset import BoardDataset, BoardSource, batches_of, in_turn
+from busybot.reason.inputs.board_dataset import BoardDataset, batches_of, in_turn
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import Boards, board_graph, read_batch
-from busybot.reason.models.paper.networks import PaperHistoryNetwork, PaperNetwork, Relations
+from busybot.reason.models.paper.networks import Network, Relations, network_of
 from busybot.training.checkpoint import Checkpoint, drawing
 from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, descend
-
-Network = PaperNetwork | PaperHistoryNetwork
 
 
 @dataclass(frozen=True)
@@ -56,7 +52,7 @@ class IterationOutcome:
 def make_network(config: PaperReasonConfig, seed: int) -> Network:
     """A network with weights drawn for this seed."""
     with drawing(generator(seed, "train", 0, "initial weights/paper")):
-        return PaperNetwork(config.network) if config.inference else PaperHistoryNetwork(config.network)
+        return network_of(config)
 
 
 def make_optimizer(network: nn.Module, config: PaperReasonConfig) -> torch.optim.Optimizer:
@@ -135,8 +131,8 @@ class PaperLearner(Learner):
     def __init__(
         self,
         config: PaperReasonConfig,
-        boards: BoardSource[BoardSequence],
-        held_out: BoardSource[BoardSequence],
+        boards: Sequence[BoardSequence],
+        held_out: Sequence[BoardSequence],
         seed: int,
     ):
         torch.set_num_threads(config.threads)

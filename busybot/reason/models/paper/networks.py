@@ -1,4 +1,4 @@
-"""The `paper` model of relations: inference and dynamics networks (paper section 3.2, appendix A.1).
+"""The `paper` model of relations: its networks and the trained reasoner (paper section 3.2, appendix A.1).
 
 Inference, from the first frames and the actions between them:
 
@@ -30,12 +30,14 @@ Every network computes its edge functions in one of two forms that give the same
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
-from busybot.reason.inputs.sequence import CHANNELS
-from busybot.reason.models.paper.config import PaperNetworkConfig
-from busybot.reason.models.paper.data import STATE, Boards, Frames
+from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
+from busybot.reason.models.base import InferredGraph
+from busybot.reason.models.paper.config import PaperNetworkConfig, PaperReasonConfig
+from busybot.reason.models.paper.data import STATE, Boards, Frames, boards_of, states_of
 from busybot.reason.models.paper.parts import KINDS, Actions, GraphNet, Recurrent, TimeConvolution, factor
 
 
@@ -170,3 +172,71 @@ class PaperHistoryNetwork(nn.Module):
 def drawn(logits: Tensor, noise: Tensor | None, temperature: float) -> Tensor:
     """Weights of the types: drawn by Gumbel-softmax, or their probabilities."""
     return logits.softmax(-1) if noise is None else ((logits + noise) / temperature).softmax(-1)
+
+
+Network = PaperNetwork | PaperHistoryNetwork
+
+
+def network_of(config: PaperReasonConfig) -> Network:
+    """The networks that are trained with these parameters."""
+    return PaperNetwork(config.network) if config.inference else PaperHistoryNetwork(config.network)
+
+
+class PaperReasoner:
+    """The trained networks as a `Reasoner`; judges one board at a time. The ablation claims no relation.
+
+    Args:
+        network: trained.
+        encoder: which features it was trained on.
+        threshold: an edge is claimed beyond this probability. 0.5 is the likelier type, as the authors have it.
+    """
+
+    def __init__(self, network: Network, encoder: str, threshold: float = 0.5):
+        self.network, self.encoder, self.threshold = network.eval(), encoder, threshold
+        self.name = "paper" if isinstance(network, PaperNetwork) else "paper without inference"
+
+    @torch.no_grad()
+    def graph(self, seen: BoardSequence) -> InferredGraph:
+        """Edge probabilities after each step, and from the first frame alone: the prior. Zeros but for candidates."""
+        beliefs = np.zeros((seen.steps + 1, *seen.candidates.shape))
+        if not isinstance(self.network, PaperNetwork):
+            return InferredGraph(self.name, beliefs[: max(1, seen.steps)], self.threshold)
+        boards = self.board_of(seen)
+        if boards.edge_index.shape[1]:
+            frames = boards.observed(seen.steps + 1)
+            nodes, edges = self.network.spatial(boards.edge_index, frames.states, None)
+            for step in range(seen.steps + 1):
+                first, known = frames.first(step + 1), slice(0, step + 1)
+                relations = self.network.relate(boards.edge_index, first, nodes[:, known], edges[:, known])
+                beliefs[step] = _matrix(boards, relations.probabilities, seen)
+        return InferredGraph(self.name, beliefs[1:] if seen.steps else beliefs, self.threshold, beliefs[0])
+
+    @torch.no_grad()
+    def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+        """Features after each of S steps, as `Reasoner.predict`; what is no responder stays as it is."""
+        after = np.array(current, np.float32)
+        boards = self.board_of(seen)
+        if not boards.edge_index.shape[1] or not len(actions):
+            return after
+        features = boards.features.new_zeros(len(boards.positions), len(actions), after.shape[-1])
+        features[: after.shape[1]] = torch.from_numpy(after).to(features).transpose(0, 1)
+        frames = Frames(
+            states_of(features, boards.positions),
+            torch.from_numpy(np.array(actions, np.float32)).to(features)[None],
+            torch.from_numpy(np.array(acted, np.int64)).to(features.device)[None],
+        )
+        predicted = self.network.foresee(boards.edge_index, boards.observed(seen.steps + 1), frames)  # (M, S, 256)
+        after[:, seen.responders] = predicted.transpose(0, 1).cpu().numpy()[:, np.flatnonzero(seen.responders)]
+        return after
+
+    def board_of(self, seen: BoardSequence) -> Boards:
+        """One board, where the network is."""
+        return boards_of([seen], self.network.config).to(next(self.network.parameters()).device)
+
+
+def _matrix(boards: Boards, values: Tensor, seen: BoardSequence) -> np.ndarray:
+    """(P,) of one board as (N, N), trigger in the row and responder in the column; zeros but for candidates."""
+    count = len(seen.positions)
+    matrix = np.zeros((len(boards.positions), len(boards.positions)))
+    matrix[tuple(boards.edge_index.cpu().numpy())] = values.cpu().numpy()
+    return np.where(seen.candidates, matrix[:count, :count], 0)

@@ -15,7 +15,7 @@ from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.event.config import EventConfig, EventNetConfig, LossConfig
 from busybot.reason.models.event.data import board_graph
 from busybot.reason.models.event.learner import EventLearner, smallest_change
-from busybot.reason.models.event.reasoner import EventReasoner
+from busybot.reason.models.event.networks import EventReasoner
 from busybot.training.loop import LoopConfig, fit
 from tests.reason.boards import make_boards
 

@@ -12,8 +12,7 @@ from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.event.config import EventConfig, EventNetConfig
 from busybot.reason.models.event.data import board_graph, context_of, padded
 from busybot.reason.models.event.learner import EventLearner
-from busybot.reason.models.event.networks import EventNet
-from busybot.reason.models.event.reasoner import EventReasoner
+from busybot.reason.models.event.networks import EventNet, EventReasoner
 from busybot.reason.models.lookup import Lookup
 from tests.reason.boards import make_boards
 from tests.reason.judging import score

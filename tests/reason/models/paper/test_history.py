@@ -10,8 +10,7 @@ from busybot.reason.models.base import Reasoner
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import boards_of
 from busybot.reason.models.paper.learner import iterate, make_network, make_optimizer
-from busybot.reason.models.paper.networks import PaperHistoryNetwork
-from busybot.reason.models.paper.reasoner import PaperHistoryReasoner
+from busybot.reason.models.paper.networks import PaperHistoryNetwork, PaperReasoner
 from tests.reason.paper_scenes import SMALL, watched
 
 IMAGES = 4
@@ -47,7 +46,7 @@ def test_a_prediction_depends_on_all_that_was_seen_and_on_its_own_step(network: 
 
 def test_it_predicts_as_in_training_and_claims_no_relation(network: PaperHistoryNetwork) -> None:
     seen = watched(steps=7)
-    reasoner: Reasoner = PaperHistoryReasoner(network, "embedded")
+    reasoner: Reasoner = PaperReasoner(network, "embedded")
     after = reasoner.predict(seen.first(IMAGES), seen.features[3:7], seen.actions[3:], seen.acted[3:])
     expected = predicted(network, seen).transpose(0, 1).numpy()
     responders = np.flatnonzero(seen.responders)

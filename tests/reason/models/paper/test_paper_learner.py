@@ -13,7 +13,7 @@ from busybot.common.errors import BusybotError
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperLoopConfig, PaperReasonConfig
 from busybot.reason.models.paper.learner import PaperLearner
-from busybot.reason.models.paper.reasoner import PaperHistoryReasoner, PaperReasoner
+from busybot.reason.models.paper.networks import PaperHistoryNetwork, PaperNetwork, PaperReasoner
 from busybot.reason.models.registry import ReasonerInfo, load_reasoner
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import fit
@@ -102,7 +102,7 @@ def test_the_last_weights_are_kept_unless_boards_are_held_out(tmp_path: Path) ->
     assert json.loads((tmp_path / "some" / "metrics.json").read_text()) == judged
 
 
-@pytest.mark.parametrize(("inference", "kind"), [(True, PaperReasoner), (False, PaperHistoryReasoner)])
+@pytest.mark.parametrize(("inference", "kind"), [(True, PaperNetwork), (False, PaperHistoryNetwork)])
 def test_a_saved_model_is_loaded_again(tmp_path: Path, inference: bool, kind: type) -> None:
     config = CONFIG.model_copy(update={"inference": inference})
     learner = PaperLearner(config, BOARDS, [], 0)
@@ -110,10 +110,10 @@ def test_a_saved_model_is_loaded_again(tmp_path: Path, inference: bool, kind: ty
     info = ReasonerInfo(model="paper", encoder="random", config=config.model_dump(mode="json"))
     save_model(tmp_path / "model", info, learner.network.state_dict())
     reasoner = load_reasoner(tmp_path)
-    assert isinstance(reasoner, kind) and reasoner.encoder == "random"
+    assert isinstance(reasoner, PaperReasoner) and isinstance(reasoner.network, kind) and reasoner.encoder == "random"
     seen = BOARDS[0]
     asked = (seen.first(4), seen.features[3:5], seen.actions[3:], seen.acted[3:])
-    expected = kind(learner.network, "random").predict(*asked)
+    expected = PaperReasoner(learner.network, "random").predict(*asked)
     assert np.array_equal(reasoner.predict(*asked), expected)
 
 

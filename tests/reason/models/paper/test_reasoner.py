@@ -7,8 +7,7 @@ import torch
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import Reasoner
 from busybot.reason.models.paper.config import PaperNetworkConfig
-from busybot.reason.models.paper.networks import PaperNetwork
-from busybot.reason.models.paper.reasoner import PaperReasoner, board_of
+from busybot.reason.models.paper.networks import PaperNetwork, PaperReasoner
 from tests.reason.paper_scenes import SMALL, watched
 
 CANDIDATES = SMALL.model_copy(update={"pairs": "candidates"})
@@ -52,7 +51,8 @@ def test_what_is_believed_after_a_step_is_what_a_shorter_sequence_says(reasoner:
 
 def test_probabilities_are_those_of_the_network(reasoner: PaperReasoner) -> None:
     seen = watched(triggers=2, responders=3, steps=6)
-    boards = board_of(seen, reasoner.network)
+    boards = reasoner.board_of(seen)
+    assert isinstance(reasoner.network, PaperNetwork)
     with torch.no_grad():
         relations = reasoner.network.infer(boards.edge_index, boards.observed(7))
     matrix = reasoner.graph(seen).after(6)
@@ -79,7 +79,7 @@ def test_steps_are_predicted_each_on_its_own_and_for_responders_only(reasoner: P
 def test_predictions_are_those_of_the_training(reasoner: PaperReasoner) -> None:
     seen = watched(triggers=2, responders=3, steps=8)
     with torch.no_grad():
-        expected = reasoner.network(board_of(seen, reasoner.network), 5)[0].transpose(0, 1).numpy()
+        expected = reasoner.network(reasoner.board_of(seen), 5)[0].transpose(0, 1).numpy()
     after = reasoner.predict(seen.first(5), *ahead(seen, 5))
     responders = np.flatnonzero(seen.responders)
     assert np.allclose(after[:, responders], expected[:, responders], atol=1e-5)

@@ -1,16 +1,26 @@
-"""The user's cache: built procedural libraries, and where libraries with given hashes were last seen.
+"""The user's cache: built procedural libraries, parsed objects, and where libraries with given hashes were last seen.
 
 The cache is a convenience: an unreadable or unwritable one costs time, never correctness.
 """
 
+import hashlib
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 
-from busybot.common.atomic_io import write_json
+import numpy as np
+from pydantic import TypeAdapter
+
+from busybot.common.atomic_io import read_text, write_atomically, write_json
+from busybot.common.errors import BusybotError
+from busybot.objects.model import ObjectModel
 
 _INDEX = "libraries.json"
 _MAX_ENTRIES = 64
+_MAX_PARSED, _MAX_BYTES = 20_000, 64 << 20
 
 
 def cache_folder() -> Path:
@@ -20,6 +30,43 @@ def cache_folder() -> Path:
     if shared := os.environ.get("XDG_CACHE_HOME"):
         return Path(shared) / "busybot"
     return Path.home() / ".cache" / "busybot"
+
+
+@contextmanager
+def parsed_objects() -> Iterator[dict[str, ObjectModel]]:
+    """Objects that were parsed before, by the hash of their files; those that are put in are there the next time.
+
+    They are kept by what the files hold and by the code that parsed them, so that neither can be out of date.
+    """
+    path = cache_folder() / f"parsed-{_parser_hash()}.json"
+    known = _read_parsed(path)
+    before = len(known)
+    yield known
+    if len(known) > before:
+        kept = dict(list(known.items())[-_MAX_PARSED:])
+        with suppress(OSError):
+            write_atomically(path, _PARSED.dump_json(kept))
+
+
+_PARSED = TypeAdapter(dict[str, ObjectModel])
+
+
+@lru_cache(maxsize=4)
+def _read_parsed(path: Path) -> dict[str, ObjectModel]:
+    try:
+        return _PARSED.validate_json(read_text(path, _MAX_BYTES))
+    except (BusybotError, ValueError):
+        return {}
+
+
+@lru_cache(maxsize=1)
+def _parser_hash() -> str:
+    """Names what decides how files are parsed: the modules that do it, and NumPy, which rounds."""
+    digest = hashlib.sha256(np.__version__.encode())
+    folder = Path(__file__).parent
+    for source in [folder / "model.py", *sorted((folder / "partnet").glob("*.py"))]:
+        digest.update(source.name.encode() + b"\0" + source.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def remember(path: Path, objects: dict[str, str]) -> None:

@@ -38,10 +38,14 @@ class Library:
     splits: dict[str, dict[str, float]]
 
     @staticmethod
-    def load(path: Path) -> "Library":
-        """Read a library; an unreadable object, or one that no split knows, is refused by name."""
+    def load(path: Path, known: dict[str, ObjectModel] | None = None) -> "Library":
+        """Read a library; an unreadable object, or one that no split knows, is refused by name.
+
+        Args:
+            known: objects that need not be parsed again, see `load_object`.
+        """
         folders = object_folders(path)
-        objects = {key: load_as(key, folder) for key, folder in folders.items()}
+        objects = {key: load_as(key, folder, known) for key, folder in folders.items()}
         return Library(path.resolve().name, path, objects, read_splits(path, objects))
 
     @property
@@ -87,9 +91,9 @@ def object_folders(path: Path) -> dict[str, Path]:
     return found
 
 
-def load_as(key: str, folder: Path) -> ObjectModel:
+def load_as(key: str, folder: Path, known: dict[str, ObjectModel] | None = None) -> ObjectModel:
     """Read the object that a library calls `key`; an annotation with another name is refused."""
-    model = load_object(folder)
+    model = load_object(folder, known)
     if model.key != key:
         what = f"its annotation calls it {model.key}, its folder {key}"
         raise BusybotError(f"{folder}: {what}", "rename the folder or correct the file")

@@ -48,7 +48,8 @@ def mismatch(library: Library, expected: dict[str, str]) -> str | None:
 
 def load_and_remember(path: Path) -> Library:
     """Read a library, and note in the user's cache where its objects lie."""
-    library = Library.load(path)
+    with cache.parsed_objects() as known:
+        library = Library.load(path, known)
     cache.remember(path, library.hashes())
     return library
 
@@ -56,7 +57,8 @@ def load_and_remember(path: Path) -> Library:
 def _open(assets: str) -> Library:
     if assets != "procedural":
         return load_and_remember(Path(assets))
-    library = procedural_library()
+    with cache.parsed_objects() as known:
+        library = procedural_library(known)
     cache.remember(library.folder, library.hashes())
     return library
 

@@ -7,9 +7,13 @@ from pathlib import Path
 import pytest
 
 from busybot.common.errors import BusybotError
+from busybot.objects import cache
 from busybot.objects.cache import places
 from busybot.objects.library import Library
-from busybot.objects.resolve import find
+from busybot.objects.model import ObjectModel
+from busybot.objects.partnet import loader
+from busybot.objects.partnet.folder_snapshot import Snapshot
+from busybot.objects.resolve import find, load_and_remember
 
 
 @pytest.fixture
@@ -124,3 +128,57 @@ def test_a_damaged_index_does_no_harm(small: Path, tmp_path: Path, monkeypatch: 
     (tmp_path / "cache" / "libraries.json").write_text('[{"path": 3}]')
     library = find(str(small))
     assert find(None, library.hashes()).sha256 == library.sha256
+
+
+@pytest.fixture
+def parsed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
+    """Keys of the objects that are parsed in this process, which begins with nothing in its caches."""
+    keys: list[str] = []
+    parse = loader.parse_object
+
+    def counted(snapshot: Snapshot) -> ObjectModel:
+        model = parse(snapshot)
+        keys.append(model.key)
+        return model
+
+    monkeypatch.setattr(loader, "parse_object", counted)
+    monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path / "cache"))
+    forget()
+    return keys
+
+
+def forget() -> None:
+    """As a new process does."""
+    loader._parse.cache_clear()
+    cache._read_parsed.cache_clear()
+
+
+def test_objects_are_parsed_once_for_all_processes(small: Path, parsed: list[str], tmp_path: Path) -> None:
+    library = load_and_remember(small)
+    assert parsed == ["Lamp/globe-01", "Switch/slider-01"]
+    forget()
+    assert load_and_remember(small) == library and len(parsed) == 2
+    moved = small.rename(tmp_path / "moved")
+    forget()
+    again = load_and_remember(moved)
+    assert len(parsed) == 2 and again.get("Lamp/globe-01").folder == moved / "Lamp" / "globe-01"
+
+
+def test_what_changed_is_parsed_anew(small: Path, parsed: list[str]) -> None:
+    before = load_and_remember(small).get("Lamp/globe-01")
+    file = small / "Lamp" / "globe-01" / "object_meta_info.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"Scale": before.scale / 2}))
+    forget()
+    assert load_and_remember(small).get("Lamp/globe-01").scale == before.scale / 2
+    assert parsed[2:] == ["Lamp/globe-01"]
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"a": {"category": "Lamp"}}', "\x00"])
+def test_a_damaged_cache_costs_time_only(small: Path, parsed: list[str], tmp_path: Path, text: str) -> None:
+    library = load_and_remember(small)
+    (file,) = (tmp_path / "cache").glob("parsed-*.json")
+    file.write_text(text)
+    forget()
+    assert load_and_remember(small) == library and len(parsed) == 4
+    forget()
+    assert load_and_remember(small) == library and len(parsed) == 4, "it was written anew"

@@ -1,6 +1,6 @@
 """From a folder to an `ObjectModel`: annotation, URDF and meshes, checked and brought together. No simulator."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Literal, NoReturn, cast
@@ -20,17 +20,23 @@ Triple = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 Pair = tuple[tuple[float, ...], tuple[float, ...]]
 
 
-def load_object(folder: Path) -> ObjectModel:
+def load_object(folder: Path, known: dict[str, ObjectModel] | None = None) -> ObjectModel:
     """Read an annotated object folder.
 
     Args:
         folder: holds `object_meta_info.json`, `mobility.urdf` and the meshes. It may itself be reached through a link.
+        known: objects by the hash of their files, which need not be parsed again; takes up those that were parsed.
 
     Raises:
         BusybotError: something is missing, malformed, monstrous or leads out of the folder; names file, place and hint.
     """
     snapshot = read_snapshot(folder.absolute())
-    return _parse(_Hashed(snapshot.folder, snapshot.sha256, [snapshot]))
+    if known is not None and snapshot.sha256 in known:
+        return replace(known[snapshot.sha256], folder=snapshot.folder)
+    model = _parse(_Hashed(snapshot.folder, snapshot.sha256, [snapshot]))
+    if known is not None:
+        known[model.sha256] = model
+    return model
 
 
 def parse_object(snapshot: Snapshot) -> ObjectModel:

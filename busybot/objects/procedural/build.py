@@ -22,7 +22,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.objects import cache
 from busybot.objects.library import SPLIT_FILE, Library
-from busybot.objects.model import Split
+from busybot.objects.model import ObjectModel, Split
 from busybot.objects.procedural import doors, lamps, toys
 from busybot.objects.procedural.design import Design
 from busybot.objects.procedural.export import write_object
@@ -111,17 +111,21 @@ def make_library(folder: Path, seed: int = DEFAULT_SEED) -> list[str]:
     return keys
 
 
-def procedural_library() -> Library:
-    """The procedural library from the user's cache, made there first if it is absent or damaged."""
+def procedural_library(known: dict[str, ObjectModel] | None = None) -> Library:
+    """The procedural library from the user's cache, made there first if it is absent or damaged.
+
+    Args:
+        known: objects that need not be parsed again, see `objects.partnet.loader.load_object`.
+    """
     place = cache.cache_folder() / f"procedural-{_code_hash()}"
     if place.is_dir():
         try:
-            return _named(Library.load(place))
+            return _named(Library.load(place, known))
         except BusybotError:
             with contextlib.suppress(OSError):
                 remove(place)
     _build_into(place)
-    return _named(Library.load(place))
+    return _named(Library.load(place, known))
 
 
 def _named(library: Library) -> Library:

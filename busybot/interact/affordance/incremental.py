@@ -19,9 +19,9 @@ from torch.nn import functional
 
 from busybot.interact.affordance.networks import PositionNet
 
-TILES = (16, 8, 8, 4)
+TILES = (8, 8, 4, 4)
 """Sides of tiles in cells, by level, powers of two. A cell of level k is 2^(k + 1) pixels wide."""
-TOGETHER = 24
+TOGETHER = 64
 """Tiles that are computed at once: few enough for a processor's cache."""
 
 Scale = Literal["same", "finer", "coarser"]

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.stats import mode
 
 from busybot.boards.spec import BoardSpec
 from busybot.datasets.dataset import Dataset
@@ -55,7 +54,7 @@ class NearestState:
         for index in np.flatnonzero(judged):
             members = [clusters[:, index] == number for number in np.unique(clusters[:, index])]
             centres = [features[own, index].mean(axis=0) for own in members]
-            commonest = [mode(states[own, index]).mode for own in members]
+            commonest = [np.bincount(states[own, index]).argmax() for own in members]
             self._shown[int(index)] = (np.array(centres, np.float32), np.array(commonest))
 
     def read(self, features: np.ndarray) -> np.ndarray:

@@ -47,7 +47,7 @@ IMAGES = 23
 CURVE = (2, 5, 8, 11, 14, 17, 20, 23)
 """Numbers of observed images after which predictions are judged, beside the number asked for."""
 
-BOARDS_PER_WORKER = 10
+BOARDS_PER_WORKER = 30
 """A process more costs about as much time as so many boards."""
 
 Progress = Callable[[int, int], None]

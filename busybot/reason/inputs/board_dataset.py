@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
-from torch_geometric.data import Batch, Dataset, HeteroData
-from torch_geometric.loader import DataLoader
 
 from busybot.common.errors import BusybotError
 from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.pyg import Batch, DataLoader, Dataset, HeteroData
 from busybot.training.loop import groups_apart
 
 if TYPE_CHECKING:

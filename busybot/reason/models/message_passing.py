@@ -1,6 +1,6 @@
 """The base of all networks that pass messages: PyTorch Geometric's, kept from writing files."""
 
-from torch_geometric.nn import MessagePassing
+from busybot.reason.pyg import MessagePassing
 
 
 class GraphModule(MessagePassing):

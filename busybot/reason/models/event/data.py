@@ -15,10 +15,10 @@ import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import pad
-from torch_geometric.data import Batch, HeteroData
 
 from busybot.reason.inputs.board_dataset import step_targets, touches
 from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.pyg import Batch, HeteroData
 
 
 def board_graph(sequence: BoardSequence) -> HeteroData:

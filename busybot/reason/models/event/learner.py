@@ -14,8 +14,6 @@ import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
-from torch_geometric.data import HeteroData
-from torch_geometric.utils import scatter
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
@@ -24,6 +22,7 @@ from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.event.config import EventConfig, LossConfig
 from busybot.reason.models.event.data import Context, ObservedOutcome, Queries, board_graph, context_of, padded, split
 from busybot.reason.models.event.networks import Effects, EventNet, likeliest_frames, log_sum
+from busybot.reason.pyg import HeteroData, scatter
 from busybot.training.checkpoint import initialise
 from busybot.training.loop import Learner, cosine_rate, descend
 

@@ -13,8 +13,6 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
-from torch_geometric.data import Batch
-from torch_geometric.utils import scatter, softmax
 
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph
@@ -45,6 +43,7 @@ from busybot.reason.models.event.data import (
     trigger_rows,
 )
 from busybot.reason.models.message_passing import GraphModule
+from busybot.reason.pyg import Batch, scatter, softmax
 from busybot.training.device import threads
 
 NEVER = -1e4

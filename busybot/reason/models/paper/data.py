@@ -14,11 +14,11 @@ import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
-from torch_geometric.data import Batch, HeteroData
 
 from busybot.reason.inputs.board_dataset import BoardDataset, batches_of, step_targets, touches
 from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
 from busybot.reason.models.paper.config import PaperNetworkConfig
+from busybot.reason.pyg import Batch, HeteroData
 
 STATE = CHANNELS + 3
 ACTION = 6

@@ -9,11 +9,11 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
-from torch_geometric.typing import OptTensor
 
 from busybot.reason.models.message_passing import GraphModule
 from busybot.reason.models.paper.config import PaperNetworkConfig
 from busybot.reason.models.paper.data import ACTION, Frames
+from busybot.reason.pyg import OptTensor
 
 KINDS = 2
 """Types of edges: 0 no relation, 1 relation."""

@@ -53,6 +53,13 @@ def test_any_difference_is_found(other: dict[str, Any], capsys: pytest.CaptureFi
     assert len(capsys.readouterr().out.splitlines()) > 2
 
 
+def test_what_is_meant_to_differ_is_told_and_not_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    (case,) = cases.MEANT
+    first, second = FACTS | {case: {"gates": []}}, FACTS | {case: {FAILED: "exit 1"}}
+    assert compare(first, second) == 0 and f"{case}: differs, as it should" in capsys.readouterr().out
+    assert compare(first, first) == 0 and case not in capsys.readouterr().out
+
+
 def test_interrupted_work_must_end_as_uninterrupted_work(capsys: pytest.CaptureFixture[str]) -> None:
     other = changed("continued/bc", "weights", "weights.safetensors", to="cd")
     assert compare(other, other) == 2 and "continued/bc: .weights.weights.safetensors" in capsys.readouterr().out

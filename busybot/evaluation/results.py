@@ -56,6 +56,7 @@ KINDS = {
     "collection": "python -m benchmarks.speed.collection",
     "memory": "python -m benchmarks.speed.collection --memory",
     "decision-time": "python -m benchmarks.tables.table3 decision-time",
+    "waiting": "python -m benchmarks.speed.waiting",
     "features-speed": "python -m benchmarks.speed.reason features",
     "interact-speed": "python -m benchmarks.speed.interact",
     "paper-interact-speed": "python -m benchmarks.speed.interact paper",

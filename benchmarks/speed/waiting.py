@@ -1,0 +1,170 @@
+"""Measures what people wait for: commands, environments, boards and recorded actions, on several checkouts in one run.
+
+    python -m benchmarks.speed.waiting --checkout before=FOLDER --checkout after=FOLDER [--repeat 3] [--out FILE]
+
+Only the command line and `gymnasium.make` are used, so the checkouts may be of any version. They take turns, so that
+what else the machine does meets all of them alike; figures are medians. A row is processor time, user and system, of a
+command and of the processes that it starts. It is told as a ratio to one product of two 1024 x 1024 matrices of float32
+by one thread, which is timed in the same run: that ratio says the same on a faster machine. Rows per board and per
+action are differences of two commands, one of which does more, so that starting is not in them.
+
+Everything is measured with warm caches: each checkout has made its procedural objects and has parsed them, if it keeps
+that, and the operating system has its files in memory.
+"""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks.runner import finish, parser, timed
+
+SIDE = 1024
+SEED = "5"
+ENVIRONMENT = "import gymnasium, busybot.sim.registration; gymnasium.make('busybot/Board-v0').reset(seed=0)"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What is measured.
+
+    Attributes:
+        more: words of `busybot`, or of Python. `{new}` is a folder that is not there, `{16}` a dataset with so many
+            boards and no episodes, `{recorded}` one of 20 boards with 30 steps each.
+        less: is subtracted; what `more` does beyond it is done `units` times.
+    """
+
+    more: str
+    less: str | None = None
+    units: int = 1
+
+
+def acting(policy: str) -> Row:
+    """An action, recorded."""
+    few, many = (f"busybot collect {{16}} --policy {policy} --steps {steps} --workers 1" for steps in (4, 24))
+    return Row(many, few, 16 * 20)
+
+
+ROWS = {
+    "busybot --help": Row("busybot --help"),
+    "generate, 2 boards": Row("busybot generate {new} --boards 2"),
+    "gymnasium.make and reset": Row(f"-c {shlex.quote(ENVIRONMENT)}"),
+    "collect, to the first action": Row("busybot collect {1} --policy scripted --steps 1 --workers 1"),
+    "eval reason, 20 boards": Row("busybot eval reason {recorded}"),
+    "building and looking at a board": Row(
+        "busybot collect {24} --policy random --steps 1 --workers 1",
+        "busybot collect {8} --policy random --steps 1 --workers 1",
+        16,
+    ),
+    "a recorded action, scripted": acting("scripted"),
+    "a recorded action, learned": acting("learned"),
+}
+
+
+class Checkout:
+    """A version of the project, and the datasets that it made.
+
+    Args:
+        source: the repository.
+        work: folder for its datasets and its cache.
+    """
+
+    def __init__(self, source: Path, work: Path) -> None:
+        self.work = work
+        path = os.pathsep.join(filter(None, [str(source), os.environ.get("PYTHONPATH")]))
+        self.environment = {**os.environ, "PYTHONPATH": path, "BUSYBOT_CACHE": str(work / "cache")}
+        self.commit = subprocess.run(
+            ["git", "-C", str(source), "rev-parse", "HEAD"], capture_output=True, text=True
+        ).stdout.strip()
+
+    def prepare(self) -> None:
+        """All that commands find there."""
+        for boards in (1, 8, 16, 24):
+            self.run(f"busybot generate {boards} --boards {boards} --seed {SEED} --group-size 1")
+        self.run(f"busybot generate recorded --boards 20 --seed {SEED}")
+        self.run("busybot collect recorded --policy scripted --steps 30")
+        self.run("busybot features recorded")
+
+    def seconds(self, words: str) -> float:
+        """Processor seconds of a command on datasets of its own."""
+        used = self.work / "used"
+        shutil.rmtree(used, ignore_errors=True)
+        used.mkdir()
+        for name in re.findall(r"{(\d+)}", words):
+            shutil.copytree(self.work / name, used / name)
+        places = re.sub(r"{(\d+|new)}", r"used/\1", words).replace("{recorded}", "recorded")
+        before = os.times()
+        self.run(places)
+        after = os.times()
+        return after.children_user + after.children_system - before.children_user - before.children_system
+
+    def run(self, words: str) -> None:
+        """Run it in the work folder.
+
+        Raises:
+            RuntimeError: it failed; with what it said.
+        """
+        given = shlex.split(words)
+        command = [sys.executable, *(("-m", *given) if given[0] == "busybot" else given)]
+        done = subprocess.run(command, cwd=self.work, env=self.environment, capture_output=True, text=True)
+        if done.returncode:
+            raise RuntimeError(f"{words}: {done.stderr[-500:]}")
+
+
+def product_seconds(times: int = 20) -> float:
+    """Median processor seconds of one product of two matrices."""
+    torch.set_num_threads(1)
+    left, right = torch.randn(2, SIDE, SIDE)
+    return float(np.median(timed(lambda: left @ right, times)[1]))
+
+
+def measure(row: Row, checkouts: dict[str, Checkout], repeat: int) -> dict[str, float]:
+    """Median seconds of each checkout."""
+    spent: dict[str, list[float]] = {name: [] for name in checkouts}
+    for _ in range(repeat):
+        for name, checkout in checkouts.items():
+            more, less = (0.0 if words is None else checkout.seconds(words) for words in (row.more, row.less))
+            spent[name].append((more - less) / row.units)
+    return {name: float(np.median(values)) for name, values in spent.items()}
+
+
+def main() -> None:
+    options = parser(__doc__, assets=False, out=False)
+    options.add_argument("--checkout", action="append", required=True, help="NAME=FOLDER of a repository; repeatable")
+    options.add_argument("--repeat", type=int, default=3)
+    arguments = options.parse_args()
+    pairs = [word.partition("=")[::2] for word in arguments.checkout]
+    rows: dict[str, dict[str, float]] = {}
+    with tempfile.TemporaryDirectory() as temporary:
+        checkouts = {name: Checkout(Path(folder).resolve(), Path(temporary) / name) for name, folder in pairs}
+        for checkout in checkouts.values():
+            checkout.work.mkdir()
+            checkout.prepare()
+        product = product_seconds()
+        for name, row in ROWS.items():
+            seconds = measure(row, checkouts, arguments.repeat)
+            products = {checkout: round(spent / product, 2) for checkout, spent in seconds.items()}
+            first, last = seconds[pairs[0][0]], seconds[pairs[-1][0]]
+            rows[name] = {**products, "ratio": round(last / first, 3)}
+            print(f"{name}: {rows[name]}", file=sys.stderr, flush=True)
+    figures: dict[str, Any] = {
+        "unit": f"products of two {SIDE} x {SIDE} matrices of float32, one thread",
+        "product_milliseconds": round(1000 * product, 2),
+        "commits": {name: checkout.commit for name, checkout in checkouts.items()},
+        "rows": rows,
+    }
+    print(json.dumps(finish("waiting", arguments, figures, seed=int(SEED)), indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -35,6 +35,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "interact-speed": tables.interact_speed,
         "paper-interact-speed": tables.paper_interact_speed,
     },
+    "docs/results/speed.md": {"waiting": tables.waiting},
     "docs/results/reason.md": {
         "features": tables.features,
         "features-speed": prose.features_speed,

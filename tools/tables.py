@@ -204,6 +204,21 @@ def interact_speed() -> str:
     return markdown([plain_grid([""], [(words, [f"{value:.0f}"]) for words, value in rows], corner)])
 
 
+def waiting() -> str:
+    """What commands, boards and actions cost before and after, in matrix products."""
+    told = result("waiting")
+    names = list(told["commits"])
+    rows = []
+    for what, one in told["rows"].items():
+        rows.append((what, [*(f"{one[name]:.1f}" for name in names), f"{one['ratio']:.2f}"]))
+    heads = [f"{name} (`{commit[:7]}`)" for name, commit in told["commits"].items()]
+    words = (
+        f"One product takes {told['product_milliseconds']:.1f} ms on the machine where this was measured "
+        f"({told['machine']['processor']}, one thread)."
+    )
+    return markdown([plain_grid([*heads, "ratio"], rows, told["unit"]), Text(words)])
+
+
 def paper_interact_speed() -> str:
     """What an iteration of each of the paper's interaction networks costs, and the whole schedule by extrapolation."""
     told = result("paper_interact")

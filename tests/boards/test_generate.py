@@ -137,6 +137,7 @@ def test_relation_matrix_collapses_links(library: Library) -> None:
     assert all(matrix[relation.triggers[0].object][relation.responder] for relation in board.relations)
 
 
+@pytest.mark.long
 def test_weights_are_honoured_unless_uniform(partnet: Path) -> None:
     library = Library.load(partnet)
 

@@ -164,6 +164,7 @@ def test_ppo_plays_the_same_after_its_export(tmp_path: Path) -> None:
     assert (alone.scores(torch.zeros(1, 16), as_tensors({k: v[-1:] for k, v in row.items()})) < 1e9).all()
 
 
+@pytest.mark.long
 def test_ppo_earns_more_with_practice() -> None:
     sizes = {
         "iterations": 15,
@@ -181,6 +182,7 @@ def test_ppo_earns_more_with_practice() -> None:
     assert play(student.policy, boards).tolist() == [1]
 
 
+@pytest.mark.long
 def test_without_sb3_ppo_says_what_is_missing_and_bc_needs_none(tmp_path: Path) -> None:
     """In a process that cannot import sb3-contrib."""
     code = f"""

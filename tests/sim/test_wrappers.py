@@ -62,7 +62,7 @@ def test_one_array_holds_what_the_dictionary_holds(env: gymnasium.Env[Any, Any])
         ImageObservations(env, "colour")
 
 
-@pytest.mark.parametrize("mode", ["sync", "async"])
+@pytest.mark.parametrize("mode", ["sync", pytest.param("async", marks=pytest.mark.long)])
 def test_vector_environments_play_as_single_ones_do(mode: str) -> None:
     options = {"context": "spawn"} if mode == "async" else {}
     envs = gymnasium.make_vec(NAME, 2, mode, vector_kwargs=options, render=SMALL, max_steps=2)

@@ -119,6 +119,7 @@ def test_the_curve_grows_with_the_images_up_to_its_bound() -> None:
     assert curve[0]["edge_r"] < curve[-1]["edge_r"] == result["edge_r"]
 
 
+@pytest.mark.long
 def test_two_runs_and_two_workers_give_the_same_result(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "toys")
     seen: list[tuple[int, int]] = []

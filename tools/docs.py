@@ -16,7 +16,7 @@ from pathlib import Path
 
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
-from tools import prose, references, tables
+from tools import prose, reference_pages, tables
 
 ROOT = Path(__file__).resolve().parents[1]
 Part = Callable[[], str]
@@ -25,8 +25,8 @@ PAGES: dict[str, dict[str, Part]] = {
     "README.md": {"overview": tables.overview},
     "benchmarks/README.md": {"costs": prose.costs, "relations": prose.relations},
     "docs/guides/reproduce.md": {"laptop": prose.laptop},
-    "docs/reference/commands.md": {"commands": references.commands},
-    "docs/reference/dataset-format.md": {"format": references.dataset_format},
+    "docs/reference/commands.md": {"commands": reference_pages.commands},
+    "docs/reference/dataset-format.md": {"format": reference_pages.dataset_format},
     "docs/results/interact.md": {
         "table1": tables.table1,
         "further-boards": tables.further_boards,

@@ -84,6 +84,7 @@ def test_only_what_is_in_the_buffer_stays_cached(trained: Path, recorded: Path) 
     assert list(np.bincount(samples.dataset)) == [2, 18]
 
 
+@pytest.mark.long
 def test_killed_and_continued_it_ends_in_the_same_weights(
     trained: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -104,6 +105,7 @@ def test_killed_and_continued_it_ends_in_the_same_weights(
     assert len(weights(trained)) == 2
 
 
+@pytest.mark.long
 def test_offline_it_repeats_the_training_from_its_own_rounds(trained: Path, recorded: Path, tmp_path: Path) -> None:
     shutil.copytree(recorded, tmp_path / "run" / "rounds")
     training(tmp_path / "run").run()

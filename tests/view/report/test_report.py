@@ -299,6 +299,7 @@ def folds(text: str) -> list[str]:
     return re.findall(r"<details><summary>Commands, seeds, hashes, versions</summary>(.*?)</details>", text, re.DOTALL)
 
 
+@pytest.mark.long
 def test_what_made_the_committed_tables_is_told(tmp_path: Path) -> None:
     files = [RESULTS / f"table{number}.json" for number in (1, 2, 3)]
     told = folds(write_report(files, tmp_path / "out").markdown.read_text())

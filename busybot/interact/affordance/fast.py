@@ -142,59 +142,49 @@ class AffordanceModel:
             earlier: of the same board, saves closer looks at what has not changed.
         """
         before = None if earlier is None else earlier.kept
-        features, height, changed = self._features(seen, rays, before)
+        features, height = self._features(seen, rays, before)
         elevated = height > ELEVATED
         affordance = torch.full_like(height, NOT_ELEVATED)
         kept = KeptLook(seen, features)
         if elevated.any():
             window = _window(elevated)
             part = elevated[window]
-            logits, position = self._position_logits(features, window, part, changed, before)
+            logits, position = self._position_logits(features, window, part, before)
             affordance[window] = torch.where(part, logits[: part.shape[0], : part.shape[1]], NOT_ELEVATED)
             kept = KeptLook(seen, features, window, position)
         closer = {} if earlier is None else earlier.closer
         return AffordanceView(height.numpy(), affordance.numpy(), features.numpy(), closer, kept)
 
-    def _features(
-        self, seen: Observation, rays: Rays, before: KeptLook | None
-    ) -> tuple[Tensor, Tensor, np.ndarray | None]:
-        """What the networks see (C, H, W), heights (H, W), and where the former changed, uint8 (H, W), if known."""
+    def _features(self, seen: Observation, rays: Rays, before: KeptLook | None) -> tuple[Tensor, Tensor]:
+        """What the networks see (C, H, W), and heights (H, W)."""
         camera = self._pinhole(rays)
         if self.info.inputs == "rgb":
-            height = heights_of(picture_features(seen.depth, camera))
-            changed = None if before is None else (seen.rgb != before.seen.rgb).any(axis=-1).view(np.uint8)
-            return colour_features(seen.rgb), height, changed
+            return colour_features(seen.rgb), heights_of(picture_features(seen.depth, camera))
         if before is None:
-            features, changed = picture_features(seen.depth, camera), None
+            features = picture_features(seen.depth, camera)
         else:
-            features, changed = updated_features(before.features, before.seen.depth, seen.depth, camera)
-        return features, heights_of(features), changed
+            features = updated_features(before.features, before.seen.depth, seen.depth, camera)
+        return features, heights_of(features)
 
     def _position_logits(
-        self,
-        features: Tensor,
-        window: tuple[slice, slice],
-        elevated: Tensor,
-        changed: np.ndarray | None,
-        before: KeptLook | None,
+        self, features: Tensor, window: tuple[slice, slice], elevated: Tensor, before: KeptLook | None
     ) -> tuple[Tensor, IncrementalPositionNet | None]:
         """Logits of a part of the picture where it is elevated; and the network, if it can go on from there."""
         part = _pad_to_stride(features[:, *window])
         network = self.networks["position"]
         if self.on.type != "cpu" or not isinstance(network, PositionNet):
             return self._run("position", part[None])[0], None
-        sides = (part.shape[1], part.shape[2])
-        if before is None or before.position is None or before.window is None or changed is None:
-            position, changes = IncrementalPositionNet(network, sides), np.ones(sides, np.uint8)
+        rows, columns = part.shape[1:]
+        if before is None or before.position is None or before.window is None:
+            position = IncrementalPositionNet(network, (rows, columns))
+        elif before.window == window:
+            position = before.position
         else:
-            position, changes = before.position, _fill_up(changed[window], sides, "edge")
-            if before.window != window:
-                first = (window[0].start - before.window[0].start, window[1].start - before.window[1].start)
-                position, new = position.moved(first, sides)
-                changes = changes | new
+            first = (window[0].start - before.window[0].start, window[1].start - before.window[1].start)
+            position = before.position.moved(first, (rows, columns))
+        wanted = np.pad(elevated.numpy().view(np.uint8), [(0, rows - len(elevated)), (0, columns - elevated.shape[1])])
         with self._computing():
-            wanted = _fill_up(elevated.numpy().view(np.uint8), sides, "constant")
-            return position(part.to(self._number_type), changes, wanted).float(), position
+            return position(part.to(self._number_type), wanted).float(), position
 
     def directions(self, view: AffordanceView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A closer look at pixels, int (K, 2), u and v.
@@ -260,11 +250,6 @@ def _window(elevated: Tensor) -> tuple[slice, slice]:
         last = int(occupied[-1]) + 1 + MARGIN
         sides.append(slice(first, min(size, -(-last // POSITION_STRIDE) * POSITION_STRIDE)))
     return sides[0], sides[1]
-
-
-def _fill_up(mask: np.ndarray, sides: tuple[int, int], mode: Literal["edge", "constant"]) -> np.ndarray:
-    """A mask as large as what `_pad_to_stride` makes of its picture."""
-    return np.pad(mask, [(0, side - size) for side, size in zip(sides, mask.shape, strict=True)], mode)
 
 
 def _pad_to_stride(features: Tensor) -> Tensor:

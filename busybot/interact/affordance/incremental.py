@@ -97,18 +97,14 @@ class _Layer:
 
     def keep_whole(self, output: Tensor) -> None:
         """Take (1, C, rows, columns) for the output."""
-        self._allocate(output.new_empty(0), output.shape[1])
+        self._allocate(output, output.shape[1])
         self.values[: self.shape[0], : self.shape[1]] = output[0].permute(1, 2, 0)
         self.stale[:] = 0
 
     def take_over(self, other: "_Layer", first: tuple[int, int]) -> None:
         """Take what lies on the same cells of another one, whose cell `first` is the first here; it may lie outside."""
         self._allocate(other.values, other.values.shape[-1])
-        here, there = [], []
-        for start, size, its_size in zip(first, self.shape, other.shape, strict=True):
-            low, high = max(0, -start), min(size, its_size - start)
-            here.append(slice(low, high))
-            there.append(slice(low + start, high + start))
+        here, there = _overlap(first, self.shape, other.shape)
         self.values[*here] = other.values[*there]
         self.stale[*here] = other.stale[*there]
 
@@ -131,6 +127,7 @@ class IncrementalPositionNet:
 
     def __init__(self, network: PositionNet, size: tuple[int, int]):
         self._network, self._size = network, size
+        self._features: Tensor | None = None
         shapes = [(size[0] >> level + 1, size[1] >> level + 1) for level in range(4)]
         self._picture = _Layer((), shapes[0], TILES[0])
         encoders: list[_Layer] = []
@@ -143,44 +140,47 @@ class IncrementalPositionNet:
             decoders.append(_Layer(blocks, shapes[level], TILES[level], sources))
         self._layers = [*encoders, *decoders[1:]]
 
-    def __call__(self, features: Tensor, changed: np.ndarray, wanted: np.ndarray) -> Tensor:
+    def __call__(self, features: Tensor, wanted: np.ndarray) -> Tensor:
         """Logits of the next picture; of the first one whatever is wanted, in one whole pass.
 
         Shapes:
-            features: (C, H, W).
-            changed: uint8 (H, W), 1 where they differ from the last ones.
+            features: (C, H, W), kept until the next call, which compares with them.
             wanted: uint8 (H, W), 1 where logits will be read.
             returns: (H, W); what is not wanted may be of an earlier picture.
         """
-        if not self._picture.values.numel():
+        if self._features is None:
             self._fill(features)
         else:
+            changed = (features != self._features).any(dim=0).numpy().view(np.uint8)
             if changed.any():
                 self._mark(features, changed)
             self._compute(_halved(wanted))
+        self._features = features
         last = self._layers[-1]
         rows, columns = last.shape
         return functional.pixel_shuffle(last.values[:rows, :columns].permute(2, 0, 1)[None], 2)[0, 0]
 
-    def moved(self, first: tuple[int, int], size: tuple[int, int]) -> tuple["IncrementalPositionNet", np.ndarray]:
-        """For another part of the same picture: the network with what it can keep, and what to call changed there.
+    def moved(self, first: tuple[int, int], size: tuple[int, int]) -> "IncrementalPositionNet":
+        """For another part of the picture, with what can be kept of this one, which stays as it is.
 
         Args:
             first: row and column of this part at which the other one begins, multiples of 16; negative if before it.
             size: rows and columns of the other part.
-
-        Returns:
-            uint8 (H, W) beside it: what is new, and the lines along which the picture now ends.
         """
         other = IncrementalPositionNet(self._network, size)
+        here, there = _overlap(first, size, self._size)
+        if self._features is None or any(side.start >= side.stop for side in here):
+            return other
         for mine, its in zip([self._picture, *self._layers], [other._picture, *other._layers], strict=True):
             pixels = self._size[0] // mine.shape[0]
             its.take_over(mine, (first[0] // pixels, first[1] // pixels))
-        changed = np.zeros(size, np.uint8)
-        for lines, start, side, its_side in zip((changed, changed.T), first, self._size, size, strict=True):
-            lines[: max(-start, start > 0)] = 1
-            lines[min(side - start, its_side - (start + its_side < side)) :] = 1
-        return other, changed
+        known = torch.full((len(self._features), *size), torch.nan, dtype=self._features.dtype)  # unlike any number
+        known[:, *here] = self._features[:, *there]
+        for lines, start, its_side, side in zip((known, known.mT), first, self._size, size, strict=True):
+            lines[:, : int(start > 0)] = torch.nan  # along lines where the picture now ends the zeros are new
+            lines[:, side - int(start + side < its_side) :] = torch.nan
+        other._features = known
+        return other
 
     def _fill(self, features: Tensor) -> None:
         """A whole pass, of which everything is kept."""
@@ -260,6 +260,14 @@ def _blank(x: Tensor, corners: np.ndarray, shape: tuple[int, int]) -> Tensor:
     if inside[0].all() and inside[1].all():
         return x
     return x * torch.from_numpy(inside[0][:, None, :, None] & inside[1][:, None, None, :])
+
+
+def _overlap(first: tuple[int, int], shape: tuple[int, int], other: tuple[int, int]) -> tuple[list[slice], list[slice]]:
+    """Where two rectangles overlap, in one of `shape` and in the other, whose cell `first` is the first of the one."""
+    lows = [max(0, -start) for start in first]
+    highs = [min(size, its_size - start) for start, size, its_size in zip(first, shape, other, strict=True)]
+    here = [slice(low, high) for low, high in zip(lows, highs, strict=True)]
+    return here, [slice(one.start + start, one.stop + start) for one, start in zip(here, first, strict=True)]
 
 
 def _even_box(mask: np.ndarray) -> tuple[int, int, int, int]:

@@ -102,20 +102,18 @@ def stack_features(depth: Tensor, camera: Pinhole) -> Tensor:
     return depth_features(camera.points(padded, rows, columns))
 
 
-def updated_features(
-    features: Tensor, before: np.ndarray, depth: np.ndarray, camera: Pinhole
-) -> tuple[Tensor, np.ndarray]:
+def updated_features(features: Tensor, before: np.ndarray, depth: np.ndarray, camera: Pinhole) -> Tensor:
     """The channels of a picture that differs little from one whose channels are known.
 
     Shapes:
         features: float32 (4, H, W), of `before`.
         before, depth: float32 (H, W), board units, 0 where nothing was hit.
-        returns: float32 (4, H, W), and uint8 (H, W), 1 where they may differ from `features`.
+        returns: float32 (4, H, W).
     """
     changed = cv2.dilate((depth != before).view(np.uint8), np.ones((3, 3), np.uint8))  # normals reach a pixel far
     left, top, width, height = cv2.boundingRect(changed)
     if not width:
-        return features, changed
+        return features
     rows, columns = (
         torch.arange(first - 1, first + size + 1).clamp(0, side - 1)
         for first, size, side in zip((top, left), (height, width), depth.shape, strict=True)
@@ -124,7 +122,7 @@ def updated_features(
     updated = features.clone()
     fresh = depth_features(camera.points(part[None], rows[None], columns[None]))[0]
     updated[:, top : top + height, left : left + width] = fresh
-    return updated, changed
+    return updated
 
 
 def heights_of(features: Tensor) -> Tensor:

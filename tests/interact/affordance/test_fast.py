@@ -111,6 +111,20 @@ def test_looking_again_sees_what_a_first_look_sees(scene: BoardScene) -> None:
     assert len(windows) < len(scene.triggers), "most of these looks went on from the one before"
 
 
+def test_two_looks_may_begin_with_the_same_one(scene: BoardScene) -> None:
+    """What follows an image is tried more than once by whoever compares actions."""
+    model, rays = load_model("procedural"), Rays(scene.camera)
+    model.bfloat16 = False
+    first = model.look(scene.observe().observation(scene.camera), rays)
+    for number, trigger in enumerate(scene.triggers[:3]):
+        before = scene.save()
+        scene.set_trigger(number, (trigger.state + 1) % 2)
+        picture = scene.observe().observation(scene.camera)
+        scene.restore(before)
+        given, wanted = (model.look(picture, rays, earlier).affordance for earlier in (first, None))
+        np.testing.assert_allclose(given, wanted, rtol=1e-5, atol=1e-4)
+
+
 def test_a_card_with_a_constant_that_does_not_exist_is_refused_by_its_file(tmp_path: Path) -> None:
     untrained().save(tmp_path)
     card = tmp_path / "model.json"

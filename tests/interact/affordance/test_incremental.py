@@ -20,16 +20,15 @@ def network() -> PositionNet:
     return made.eval()
 
 
-def changed_copy(features: torch.Tensor, rng: np.random.Generator) -> tuple[torch.Tensor, np.ndarray]:
-    """A few rectangles anew, some of them at the border, and where."""
-    after, changed = features.clone(), np.zeros(features.shape[1:], np.uint8)
+def changed_copy(features: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
+    """A few rectangles anew, some of them at the border."""
+    after, shape = features.clone(), features.shape[1:]
     for _ in range(int(rng.integers(0, 3))):
-        height, width = (int(rng.integers(1, max(2, size // 5))) for size in changed.shape)
-        top, left = (int(rng.integers(0, size - n + 1)) for size, n in zip(changed.shape, (height, width), strict=True))
+        height, width = (int(rng.integers(1, max(2, size // 5))) for size in shape)
+        top, left = (int(rng.integers(0, size - n + 1)) for size, n in zip(shape, (height, width), strict=True))
         place = (slice(top, top + height), slice(left, left + width))
         after[:, *place] = torch.from_numpy(rng.normal(size=(4, height, width))).float()
-        changed[place] = 1
-    return after, changed
+    return after
 
 
 @pytest.mark.parametrize("size", [(48, 64), (160, 208), (32, 400)])
@@ -37,15 +36,14 @@ def test_it_is_equal_to_a_whole_pass(size: tuple[int, int]) -> None:
     whole, rng = network(), np.random.default_rng(7)
     parts = IncrementalPositionNet(whole, size)
     features = torch.from_numpy(rng.normal(size=(4, *size))).float()
-    changed = np.ones(size, np.uint8)
     with torch.inference_mode():
         for _ in range(12):
             wanted = np.zeros(size, np.uint8)
             top, left = (int(rng.integers(0, side // 2)) for side in size)
             wanted[top : top + size[0] // 3, left : left + size[1] // 3] = 1
-            logits, expected = parts(features, changed, wanted), whole(features[None])[0]
+            logits, expected = parts(features, wanted), whole(features[None])[0]
             torch.testing.assert_close(logits[wanted > 0], expected[wanted > 0], rtol=1e-5, atol=1e-5)
-            features, changed = changed_copy(features, rng)
+            features = changed_copy(features, rng)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -63,15 +61,25 @@ def test_another_part_of_the_picture_is_seen_as_if_it_were_the_first(seed: int) 
     features = picture[:, *before]
     parts = IncrementalPositionNet(whole, tuple(features.shape[1:]))
     with torch.inference_mode():
-        parts(features, np.ones(features.shape[1:], np.uint8), np.ones(features.shape[1:], np.uint8))
+        parts(features, np.ones(features.shape[1:], np.uint8))
         for _ in range(5):
             after = part()
             features = picture[:, *after]
             first = (after[0].start - before[0].start, after[1].start - before[1].start)
-            parts, changed = parts.moved(first, tuple(features.shape[1:]))
-            logits = parts(features, changed, np.ones(features.shape[1:], np.uint8))
+            parts = parts.moved(first, tuple(features.shape[1:]))
+            logits = parts(features, np.ones(features.shape[1:], np.uint8))
             torch.testing.assert_close(logits, whole(features[None])[0], rtol=1e-5, atol=1e-5)
             before = after
+
+
+@pytest.mark.parametrize("first", [(0, 64), (0, -96), (80, -16)])
+def test_parts_of_a_picture_that_lie_apart_share_nothing(first: tuple[int, int]) -> None:
+    whole, rng, size = network(), np.random.default_rng(2), (64, 64)
+    one, two = torch.from_numpy(rng.normal(size=(2, 4, *size))).float()
+    parts, wanted = IncrementalPositionNet(whole, size), np.ones(size, np.uint8)
+    with torch.inference_mode():
+        parts(one, wanted)
+        torch.testing.assert_close(parts.moved(first, size)(two, wanted), whole(two[None])[0], rtol=1e-5, atol=1e-5)
 
 
 def test_what_was_not_wanted_is_computed_when_it_is() -> None:
@@ -79,10 +87,10 @@ def test_what_was_not_wanted_is_computed_when_it_is() -> None:
     parts, nothing = IncrementalPositionNet(whole, size), np.zeros((96, 96), np.uint8)
     features = torch.from_numpy(rng.normal(size=(4, *size))).float()
     with torch.inference_mode():
-        parts(features, np.ones(size, np.uint8), nothing)
+        parts(features, nothing)
         after = features + 1
-        assert not torch.allclose(parts(after, np.ones(size, np.uint8), nothing), whole(after[None])[0], atol=1e-2)
-        logits = parts(after, nothing, np.ones(size, np.uint8))
+        assert not torch.allclose(parts(after, nothing), whole(after[None])[0], atol=1e-2)
+        logits = parts(after, np.ones(size, np.uint8))
         torch.testing.assert_close(logits, whole(after[None])[0], rtol=1e-5, atol=1e-5)
 
 
@@ -97,15 +105,15 @@ def test_a_small_change_costs_little(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(incremental, "_apply", counted)
     size = (480, 640)
     parts, features = IncrementalPositionNet(network(), size), torch.zeros(4, *size)
-    changed, wanted = np.zeros(size, np.uint8), np.zeros(size, np.uint8)
-    changed[200:230, 300:330] = wanted[190:240, 290:340] = 1
+    wanted = np.zeros(size, np.uint8)
+    wanted[190:240, 290:340] = 1
     with torch.inference_mode():
-        parts(features, np.ones(size, np.uint8), wanted)
+        parts(features, wanted)
         assert not work, "the first picture takes a whole pass"
         after = features.clone()
         after[:, 200:230, 300:330] = 1
-        parts(after, changed, wanted)
+        parts(after, wanted)
         assert 0 < sum(work) < 4 * 240 * 320 * 4, "less than reading the whole picture at the first layer"
         work.clear()
-        parts(after, np.zeros(size, np.uint8), wanted)
+        parts(after, wanted)
         assert not work

@@ -5,6 +5,7 @@ import json
 import os
 import resource
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -20,6 +21,8 @@ import psutil
 from busybot.evaluation.results import KINDS, read_result, stamp, write_result
 
 BUSYBOT = (sys.executable, "-m", "busybot")
+PRODUCT_SIDE = 1024
+"""Of the matrices whose product tells how fast a processor is."""
 Benchmark = Callable[[list[str]], None]
 """Runs with the words of a command line."""
 
@@ -105,6 +108,14 @@ def timed(work: Callable[[], object], times: int, warm_up: int = 1, label: str =
         if label:
             print(f"{label}: {number + 1 - warm_up} of {times}, {wall[-1]:.2f} s", file=sys.stderr, flush=True)
     return wall[warm_up:], cpu[warm_up:]
+
+
+def product_seconds(times: int, bfloat16: bool = False) -> float:
+    """Median processor seconds of one product of two matrices of `PRODUCT_SIDE`, by as many threads as PyTorch has."""
+    import torch
+
+    left, right = torch.randn(2, PRODUCT_SIDE, PRODUCT_SIDE, dtype=torch.bfloat16 if bfloat16 else torch.float32)
+    return statistics.median(timed(lambda: left @ right, times)[1])
 
 
 def cpu_seconds() -> float:

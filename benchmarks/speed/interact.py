@@ -35,7 +35,18 @@ import numpy as np
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks.runner import cpu_seconds, finish, load_average, one_of, parser, peak_mb, timed, torch_with
+from benchmarks.runner import (
+    PRODUCT_SIDE,
+    cpu_seconds,
+    finish,
+    load_average,
+    one_of,
+    parser,
+    peak_mb,
+    product_seconds,
+    timed,
+    torch_with,
+)
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
@@ -71,8 +82,6 @@ from busybot.training.device import multiplies_bfloat16
 
 SEED = 3
 STEPS = 10
-SIDE = 1024
-"""Of the matrices whose product is the limit."""
 WARM_UP = 2
 """Iterations of the paper's networks that do not count."""
 
@@ -80,12 +89,6 @@ WARM_UP = 2
 def seconds(work: Callable[[], Any], times: int) -> float:
     """Median CPU seconds."""
     return float(np.median(timed(work, times)[1]))
-
-
-def product_seconds(times: int) -> float:
-    """CPU seconds per floating-point operation of a large matrix product."""
-    left, right = torch.randn(2, SIDE, SIDE, dtype=torch.bfloat16 if multiplies_bfloat16() else torch.float32)
-    return seconds(lambda: left @ right, times) / (2 * SIDE**3)
 
 
 def record(folder: Path, library: Library, boards: int) -> Path:
@@ -105,7 +108,7 @@ def iteration(kind: Kind, cache: Path, folder: Path, iterations: int) -> dict[st
     _, batch = learner.draw(rng)
     with FlopCounterMode(display=False) as counted:
         learner.learn(batch, 1e-4, rng)
-    per_operation = product_seconds(iterations)
+    per_operation = product_seconds(iterations, multiplies_bfloat16()) / (2 * PRODUCT_SIDE**3)
     drawing = seconds(lambda: learner.draw(rng), iterations)
     learning = seconds(lambda: learner.learn(batch, 1e-4, rng), iterations)
     limit = counted.get_total_flops() * per_operation

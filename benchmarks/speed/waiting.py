@@ -25,11 +25,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
-from benchmarks.runner import finish, parser, timed
+from benchmarks.runner import PRODUCT_SIDE, finish, parser, product_seconds, torch_with
 
-SIDE = 1024
 SEED = "5"
 ENVIRONMENT = "import gymnasium, busybot.sim.registration; gymnasium.make('busybot/Board-v0').reset(seed=0)"
 
@@ -121,13 +119,6 @@ class Checkout:
             raise RuntimeError(f"{words}: {done.stderr[-500:]}")
 
 
-def product_seconds(times: int = 20) -> float:
-    """Median processor seconds of one product of two matrices."""
-    torch.set_num_threads(1)
-    left, right = torch.randn(2, SIDE, SIDE)
-    return float(np.median(timed(lambda: left @ right, times)[1]))
-
-
 def measure(row: Row, checkouts: dict[str, Checkout], repeat: int) -> dict[str, float]:
     """Median seconds of each checkout."""
     spent: dict[str, list[float]] = {name: [] for name in checkouts}
@@ -150,7 +141,8 @@ def main() -> None:
         for checkout in checkouts.values():
             checkout.work.mkdir()
             checkout.prepare()
-        product = product_seconds()
+        torch_with(1)
+        product = product_seconds(20)
         for name, row in ROWS.items():
             seconds = measure(row, checkouts, arguments.repeat)
             products = {checkout: round(spent / product, 2) for checkout, spent in seconds.items()}
@@ -158,7 +150,7 @@ def main() -> None:
             rows[name] = {**products, "ratio": round(last / first, 3)}
             print(f"{name}: {rows[name]}", file=sys.stderr, flush=True)
     figures: dict[str, Any] = {
-        "unit": f"products of two {SIDE} x {SIDE} matrices of float32, one thread",
+        "unit": f"products of two {PRODUCT_SIDE} x {PRODUCT_SIDE} matrices of float32, one thread",
         "product_milliseconds": round(1000 * product, 2),
         "commits": {name: checkout.commit for name, checkout in checkouts.items()},
         "rows": rows,

@@ -1,14 +1,14 @@
 """Verifies a dataset: structure, checksums, boards, that recordings belong to them, tables against the episodes."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from busybot.common.errors import BusybotError, without_name
-from busybot.common.process_pool import share
+from busybot.common.process_pool import Progress, share
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import BOARDS_PER_SHARD, DAMAGED_FOLDER, HINT_GENERATE, INFO_FILE, OBJECTS_FOLDER, Dataset
 from busybot.datasets.info import (
@@ -27,9 +27,6 @@ from busybot.episodes.tables import HINT_TABLES, Rows, episode_rows, read_shard,
 LINK = "a link where a file or folder is expected"
 HINT_STRAY = "move it out of the dataset"
 HINT_EPISODE = "`busybot dataset repair` saves what can be saved; or remove the file and collect again"
-
-Progress = Callable[[int, int], None]
-"""Told after each episode: those that are done, and all."""
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,12 @@ from pydantic import BaseModel, ValidationError
 
 from busybot.common.atomic_io import append_line, make_folder, read_json, write_atomically, write_json
 from busybot.common.errors import BusybotError
-from busybot.common.process_pool import run_tasks
+from busybot.common.process_pool import Progress, run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
 
 SETTINGS, BOARDS, RESULT = "settings.json", "boards.jsonl", "result.json"
 
-Progress = Callable[[int, int], None]
-"""Told after each board: boards judged, and boards."""
 J = TypeVar("J", bound=BaseModel)
 """A judged board; it has the board's number in its dataset as `board`."""
 

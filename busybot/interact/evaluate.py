@@ -14,13 +14,14 @@ from pydantic import Field
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.frozen_model import FrozenModel
+from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.bootstrap import LEVEL
-from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards
+from busybot.evaluation.folder import BoardWork, EvaluationRecording, conclude, judge_boards
 from busybot.evaluation.results import package_versions, stamp
 from busybot.interact import metrics as m
 from busybot.objects.library import Library

@@ -11,12 +11,13 @@ from typing import Any
 
 from busybot.boards.task import MAX_STEPS, least_steps, start_states, task_of
 from busybot.common.errors import BusybotError
+from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo, collect_command
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
-from busybot.evaluation.folder import BoardWork, EvaluationRecording, Progress, conclude, judge_boards
+from busybot.evaluation.folder import BoardWork, EvaluationRecording, conclude, judge_boards
 from busybot.evaluation.results import package_versions, stamp
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 from busybot.objects.library import Library

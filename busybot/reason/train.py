@@ -15,10 +15,11 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
+from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.summary import origin_of
 from busybot.reason.inputs.board_dataset import RecordedBoards, held_apart
-from busybot.reason.inputs.feature_store import Progress, features_of
+from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.registry import ReasonerInfo

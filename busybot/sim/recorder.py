@@ -90,7 +90,7 @@ def begin_episode(
         oracle=oracle,
         settings=settings,
         renderer=renderer_fingerprint(scene),
-        versions=package_versions(),
+        versions=recorded_versions(),
     )
 
 
@@ -157,7 +157,7 @@ def _shader_hash() -> str:
 
 
 @cache
-def package_versions() -> dict[str, str]:
+def recorded_versions() -> dict[str, str]:
     """Versions of what decided the recording."""
     packages = {name: version(name) for name in RECORDED_PACKAGES}
     return {"busybot": __version__, "python": platform.python_version(), **packages}

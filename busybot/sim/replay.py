@@ -29,7 +29,7 @@ from busybot.episodes.episode_diff import JOINT_TOLERANCE, ImageDifference, Rule
 from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
 from busybot.sim.interaction import Grasp, InteractionConfig, interact
-from busybot.sim.recorder import begin_episode, package_versions, renderer_fingerprint
+from busybot.sim.recorder import begin_episode, recorded_versions, renderer_fingerprint
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
 from busybot.sim.scene.render import RenderConfig
 
@@ -77,7 +77,7 @@ class EpisodeReplay:
         if episode.steps and len(self.scene.triggers) != triggers:
             what = f"the recording has {triggers} trigger links, the objects {len(self.scene.triggers)}"
             raise BusybotError(what, OTHER_OBJECTS)
-        now = replace(episode, renderer=renderer_fingerprint(self.scene), versions=package_versions())
+        now = replace(episode, renderer=renderer_fingerprint(self.scene), versions=recorded_versions())
         self._rule = rule_for(episode, now)
 
     def put_back(self, step: int) -> BoardScene:

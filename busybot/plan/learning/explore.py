@@ -13,11 +13,10 @@ import numpy as np
 
 from busybot.boards.task import MAX_STEPS, reached, responder_states
 from busybot.common.frozen_model import FrozenModel
-from busybot.common.process_pool import run_tasks
+from busybot.common.process_pool import Progress, run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.summary import origin_of
 from busybot.episodes.mcap.reader import read_episode
-from busybot.evaluation.folder import Progress
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
 from busybot.plan.learning.board_graph import BoardGraph, ExploredBoard, load_explored, save_explored

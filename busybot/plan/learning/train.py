@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 
 from busybot.common.atomic_io import read_json, write_json
 from busybot.common.errors import BusybotError
+from busybot.common.process_pool import Progress
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.summary import origin_of
-from busybot.evaluation.folder import Progress
 from busybot.interact.policy.policy_factory import fingerprint
 from busybot.plan.learning.bc import BcLearner
 from busybot.plan.learning.board_graph import ExploredBoard

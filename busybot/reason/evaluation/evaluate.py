@@ -4,7 +4,7 @@ The graph is inferred from the first 23 images, as in the paper; each later step
 features (protocol "Reasoning"). Models see what `observed` lets through; the truth is read here, after it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
-from busybot.common.process_pool import default_workers, share
+from busybot.common.process_pool import Progress, default_workers, share
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
@@ -50,7 +50,6 @@ CURVE = (2, 5, 8, 11, 14, 17, 20, 23)
 BOARDS_PER_WORKER = 30
 """A process more costs about as much time as so many boards."""
 
-Progress = Callable[[int, int], None]
 FeaturesOf = Mapping[int, np.ndarray]
 
 

@@ -15,7 +15,7 @@ Training reads the store, which is mapped into memory. `write_table` makes one P
 import hashlib
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from io import BytesIO
@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 
 from busybot.common.atomic_io import make_folder, remove, remove_leftovers, replacing, write_atomically
 from busybot.common.errors import BusybotError
-from busybot.common.process_pool import default_workers, share
+from busybot.common.process_pool import Progress, default_workers, share
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
 from busybot.episodes.mcap.reader import read_episode
@@ -40,8 +40,6 @@ EPISODES_PER_WORKER = 20
 """A process more costs about as much time as so many episodes."""
 
 _NAME = re.compile(r"^(\d{6,9})-[0-9a-f]{16}\.npy$")
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)

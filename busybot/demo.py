@@ -2,7 +2,7 @@
 
 Procedural objects become boards, a policy that learned where and how to act records interactions with them, recordings
 become relations, relations lead to a goal, and a report in Markdown (`view/report/demo.md`) tells the story of one
-board with the figures beside it.
+board with the figures beside it. It ends with a board of the world `mixed`, on which counting is not enough.
 """
 
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from busybot.common.atomic_io import make_folder, write_atomically, write_json
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import markdown_text
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory, load_once, policy_config
@@ -33,7 +34,9 @@ from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.sim.collect import CollectConfig, collect
 from busybot.view.annotations import judged_edges, named, object_names
 from busybot.view.figures import episode as figures
+from busybot.view.figures.mechanisms import mechanism_figure
 from busybot.view.figures.sequences import affordance_figure, sequence_figure
+from busybot.view.mechanisms import MechanismView
 from busybot.view.report.page import Grid, filled, markdown, plain_grid, share
 from busybot.view.rerun.recording import RecordingLayers, save_rrd
 from busybot.view.viewer_process import save_screenshot
@@ -59,6 +62,9 @@ AGENT = "search"
 """Reaches the goal."""
 TASK_STEPS, TASKS_SEEN = 3, 20
 """The task takes so many actions at the least, if one of so many does."""
+
+MIXED, MIXED_SEEN = "mixed", 6
+"""The world of the last board, which is the one with the most kinds of mechanisms among so many."""
 
 Say = Callable[[str], None]
 
@@ -109,10 +115,13 @@ def run_demo(
     chosen = most_telling([episode.board for episode in episodes])
     inferred = inferred_over_time(episodes[chosen], DEFAULT_REASONER, STEPS + 1)
     rollout, planned = _reach_goal(out, library, seed, say, model)
+    say(f"drawing a board of the world {MIXED!r}")
+    mixed = _only_episode(_collect(out / MIXED, _mixed(library, seed), library, 1, say, model))
     say("drawing figures")
     thoughts = list(retrace(episodes[chosen], load_once(model), policy))
     pictures = _figures(out / "figures", episodes, chosen, inferred, thoughts)
     pictures["sequence"] = sequence_figure(out / "figures" / "sequence.png", rollout)
+    pictures[MIXED] = mechanism_figure(out / "figures" / "mixed.png", mixed)
     recording = out / f"board-{chosen}.rrd"
     save_rrd(recording, episodes[chosen], [inferred], layers=RecordingLayers(thoughts))
     say("taking pictures of the viewer")
@@ -122,7 +131,7 @@ def run_demo(
         pictures[f"viewer_{step}"] = picture
     links = {name: path.relative_to(out).as_posix() for name, path in pictures.items()}
     drawn = {"pictures": links, "recording": recording.name, "early": EARLY_STEP, "chosen": chosen}
-    story = _story(episodes[chosen], inferred, result, rollout)
+    story = _story(episodes[chosen], inferred, result, rollout) | _mixed_story(mixed)
     told = filled("demo.md", boards=BOARDS, info=dataset.info, result=result, planned=planned, **drawn, **story)
     report = out / "report.md"
     write_atomically(report, told.encode())
@@ -145,8 +154,11 @@ def _reach_goal(out: Path, library: Library, seed: int, say: Say, model: str) ->
     record = out / "rollouts"
     evaluation = PlanEvaluation(dataset, library, [AGENT], DEFAULT_REASONER, model, seed=seed, record=record)
     result = evaluate_agents(evaluation)
-    rollout = read_episode(Dataset.open(record / AGENT).episode_path(0), "lazy")
-    return rollout, result["agents"][AGENT]
+    return _only_episode(Dataset.open(record / AGENT)), result["agents"][AGENT]
+
+
+def _only_episode(dataset: Dataset) -> Episode:
+    return read_episode(dataset.episode_path(0), "lazy")
 
 
 def _task(library: Library, seed: int) -> BoardConfig:
@@ -157,6 +169,17 @@ def _task(library: Library, seed: int) -> BoardConfig:
         if least_steps(start_states(board), task_of(board).goal) >= TASK_STEPS:
             break
     return config
+
+
+def _mixed(library: Library, seed: int) -> BoardConfig:
+    """A board of the world `mixed`, from one of the first seeds: the one with the most kinds, locks among them."""
+
+    def kinds(config: BoardConfig) -> int:
+        board = next(iter(generate_boards(config, library)))
+        return len({one.kind for one in board.relations}) + bool(board.locks) + bool(board.rewirings)
+
+    seeds = range(seed, seed + MIXED_SEEN)
+    return max((BoardConfig(boards=1, group_size=1, seed=draw, world=MIXED) for draw in seeds), key=kinds)
 
 
 def most_telling(boards: list[BoardSpec]) -> int:
@@ -180,6 +203,16 @@ def _story(episode: Episode, inferred: InferredGraph, result: dict[str, Any], ro
         "rollout": rollout,
         "said": "\n".join(f"{count}. {words}" for count, words in enumerate(filter(None, said), start=1)),
     }
+
+
+def _mixed_story(episode: Episode) -> dict[str, Any]:
+    """What the report tells of the last board: its mechanisms, and how far the same reasoner comes on it."""
+    view = MechanismView(episode)
+    steps = len(episode.steps)
+    edges = judged_edges(episode.board, inferred_over_time(episode, DEFAULT_REASONER, steps + 1), steps)
+    counts = {f"mixed_{name}": sum(edge.verdict == name for edge in edges) for name in ("correct", "wrong", "missed")}
+    words = [f"- **{markdown_text(who)}** {markdown_text(words)}" for who, words in view.sentences]
+    return {**counts, "mechanisms": "\n".join(words), "late": sum(change.late > 0 for change in view.changes)}
 
 
 def _relation_grid(board: BoardSpec, inferred: InferredGraph) -> Grid:

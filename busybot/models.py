@@ -12,9 +12,10 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict
 from safetensors import SafetensorError, safe_open
 
-from busybot.common.atomic_io import inside, scan, sha256_of
+from busybot.common.atomic_io import inside, open_regular, scan, sha256_of
 from busybot.common.errors import BusybotError, without_name
-from busybot.training.model_cards import INFO_FILE, SHIPPED, find_folder, read_info
+from busybot.common.limits import MAX_WEIGHTS_BYTES
+from busybot.training.model_cards import INFO_FILE, SHIPPED, Hashes, Training, find_folder, read_info
 
 CARD_FILE = "README.md"
 WEIGHTS = ".safetensors"
@@ -38,8 +39,8 @@ class Card(BaseModel):
     variant: str | None = None
     model: str | None = None
     agent: str | None = None
-    files: dict[str, str] = {}
-    training: dict[str, Any] = {}
+    files: Hashes = {}
+    training: Training = {}
 
 
 @dataclass(frozen=True)
@@ -198,6 +199,7 @@ def _compared(folder: Path, name: str, known: str) -> str | None:
 
 def _values(file: Path) -> int:
     """Number of values in a file of weights."""
+    open_regular(file, MAX_WEIGHTS_BYTES, "copy the model again").close()
     try:
         with safe_open(file, "numpy") as tensors:
             return sum(prod(tensors.get_slice(name).get_shape()) for name in tensors.offset_keys())

@@ -4,12 +4,13 @@
 
 busybot's commands continue in the folders that they began. So what a stage left behind is kept (`persist: true`) as
 long as it comes from the same commands, inputs and code; otherwise it is removed first. Beside the first OUT, in
-`.stages`, a note tells the commands and their wall time, that of interrupted runs included.
+`.stages`, a note tells the commands, their wall time and their processor time, those of interrupted runs included.
 """
 
 import argparse
 import hashlib
 import json
+import resource
 import shutil
 import subprocess
 import sys
@@ -33,6 +34,7 @@ class Note(BaseModel):
         key: digest of all that decides its outputs.
         commands: of busybot, in order.
         seconds: that they took, what was lost with a killed process being less than `NOTE_EVERY_S`.
+        cpu_seconds: of all their processes, those of a command that is interrupted left out.
         done: whether the last of them ended well.
     """
 
@@ -41,6 +43,7 @@ class Note(BaseModel):
     key: str
     commands: list[list[str]]
     seconds: float = 0.0
+    cpu_seconds: float = 0.0
     done: bool = False
 
 
@@ -78,8 +81,12 @@ def run(commands: list[list[str]], note: Note, file: Path) -> int:
     began, code = time.monotonic(), 0
 
     def keep(done: bool) -> None:
-        seconds = note.seconds + time.monotonic() - began
-        write_json(file, note.model_copy(update={"seconds": round(seconds, 1), "done": done}).model_dump())
+        ended = resource.getrusage(resource.RUSAGE_CHILDREN)  # only commands that ended are in it
+        spent = {
+            "seconds": round(note.seconds + time.monotonic() - began, 1),
+            "cpu_seconds": round(note.cpu_seconds + ended.ru_utime + ended.ru_stime, 1),
+        }
+        write_json(file, note.model_copy(update={**spent, "done": done}).model_dump())
 
     for command in commands:
         with subprocess.Popen([sys.executable, "-m", "busybot", *command]) as process:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from busybot.common.atomic_io import read_json, write_atomically
-from busybot.interact.affordance.networks import KINDS
 from busybot.training.run_folder import read_metrics
 
 SHOWN = {
@@ -43,9 +42,9 @@ def curves(run: Path) -> str:
     text = io.StringIO()
     writer = csv.writer(text, delimiter="\t", lineterminator="\n")
     writer.writerow(("network", "iteration", "loss"))
-    for kind in KINDS:
-        lines = read_metrics(run / "interact" / "metrics" / f"{kind}.jsonl")
-        writer.writerows((kind, line["iteration"], line["loss"]) for line in lines if "loss" in line)
+    for file in sorted((run / "interact" / "metrics").glob("*.jsonl"), reverse=True):  # position first
+        losses = (line for line in read_metrics(file) if "loss" in line)
+        writer.writerows((file.stem, line["iteration"], line["loss"]) for line in losses)
     return text.getvalue()
 
 

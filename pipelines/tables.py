@@ -128,7 +128,7 @@ def main() -> None:
     for name, rows in tables.items():
         figures = {"assets": ", ".join(sorted(assets)), "rows": rows}
         write_result(run / "tables" / f"{name}.json", {**stamp(name, command=command), **figures})
-    stages = {name: {"seconds": note.seconds, "done": note.done} for name, note in notes(run)}
+    stages = {name: note.model_dump(include={"seconds", "cpu_seconds", "done"}) for name, note in notes(run)}
     write_result(run / "tables" / "stages.json", {**stamp("stages", command=command), "stages": stages})
 
 

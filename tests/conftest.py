@@ -7,7 +7,7 @@ other.
 
 import fcntl
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -123,6 +123,7 @@ def run_tasks_here(
     workers: int,
     recycle: int = 0,
     task_seconds: float = 0,
+    given: Sequence[Any] | None = None,
 ) -> Iterator[tuple[int, Any]]:
     """As `run_tasks`, without processes; what would go to a process and come back is pickled all the same."""
     import pickle
@@ -134,7 +135,9 @@ def run_tasks_here(
     for task in tasks:
         try:
             work = work or make_work(*arguments)
-            result = pickle.loads(pickle.dumps(work(task)))
+            result = pickle.loads(
+                pickle.dumps(work(task if given is None else pickle.loads(pickle.dumps(given[task]))))
+            )
         except BusybotError as error:
             raise BusybotError(*pickle.loads(pickle.dumps((error.what, error.hint)))) from None
         except Exception as error:

@@ -40,6 +40,18 @@ def test_skills_do_not_import_each_others_training_or_evaluation() -> None:
     assert not found
 
 
+TRUTH = {"busybot.reason.evaluation." + name for name in ("ground_truth", "hypotheses", "upper_bound")}
+"""Modules that know what only the simulator knows."""
+JUDGES = ("reason/evaluation/", "cli/eval/")
+
+
+def test_only_evaluators_know_the_truth() -> None:
+    assert all(is_module(name) for name in TRUTH)
+    for path in sorted(PACKAGE.rglob("*.py")):
+        place = path.relative_to(PACKAGE).as_posix()
+        assert place.startswith(JUDGES) or not imports(path) & TRUTH, place
+
+
 def test_what_skills_share_knows_none_of_them() -> None:
     for folder, later in LATER.items():
         for path in sorted((PACKAGE / folder).rglob("*.py")):

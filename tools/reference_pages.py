@@ -1,12 +1,19 @@
-"""The reference of all commands, from the commands themselves, and of the dataset format, from its schema."""
+"""The reference of all commands, of the dataset format and of measures, from what makes each of them."""
 
+import ast
 import inspect
 from collections.abc import Iterator
 from typing import Any
 
+from busybot.boards.mechanisms import available
+from busybot.boards.spec import PAPER
+from busybot.boards.worlds import WORLDS, World
 from busybot.cli.main import COMMANDS, load_command
+from busybot.common import limits as file_limits
 from busybot.episodes.mcap.channels import SCHEMAS
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS, TABLES, Column, StepField
+from busybot.plan import metrics as plan_metrics
+from busybot.reason.evaluation import causes_summary
 from busybot.view.report.page import Block, Heading, Text, markdown, plain_grid
 
 COMMON = ("--help", "--json", "--seed", "--workers", "--config", "--set")
@@ -107,3 +114,73 @@ def _column(column: Column) -> tuple[str, str, str]:
     measure = ", ".join(filter(None, (column.unit, column.frame.split(":")[0])))
     told = "**privileged**: " if column.privileged else ""
     return kind, measure, f"{told}{column.description}{'; may be null' if column.nullable else ''}"
+
+
+def worlds() -> str:
+    """The worlds, from their definitions."""
+    rows: list[tuple[str, tuple[str, str]]] = [(f"`{PAPER}`", ("the paper's relations", "nothing: it is the control"))]
+    rows += [(f"`{name}`", (_drawn_from(world), world.about)) for name, world in WORLDS.items()]
+    return markdown([plain_grid(("drawn from", "what is hard"), rows, "world")])
+
+
+def _drawn_from(world: World) -> str:
+    """Kinds of mechanisms by their weight, then what else there is, with its share."""
+    total = sum(world.kinds.values())
+    kinds = [f"{name} {weight / total:.0%}" for name, weight in world.kinds.items()]
+    others = {
+        "two inputs": world.two,
+        "flicker": world.flickers,
+        "reads a responder": world.follows,
+        "idle links": world.idle,
+        "boards with a clock": world.clock,
+        "with locks": world.locked,
+        "rewired": world.rewired,
+    }
+    return "; ".join([", ".join(kinds), *(f"{what} {share:.0%}" for what, share in others.items() if share)])
+
+
+def mechanisms() -> str:
+    """The kinds of mechanisms, from their docstrings and classes."""
+    rows = []
+    for name, kind in available().items():
+        file = kind.__module__.replace(".", "/")
+        link = f"[`{kind.__module__.rsplit('.', 1)[1]}`](../../{file}.py)"
+        rows.append((f"`{name}`", (inspect.cleandoc(kind.__doc__ or "").split("\n")[0], _inputs(kind.arity), link)))
+    return markdown([plain_grid(("", "inputs", "specification"), rows, "mechanism")])
+
+
+def _inputs(arity: tuple[int, int]) -> str:
+    least, most = arity
+    return str(least) if least == most else f"{least} to {most}"
+
+
+def reason_measures() -> str:
+    """The figures of `eval reason` in every world."""
+    return _keys(causes_summary.KEYS)
+
+
+def plan_measures() -> str:
+    """The figures of `eval plan` in every world."""
+    return _keys(plan_metrics.KEYS)
+
+
+def _keys(told: dict[str, str]) -> str:
+    rows = [(", ".join(f"`{name}`" for name in names.split(", ")), (text,)) for names, text in told.items()]
+    return markdown([plain_grid(("what",), rows, "key")])
+
+
+def limits() -> str:
+    """What a file may cost, from the constants and what is said below each of them."""
+    tree = ast.parse(inspect.getsource(file_limits)).body
+    rows = []
+    for constant, told in zip(tree, tree[1:], strict=False):
+        if isinstance(constant, ast.Assign) and isinstance(told, ast.Expr) and isinstance(told.value, ast.Constant):
+            name = ast.unparse(constant.targets[0])
+            rows.append((f"`{name}`", (_amount(name, getattr(file_limits, name)), str(told.value.value))))
+    return markdown([plain_grid(("at most", "of what"), rows, "limit")])
+
+
+def _amount(name: str, value: float) -> str:
+    if name.endswith("_BYTES"):
+        return f"{value // file_limits.MIB:,.0f} MiB"
+    return f"{value:g} s" if name.endswith("_SECONDS") else f"{value:,}"

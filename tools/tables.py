@@ -5,7 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.speed import scale_growth as growing
 from benchmarks.studies.disturbances import DISTURBANCES
+from busybot.common.atomic_io import read_json
+from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, REASONING, TABLES, Table
 from busybot.evaluation.results import read_result
 from busybot.view.figures.curves import BASELINES, strength_words
@@ -15,6 +18,9 @@ from busybot.view.report.sections import table_grid
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 KINDS = ("one-to-one", "one-to-many")
+MORE = {"boards": 1000, "objects": 1, "pixels": 1_000_000}
+SET_OBJECTS = ("procedural", "partnet-mobility")
+TIMES = {"cpu": "processors", "wall": "by the clock"}
 
 
 def result(name: str) -> dict[str, Any]:
@@ -85,6 +91,11 @@ def table1() -> str:
 def further_boards() -> str:
     """Rows of Table 1 that were judged on other boards, too."""
     return markdown([table_grid(INTERACTION, _table(1, "further-boards")[1], beside=False)])
+
+
+def smaller_networks() -> str:
+    """Rows of Table 1 with smaller networks, on other boards."""
+    return markdown([table_grid(INTERACTION, _table(1, "smaller-networks")[1], beside=False)])
 
 
 def table2() -> str:
@@ -219,6 +230,207 @@ def waiting() -> str:
     return markdown([plain_grid([*heads, "ratio"], rows, told["unit"]), Text(words)])
 
 
+def scale() -> str:
+    """What each command costs along each curve, in matrix products, with its slope in words."""
+    told = result("scale")
+    product, grids = told["product_milliseconds"] / 1e3, []
+    for name in (growing.SMALL, growing.FULL, "objects", "pixels"):
+        curve = told["curves"][name]
+        more, rows = MORE[curve["variable"]], []
+        for command in growing.COMMANDS:
+            if all(command in point["costs"] for point in curve["points"]):
+                values = [f"{seconds / product:,.0f}" for seconds in growing.costs(curve, command)]
+                how = growing.along(curve, command)
+                rows.append((f"`{command}`", [*values, f"{more * how.each / product:,.1f}", how.words]))
+        heads = [*(f"{x:,.0f}" for x in growing.variables(curve)), f"{more:,} more", "slope"]
+        grids.append(plain_grid(heads, rows, f"matrix products, {name}"))
+    words = (
+        f"One product of two 1024 x 1024 matrices takes {1e3 * product:.1f} ms on the machine where this was measured "
+        f"({told['machine']['processor']}, one thread)."
+    )
+    return markdown([*grids, Text(words)])
+
+
+def scale_memory() -> str:
+    """Memory of each command's first process, and of a worker, against boards; bytes and files."""
+    curve = result("scale")["curves"][growing.SMALL]
+    heads = [*(f"{x:,.0f}" for x in growing.variables(curve)), "KB for one more of the last", "slope"]
+    rows = [(f"`{name}`", _megabytes(curve, name, "mb")) for name in growing.COMMANDS]
+    rows.insert(2, ("a worker of `collect`", _megabytes(curve, "collect", "worker_mb")))
+    return markdown([plain_grid(heads, rows, "MB at most, boards at 64 x 48")])
+
+
+def _megabytes(curve: dict[str, Any], command: str, figure: str) -> list[str]:
+    values = growing.costs(curve, command, figure)
+    how = growing.along(curve, command, figure)
+    return [*(f"{value:,.0f}" for value in values), f"{1e3 * how.lately:.2f}", how.words]
+
+
+def scale_disk() -> str:
+    """Bytes and files of one more board in a frozen dataset, by resolution and actions."""
+    curves = result("scale")["curves"]
+    rows = []
+    for name in (growing.SMALL, growing.FULL, growing.USUAL):
+        kinds = ("episode_bytes", "table_bytes", "manifest_bytes")
+        each = [growing.on_disk(curves[name], kind).each / 1e3 for kind in kinds]
+        steps = curves[name]["points"][-1]["steps"]
+        size = " x ".join(map(str, curves[name]["points"][-1]["size"]))
+        files = growing.on_disk(curves[name], "files").each
+        rows.append((f"{size}, {steps} actions", [*(f"{value:.2f}" for value in each), f"{files:.3f}"]))
+    heads = ("KB of its episode", "in tables", "in the manifest", "files")
+    return markdown([plain_grid(heads, rows, "one more board")])
+
+
+def scale_workers() -> str:
+    """Processor and wall time of the same work by one, two and more workers."""
+    told = result("scale")
+    curve, product = told["curves"]["workers"], told["product_milliseconds"] / 1e3
+    rows = []
+    for point in curve["points"]:
+        cells = [f"{point['costs'][name][kind] / product:,.0f}" for name in ("collect", "verify") for kind in TIMES]
+        rows.append((str(point["workers"]), [*cells, f"{point['load'][0]:.1f}"]))
+    heads = [f"`{name}`, {words}" for name in ("collect", "verify") for words in TIMES.values()]
+    boards, cores = curve["points"][0]["boards"], told["machine"]["cores"]
+    return markdown([plain_grid([*heads, "load of the machine"], rows, f"workers, {boards} boards, {cores} cores")])
+
+
+def million() -> str:
+    """What a million boards take on 1, 10 and 100 machines."""
+    told = growing.million(result("scale")["curves"])
+    heads = [f"{count} machine{'s' if count > 1 else ''}" for count in growing.MACHINES]
+    rows = [(f"`{name}`, hours", [_few(value) for value in hours]) for name, hours in told.hours.items()]
+    most = {name: told.memory_gb[name] for name in told.memory_gb if name not in ("generate", "info", "read")}
+    rows += [(f"`{name}`, GB of memory", [_few(value) for value in values]) for name, values in most.items()]
+    on_each = [growing.BOARDS / count for count in growing.MACHINES]
+    rows.append(("boards on each", [f"{boards:,.0f}" for boards in on_each]))
+    rows.append(("GB of disk on each", [f"{boards * told.disk['bytes'] / 1e9:,.0f}" for boards in on_each]))
+    rows.append(("files on each", [f"{boards * told.disk['files']:,.0f}" for boards in on_each]))
+    rows.append(("MB of manifest on each", [_few(boards * told.disk["manifest_bytes"] / 1e6) for boards in on_each]))
+    together = [told.files_per_second(count) for count in growing.MACHINES]
+    rows.append(("files a second, all together", [f"{value:,.0f}" for value in together]))
+    rows.append(("MB a second, all together", [f"{value * told.disk['bytes'] / 1e6:,.0f}" for value in together]))
+    return markdown([plain_grid(heads, rows, f"one million boards, {growing.CORES} cores a machine")])
+
+
+def million_limits() -> str:
+    """What comes to its end first on one machine, and when one process cannot feed any more."""
+    told = growing.million(result("scale")["curves"])
+    rows = [(words, [f"{boards:,.0f}"]) for words, boards in told.limits.items()]
+    fed = (
+        f"One process that stores what others record, as `collect` has it, keeps {told.cores_fed:,.0f} cores busy, "
+        f"{told.cores_fed / growing.CORES:,.1f} machines: more cannot record into one dataset at full speed."
+    )
+    return markdown([plain_grid(["boards in one dataset"], rows, "on one machine"), Text(fed)])
+
+
+def _few(value: float) -> str:
+    """Two digits that say something."""
+    return f"{value:,.0f}" if value >= 10 else f"{value:.1f}" if value >= 1 else f"{value:.2f}"
+
+
+def collection_parts() -> str:
+    """Where the time of a recorded interaction and of building a board goes, beside what its result costs by itself."""
+    told = result("collection-parts")
+    heads = ("ms", "matrix products", "% of all", "by itself, ms", "times that", "which is")
+    grids = []
+    for kind, words in (("interaction", "a recorded interaction"), ("board", "building a board")):
+        rows = []
+        for part, one in told[kind].items():
+            if not one["ms"]:
+                continue  # nothing is left over
+            least = [f"{one['limit_ms']:.2f}", f"{one['ratio']:.1f}", one["limit"]] if "limit" in one else ["-"] * 3
+            rows.append((part, [f"{one['ms']:.2f}", f"{one['products']:.3f}", f"{100 * one['share']:.1f}", *least]))
+        grids.append(plain_grid(heads, rows, words))
+    speed = told["megabytes_a_second"]
+    words = (
+        f"Measured on {told['boards']} boards and {told['interactions']} interactions with the objects of "
+        f"{told['assets']} ({told['machine']['processor']}): one matrix product takes "
+        f"{told['product_milliseconds']:.1f} ms, memory moves {speed['memory'] / 1e3:.1f} GB a second, SHA-256 hashes "
+        f"{speed['SHA-256'] / 1e3:.1f}, the disk takes {speed['disk'] / 1e3:.2f}."
+    )
+    return markdown([*grids, Text(words)])
+
+
+def world_costs() -> str:
+    """What an interaction costs in each world, beside the paper's, and how many boards are drawn in a second."""
+    told, drawn = result("world-costs"), result("drawing")
+    rows = []
+    for world, one in told["rows"].items():
+        cells = [f"{one['ms']:.1f}", f"{one['ratio']:.2f}", f"{one['pictures']:.2f}", f"{one['policy_ms']:.1f}"]
+        rows.append((f"`{world}`", [*cells, f"{drawn['rows'][world]['boards_per_second']:.0f}"]))
+    heads = (
+        "an interaction, ms",
+        "to the paper's",
+        "pictures an action",
+        "scripted policy, ms",
+        "boards drawn a second",
+    )
+    locks = {name: one for name, one in drawn["rows"].items() if "depth" in name}
+    deep = [(name, [f"{one['boards_per_second']:.1f}"]) for name, one in locks.items()]
+    words = f"{told['boards']} boards of each world, {told['steps']} actions each, the objects of {told['assets']}."
+    return markdown([plain_grid(heads, rows, "world"), plain_grid(["boards a second"], deep, "locks"), Text(words)])
+
+
+def real_camera() -> str:
+    """How often the reward from photos is wrong, by policy."""
+    told, rows = result("real_camera"), []
+    for one in told["rows"]:
+        share = _percent(one["for_nothing"] / one["still"] if one["still"] else None)
+        cells = [f"{one['without_reward']} of {one['moved']}", f"{one['for_nothing']} of {one['still']}", share]
+        rows.append((f"{one['camera']}, `{one['policy']}`", cells))
+    heads = ("moved a link, no reward", "moved nothing, a reward", "percent of these")
+    return markdown([plain_grid(heads, rows, "camera, policy")])
+
+
+def world_runs() -> str:
+    """Of each world what went through everything that is done with datasets, over its splits and both kinds of objects.
+
+    Raises:
+        BusybotError: something was wrong on the way.
+    """
+    found: dict[str, list[dict[str, Any]]] = {}
+    for name in ("worlds-procedural", "worlds-real"):
+        for case, row in result(name)["rows"].items():
+            found.setdefault(case.split("/")[0], []).append(row)
+    if faults := [fault for rows in found.values() for row in rows for fault in row["faults"]]:
+        raise BusybotError(
+            f"boards of every world: {faults[0]}", "mend it, and run benchmarks.reliability.worlds again"
+        )
+    keys = ("boards", "actions", "steps_put_back", "boards_with_locks", "boards_rewired_meanwhile")
+    lines = []
+    for world, rows in found.items():
+        kills = sum(len(row["killed_with_episodes"]) for row in rows)
+        lines.append(
+            (f"`{world}`", [str(len(rows)), *(f"{sum(row[key] for row in rows):,}" for key in keys), str(kills)])
+        )
+    heads = ("splits x objects", "boards", "actions", "put back", "with locks", "rewired meanwhile", "kills")
+    return markdown([plain_grid(heads, lines, "world")])
+
+
+def world_sets() -> str:
+    """The sets of boards of every world: how many links and locks, and the hash over their boards."""
+    rows = []
+    for file in sorted((RESULTS.parents[1] / "datasets" / "worlds").glob("*.json")):
+        told = read_json(file)
+        for name in next(iter(told["objects"].values())):
+            cards = [told["objects"][objects][name] for objects in SET_OBJECTS]
+            hashes = [f"`{card['board_hash'][:12]}`" for card in cards]
+            rows.append((f"`{told['world']}/{name}`", [str(cards[0]["boards"]), *_links_and_locks(cards), *hashes]))
+    heads = ("boards", "links", "with locks", "rewired", *(f"board hash, {objects}" for objects in SET_OBJECTS))
+    return markdown([plain_grid(heads, rows, "set")])
+
+
+def _links_and_locks(cards: list[dict[str, Any]]) -> list[str]:
+    """Mean number of links, of boards with locks and of rewired ones, for each card's objects."""
+    links, locked, rewired = [], [], []
+    for on_them in (card["on_them"] for card in cards):
+        counts = {int(count): boards for count, boards in on_them["by_links"].items()}
+        links.append(f"{sum(count * boards for count, boards in counts.items()) / sum(counts.values()):.1f}")
+        locked.append(str(sum(on_them["by_locks"].values())))
+        rewired.append(str(on_them["rewired"]))
+    return [" / ".join(values) for values in (links, locked, rewired)]
+
+
 def paper_interact_speed() -> str:
     """What an iteration of each of the paper's interaction networks costs, and the whole schedule by extrapolation."""
     told = result("paper_interact")
@@ -301,6 +513,122 @@ def _scores(scores: dict[str, Any] | None) -> str:
     return told if scores["pred_a"] is None else f"{told}, {_percent(scores['pred_a'])}"
 
 
+def bounds_symbolic() -> str:
+    """Of symbolic boards, the share of responders whose parents, and whose mechanism, is known after some actions."""
+    measures, lines = ("parents", "mechanism"), []
+    rows = {
+        (links, choice): row
+        for links, told in result("bounds")["rows"]["table"].items()
+        for choice, row in told.items()
+    }
+    for (links, choice), row in rows.items():
+        lines.append((f"{links}, {choice}", [" / ".join(_after(row[measure]).values()) for measure in measures]))
+    when = " / ".join(next(iter(rows.values()))["parents"])
+    return markdown([plain_grid([f"{measure} after {when}" for measure in measures], lines, "links, choice")])
+
+
+def mechanisms() -> str:
+    """Parents that the network finds on true states, beside the exact observer's."""
+    rows = []
+    for world, told in result("mechanisms")["rows"].items():
+        cells = [f"{_percent(one['network']['share'])} ({_percent(one['bound']['share'])})" for one in told.values()]
+        rows.append((world, cells))
+    actions = list(next(iter(result("mechanisms")["rows"].values())))
+    return markdown([plain_grid([f"after {count} actions" for count in actions], rows, "F1, network (exact observer)")])
+
+
+def bounds_worlds() -> str:
+    """For every world, split and choice: F1 of parents at link and at object level, and the share of mechanisms."""
+    blocks: list[Any] = []
+    measures = {"parents, link by link: F1": "link", "parents, objects: F1": "object", "mechanism": "mechanism"}
+    rows = {name: one for name, one in result("bounds")["rows"].items() if name != "table"}
+    for words, measure in measures.items():
+        lines: list[tuple[str, list[str]]] = []
+        heads: tuple[str, ...] = ()
+        for world, splits in rows.items():
+            for split, choices in splits.items():
+                for choice, row in choices.items():
+                    told = _after(row[measure], "f1" if measure in ("link", "object") else "")
+                    heads = tuple(told)
+                    lines.append((f"{world}, {split}, {choice}", list(told.values())))
+        blocks.append(plain_grid(heads, lines, words))
+    return markdown(blocks)
+
+
+WORLD_ROWS = {
+    "observer": "exact observer, truth",
+    "observer-detected": "exact observer, detected",
+    "count": "counting",
+    "lookup": "lookup",
+    "pc": "PC",
+    "granger": "Granger",
+    "persistence": "persistence",
+}
+"""Rows of the table of worlds, in its order."""
+
+
+def worlds() -> str:
+    """For every world and row: parents at both levels, mechanisms, predictions and calibration."""
+    lines = []
+    for world, parts in result("worlds")["rows"].items():
+        rows = {**parts["rows"], **parts.get("discovery", {})}
+        for name, words in WORLD_ROWS.items():
+            if name in rows:
+                row = rows[name]
+                middle = row["object"]["22"]
+                found = " / ".join(_whole(middle[key]) for key in ("p", "r"))
+                sure = f"{_whole(row['ece_uncertain'])} ({row['uncertain_pairs']})" if row["uncertain_pairs"] else "-"
+                f1 = [_over_actions(row[level]) if level in row else "-" for level in ("object", "link")]
+                asked = [_whole(row.get(key)) for key in ("mechanism_accuracy", "pred_a")]
+                lines.append((f"{world}: {words}", [str(row["boards"]), f1[0], found, f1[1], *asked, sure]))
+    heads = ("boards", "F1, objects", "P / R at 22", "F1, links", "mechanism", "Pred-A", "ECE (pairs)")
+    return markdown([plain_grid(heads, lines, "percent after 10 / 22 / 30")])
+
+
+def _over_actions(told: dict[str, Any]) -> str:
+    """F1 after each number of actions, with the interval of the middle one."""
+    low, high = told["22"]["interval"]
+    first, middle, last = (_whole(one["f1"]) for one in told.values())
+    return f"{first} / {middle} ({_whole(low)}-{_whole(high)}) / {last}"
+
+
+def _whole(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f}"
+
+
+def exploring() -> str:
+    """What the exact observer knows of links after random, coverage-first and greedy choice."""
+    lines = []
+    for world, parts in result("worlds")["rows"].items():
+        if "exploring" in parts:
+            told = parts["exploring"].values()
+            lines.append((world, [" / ".join(_after(one["link"], "f1").values()) for one in told]))
+    return markdown([plain_grid(("random", "coverage first", "greedy"), lines, "F1 of links after 10 / 22 / 30")])
+
+
+VIEWS = {"looks": "looks", "picture": "picture", "places": "places", "order": "order", "actions": "actions"}
+
+
+def shortcuts() -> str:
+    """The area under the ROC curve of what sees no effect: which trigger of a responder, and below it which pair."""
+    told, lines = result("shortcuts"), []
+    for world, views in told["rows"].items():
+        for words, key in (("which pair", "alike"), ("which trigger", "whom")):
+            lines.append((f"{world}: {words}", [_area(views[view][key]) for view in VIEWS]))
+    return markdown([plain_grid(tuple(VIEWS.values()), lines, "area, percent; chance is 50")])
+
+
+def _area(one: dict[str, Any]) -> str:
+    low, high = one["interval"]
+    return f"{_percent(one['area'])} ({_percent(low)}-{_percent(high)})"
+
+
+def _after(told: dict[str, Any], key: str = "") -> dict[str, str]:
+    """Shares in whole percent by number of actions."""
+    shares = {actions: (one[key] if key else one)["share"] for actions, one in told.items()}
+    return {actions: "-" if share is None else f"{100 * share:.0f}" for actions, share in shares.items()}
+
+
 def decision_time() -> str:
     """Milliseconds of every agent: the mean, and what 95 % of its decisions stay below; the gate is for the mean."""
     told = result("decision_time")
@@ -325,3 +653,17 @@ def _times(timings: list[dict[str, Any]], gate: float) -> tuple[Entry, ...]:
         small = f"(95 %: {timing['cpu_ms_p95']:.1f}; model {model:.1f})"
         entries.append(Entry(f"{mean:.1f}", small, "reached" if mean <= gate else "missed"))
     return tuple(entries)
+
+
+def hostile() -> str:
+    """Hostile files by class: how many were tried, how reading them ended, and how many led to something else."""
+    classes: dict[str, list[dict[str, Any]]] = {}
+    for kind in result("hostile")["kinds"].values():
+        classes.setdefault(kind["class"], []).append(kind)
+    ends = ("refused", "noticed", "same answer", "another answer")
+    rows = []
+    for name, kinds in classes.items():
+        told = [sum(kind["results"].get(end, 0) for kind in kinds) for end in ends]
+        counts = (sum(kind["cases"] for kind in kinds), *told, sum(len(kind["findings"]) for kind in kinds))
+        rows.append((name, tuple(f"{count:,}" for count in counts)))
+    return markdown([plain_grid(("tried", *ends, "failed"), rows, "class")])

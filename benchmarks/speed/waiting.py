@@ -1,6 +1,7 @@
 """Measures what people wait for: commands, environments, boards and recorded actions, on several checkouts in one run.
 
     python -m benchmarks.speed.waiting --checkout before=FOLDER --checkout after=FOLDER [--repeat 3] [--out FILE]
+    python -m benchmarks.speed.waiting reproduce [--profile smoke] [--out FILE]
 
 Only the command line and `gymnasium.make` are used, so the checkouts may be of any version. They take turns, so that
 what else the machine does meets all of them alike; figures are medians. A row is processor time, user and system, of a
@@ -10,6 +11,9 @@ action are differences of two commands, one of which does more, so that starting
 
 Everything is measured with warm caches: each checkout has made its procedural objects and has parsed them, if it keeps
 that, and the operating system has its files in memory.
+
+`reproduce` runs the whole pipeline of a profile in a copy of this checkout, as `make reproduce` does once everything is
+set up, DVC included (`make dvc`): processor time of all processes, and of the stages, those of one kind together.
 """
 
 import json
@@ -20,14 +24,29 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.runner import PRODUCT_SIDE, finish, parser, product_seconds, torch_with
+from benchmarks.runner import (
+    PRODUCT_SIDE,
+    cpu_seconds,
+    finish,
+    load_average,
+    one_of,
+    parser,
+    product_seconds,
+    torch_with,
+)
+from busybot.evaluation.results import read_result
 
+ROOT = Path(__file__).resolve().parents[2]
+PIPELINE = ("busybot", "pipelines", "dvc.yaml", ".dvcignore", ".dvc/config")
+"""What the pipeline consists of."""
+DVC = ROOT / ".tools" / "dvc" / "bin" / "dvc"
 SEED = "5"
 ENVIRONMENT = "import gymnasium, busybot.sim.registration; gymnasium.make('busybot/Board-v0').reset(seed=0)"
 
@@ -129,11 +148,49 @@ def measure(row: Row, checkouts: dict[str, Checkout], repeat: int) -> dict[str, 
     return {name: float(np.median(values)) for name, values in spent.items()}
 
 
-def main() -> None:
+def reproduce(words: list[str]) -> None:
+    options = parser(__doc__, assets=False, out=False)
+    options.add_argument("--profile", default="smoke")
+    arguments = options.parse_args(words)
+    if not DVC.exists():
+        raise SystemExit("DVC is not installed: make dvc")
+    with tempfile.TemporaryDirectory() as temporary:
+        copy, before, began, load = Path(temporary), cpu_seconds(), time.monotonic(), load_average()
+        for part in PIPELINE:
+            (copy / part).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copytree(ROOT / part, copy / part) if (ROOT / part).is_dir() else shutil.copy(
+                ROOT / part, copy / part
+            )
+        path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+        environment = {**os.environ, "PYTHONPATH": temporary, "PATH": path}
+        for command in ([sys.executable, "-m", "pipelines.profile", arguments.profile], [str(DVC), "repro"]):
+            subprocess.run(command, cwd=copy, env=environment, check=True, stdout=sys.stderr)
+        stages = read_result(copy / "runs" / arguments.profile / "tables" / "stages.json", "stages")["stages"]
+    figures = {
+        "profile": arguments.profile,
+        "cpu_seconds": round(cpu_seconds() - before),
+        "seconds": round(time.monotonic() - began),
+        "commands": len(stages),
+        "stages": in_kinds({name: stage["cpu_seconds"] for name, stage in stages.items()}),
+        "load_average_before": load,
+    }
+    print(json.dumps(finish("reproduce", arguments, figures, seed=0), indent=1))
+
+
+def in_kinds(stages: dict[str, float]) -> dict[str, float]:
+    """Seconds of stages by the folder that they write into."""
+    kinds: dict[str, float] = {}
+    for name, seconds in stages.items():
+        kind = "features" if name.endswith(".features") else name.split("/")[0]
+        kinds[kind] = round(kinds.get(kind, 0) + seconds, 1)
+    return kinds
+
+
+def main(words: list[str]) -> None:
     options = parser(__doc__, assets=False, out=False)
     options.add_argument("--checkout", action="append", required=True, help="NAME=FOLDER of a repository; repeatable")
     options.add_argument("--repeat", type=int, default=3)
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     pairs = [word.partition("=")[::2] for word in arguments.checkout]
     rows: dict[str, dict[str, float]] = {}
     with tempfile.TemporaryDirectory() as temporary:
@@ -159,4 +216,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main, reproduce=reproduce)

@@ -2,15 +2,22 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from busybot.boards.spec import PAPER, without
+from busybot.boards.worlds import NOVEL, world_named
+from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 
 Count = Annotated[int, Field(ge=0, le=32)]
 Range = tuple[Count, Count]
 
-SPLITS: dict[str, Literal["train", "novel"]] = {"train": "train", "novel-config": "train", "novel-object": "novel"}
+Instances = Literal["train", "novel"]
+SPLITS: dict[str, Instances] = {"train": "train", "novel-config": "train", "novel-object": "novel", NOVEL: "train"}
 """Which instances stand on the boards of each split."""
+USUAL_LINKS = 6
+"""Boards have up to so many links unless more are asked for."""
+WORLD_LINKS = (3, USUAL_LINKS)
 TASK_DEFAULTS = {"boards": 50, "group_size": 1}
 """Protocol "Planning": 50 tasks of a kind per split."""
 
@@ -19,10 +26,17 @@ class BoardConfig(FrozenModel):
     """One dataset's boards.
 
     Attributes:
-        split: `train` and `novel-config` share the training objects, `novel-object` has the others.
+        split: `train` and `novel-config` share the training objects, `novel-object` has the others; `novel-mechanism`
+            has the training objects and mechanisms that the other splits do not have.
+        world: what decides the responders: `paper`, one of `boards.worlds.WORLDS` or the name of a mechanism.
         relations: `any`; `one-to-one` (single-link two-state triggers only); `one-to-many` (at least one
             multi-direction and one multi-link trigger on each board). With tasks they are of the tasks' kind.
-        tasks: give every board a task of this kind (`boards.task`); None for boards without.
+        tasks: give every board a task of this kind (`boards.task`), `reach` in all worlds but the paper's; None for
+            boards without.
+        links: inclusive range of the number of trigger links on a board; None for what the switches have, in other
+            worlds than the paper's 3 to 6. Above six, more switches and responders are drawn by default.
+        depth: least and most number of locks behind each other, in worlds that have them.
+        plan: tasks of kind `reach` take at most so many actions.
         switches, lamps, responders, toys: inclusive ranges of counts; `responders` counts lamps and doors together.
         max_objects: more are never placed.
         boards: how many; 50 by default with tasks.
@@ -32,10 +46,11 @@ class BoardConfig(FrozenModel):
         margin: free space around an object's footprint, object units (scaled with the object).
     """
 
-    split: Literal["train", "novel-config", "novel-object"] = "train"
+    split: Literal["train", "novel-config", "novel-object", "novel-mechanism"] = "train"
+    world: Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")] = PAPER
     boards: Annotated[int, Field(ge=1, le=10_000_000)] = 100
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    tasks: Literal["one-to-one", "one-to-many"] | None = None
+    tasks: Literal["one-to-one", "one-to-many", "reach"] | None = None
     relations: Literal["any", "one-to-one", "one-to-many"] = "any"
     switches: Range = (2, 3)
     lamps: Range = (3, 5)
@@ -45,21 +60,37 @@ class BoardConfig(FrozenModel):
     group_size: Annotated[int, Field(ge=1, le=10_000)] = 20
     uniform: bool = False
     margin: Annotated[float, Field(ge=0, le=2)] = 0.2
+    links: Range | None = None
+    depth: Range = (1, 8)
+    plan: Annotated[int, Field(ge=1, le=100)] = 8
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """JSON without keys that say nothing: as before there were worlds."""
+        return without(handler(self), {"world": PAPER, "links": None, "depth": [1, 8], "plan": 8})
 
     @model_validator(mode="before")
     @classmethod
     def _with_tasks(cls, values: Any) -> Any:
         """What is not told follows from the kind of the tasks."""
-        if not isinstance(values, dict) or not values.get("tasks"):
+        if not isinstance(values, dict):
             return values
-        return {"relations": values["tasks"], **TASK_DEFAULTS, **values}
+        links, found = values.get("links"), dict(values)
+        if isinstance(links, list | tuple) and len(links) == 2 and isinstance(links[1], int) and links[1] > USUAL_LINKS:
+            found = {**_room_for(links[0], links[1]), **found}
+        if found.get("world", PAPER) != PAPER:
+            found = {"links": WORLD_LINKS, **found}
+        if not values.get("tasks"):
+            return found
+        return {**({} if values["tasks"] == "reach" else {"relations": values["tasks"]}), **TASK_DEFAULTS, **found}
 
     @model_validator(mode="after")
     def _fits_together(self) -> "BoardConfig":
-        if self.tasks is not None and self.relations != self.tasks:
+        self._world_fits()
+        if self.tasks not in (None, "reach") and self.relations != self.tasks:
             what = f"relations {self.relations!r} contradict tasks {self.tasks!r}"
             raise ValueError(f"{what}; leave relations out, they follow from the tasks")
-        for name in ("switches", "lamps", "responders", "toys"):
+        for name in ("switches", "lamps", "responders", "toys", *(("links",) if self.links else ()), "depth"):
             low, high = getattr(self, name)
             if low > high:
                 raise ValueError(f"{name}: the range {low}..{high} is empty")
@@ -71,3 +102,30 @@ class BoardConfig(FrozenModel):
         if smallest > self.max_objects:
             raise ValueError(f"max_objects: the ranges ask for at least {smallest} objects, {self.max_objects} allowed")
         return self
+
+    @property
+    def least_links(self) -> int:
+        """Number of trigger links that a board has at the least: each lock holds one, another one opens the first."""
+        locked = self.world != PAPER and world_named(self.world, self.split == NOVEL).locked == 1
+        return max(self.links[0] if self.links else 0, self.depth[0] + 1 if locked else 0)
+
+    def _world_fits(self) -> None:
+        try:
+            paper = self.world == PAPER or not world_named(self.world, self.split == NOVEL)
+        except BusybotError as error:
+            raise ValueError(f"{error.what}; {error.hint}") from None
+        if paper and (self.split == NOVEL or self.tasks == "reach"):
+            given = f"split {NOVEL!r}" if self.split == NOVEL else "tasks 'reach'"
+            raise ValueError(f"the paper's world has no {given}; name another one: --world gates")
+        if self.links and not paper and self.links[0] <= self.links[1] < self.least_links:
+            what = f"{self.depth[0]} locks behind each other need {self.least_links} links"
+            raise ValueError(f"{what}, at most {self.links[1]} allowed: give --links {self.least_links}-12")
+        if not paper and (self.relations != "any" or self.tasks not in (None, "reach")):
+            what = "kinds of relations" if self.relations != "any" else f"tasks {self.tasks!r}"
+            raise ValueError(f"the world {self.world!r} has no {what}; it has --tasks reach")
+
+
+def _room_for(least: int, most: int) -> dict[str, Any]:
+    """Counts of objects with so many links: a switch has one to three, and every link has a responder of its own."""
+    switches, responders = (max(2, -(-least // 2)), min(most, 6)), (max(5, min(least, 9)), max(6, min(most, 10)))
+    return {"switches": switches, "responders": responders, "lamps": (3, 8), "max_objects": 20, "margin": 0.05}

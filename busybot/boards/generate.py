@@ -12,9 +12,10 @@ import numpy as np
 from busybot.boards.config import SPLITS, BoardConfig
 from busybot.boards.layout import place
 from busybot.boards.relations import draw_relations
-from busybot.boards.spec import BoardSpec, PlacedObject, Relation
-from busybot.boards.task import with_task
+from busybot.boards.spec import PAPER, BoardSpec, PlacedObject, Relation
+from busybot.boards.task import with_reachable_goal, with_task
 from busybot.boards.textures import COLORS, TEXTURES
+from busybot.boards.worlds import links_of, with_world
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.objects.library import Library
@@ -73,7 +74,9 @@ def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redr
             counted["overlap"] += models is not None
             continue
         # the whole group is drawn, however many boards are asked for: a longer dataset starts with a shorter one
-        relations = _distinct_relations(models, config.group_size, rng)
+        relations = (
+            _distinct_relations(models, config.group_size, rng) if config.world == PAPER else [()] * config.group_size
+        )
         if relations is None:
             counted["relations"] += 1
             continue
@@ -89,9 +92,9 @@ def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redr
             for model, (position, yaw) in zip(models, placements, strict=True)
         )
         texture, color = str(rng.choice(TEXTURES)), COLORS[int(rng.integers(len(COLORS)))]
-        redraws.update(counted)
         first = group * config.group_size
-        for index in range(first, min(first + config.group_size, config.boards)):
+        boards = []
+        for index in range(first, first + config.group_size):
             board = BoardSpec(
                 index=index,
                 seed=config.seed,
@@ -102,16 +105,35 @@ def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redr
                 objects=objects,
                 relations=relations[index - first],
             )
-            yield with_task(board, models, config.tasks) if config.tasks else board
+            made = _in_world(config, board, models)
+            if made is None:
+                break
+            boards.append(made)
+        if len(boards) < config.group_size:
+            counted["relations"] += 1
+            continue
+        redraws.update(counted)
+        yield from boards[: config.boards - first]
         return
     raise BusybotError(
         f"no board of group {group} fits the configuration after {APPEARANCE_TRIES} draws: "
         f"{counted['too_many']} had more than {config.max_objects} objects, "
-        f"{counted['kinds']} lacked the asked kinds of triggers, {counted['overlap']} found no free place, "
+        f"{counted['kinds']} lacked the asked kinds or numbers of triggers, {counted['overlap']} found no free place, "
         f"{counted['relations']} had more trigger links than compatible responders "
         f"(or fewer than {config.group_size} different sets of relations)",
         "ask for fewer objects, more responders, a smaller margin or a smaller group_size",
     )
+
+
+def _in_world(config: BoardConfig, board: BoardSpec, models: list[ObjectModel]) -> BoardSpec | None:
+    """The board with relations of its world and a task, as asked for; None if its objects do not suffice."""
+    if config.world == PAPER:
+        assert config.tasks != "reach"
+        return with_task(board, models, config.tasks) if config.tasks else board
+    found = with_world(board, models, config.world, config.depth)
+    if found is None or config.tasks is None:
+        return found
+    return with_reachable_goal(found, links_of(models), config.plan)
 
 
 def _draw_models(
@@ -129,6 +151,10 @@ def _draw_models(
     for category in rng.permutation(wanted):
         keys, probabilities = pools[str(category)]
         models.append(library.get(keys[rng.choice(len(keys), p=probabilities)]))
+    links = sum(len(model.trigger_links) for model in models)
+    if config.links and not config.least_links <= links <= config.links[1]:
+        redraws["kinds"] += 1
+        return None
     if config.relations == "one-to-many" and not _has_both_kinds(models):
         redraws["kinds"] += 1
         return None

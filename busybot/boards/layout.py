@@ -30,9 +30,15 @@ def footprint(model: ObjectModel, yaw: float, margin: float) -> tuple[np.ndarray
     return turned.min(0), turned.max(0)
 
 
-def place(models: list[ObjectModel], rng: np.random.Generator, margin: float) -> list[Placement] | None:
-    """Draw yaws and positions one object after the other; None if one finds no free place in its tries."""
-    limit = BOARD_HALF - EDGE
+def place(
+    models: list[ObjectModel], rng: np.random.Generator, margin: float, half: float = BOARD_HALF
+) -> list[Placement] | None:
+    """Draw yaws and positions one object after the other; None if one finds no free place in its tries.
+
+    Args:
+        half: of the board's side, board units.
+    """
+    limit = half - EDGE
     taken: list[tuple[np.ndarray, np.ndarray]] = []
     placements: list[Placement] = []
     for model in models:

@@ -8,15 +8,24 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from busybot.common.frozen_model import FrozenModel
 
 SCHEMA_VERSION = "1.0"
+"""Of the paper's boards."""
+WORLDS_VERSION = "1.1"
+"""Of boards of other worlds: relations have mechanisms with memories, links have locks, a relation may change."""
+PAPER = "paper"
 
 Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e3, le=1e3)]
 Unit = Annotated[float, Field(ge=0, le=1)]
 Index = Annotated[int, Field(ge=0, le=255)]
+
+
+def without(values: dict[str, Any], absent: dict[str, Any]) -> dict[str, Any]:
+    """The values but for those that are what `absent` says: JSON that has no keys that say nothing."""
+    return {key: value for key, value in values.items() if key not in absent or value not in (absent[key], ())}
 
 
 class PlacedObject(FrozenModel):
@@ -46,6 +55,10 @@ class PlacedObject(FrozenModel):
         return self.key.split("/")[1]
 
 
+BODY = "body"
+"""Name of the link that stands for a whole object: as an input, a responder's state before the action."""
+
+
 class LinkRef(FrozenModel):
     """A link of an object on the board: `object` indexes `BoardSpec.objects`."""
 
@@ -54,26 +67,52 @@ class LinkRef(FrozenModel):
 
 
 class Relation(FrozenModel):
-    """Triggers that together decide the state of one responder.
+    """What together decides the state of one responder.
 
     The set of kinds is open: a reader keeps kinds that it does not know, a simulator refuses them by name. The paper's
     three kinds have one trigger and `states[s]` is the responder's state while the trigger rests in state s.
 
     Attributes:
-        kind: `one-to-one`, `one-to-many-effects` or `one-to-many-objects`; later gates, delays, several triggers.
-        triggers: the controlling links.
+        kind: of its mechanism, one of `boards.mechanisms.available()`.
+        triggers: the inputs, trigger links and responders (`BODY`); none of what moves by itself.
         responder: index of the controlled object.
         stage: whether the responder acts as a single-stage (2 states) or multi-stage (3 states) object.
-        states: responder state for each trigger state.
-        parameters: whatever a later kind needs.
+        states: the mechanism's table; of the paper's kinds the responder's state for each trigger state.
+        parameters: of the mechanism; `stream` names the luck that several responders have in common.
     """
 
     kind: Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")]
-    triggers: Annotated[tuple[LinkRef, ...], Field(min_length=1, max_length=64)]
+    triggers: Annotated[tuple[LinkRef, ...], Field(max_length=64)]
     responder: Index
     stage: Literal["single", "multi"]
     states: Annotated[tuple[Annotated[int, Field(ge=0, le=15)], ...], Field(max_length=256)]
     parameters: dict[str, Any] = {}
+
+
+class Lock(FrozenModel):
+    """A trigger link that yields only while a responder is in certain states; else its joint is held.
+
+    Attributes:
+        link: the held link.
+        responder: index of the object that holds it.
+        states: in which it does not.
+    """
+
+    link: LinkRef
+    responder: Index
+    states: Annotated[tuple[Annotated[int, Field(ge=0, le=15)], ...], Field(min_length=1, max_length=16)]
+
+
+class Rewiring(FrozenModel):
+    """A relation that takes the place of its responder's during an episode.
+
+    Attributes:
+        step: number of the first action, from 0, after which it holds.
+        relation: that holds then; its mechanism starts anew.
+    """
+
+    step: Annotated[int, Field(ge=1)]
+    relation: Relation
 
 
 class Task(FrozenModel):
@@ -81,14 +120,22 @@ class Task(FrozenModel):
     do while every trigger link rests in its goal state. `boards.task` says what follows from it.
 
     Attributes:
-        kind: `one-to-one` or `one-to-many`, the paper's two kinds of tasks.
+        kind: `one-to-one` or `one-to-many`, the paper's two kinds of tasks; `reach` in other worlds.
         links: the board's trigger links, object by object; `PlacedObject.states` one after the other are theirs.
         goal: goal state of each of `links`.
+        responders: goal state of every object, -1 for triggers, where it does not follow from `goal` alone; else None.
+        shortest: number of actions of the shortest plan, where a search found it; else None.
     """
 
-    kind: Literal["one-to-one", "one-to-many"]
+    kind: Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")]
     links: Annotated[tuple[LinkRef, ...], Field(min_length=1, max_length=1024)]
     goal: Annotated[tuple[Annotated[int, Field(ge=0, le=15)], ...], Field(max_length=1024)]
+    responders: Annotated[tuple[Annotated[int, Field(ge=-1, le=15)], ...], Field(max_length=64)] | None = None
+    shortest: Annotated[int, Field(ge=1)] | None = None
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return without(handler(self), {"responders": None, "shortest": None})
 
 
 class BoardSpec(FrozenModel):
@@ -99,9 +146,18 @@ class BoardSpec(FrozenModel):
         appearance_group: boards of one group share everything but their relations.
         texture: name of one of `boards.textures.TEXTURES`.
         color: RGB tint of the texture, 0..1.
-        task: a goal to be reached, or None. A board without one has no such key in JSON: it is written, and hashed, as
-            before there were tasks.
+        task: a goal to be reached, or None.
+        world: which world its relations are of (`boards.worlds`).
+        locks: links that something holds.
+        rewirings: relations that change during an episode.
+        idle: trigger links that control nothing on purpose; every other one controls or unlocks something.
+
+    Keys that say nothing (no task, the paper's world, no locks) are left out in JSON, so that a board is written, and
+    hashed, as before there were such keys. A reader keeps keys that it does not know, which later versions may bring;
+    a simulator refuses them by name.
     """
+
+    model_config = ConfigDict(frozen=True, extra="allow")
 
     schema_version: Annotated[str, Field(pattern=r"^\d+\.\d+$")] = SCHEMA_VERSION
     index: Annotated[int, Field(ge=0)]
@@ -114,15 +170,22 @@ class BoardSpec(FrozenModel):
     objects: Annotated[tuple[PlacedObject, ...], Field(max_length=64)]
     relations: Annotated[tuple[Relation, ...], Field(max_length=256)]
     task: Task | None = None
+    world: Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")] = PAPER
+    locks: Annotated[tuple[Lock, ...], Field(max_length=256)] = ()
+    rewirings: Annotated[tuple[Rewiring, ...], Field(max_length=64)] = ()
+    idle: Annotated[tuple[LinkRef, ...], Field(max_length=256)] = ()
 
     @model_validator(mode="after")
     def _references_exist(self) -> "BoardSpec":
-        for relation in self.relations:
-            for index in (relation.responder, *(ref.object for ref in relation.triggers)):
+        relations = (*self.relations, *(rewiring.relation for rewiring in self.rewirings))
+        named = [(one.responder, *(ref.object for ref in one.triggers)) for one in relations]
+        named += [(lock.responder, lock.link.object) for lock in self.locks]
+        for responder, *others in named:
+            for index in (responder, *others):
                 if index >= len(self.objects):
                     raise ValueError(f"a relation names object {index} of {len(self.objects)}")
-            if self.objects[relation.responder].role != "responder":
-                raise ValueError(f"the relation's responder {relation.responder} is a trigger")
+            if self.objects[responder].role != "responder":
+                raise ValueError(f"the relation's responder {responder} is a trigger")
         return self
 
     @model_validator(mode="after")
@@ -135,16 +198,14 @@ class BoardSpec(FrozenModel):
         named = {(link.object, link.link) for link in self.task.links}
         if len(named) != len(owners):
             raise ValueError("the task names a link twice")
-        if any((t.object, t.link) not in named for relation in self.relations for t in relation.triggers):
+        inputs = [t for relation in self.relations for t in relation.triggers if t.link != BODY]
+        if any((t.object, t.link) not in named for t in inputs):
             raise ValueError("a relation's trigger is none of the task's links")
         return self
 
     @model_serializer(mode="wrap")
-    def _without_absent_task(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        values: dict[str, Any] = handler(self)
-        if self.task is None:
-            values.pop("task", None)
-        return values
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return without(handler(self), {"task": None, "world": PAPER, "locks": [], "rewirings": [], "idle": []})
 
     def relation_matrix(self) -> list[list[int]]:
         """Object pairs: `[i][j]` is 1 when a link of object i controls object j (links collapsed)."""

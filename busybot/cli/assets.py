@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import answer, check_file, print_json, say
-from busybot.cli.options import JsonOption, SeedOption
+from busybot.cli.common import answer, check_file, console, print_json, say, tell
+from busybot.cli.options import DeviceOption, JsonOption, SeedOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -69,9 +69,9 @@ def check(
         print_json({"ok": not bad, "checked": checked, "problems": bad})
     else:
         for finding in bad:
-            print(f"{finding.name}: {finding.problem} (hint: {finding.hint or 'see the documentation'})")
+            tell(f"{finding.name}: {finding.problem} (hint: {finding.hint or 'see the documentation'})")
         names = len({finding.name for finding in bad})
-        print(f"{folder}: {checked} checked, {f'{names} bad' if bad else 'nothing is wrong'}")
+        tell(f"{folder}: {checked} checked, {f'{names} bad' if bad else 'nothing is wrong'}")
     if bad:
         raise typer.Exit(1)
 
@@ -173,6 +173,7 @@ def sheet(
     ),
     cell: Annotated[int, typer.Option(min=48, max=600, help="Side of a portrait, pixels.")] = 150,
     columns: Annotated[int, typer.Option(min=2, max=40, help="Portraits in a row.")] = 12,
+    device: DeviceOption = "auto",
     json: JsonOption = False,
 ) -> None:
     """Draw a contact sheet: a portrait of every object, by category and split."""
@@ -208,7 +209,6 @@ def _rows(library: "Library") -> list[dict[str, Any]]:
 def _print_table(library: "Library", rows: list[dict[str, Any]]) -> None:
     from collections import Counter
 
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title=f"{library.name}: {len(rows)} objects", title_justify="left")
@@ -219,5 +219,5 @@ def _print_table(library: "Library", rows: list[dict[str, Any]]) -> None:
         described = ", ".join(f"{count} x {kind}" if count > 1 else kind for kind, count in counted.items())
         links = str(len(row["links"]) or "-")
         table.add_row(row["key"], row["role"], links, described, ", ".join(row["split"]), f"{row['weight']:g}")
-    Console().print(table)
+    console().print(table)
     say(f"{library.folder}, sha256 {library.sha256[:12]}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from busybot.cli.common import answer, episode_progress, own_name, processes, say
-from busybot.cli.options import AssetsOption, JsonOption, StrictOption, WorkersOption
+from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, StrictOption, WorkersOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -28,10 +28,15 @@ def collect(
         str | None, typer.Option(help="With --policy learned: a shipped model's name or a folder.")
     ] = None,
     strict: StrictOption = False,
+    camera: Annotated[
+        str | None,
+        typer.Option(help="clean (the default), or real: noise, blur, drift, shake, shadows, hands, lossy depth."),
+    ] = None,
     images: Annotated[str | None, typer.Option(help="Store pictures as jpeg (the default) or png.")] = None,
     assets: AssetsOption = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the policy; the dataset's by default.")] = None,
     workers: WorkersOption = None,
+    device: DeviceOption = "auto",
     engine: Annotated[str, typer.Option(help="local, or ray for the machines of a cluster.")] = "local",
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters (CollectConfig).")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as interaction.delta=1000.")] = None,
@@ -44,9 +49,16 @@ def collect(
     from busybot.sim.collect import CollectConfig
     from busybot.sim.collect import collect as run
 
-    options = {"steps": steps, "policy": policy, "images": images, "seed": seed, "interaction.strict": strict or None}
+    options: dict[str, Any] = {
+        "steps": steps,
+        "policy": policy,
+        "images": images,
+        "seed": seed,
+        "interaction.strict": strict or None,
+    }
     target = Dataset.open(dataset)
-    usual = {"policy": "learned"} if target.info.tasks else None
+    usual = ({"policy": "learned"} if target.info.tasks else {}) | _camera_terms(camera)
+    options["render.camera"] = {} if camera == "clean" else None
     parameters = build(CollectConfig, config, set_ or [], options, usual)
     library = library_of(target, assets)
     factory, provenance = _policy_factory(parameters.policy, model, parameters.learned)
@@ -63,6 +75,15 @@ def collect(
         f"{result.done} of {result.boards} episodes in {dataset}, {result.new} of them new",
         f"next: {own_name()} dataset info {quote(str(dataset))}; {own_name()} view {quote(str(dataset))}",
     )
+
+
+def _camera_terms(camera: str | None) -> dict[str, Any]:
+    """Strengths that the terms of a camera have unless others are named, by dotted names."""
+    from busybot.sim.scene.real_camera import REAL
+
+    if camera not in (None, "clean", "real"):
+        raise BusybotError(f"there is no camera {camera!r}", "choose one of clean, real")
+    return {f"render.camera.{term}": value for term, value in REAL.items()} if camera == "real" else {}
 
 
 def _engine(name: str) -> "Engine":

@@ -12,11 +12,15 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, explained
+from busybot.common.text import plain
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 JSON_WANTED = "busybot.json"
 CONTEXT = {"help_option_names": ["-h", "--help"]}
@@ -24,7 +28,23 @@ CONTEXT = {"help_option_names": ["-h", "--help"]}
 
 def say(message: str) -> None:
     """A line of progress or explanation, on standard error."""
-    print(message, file=sys.stderr, flush=True)
+    print(plain(message), file=sys.stderr, flush=True)
+
+
+def tell(message: object) -> None:
+    """A line of a command's answer, on standard output; nothing in it reaches the terminal as a command to it."""
+    print(plain(message), flush=True)
+
+
+def console() -> "Console":
+    """Where tables are printed: names in them are text, never markup, links or commands to the terminal."""
+    from rich.console import Console
+
+    class Plain(Console):
+        def render_str(self, text: str, **how: Any) -> Any:
+            return super().render_str(plain(text), **how)
+
+    return Plain(markup=False, emoji=False)
 
 
 def processes(wanted: int | None) -> int:
@@ -74,8 +94,12 @@ def check_file(option: str, path: Path | None, example: str) -> None:
 
 
 def print_json(value: Any) -> None:
-    """The one JSON object of a command with `--json`, on standard output. NaN and infinities are refused."""
-    print(json.dumps(value, default=_plain, allow_nan=False), flush=True)
+    """The one JSON object of a command with `--json`, on standard output; what is no number (NaN, infinity) is null."""
+    try:
+        text = json.dumps(value, default=_plain, allow_nan=False)
+    except ValueError:
+        text = json.dumps(json.loads(json.dumps(value, default=_plain), parse_constant=lambda _: None))
+    print(text, flush=True)
 
 
 def answer(json: bool, facts: Any, *lines: str) -> None:
@@ -90,7 +114,7 @@ def answer(json: bool, facts: Any, *lines: str) -> None:
 def _plain(value: Any) -> Any:
     """What json does not know: paths, dataclasses, pydantic models, numpy scalars and arrays."""
     if isinstance(value, Path):
-        return str(value)
+        return plain(value)
     if hasattr(value, "model_dump"):
         return value.model_dump(mode="json")
     if hasattr(value, "__dataclass_fields__"):
@@ -114,10 +138,9 @@ def report_errors(context: typer.Context) -> Iterator[None]:
         _report(context, error)
     except BrokenPipeError:
         raise  # the reader of our output has gone, as `head` does: typer ends quietly
-    except OSError as error:
-        # of the file system: nothing that our own code expected, but something that the user can mend
-        what = f"{error.filename}: {error.strerror}" if error.filename else str(error)
-        _report(context, BusybotError(what, "check that the path can be written and that the disk has room"))
+    except (OSError, MemoryError) as error:
+        # of the system: nothing that our own code expected, but something that the user can mend
+        _report(context, explained(error))
     except KeyboardInterrupt:
         say("interrupted")
         raise typer.Exit(130) from None
@@ -143,7 +166,7 @@ def native_output_on_stderr(wanted: bool) -> Iterator[None]:
     real = os.dup(1)
     os.dup2(2, 1)
     before = sys.stdout
-    sys.stdout = os.fdopen(real, "w", encoding="utf-8")
+    sys.stdout = os.fdopen(real, "w", encoding="utf-8", errors="backslashreplace")
     try:
         yield
     finally:

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import own_name, print_json, processes, say
-from busybot.cli.options import JsonOption, SeedOption, WorkersOption
+from busybot.cli.common import own_name, print_json, processes, say, tell
+from busybot.cli.options import DeviceOption, JsonOption, SeedOption, WorkersOption
 
 
 def demo(
@@ -17,6 +17,7 @@ def demo(
     ] = "procedural",
     seed: SeedOption = 0,
     workers: WorkersOption = None,
+    device: DeviceOption = "auto",
     json: JsonOption = False,
 ) -> None:
     """Boards, recorded interactions, inferred relations, a goal, and a report with pictures, in a minute or two."""
@@ -30,7 +31,7 @@ def demo(
         return
     say(f"\nthe story, to read:  {done.report}")
     say(f"the viewer:          {own_name()} view {done.out / 'boards'}")
-    print(done.out)
+    tell(done.out)
 
 
 def _free(name: str) -> Path:

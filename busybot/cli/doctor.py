@@ -18,8 +18,9 @@ from pathlib import Path
 
 import typer
 
-from busybot.cli.common import print_json
+from busybot.cli.common import console, print_json
 from busybot.cli.options import JsonOption
+from busybot.common.device import CHOICE
 
 SETUP = "make setup"
 PYTHONS = ((3, 11), (3, 13))
@@ -131,16 +132,32 @@ def vulkan() -> list[Check]:
 
 
 def gpu() -> list[Check]:
-    """NVIDIA GPUs and whether torch uses them. None is needed, so this row never fails."""
+    """NVIDIA GPUs, whether torch uses them, and what `--device` chooses. None is needed."""
+    return [_gpus(), _device()]
+
+
+def _device() -> Check:
+    """What commands use that are not told by `--device`; fails if the environment names what is not there."""
+    answer, error = _ask(
+        [sys.executable, "-c", "from busybot.common.device import chosen, gpus; print(chosen(), gpus())"]
+    )
+    if error is not None:
+        return Check("device", False, f"{os.environ.get(CHOICE)} is not there", f"unset {CHOICE}, or set it to auto")
+    name, count = answer.split()
+    of_all = f"{count} GPU{'s, in turn' if int(count) > 1 else ''}" if int(count) else "the CPU"
+    return Check("device", True, f"{name}: {of_all}" if name in ("auto", "cuda") else name)
+
+
+def _gpus() -> Check:
     tool = shutil.which("nvidia-smi")
     listed, error = _ask([tool, "--query-gpu=name", "--format=csv,noheader"]) if tool else ("", "absent")
     if error is not None or not listed:
-        return [Check("GPU", True, "none (not needed; everything runs on the CPU)")]
+        return Check("GPU", True, "none (not needed; everything runs on the CPU)")
     names = ", ".join(listed.splitlines())
     seen, error = _ask([sys.executable, "-c", "import torch; print(torch.cuda.is_available())"])
     if error is None and seen.endswith("True"):
-        return [Check("GPU", True, f"{names}, CUDA")]
-    return [Check("GPU", True, f"{names}, not used by torch", SETUP)]
+        return Check("GPU", True, f"{names}, CUDA")
+    return Check("GPU", True, f"{names}, not used by torch", SETUP)
 
 
 def assets() -> list[Check]:
@@ -185,7 +202,6 @@ def _ask(argv: list[str]) -> tuple[str, str | None]:
 
 
 def _show(checks: list[Check], ok: bool) -> None:
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -193,6 +209,6 @@ def _show(checks: list[Check], ok: bool) -> None:
     for check in checks:
         mark = Text("ok", "green") if check.ok else Text("FAIL", "bold red")
         table.add_row(mark, check.name, Text(check.value), Text(check.hint or ""))
-    console = Console()
-    console.print(table)
-    console.print("Everything is in order." if ok else "Something needs mending: see the last column.")
+    screen = console()
+    screen.print(table)
+    screen.print("Everything is in order." if ok else "Something needs mending: see the last column.")

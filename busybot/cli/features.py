@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from busybot.cli.common import check_file, episode_progress, print_json, say
-from busybot.cli.options import JsonOption, WorkersOption
+from busybot.cli.options import DeviceOption, JsonOption, WorkersOption
 
 
 def features(
@@ -21,6 +21,7 @@ def features(
     store: Annotated[Path | None, typer.Option(help="Keep them in this folder instead of DATASET.features.")] = None,
     parquet: Annotated[Path | None, typer.Option(help="Also write a table to this file, for other programs.")] = None,
     workers: WorkersOption = None,
+    device: DeviceOption = "auto",
     json: JsonOption = False,
 ) -> None:
     """Turn pictures into what models of relations read: 256 numbers for every responder and frame.

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 from shlex import quote
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,12 +12,22 @@ from busybot.cli.options import JsonOption
 
 def generate(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to make.", show_default=False)],
-    split: Annotated[str | None, typer.Option(help="train (the default), novel-config or novel-object.")] = None,
+    split: Annotated[
+        str | None, typer.Option(help="train (the default), novel-config, novel-object or novel-mechanism.")
+    ] = None,
+    world: Annotated[
+        str | None,
+        typer.Option(help="What decides the responders: paper (the default), gates, time, chance, chain, ..."),
+    ] = None,
     boards: Annotated[int | None, typer.Option(min=1, help="Number of boards; 100 by default.")] = None,
     relations: Annotated[str | None, typer.Option(help="any (the default), one-to-one or one-to-many.")] = None,
     tasks: Annotated[
-        str | None, typer.Option(help="Give every board a goal to plan for: one-to-one or one-to-many; 50 boards.")
+        str | None,
+        typer.Option(
+            help="Give every board a goal to plan for: one-to-one, one-to-many or (other worlds) reach; 50 boards."
+        ),
     ] = None,
+    links: Annotated[str | None, typer.Option(help="Trigger links on a board, as 3-6; more than 6 on request.")] = None,
     assets: Annotated[str, typer.Option(help="`procedural`, or a folder of annotated objects.")] = "procedural",
     uniform: Annotated[bool, typer.Option("--uniform", help="Draw all objects of a category equally often.")] = False,
     group_size: Annotated[
@@ -31,12 +41,20 @@ def generate(
     """Draw boards: objects, places, colours and hidden relations. What the same command made before is left alone."""
     from busybot.boards.config import BoardConfig
     from busybot.boards.generate import REASONS, Redraws
+    from busybot.boards.spec import PAPER
     from busybot.common.config import build
     from busybot.datasets.create import create_dataset
     from busybot.objects.resolve import find
 
-    options = {"split": split, "boards": boards, "relations": relations, "tasks": tasks, "group_size": group_size}
-    parameters = build(BoardConfig, config, set_ or [], options | {"seed": seed, "uniform": uniform or None})
+    options: dict[str, Any] = {
+        "split": split,
+        "boards": boards,
+        "relations": relations,
+        "tasks": tasks,
+        "group_size": group_size,
+    }
+    options |= {"world": world, "links": _range(links), "seed": seed, "uniform": uniform or None}
+    parameters = build(BoardConfig, config, set_ or [], options)
     redraws = Redraws()
     library = find(assets)
     with episode_progress("drawing") as progress:
@@ -46,7 +64,24 @@ def generate(
         facts = {name: getattr(dataset.info, name) for name in ("boards", "split", "seed")}
         print_json({"dataset": out, **facts, "board_hash": dataset.hashes().board, "redraws": thrown})
     else:
+        where = "" if parameters.world == PAPER else f", world {parameters.world}"
         goals = f" with {parameters.tasks} tasks" if parameters.tasks else ""
-        made = f"{counted(dataset.info.boards, 'board')}{goals} ({dataset.info.split}) in {out}"
+        made = f"{counted(dataset.info.boards, 'board')}{goals} ({dataset.info.split}{where}) in {out}"
         say(f"{made}; {redraws.total()} draws did not fit and were redrawn")
         say(f"next: {own_name()} collect {quote(str(out))}")
+
+
+def _range(given: str | None) -> tuple[int, int] | None:
+    """Least and most, of `3-6` or `4`.
+
+    Raises:
+        BusybotError: it is neither.
+    """
+    if given is None:
+        return None
+    from busybot.common.errors import BusybotError
+
+    least, _, most = given.partition("-")
+    if not (least.isdecimal() and (most or least).isdecimal()):
+        raise BusybotError(f"--links {given!r} is no range", "give the least and the most number, as 3-6")
+    return int(least), int(most or least)

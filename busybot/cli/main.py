@@ -6,6 +6,7 @@ function called NAME (a command of its own).
 
 import importlib
 import inspect
+import io
 import sys
 from typing import Any
 
@@ -108,5 +109,8 @@ def _root(
 
 def run() -> None:
     """Run the command that stands in `sys.argv`."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # whatever the locale, a name that it lacks is written as an escape
+            stream.reconfigure(errors="backslashreplace")
     with native_output_on_stderr("--json" in sys.argv[1:]):
         app(prog_name="busybot")

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import CONTEXT, counted, print_json, say
+from busybot.cli.common import CONTEXT, console, counted, print_json, say, tell
 from busybot.cli.options import JsonOption
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ def list_(
     json: JsonOption = False,
 ) -> None:
     """Show the models that come with busybot, or those in a folder."""
-    from rich.console import Console
     from rich.table import Table
 
     from busybot.models import describe_model, models_below, shipped_models
@@ -45,7 +44,7 @@ def list_(
         table.add_column(column, justify="right" if column in ("values", "MB") else "left", overflow="fold")
     for model in found:
         table.add_row(model.name, model.skill, model.kind, f"{model.parameters:,}", f"{model.bytes / 1e6:.1f}")
-    Console().print(table)
+    console().print(table)
 
 
 @app.command()
@@ -57,7 +56,7 @@ def info(model: ModelArgument, json: JsonOption = False) -> None:
     if json:
         print_json(told)
     else:
-        print("\n".join(_lines(told)))
+        tell("\n".join(_lines(told)))
 
 
 @app.command()
@@ -81,7 +80,7 @@ def verify(
         print_json({"ok": all(verdict.ok for verdict in verdicts), "models": entries})
     else:
         for verdict in verdicts:
-            print(_found(verdict))
+            tell(_found(verdict))
     if not all(verdict.ok for verdict in verdicts):
         raise typer.Exit(1)
 

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from busybot.cli.common import JSON_WANTED
+from busybot.common.device import CHOICE, choose
 
 
 def _remember_json(context: typer.Context, wanted: bool) -> bool:
@@ -12,8 +13,23 @@ def _remember_json(context: typer.Context, wanted: bool) -> bool:
     return wanted
 
 
+def _take_device(name: str) -> str:
+    choose(name)
+    return name
+
+
 JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output.", callback=_remember_json)
+    bool,
+    typer.Option("--json", help="Print one JSON object on standard output.", callback=_remember_json, is_eager=True),
+]
+DeviceOption = Annotated[
+    str,
+    typer.Option(
+        "--device",
+        envvar=CHOICE,
+        callback=_take_device,
+        help="Where pictures are drawn and networks computed: auto (on GPUs if there are any), cpu, cuda or cuda:N.",
+    ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn.")]
 WorkersOption = Annotated[

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import counted, pixel_shares, print_json, say
-from busybot.cli.options import AssetsOption, JsonOption
+from busybot.cli.common import counted, pixel_shares, print_json, say, tell
+from busybot.cli.options import AssetsOption, DeviceOption, JsonOption
 
 if TYPE_CHECKING:
     from busybot.sim.replay import Compared
@@ -17,6 +17,7 @@ def replay(
     step: Annotated[int | None, typer.Option(min=0, help="Step to put back, 0 is the start; all by default.")] = None,
     screenshot: Annotated[Path | None, typer.Option(help="Write the simulator's picture of that step, F.png.")] = None,
     assets: AssetsOption = None,
+    device: DeviceOption = "auto",
     json: JsonOption = False,
 ) -> None:
     """Put recorded steps back into the simulator and compare states, joints and picture with the recording.
@@ -35,9 +36,9 @@ def replay(
         print_json({"episode": episode, "ok": holds, "steps": compared, "screenshot": screenshot})
     else:
         for one in compared:
-            print(_sentence(one))
+            tell(_sentence(one))
         if screenshot:
-            print(screenshot)
+            tell(screenshot)
         say(f"{episode}: {counted(len(compared), 'step')} put back, {'all hold' if holds else 'not all hold'}")
     if not holds:
         raise typer.Exit(1)

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from busybot.cli.common import print_json, say
-from busybot.cli.options import JsonOption
+from busybot.cli.common import print_json, say, tell
+from busybot.cli.options import DeviceOption, JsonOption
 
 
 def report(
@@ -22,6 +22,7 @@ def report(
     reasoner: Annotated[
         str, typer.Option(help="With --episode: who infers relations, as in `eval reason --model`.")
     ] = "count",
+    device: DeviceOption = "auto",
     json: JsonOption = False,
 ) -> None:
     """Tables 1 to 3 with plots, beside the paper's numbers, trivial baselines and gates, as one HTML file.
@@ -37,4 +38,4 @@ def report(
         print_json({"html": done.html, "markdown": done.markdown, "figures": done.figures, "gates": gates})
     else:
         say(f"gates: {gates['reached']} reached, {gates['missed']} missed, {gates['not_measured']} not measured")
-        print(done.html)
+        tell(done.html)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from busybot.cli.common import CONTEXT, answer, episode_progress, kept_in, processes, say
-from busybot.cli.options import AssetsOption, JsonOption, SeedOption, StrictOption, WorkersOption
+from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, SeedOption, StrictOption, WorkersOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ def interact(
     strict: StrictOption = False,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
+    device: DeviceOption = "auto",
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters (TrainConfig, PaperConfig).")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as interaction.delta=1000.")] = None,
     json: JsonOption = False,
@@ -93,6 +94,7 @@ def reason(
     ] = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
+    device: DeviceOption = "auto",
     config: Annotated[
         Path | None, typer.Option(help="YAML file with parameters (EventConfig, PaperReasonConfig).")
     ] = None,
@@ -139,6 +141,7 @@ def _planner(agent: str, about: str) -> Callable[..., None]:
         assets: AssetsOption = None,
         seed: SeedOption = 0,
         workers: WorkersOption = None,
+        device: DeviceOption = "auto",
         config: Annotated[Path | None, typer.Option(help="YAML file with parameters (BcConfig, PpoConfig).")] = None,
         set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as minutes=10.")] = None,
         json: JsonOption = False,

@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from busybot.cli.common import print_json, say
-from busybot.cli.options import JsonOption
+from busybot.cli.common import print_json, say, tell
+from busybot.cli.options import DeviceOption, JsonOption
 
 
 def view(
@@ -19,7 +19,10 @@ def view(
     ] = None,
     figure: Annotated[
         Path | None,
-        typer.Option(help="Draw the graph inferred after 1 to 22 steps, or a rollout's way to its goal, into F.png."),
+        typer.Option(
+            help="Draw the graph inferred after 1 to 22 steps, a rollout's way to its goal, or (worlds other than the "
+            "paper's) mechanisms with causes and effects, into F.png."
+        ),
     ] = None,
     step: Annotated[int | None, typer.Option(min=0, help="Step to show, 0 is the start; the last by default.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve to browsers on this machine, until Ctrl-C.")] = False,
@@ -33,6 +36,7 @@ def view(
         bool, typer.Option("--replay", help="Put every step back into the simulator and show its picture, too.")
     ] = False,
     assets: Annotated[str | None, typer.Option(help="Objects for --replay, if they are not found by hash.")] = None,
+    device: DeviceOption = "auto",
     json: JsonOption = False,
 ) -> None:
     """Look at an episode: camera, scene graph, board with relations, signals. Without options a window opens."""
@@ -57,9 +61,9 @@ def _interrupt(number: int, frame: object) -> None:
 
 def _tell(shown: Any) -> None:
     for path in filter(None, (shown.save, shown.screenshot, shown.figure)):
-        print(path)
+        tell(path)
     if shown.save:
         say(f"open it with: rerun {shown.save}")
     if shown.url:
-        print(shown.url, flush=True)
+        tell(shown.url)
         say("open this address in a browser on this machine; Ctrl-C ends it")

@@ -15,6 +15,7 @@ import errno
 import fcntl
 import hashlib
 import json
+import math
 import os
 import re
 import shutil
@@ -22,10 +23,12 @@ import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from io import BufferedReader
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_HASHED_BYTES, MAX_JSON_BYTES
 
 LOCK_FILE = ".lock"
 _FOLDER = os.O_PATH | os.O_DIRECTORY
@@ -94,7 +97,7 @@ def write_new(path: Path, data: bytes, root: Path | None = None) -> None:
 
 def copy_file(source: Path, path: Path, root: Path | None = None) -> None:
     """Copy a file's bytes to another place, whole or not at all."""
-    with open(source, "rb") as original, replacing(path, root) as copy:
+    with open_regular(source, MAX_HASHED_BYTES) as original, replacing(path, root) as copy:
         shutil.copyfileobj(original, copy)
 
 
@@ -330,31 +333,83 @@ def _alive(process: int) -> bool:
     return True
 
 
-def read_text(path: Path, max_bytes: int, hint: str | None = None) -> str:
-    """The text of a regular file of at most `max_bytes`, in UTF-8."""
+def open_regular(path: Path, max_bytes: int, hint: str | None = None) -> BufferedReader:
+    """Open a file to read that may be anything: only a regular one of at most `max_bytes` is opened.
+
+    Raises:
+        BusybotError: naming the file and what it is instead.
+    """
     try:
-        if path.exists() and not path.is_file():
-            raise BusybotError(f"{path}: not a regular file", hint)
-        size = path.stat().st_size
-        if size > max_bytes:
-            raise BusybotError(f"{path}: {size} bytes are more than the {max_bytes} that such a file may have", hint)
-        return path.read_text(encoding="utf-8")
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe that nobody writes into would keep us waiting
     except FileNotFoundError:
         raise BusybotError(f"{path}: there is no such file", hint) from None
     except OSError as error:
         raise BusybotError(f"{path}: cannot be read: {error.strerror}", hint) from None
+    except ValueError:  # a NUL, or what no file system takes
+        raise BusybotError(f"{str(path)!r}: no file can have this name", hint) from None
+    facts = os.fstat(descriptor)
+    if stat.S_ISREG(facts.st_mode) and facts.st_size <= max_bytes:
+        return open(descriptor, "rb")
+    os.close(descriptor)
+    if not stat.S_ISREG(facts.st_mode):
+        raise BusybotError(f"{path}: not a regular file", hint)
+    what = f"{path}: {facts.st_size} bytes are more than the {max_bytes} that such a file may have"
+    raise BusybotError(what, hint)
+
+
+def read_regular(path: Path, max_bytes: int, hint: str | None = None) -> bytes:
+    """The bytes of such a file."""
+    with open_regular(path, max_bytes, hint) as file:
+        return file.read()
+
+
+def read_text(path: Path, max_bytes: int, hint: str | None = None) -> str:
+    """The text of such a file, in UTF-8."""
+    try:
+        return read_regular(path, max_bytes, hint).decode()
     except UnicodeDecodeError as error:
         raise BusybotError(f"{path}: cannot be read as text: {error}", hint) from None
 
 
-def read_json(path: Path, max_bytes: int = 64 << 20) -> Any:
+def read_json(path: Path, max_bytes: int = MAX_JSON_BYTES) -> Any:
     """Read JSON from such a file; errors name the file and the line."""
     hint = "restore it from a copy, or make it again with the command that wrote it"
     text = read_text(path, max_bytes, hint)
     try:
-        return json.loads(text)
+        return parse_json(text)
     except (ValueError, RecursionError) as error:  # of JSON, and of numbers with thousands of digits
         raise BusybotError(f"{path}: not valid JSON: {error}", hint) from None
+
+
+_HALVES = re.compile(rb"\\u[dD]")
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The value of a JSON text; NaN, infinities and lone surrogates, which Python would take, are none.
+
+    Raises:
+        ValueError: it is not valid.
+    """
+    value = json.loads(text, parse_constant=_refuse_constant, parse_float=_finite)
+    # an escape is the only way in for a half of a pair, since the text itself is UTF-8
+    escaped = any(half in text for half in ("\\ud", "\\uD")) if isinstance(text, str) else _HALVES.search(text)
+    if escaped:
+        try:
+            json.dumps(value, ensure_ascii=False).encode()
+        except UnicodeEncodeError:
+            raise ValueError("half of a surrogate pair in a string") from None
+    return value
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no JSON")
+
+
+def _finite(digits: str) -> float:
+    number = float(digits)
+    if math.isinf(number):
+        raise ValueError(f"{digits[:40]} is too large")
+    return number
 
 
 def inside(folder: Path, relative: str) -> Path:
@@ -362,7 +417,7 @@ def inside(folder: Path, relative: str) -> Path:
     candidate = folder / relative
     try:
         stays = not Path(relative).is_absolute() and candidate.resolve().is_relative_to(folder.resolve())
-    except (OSError, RuntimeError):  # a link to itself
+    except (OSError, RuntimeError, ValueError):  # a link to itself, a NUL
         stays = False
     if not stays:
         raise BusybotError(f"{folder}: the path {relative!r} leaves the folder", "remove it or copy the file inside")
@@ -371,7 +426,7 @@ def inside(folder: Path, relative: str) -> Path:
 
 def sha256_of(path: Path) -> str:
     """SHA-256 over a file's bytes, hexadecimal."""
-    with open(path, "rb") as file:
+    with open_regular(path, MAX_HASHED_BYTES) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 

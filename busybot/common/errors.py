@@ -1,7 +1,13 @@
 """The one error that users are meant to read: what is wrong, where, and how to mend it."""
 
+import errno
+import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
+
+from busybot.common.text import plain
 
 LONGEST = 1200
 """Characters of a message."""
@@ -16,8 +22,8 @@ class BusybotError(Exception):
     """
 
     def __init__(self, what: str, hint: str | None = None):
-        self.what, self.hint = _readable(what), hint
-        super().__init__(self.what if hint is None else f"{self.what}\n  hint: {hint}")
+        self.what, self.hint = _readable(plain(what)), None if hint is None else plain(hint)
+        super().__init__(self.what if hint is None else f"{self.what}\n  hint: {self.hint}")
 
 
 def _readable(text: str) -> str:
@@ -39,3 +45,40 @@ def naming(place: object) -> Iterator[None]:
 def without_name(error: BusybotError, place: object) -> str:
     """What the error says, where the file or folder is named beside it."""
     return error.what.removeprefix(f"{place}: ")
+
+
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+AGAIN = "then repeat the command: what was finished is kept"
+
+
+def explained(error: OSError | MemoryError) -> BusybotError:
+    """What the system refused, as an error for users: the path, the room that is left there, and what to do."""
+    if isinstance(error, MemoryError):
+        return BusybotError("there is not enough memory", f"fewer --workers need less; {AGAIN}")
+    path, why = error.filename, error.strerror or str(error)
+    if path is None and isinstance(error, FileNotFoundError) and not _current_folder():
+        return BusybotError("the current folder was deleted", "change into a folder that exists")
+    where = "" if path is None else f"{os.fsdecode(path) if isinstance(path, bytes) else path}: "
+    if error.errno in FULL:
+        return BusybotError(f"{where}{why}; {_free(path)}", f"make room, or choose another disk, {AGAIN}")
+    if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return BusybotError(f"{where}{why}", "choose a folder that you may write into, or change its permissions")
+    return BusybotError(f"{where}{why}; {_free(path)}", "check that the path can be read and written")
+
+
+def _current_folder() -> bool:
+    try:
+        return bool(os.getcwd())
+    except OSError:
+        return False
+
+
+def _free(path: object) -> str:
+    """How much room is left where the path is or would be."""
+    try:
+        place = Path(str(path if path is not None else os.curdir))
+        while not place.exists() and place != place.parent:
+            place = place.parent
+        return f"{shutil.disk_usage(place).free / 1e6:.1f} MB are free on its disk"
+    except (OSError, ValueError):
+        return "how much room is left there is not known"

@@ -18,13 +18,14 @@ import sys
 import time
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, TypeVar
 
-from busybot.common.errors import BusybotError
+from busybot.common.device import CHOICE, WORKER
+from busybot.common.errors import BusybotError, explained
 
 TASK_SECONDS = 300.0
 """A task that takes longer is killed and tried again."""
@@ -40,7 +41,7 @@ Engine = Callable[..., Iterator[tuple[int, Any]]]
 """`run_tasks` or `run_on_ray`."""
 Progress = Callable[[int, int], None]
 """Told how many are done, of how many."""
-MakeWork = Callable[..., Callable[[int], Any]]
+MakeWork = Callable[..., Callable[[Any], Any]]
 Outcome = tuple[int, str, Any]
 """(task, `done`, result), (task, `fault`, what and hint) or (task, `lost`, how)."""
 
@@ -52,6 +53,7 @@ Result = TypeVar("Result")
 class _Worker:
     process: Any
     pipe: Connection
+    number: int
     task: int | None = None
     started: float = 0.0
     done: int = 0
@@ -89,6 +91,7 @@ def run_tasks(
     workers: int,
     recycle: int = RECYCLE,
     task_seconds: float = TASK_SECONDS,
+    given: Sequence[Any] | None = None,
 ) -> Iterator[tuple[int, Any]]:
     """Run `work = make_work(*arguments)` once per worker, then `work(task)` for every task; yields (task, result).
 
@@ -97,6 +100,7 @@ def run_tasks(
         make_work: importable by name; heavy set-up belongs here.
         recycle: a worker is replaced after so many tasks.
         task_seconds: limit for one task, the worker's set-up included.
+        given: work gets `given[task]` in the task's place; a worker is sent what it works on, and nothing else.
 
     Raises:
         BusybotError: a task was at fault (its message), or it killed its worker or ran out of time in every try.
@@ -108,7 +112,8 @@ def run_tasks(
             pool = _staff(pool, workers, len(waiting), make_work, arguments, recycle)
             for worker in pool:
                 if worker.task is None and waiting:
-                    _hand_out(worker, waiting.popleft())
+                    task = waiting.popleft()
+                    _hand_out(worker, task, task if given is None else given[task])
             wait([worker.pipe for worker in pool], timeout=0.5)
             for worker in pool:
                 outcome = _collect(worker, task_seconds)
@@ -141,7 +146,7 @@ def run_on_ray(
             while waiting and len(running) < workers:
                 actor, done = idle.pop() if idle else (actor_class.remote(make_work, arguments), 0)
                 task = waiting.popleft()
-                running[actor.run.remote(task)] = (actor, done, task)
+                running[actor.run.remote(task, task)] = (actor, done, task)
             ready, _ = ray.wait(list(running), num_returns=1, timeout=task_seconds)
             for reference in ready or list(running)[:1]:
                 actor, done, task = running.pop(reference)
@@ -170,15 +175,16 @@ def share(function: Callable[[Task], Result], tasks: Iterable[Task], workers: in
         return
     results: dict[int, Result] = {}
     awaited = 0
-    for index, result in run_tasks(range(len(todo)), _apply, (function, todo), workers):
+    # no simulator is in these workers: none has to be replaced
+    for index, result in run_tasks(range(len(todo)), _apply, (function,), workers, recycle=len(todo), given=todo):
         results[index] = result
         while awaited in results:
             yield results.pop(awaited)
             awaited += 1
 
 
-def _apply(function: Callable[[Task], Result], todo: list[Task]) -> Callable[[int], Result]:
-    return lambda index: function(todo[index])
+def _apply(function: Callable[[Task], Result]) -> Callable[[Task], Result]:
+    return function
 
 
 def _settle(outcome: Outcome, waiting: deque[int], tries: Counter[int]) -> Iterator[tuple[int, Any]]:
@@ -200,14 +206,17 @@ class _Work:
 
     def __init__(self, make_work: MakeWork, arguments: tuple[Any, ...]):
         self._make_work, self._arguments = make_work, arguments
-        self._work: Callable[[int], Any] | None = None
+        self._work: Callable[[Any], Any] | None = None
 
-    def run(self, task: int) -> Outcome:
+    def run(self, task: int, given: Any) -> Outcome:
         try:
             self._work = self._work or self._make_work(*self._arguments)
-            return task, "done", self._work(task)
+            return task, "done", self._work(given)
         except BusybotError as error:
             return task, "fault", (error.what, error.hint)
+        except (OSError, MemoryError) as error:
+            told = explained(error)
+            return task, "fault", (told.what, told.hint)
 
 
 def _staff(
@@ -224,17 +233,19 @@ def _staff(
     context = mp.get_context("spawn")
     while len(kept) < min(workers, waiting + busy):
         here, there = context.Pipe()
-        process = context.Process(target=_main, args=(there, os.getpid(), make_work, arguments), daemon=True)
+        number = min(set(range(workers)) - {worker.number for worker in kept})
+        given = (there, os.getpid(), f"{number}/{workers}", make_work, arguments)
+        process = context.Process(target=_main, args=given, daemon=True)
         process.start()
         there.close()
-        kept.append(_Worker(process, here))
+        kept.append(_Worker(process, here, number))
     return kept
 
 
-def _hand_out(worker: _Worker, task: int) -> None:
+def _hand_out(worker: _Worker, task: int, given: Any) -> None:
     worker.task, worker.started = task, time.monotonic()
     with contextlib.suppress(OSError):  # a dead worker is noticed when its result is collected
-        worker.pipe.send(task)
+        worker.pipe.send((task, given))
 
 
 def _collect(worker: _Worker, task_seconds: float) -> Outcome | None:
@@ -273,10 +284,11 @@ def end_with(parent: int) -> None:
             os._exit(1)
 
 
-def _main(pipe: Connection, parent: int, make_work: MakeWork, arguments: tuple[Any, ...]) -> None:
+def _main(pipe: Connection, parent: int, place: str, make_work: MakeWork, arguments: tuple[Any, ...]) -> None:
     """A worker's life: set up, then one task after the other until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt means
     end_with(parent)
+    os.environ[WORKER] = place
     # there are as many workers as cores: networks that use more than one thread would only wait
     os.environ["OMP_NUM_THREADS"] = "1"  # read by PyTorch when it is imported, which a task may do
     if "torch" in sys.modules:
@@ -284,11 +296,11 @@ def _main(pipe: Connection, parent: int, make_work: MakeWork, arguments: tuple[A
     work = _Work(make_work, arguments)
     while True:
         try:
-            task = pipe.recv()
+            task, given = pipe.recv()
         except (EOFError, OSError):
             os._exit(0)
         try:
-            pipe.send(work.run(task))
+            pipe.send(work.run(task, given))
         except Exception as error:  # told to the parent, which ends the work; trying again would not help
             traceback.print_exc()
             pipe.send((task, "fault", (f"task {task}: {type(error).__name__}: {error}", None)))
@@ -303,7 +315,8 @@ def _cluster(workers: int) -> Iterator[Any]:
         return
     options: dict[str, Any] = {"log_to_driver": False, "logging_level": "error"}
     if "RAY_ADDRESS" in os.environ:
-        options["runtime_env"] = {"env_vars": {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}}
+        told = {name: os.environ[name] for name in (CHOICE,) if name in os.environ}
+        options["runtime_env"] = {"env_vars": {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), **told}}
     else:
         options |= {"address": "local", "include_dashboard": False, "_node_ip_address": LOOPBACK, "num_cpus": workers}
     try:

@@ -9,12 +9,14 @@ import contextlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 from busybot.boards.config import SPLITS
+from busybot.boards.generate import GENERATOR_VERSION
 from busybot.common.atomic_io import inside, write_atomically
 from busybot.common.errors import BusybotError
-from busybot.datasets.create import boards_again
+from busybot.datasets.create import drawn_again
 from busybot.datasets.dataset import INFO_FILE, OBJECTS_FOLDER, Dataset
 from busybot.datasets.info import AssetEntry, is_frozen
 from busybot.objects.library import SPLIT_FILE, Library
@@ -99,12 +101,16 @@ def plan_assets(dataset: Dataset, library: Library | None, carry: bool, stated: 
 
 
 def _gives_boards(dataset: Dataset, library: Library) -> bool:
-    recorded = dataset.boards()
-    try:
-        boards, origin = boards_again(dataset.info.generator, library, recorded)
-    except BusybotError:
+    if dataset.info.generator.version != GENERATOR_VERSION:
         return False
-    return origin == "configuration" and boards == recorded
+    again = drawn_again(dataset.info.generator, library)
+    for board in chain(dataset.each_board(), [None]):
+        try:
+            if next(again, None) != board:
+                return False
+        except BusybotError:
+            return False
+    return True
 
 
 def _pool(dataset: Dataset, library: Library, whole: bool) -> dict[str, ObjectModel]:

@@ -1,6 +1,6 @@
 """From a configuration and a library to a dataset folder with boards and no episodes yet."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -14,6 +14,8 @@ from busybot.common.frozen_model import first_fault
 from busybot.datasets.dataset import INFO_FILE, Dataset
 from busybot.datasets.info import AssetsInfo, DatasetInfo, GeneratorInfo, refuse_frozen
 from busybot.objects.library import Library
+
+HINT_AGAIN = "only datasets of `busybot generate` can be made again"
 
 
 def create_dataset(
@@ -35,25 +37,30 @@ def create_dataset(
     """
     if (path / INFO_FILE).is_file():
         return _same(Dataset.open(path), config, library)
-    boards = []
-    for board in generate_boards(config, library, redraws):
-        boards.append(board)
-        if progress:
-            progress(len(boards), config.boards)
-    used = sorted({placed.key for board in boards for placed in board.objects})
-    info = DatasetInfo(
-        name=path.resolve().name,
-        split=config.split,
-        seed=config.seed,
-        boards=len(boards),
-        generator=GeneratorInfo(version=GENERATOR_VERSION, config=config.model_dump(mode="json")),
-        assets=AssetsInfo(
-            source="procedural" if library.name == "procedural" else "folder",
-            name=library.name,
-            sha256={key: library.get(key).sha256 for key in used},
-        ),
-    )
-    return Dataset.create(path, info, boards)
+    used: set[str] = set()
+
+    def drawn() -> Iterator[BoardSpec]:
+        for number, board in enumerate(generate_boards(config, library, redraws), start=1):
+            used.update(placed.key for placed in board.objects)
+            if progress:
+                progress(number, config.boards)
+            yield board
+
+    def info() -> DatasetInfo:
+        return DatasetInfo(
+            name=path.resolve().name,
+            split=config.split,
+            seed=config.seed,
+            boards=config.boards,
+            generator=GeneratorInfo(version=GENERATOR_VERSION, config=config.model_dump(mode="json")),
+            assets=AssetsInfo(
+                source="procedural" if library.name == "procedural" else "folder",
+                name=library.name,
+                sha256={key: library.get(key).sha256 for key in sorted(used)},
+            ),
+        )
+
+    return Dataset.create(path, info, drawn())
 
 
 def _same(dataset: Dataset, config: BoardConfig, library: Library) -> Dataset:
@@ -91,13 +98,21 @@ def boards_again(generator: GeneratorInfo, library: Library, recorded: list[Boar
     """Boards from the recorded configuration; the recorded ones where another version of the generator drew them."""
     if generator.version != GENERATOR_VERSION:
         return recorded, "dataset"
-    hint = "only datasets of `busybot generate` can be made again"
+    boards = list(drawn_again(generator, library))
+    if len(boards) != len(recorded):
+        what = f"the recorded configuration gives {len(boards)} boards, the dataset has {len(recorded)}"
+        raise BusybotError(what, HINT_AGAIN)
+    return boards, "configuration"
+
+
+def drawn_again(generator: GeneratorInfo, library: Library) -> Iterator[BoardSpec]:
+    """The boards that the recorded configuration gives with this library.
+
+    Raises:
+        BusybotError: it is none, or cannot be met.
+    """
     try:
         config = BoardConfig.model_validate(generator.config)
     except ValidationError as error:
-        raise BusybotError(f"the recorded configuration of the generator: {first_fault(error)}", hint) from None
-    boards = list(generate_boards(config, library))
-    if len(boards) != len(recorded):
-        what = f"the recorded configuration gives {len(boards)} boards, the dataset has {len(recorded)}"
-        raise BusybotError(what, hint)
-    return boards, "configuration"
+        raise BusybotError(f"the recorded configuration of the generator: {first_fault(error)}", HINT_AGAIN) from None
+    yield from generate_boards(config, library)

@@ -12,8 +12,9 @@ damaged/                          originals of the files that `repair` replaced
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 
 import pyarrow as pa
@@ -24,6 +25,7 @@ from busybot.common.atomic_io import (
     inside,
     make_folder,
     one_writer,
+    read_regular,
     refuse_taken,
     remove,
     remove_abandoned,
@@ -36,14 +38,35 @@ from busybot.common.atomic_io import (
 from busybot.common.config import changes, flat
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
-from busybot.datasets.info import CollectInfo, DatasetInfo, collect_command, read_description, refuse_frozen
+from busybot.common.limits import MAX_LINES_BYTES
+from busybot.datasets.info import (
+    CollectInfo,
+    DatasetInfo,
+    collect_command,
+    is_frozen,
+    read_description,
+    refuse_frozen,
+    refuse_unlike_manifest,
+)
 from busybot.episodes.digests import Digests, combine
+from busybot.episodes.mcap.records import Fingerprint, fingerprint
 from busybot.episodes.schema import SCHEMA_VERSION, TABLES, arrow_schema
-from busybot.episodes.tables import EPISODES_PER_SHARD, Rows, episode_rows, read_shard, split_by_episode, write_shard
+from busybot.episodes.tables import (
+    EPISODES_PER_SHARD,
+    HINT_TABLES,
+    MADE_OF_KEY,
+    Rows,
+    episode_rows,
+    read_shard,
+    split_by_episode,
+    write_shard,
+)
 
 BOARDS_PER_SHARD = 1000
 INFO_FILE = "dataset.json"
 OBJECTS_FOLDER, DAMAGED_FOLDER = "objects", "damaged"
+HASHED = ["episode", "board_digest", "trace_digest", "content_digest"]
+"""Columns of table `episodes` from which a dataset's hashes are made."""
 HINT_GENERATE = "generate the dataset again"
 
 _EPISODE_NAME = re.compile(r"^(\d{6,9})\.mcap$")
@@ -67,29 +90,29 @@ class Dataset:
     _derived: dict[tuple[int, int], Rows] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
-    def create(cls, path: Path, info: DatasetInfo, boards: Iterable[BoardSpec] = ()) -> "Dataset":
+    def create(
+        cls, path: Path, info: DatasetInfo | Callable[[], DatasetInfo], boards: Iterable[BoardSpec] = ()
+    ) -> "Dataset":
         """Write a new dataset with its boards. It is there whole or not at all: a killed call is simply repeated.
+
+        Args:
+            info: or who tells it when the last board is drawn.
+            boards: are written as they come.
 
         Raises:
             BusybotError: there is something already, or the boards are not numbered as the info says.
         """
         place = Path(path).absolute()
         refuse_taken(place)
-        lines = []
-        for index, board in enumerate(boards):
-            if board.index != index:
-                raise BusybotError(f"{path}: board {board.index} stands at place {index}")
-            lines.append(board.model_dump_json() + "\n")
-        if len(lines) != info.boards:
-            raise BusybotError(f"{path}: {len(lines)} boards where {info.boards} were announced")
         make_folder(place.parent)
         remove_abandoned(place.parent, place.name)
         with unfinished(place.parent, place.name) as folder:
             for name in ("boards", "episodes"):
                 make_folder(folder / name, folder)
-            for shard, start in enumerate(range(0, len(lines), BOARDS_PER_SHARD)):
-                data = "".join(lines[start : start + BOARDS_PER_SHARD]).encode()
-                write_atomically(folder / _boards_name(shard), data, folder)
+            written = _write_boards(folder, path, iter(boards))
+            info = info() if callable(info) else info
+            if written != info.boards:
+                raise BusybotError(f"{path}: {written} boards where {info.boards} were announced")
             write_json(folder / INFO_FILE, info.model_dump(mode="json"))
             refuse_taken(place)  # by somebody who was faster
             rename(folder, place)
@@ -118,8 +141,13 @@ class Dataset:
 
     def boards(self) -> list[BoardSpec]:
         """All boards in order."""
-        shards = range(-(-self.info.boards // BOARDS_PER_SHARD))
-        return [self._board(shard, number, line) for shard in shards for number, line in enumerate(self._lines(shard))]
+        return list(self.each_board())
+
+    def each_board(self) -> Iterator[BoardSpec]:
+        """One board after the other, in order: a thousand boards take 20 MB."""
+        for shard in range(-(-self.info.boards // BOARDS_PER_SHARD)):
+            for number, line in enumerate(self._lines(shard)):
+                yield self._board(shard, number, line)
 
     def board(self, index: int) -> BoardSpec:
         """Board `index`; reads one shard."""
@@ -130,10 +158,7 @@ class Dataset:
 
     def _lines(self, shard: int) -> list[bytes]:
         file = inside(self.path, _boards_name(shard))
-        try:
-            lines = file.read_bytes().splitlines()
-        except OSError as error:
-            raise BusybotError(f"{file}: cannot be read: {error.strerror}", HINT_GENERATE) from None
+        lines = read_regular(file, MAX_LINES_BYTES, HINT_GENERATE).splitlines()
         expected = min(BOARDS_PER_SHARD, self.info.boards - shard * BOARDS_PER_SHARD)
         if len(lines) != expected:
             raise BusybotError(f"{file}: {len(lines)} boards, expected {expected}", HINT_GENERATE)
@@ -153,7 +178,7 @@ class Dataset:
         """Where episode `index` is or will be."""
         if not 0 <= index < self.info.boards:
             raise BusybotError(f"{self.path}: there is no episode {index} of {self.info.boards}")
-        return inside(self.path, f"episodes/{index:06d}.mcap")
+        return inside(self.path, f"episodes/{_episode_name(index)}")
 
     def finished(self) -> set[int]:
         """Indices of episodes that are there under their final names."""
@@ -222,39 +247,140 @@ class Dataset:
             for shard in set(self.stored_shards(table)) - set(shards):
                 remove(self.table_path(table, shard), self.path)
 
+    def store_rows(self, rows: Mapping[int, Rows]) -> None:
+        """Bring those shards of the tables up to date that these episodes belong to, and look at no others.
+
+        So what a long collection stores on its way costs as much at its end as at its beginning.
+        """
+        folder = inside(self.path, "episodes")
+        for shard in sorted({index // EPISODES_PER_SHARD for index in rows}):
+            first = shard * EPISODES_PER_SHARD
+            own = range(first, min(first + EPISODES_PER_SHARD, self.info.boards))
+            there = [i for i in own if _is_file(folder / _episode_name(i))]
+            self._write_shard(shard, there, rows, derive_here)
+
     def table(self, name: str, columns: list[str] | None = None) -> pa.Table:
-        """A whole table as it is stored, or some columns (`schema.public_columns` names those for learners)."""
-        shards = self.stored_shards(name)
-        if not shards:
+        """A whole table as it is stored, or some columns (`schema.public_columns` names those for learners).
+
+        Raises:
+            BusybotError: there is none, or it is not the table of the episodes that are there.
+        """
+        shards = self.finished_by_shard()
+        if not self.stored_shards(name):
             raise BusybotError(f"{self.path}: it has no table {name!r} yet", "`busybot collect` makes it")
-        return pa.concat_tables(read_shard(self.table_path(name, shard), name, columns) for shard in shards)
+        return pa.concat_tables(self._believed(name, shard, indices, columns) for shard, indices in shards.items())
 
-    def episodes_table(self, derive: Derive = derive_here) -> pa.Table:
-        """The rows of table `episodes` for all finished episodes, also where the stored table lacks them."""
-        rows = [arrow_schema("episodes").empty_table()]
-        for shard, indices in self.finished_by_shard().items():
-            stored = self.stored_rows(shard, ("episodes",))
-            current = {i: stored[i] for i in indices if i in stored and self._is_current(i, stored[i])}
-            # remembered, because a stopped collection may lack hundreds and one command asks several times
-            keys = {i: (i, self.episode_path(i).stat().st_mtime_ns) for i in indices if i not in current}
-            missing = [i for i, key in keys.items() if key not in self._derived]
-            derived = derive([(self.episode_path(i), i) for i in missing])
-            self._derived |= zip([keys[i] for i in missing], derived, strict=True)
-            rows += [(current[i] if i in current else self._derived[keys[i]])["episodes"] for i in indices]
-        return pa.concat_tables(rows)
+    def _believed(self, name: str, shard: int, indices: list[int], columns: list[str] | None) -> pa.Table:
+        """A shard that was made of the episodes which are there now."""
+        episodes = self._whole_shard(shard, indices)
+        rows = read_shard(self.table_path(name, shard), name, columns)
+        if episodes is None or _origin(rows) not in {_origin(episodes)} & {None, _made_of(episodes).encode()}:
+            what = f"{self.table_path(name, shard)}: it was not made of the episodes that are there now"
+            raise BusybotError(what, HINT_TABLES)
+        return rows.replace_schema_metadata(arrow_schema(name).metadata)
 
-    def hashes(self, episodes: pa.Table | None = None) -> Digests:
-        """Hashes of the whole dataset: all boards, all finished episodes.
+    def episodes_table(self, derive: Derive = derive_here, columns: Sequence[str] | None = None) -> pa.Table:
+        """The rows of table `episodes` for all finished episodes, also where the stored table lacks them.
 
         Args:
-            episodes: what `episodes_table` returned, if it was called already.
+            columns: that are wanted; all by default. A row of them all takes 2 KB of memory.
         """
-        rows = (self.episodes_table() if episodes is None else episodes).to_pydict()
-        boards = combine("board", ((board.index, board.digest()) for board in self.boards()))
+        wanted = list(columns or arrow_schema("episodes").names)
+        rows = [arrow_schema("episodes").empty_table().select(wanted)]
+        for shard, indices in self.finished_by_shard().items():
+            whole = self._whole_shard(shard, indices)
+            rows += [self._mended_shard(shard, indices, derive) if whole is None else whole]
+            rows[-1] = rows[-1].select(wanted).combine_chunks()
+        return pa.concat_tables(rows)
+
+    def _whole_shard(self, shard: int, indices: list[int]) -> pa.Table | None:
+        """A shard of table `episodes` as it is stored, None if it is not that of the files that are there."""
+        try:
+            stored = read_shard(self.table_path("episodes", shard), "episodes")
+        except BusybotError:
+            return None
+        same = stored["episode"].to_pylist() == indices and self._current(shard, stored) == set(indices)
+        return stored if same else None
+
+    def _current(self, shard: int, stored: pa.Table) -> set[int]:
+        """Episodes among rows of table `episodes` whose files are those that the rows were derived from.
+
+        Told by size and checksum. Rows from before checksums were stored are believed while the file is older than
+        they are; of a frozen dataset the manifest tells.
+        """
+        rows = stored.select(["episode", "bytes", "checksum"]).to_pydict()
+        found = self._fingerprints(rows["episode"])
+        told = None if is_frozen(self.path) else self.table_path("episodes", shard).stat().st_mtime_ns
+        current = set()
+        for index, size, checksum in zip(*rows.values(), strict=True):
+            file = found.get(index)
+            unknown = checksum is None and (told is None or file is not None and file.written_ns <= told)
+            if file is not None and file.bytes == size and (unknown or file.checksum == checksum):
+                current.add(index)
+        return current
+
+    def _fingerprints(self, indices: Iterable[int]) -> dict[int, Fingerprint]:
+        """Of those episodes' files that are there."""
+        folder, found = inside(self.path, "episodes"), {}
+        if not folder.is_dir():
+            return {}
+        descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            for index in indices:
+                with suppress(OSError):
+                    found[index] = fingerprint(_episode_name(index), descriptor)
+        finally:
+            os.close(descriptor)
+        return found
+
+    def _mended_shard(self, shard: int, indices: list[int], derive: Derive) -> pa.Table:
+        """A shard of table `episodes` with what the stored one lacks."""
+        stored = self.stored_rows(shard, ("episodes",))
+        current = self._current_rows(shard, stored)
+        # remembered, because a stopped collection may lack hundreds and one command asks several times
+        keys = {i: (i, self.episode_path(i).stat().st_mtime_ns) for i in indices if i not in current}
+        missing = [i for i, key in keys.items() if key not in self._derived]
+        derived = derive([(self.episode_path(i), i) for i in missing])
+        self._derived |= zip([keys[i] for i in missing], derived, strict=True)
+        return pa.concat_tables((current[i] if i in current else self._derived[keys[i]])["episodes"] for i in indices)
+
+    def hashes(self, episodes: pa.Table | None = None, compare: bool = True) -> Digests:
+        """Hashes of the whole dataset: all boards, all finished episodes, as they are now.
+
+        Whoever judges or learns from a dataset asks for them, so here it is compared with what it should be.
+
+        Args:
+            episodes: what `episodes_table` returned, if it was called already, with the columns `HASHED` at least.
+            compare: refuse recordings of other boards, and a frozen dataset that is not as its manifest says.
+
+        Raises:
+            BusybotError: naming the file that is not as it should be.
+        """
+        table = self.episodes_table(columns=HASHED) if episodes is None else episodes.select(HASHED)
+        boards = [(board.index, board.digest()) for board in self.each_board()]
+        rows = table.to_pydict()
         trace, content = (
             combine(kind, zip(rows["episode"], rows[f"{kind}_digest"], strict=True)) for kind in ("trace", "content")
         )
-        return Digests(board=boards, trace=trace, content=content)
+        found = Digests(board=combine("board", boards), trace=trace, content=content)
+        if compare:
+            self._refuse_other_boards(dict(boards), zip(rows["episode"], rows["board_digest"], strict=True))
+            if is_frozen(self.path):
+                refuse_unlike_manifest(self.path, found, self._checksums_known())
+        return found
+
+    def _refuse_other_boards(self, boards: dict[int, str], recorded: Iterable[tuple[int, str]]) -> None:
+        for index, digest in recorded:
+            if boards[index] != digest:
+                what = f"{self.episode_path(index)}: its board is not board {index} of the dataset"
+                raise BusybotError(what, "put the right recording there, or remove the file and collect again")
+
+    def _checksums_known(self) -> bool:
+        """Whether the tables hold a checksum of every recording; those of earlier versions do not."""
+        shards = (
+            read_shard(self.table_path("episodes", s), "episodes", ["checksum"]) for s in self.finished_by_shard()
+        )
+        return all(rows["checksum"].null_count == 0 for rows in shards)
 
     def finished_by_shard(self) -> dict[int, list[int]]:
         """Indices of finished episodes, in order, by the shard of the tables that they belong to."""
@@ -271,34 +397,78 @@ class Dataset:
 
     def _write_shard(self, shard: int, indices: list[int], given: Mapping[int, Rows], derive: Derive) -> None:
         stored = self.stored_rows(shard)
-        kept = [i for i in indices if i in stored and i not in given]
-        ready = {i: stored[i] for i in kept if self._is_current(i, stored[i]) and _is_whole(stored[i])}
+        current = self._current_rows(shard, stored)
+        ready = {i: current[i] for i in indices if i in current and i not in given and _is_whole(current[i])}
         if set(ready) == set(indices) == set(stored):
             return
         ready |= {i: given[i] for i in indices if i in given}
         missing = [i for i in indices if i not in ready]
         ready |= zip(missing, derive([(self.episode_path(i), i) for i in missing]), strict=True)
+        made_of = _made_of(pa.concat_tables(ready[i]["episodes"] for i in indices))
         # `episodes` last: an episode counts as stored when its row is there, so its other rows must be there before
         for table in sorted(TABLES, key=lambda name: name == "episodes"):
-            write_shard(self.table_path(table, shard), table, [ready[i][table] for i in indices], self.path)
+            write_shard(self.table_path(table, shard), table, [ready[i][table] for i in indices], self.path, made_of)
 
     def stored_rows(self, shard: int, names: Sequence[str] = tuple(TABLES)) -> dict[int, Rows]:
-        """Rows of the shard by episode of the first table; nothing if one of its files is absent or unreadable."""
+        """Rows of the shard by episode of the first table; nothing if its files are not all there and of one origin."""
         try:
-            tables = {name: split_by_episode(read_shard(self.table_path(name, shard), name)) for name in names}
+            whole = {name: read_shard(self.table_path(name, shard), name) for name in names}
         except BusybotError:
             return {}
+        if len({_origin(rows) for rows in whole.values()}) > 1:
+            return {}
+        tables = {name: split_by_episode(rows) for name, rows in whole.items()}
         empty = {name: arrow_schema(name).empty_table() for name in names}
         return {i: {name: tables[name].get(i, empty[name]) for name in names} for i in tables[names[0]]}
 
-    def _is_current(self, index: int, rows: Rows) -> bool:
-        return rows["episodes"]["bytes"][0].as_py() == self.episode_path(index).stat().st_size
+    def _current_rows(self, shard: int, stored: dict[int, Rows]) -> dict[int, Rows]:
+        """Those of the stored rows that are of the files which are there."""
+        if not stored:
+            return {}
+        current = self._current(shard, pa.concat_tables(rows["episodes"] for rows in stored.values()))
+        return {index: rows for index, rows in stored.items() if index in current}
+
+
+def _origin(rows: pa.Table) -> bytes | None:
+    """What a shard says that it was made of, None where it is from before this was stored."""
+    return (rows.schema.metadata or {}).get(MADE_OF_KEY)
+
+
+def _made_of(episodes: pa.Table) -> str:
+    """Digest of the episodes that rows were derived from."""
+    return combine("content", zip(*episodes.select(["episode", "content_digest"]).to_pydict().values(), strict=True))
 
 
 def _is_whole(rows: Rows) -> bool:
     """Whether an episode's rows are there in all tables: a writer may have been stopped between two of them."""
     steps = rows["episodes"]["steps"][0].as_py()
     return rows["steps"].num_rows == steps and rows["objects"].num_rows > 0
+
+
+def _write_boards(folder: Path, path: Path, boards: Iterator[BoardSpec]) -> int:
+    """Write boards as they come, a shard at a time; returns their number.
+
+    Raises:
+        BusybotError: one stands at another place than its index says; told of the dataset `path`.
+    """
+    written = 0
+    while taken := list(islice(boards, BOARDS_PER_SHARD)):
+        for index, board in enumerate(taken, start=written):
+            if board.index != index:
+                raise BusybotError(f"{path}: board {board.index} stands at place {index}")
+        data = "".join(f"{board.model_dump_json()}\n" for board in taken).encode()
+        write_atomically(folder / _boards_name(written // BOARDS_PER_SHARD), data, folder)
+        written += len(taken)
+    return written
+
+
+def _is_file(path: Path) -> bool:
+    """Whether a regular file is there, not a link to one."""
+    return path.is_file() and not path.is_symlink()
+
+
+def _episode_name(index: int) -> str:
+    return f"{index:06d}.mcap"
 
 
 def _boards_name(shard: int) -> str:

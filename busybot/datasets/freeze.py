@@ -7,17 +7,20 @@ or frozen and perhaps not yet read-only. Freezing it again continues.
 
 import json
 import re
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.compute as pc
+
 from busybot import __version__
-from busybot.common.atomic_io import LOCK_FILE, forbid_writing, remove, write_atomically, write_json
+from busybot.common.atomic_io import LOCK_FILE, forbid_writing, read_regular, remove, write_atomically, write_json
 from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_JSON_BYTES
 from busybot.datasets.bundled_assets import Assets, plan_assets, write_carried
-from busybot.datasets.dataset import DAMAGED_FOLDER, INFO_FILE, OBJECTS_FOLDER, Dataset
+from busybot.datasets.dataset import DAMAGED_FOLDER, HASHED, INFO_FILE, OBJECTS_FOLDER, Dataset
 from busybot.datasets.info import (
     CARD_FILE,
     MANIFEST_FILE,
@@ -114,6 +117,7 @@ def _front_matter(manifest: Manifest) -> str:
     return "\n".join([*lines, "---", ""])
 
 
+_TOLD = ("steps", "renderer", "versions", "settings")
 FREEZING_PACKAGES = ("pyarrow", "mcap", "opencv-python")
 
 
@@ -200,24 +204,25 @@ def _refuse_strangers(dataset: Dataset, assets: Assets) -> None:
 def _write_manifest(dataset: Dataset, assets: Assets, workers: int) -> Manifest:
     path, info = dataset.path, dataset.info
     assert info.collect is not None
-    table = dataset.episodes_table()
-    rows = table.select(["episode", "steps", "renderer", "versions", "settings"]).to_pylist()
+    table = dataset.episodes_table(columns=[*HASHED, *_TOLD])
+    alike = table.group_by(["renderer", "versions"], use_threads=False).aggregate([([], "count_all")]).to_pylist()
+    saved = [settings for settings in table["settings"].unique().to_pylist() if is_partial(settings)]
     manifest = Manifest(
         schema_version=info.schema_version,
         name=info.name,
         split=info.split,
         boards=info.boards,
-        steps=sum(row["steps"] for row in rows),
+        steps=sum(table["steps"].to_pylist()),
         hashes=dataset.hashes(table),
         board_seed=info.seed,
         policy_seed=info.collect.seed,
         generator=info.generator,
         collect=info.collect,
         origins=[
-            Origin(renderer=json.loads(renderer), versions=json.loads(versions), episodes=count)
-            for (renderer, versions), count in Counter((r["renderer"], r["versions"]) for r in rows).most_common()
+            Origin(renderer=json.loads(o["renderer"]), versions=json.loads(o["versions"]), episodes=o["count_all"])
+            for o in sorted(alike, key=lambda origin: -origin["count_all"])
         ],
-        partial=[row["episode"] for row in rows if is_partial(row["settings"])],
+        partial=table.filter(pc.is_in(table["settings"], pa.array(saved, pa.string())))["episode"].to_pylist(),
         boards_again=assets.boards_again,
         assets=assets.entries,
         frozen_with={"busybot": __version__, **{name: version(name) for name in FREEZING_PACKAGES}},
@@ -233,7 +238,7 @@ def _write_manifest(dataset: Dataset, assets: Assets, workers: int) -> Manifest:
 def _write_card(path: Path, text: str) -> None:
     file = path / CARD_FILE
     data = text.encode()
-    if file.exists() and file.read_bytes() != data:
+    if file.exists() and read_regular(file, MAX_JSON_BYTES) != data:
         raise BusybotError(f"{file}: it is there and not the card that freezing writes", "move or remove it")
     write_atomically(file, data)
 

@@ -8,6 +8,7 @@ import json
 import re
 import shlex
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,6 +25,8 @@ MANIFEST_FILE, CARD_FILE = "manifest.json", "README.md"
 MANIFEST_VERSION = "1.0"
 MAX_MANIFEST_BYTES = 512 << 20
 """A million files need about 150 MB."""
+FILES_AT_ONCE = 500
+"""That a worker hashes before it answers: small files take less time than an answer."""
 HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
 
 _FILE_NAME = re.compile(r"^(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*$")
@@ -197,6 +200,9 @@ def collect_command(path: Path, info: DatasetInfo) -> str:
     command += f" --seed {collect.seed}" if collect.seed != info.seed else ""
     command += " --strict" if collect.strict else ""
     command += f" --set interaction.delta={collect.delta}" if collect.delta != 500 else ""
+    look = collect.settings.get("render", {})
+    for group in ("camera", "randomise"):
+        command += f" --set {shlex.quote(f'render.{group}={json.dumps(look[group])}')}" if group in look else ""
     responders = collect.settings.get("responders", True)
     return command + ("" if responders else f" --set responders={json.dumps(responders)}")
 
@@ -257,30 +263,64 @@ def plain_files(path: Path) -> dict[str, int]:
 
 def file_entries(path: Path, names: list[str], workers: int = 1) -> dict[str, FileEntry]:
     """Hash and size of files in the folder."""
-    entries = share(_entry, [path / name for name in names], workers)
-    return dict(zip(names, entries, strict=True))
+    parts = [names[start : start + FILES_AT_ONCE] for start in range(0, len(names), FILES_AT_ONCE)]
+    return {name: entry for found in share(partial(_entries, path), parts, workers) for name, entry in found.items()}
 
 
-def _entry(file: Path) -> FileEntry:
-    return FileEntry(sha256=sha256_of(file), bytes=file.stat().st_size)
+def _entries(path: Path, names: list[str]) -> dict[str, FileEntry]:
+    files = {name: path / name for name in names}
+    return {name: FileEntry(sha256=sha256_of(file), bytes=file.stat().st_size) for name, file in files.items()}
 
 
-def unlike_manifest(path: Path, manifest: Manifest, workers: int = 1) -> Iterator[tuple[str, str, str]]:
+def refuse_unlike_manifest(path: Path, hashes: Digests, checksums: bool) -> None:
+    """Compare a frozen dataset with its manifest, as cheaply as it is safe, before somebody relies on it.
+
+    All sizes are compared, the hashes over its values, and the SHA-256 of every file but the objects', whose hashes are
+    compared when they are loaded, and the recordings'.
+
+    Args:
+        hashes: as they are now.
+        checksums: whether they rest on the recordings' checksums; otherwise the recordings are hashed, too.
+
+    Raises:
+        BusybotError: naming the first file that is not as the manifest says.
+    """
+    manifest = read_manifest(path)
+    passed = ("objects/", "episodes/") if checksums else ("objects/",)
+    for name, fault, hint in unlike_manifest(path, manifest, passed=passed):
+        raise BusybotError(f"{path / name}: the dataset is frozen, but this file is {fault}", hint)
+    if hashes != manifest.hashes:
+        raise BusybotError(
+            f"{path}: the dataset is frozen, but its recordings are not those of its manifest", HINT_FETCH
+        )
+
+
+def unlike_manifest(
+    path: Path, manifest: Manifest, workers: int = 1, passed: tuple[str, ...] = ()
+) -> Iterator[tuple[str, str, str]]:
     """Files that are missing, changed or not in the manifest: (path in the dataset, fault, hint).
 
     Hidden files are passed over: version control and download tools put theirs beside the data.
+
+    Args:
+        passed: only the size is compared of files whose path begins so.
     """
     found = scan(path).files
     for name in sorted(manifest.files.keys() - found.keys()):
         yield name, "missing; the manifest lists it", HINT_FETCH
     shared = sorted(manifest.files.keys() & found.keys())
-    same_size = [name for name in shared if found[name] == manifest.files[name].bytes]
+    same_size = [name for name in shared if found[name] == manifest.files[name].bytes and not name.startswith(passed)]
     entries = file_entries(path, same_size, workers)
     for name in shared:
-        if name not in entries:
+        if found[name] != manifest.files[name].bytes:
             yield name, f"{found[name]} bytes, the manifest says {manifest.files[name].bytes}", HINT_FETCH
-        elif entries[name] != manifest.files[name]:
+        elif name in entries and entries[name] != manifest.files[name]:
             yield name, "its content changed after freezing: another SHA-256 than the manifest's", HINT_FETCH
     for name in sorted(found.keys() - manifest.files.keys() - {MANIFEST_FILE}):
         if not any(part.startswith(".") for part in name.split("/")):
             yield name, "not in the manifest", "move it out of the dataset"
+
+
+def markdown_text(text: str) -> str:
+    """Text from a file, in one line, without what Markdown or HTML would take for markup."""
+    return re.sub(r"([\\`*_{}\[\]()<>#|!~&])", r"\\\1", " ".join(text.split()))

@@ -14,14 +14,14 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
-from busybot.common.atomic_io import inside, remove, write_atomically
+from busybot.common.atomic_io import inside, read_regular, remove, write_atomically
 from busybot.common.errors import BusybotError, without_name
+from busybot.common.limits import MAX_HASHED_BYTES, MAX_RECORDING_BYTES
 from busybot.common.process_pool import share
 from busybot.datasets.create import continue_or_create
 from busybot.datasets.dataset import DAMAGED_FOLDER, Dataset
 from busybot.datasets.info import CollectInfo, is_frozen, plain_files
 from busybot.datasets.verify import faults_of, is_partial
-from busybot.episodes.mcap.records import MAX_FILE_BYTES
 from busybot.episodes.mcap.salvage import Salvaged, salvage
 from busybot.episodes.tables import Rows, episode_rows
 
@@ -107,6 +107,7 @@ def _repair(
     examine = partial(_examine, collect=source.info.collect, keep_partial=keep_partial)
     rows: dict[int, Rows] = {}
     verdicts: list[RepairVerdict] = []
+    episodes = sum(map(len, finished.values()))
     for shard, indices in finished.items():
         stored = _stored(source, shard)
         tasks = [(source.episode_path(i), i, boards[i].digest(), stored.get(i, {})) for i in indices]
@@ -116,7 +117,7 @@ def _repair(
                 rows[verdict.episode] = found
             verdicts.append(verdict)
             if progress:
-                progress(len(verdicts), sum(map(len, finished.values())))
+                progress(len(verdicts), episodes)
     target.write_tables(rows)
     damaged = tuple(verdict for verdict in verdicts if verdict.fate != "sound")
     originals = source.path / ("episodes" if source is not target else DAMAGED_FOLDER)
@@ -159,9 +160,7 @@ def _examine(
 
 
 def _save(file: Path) -> Salvaged:
-    if file.stat().st_size > MAX_FILE_BYTES:
-        raise BusybotError(f"more than {MAX_FILE_BYTES} bytes")
-    return salvage(file.read_bytes())
+    return salvage(read_regular(file, MAX_RECORDING_BYTES))
 
 
 def _check_stored(stored: Rows, rows: Rows, whole: bool) -> None:
@@ -184,15 +183,15 @@ def _put(source: Dataset, target: Dataset, verdict: RepairVerdict, data: bytes |
     if verdict.fate == "dropped":
         remove(place, target.path)
     elif source is not target or data is not None:
-        write_atomically(place, file.read_bytes() if data is None else data, target.path)
+        write_atomically(place, read_regular(file, MAX_RECORDING_BYTES) if data is None else data, target.path)
 
 
 def _keep(folder: Path, file: Path) -> None:
     """A copy in `damaged`, under the first name that is free or holds the same bytes."""
-    data = file.read_bytes()
+    data = read_regular(file, MAX_HASHED_BYTES)
     for number in count():
         place = inside(folder, f"{DAMAGED_FOLDER}/{file.name}{f'.{number}' if number else ''}")
         if not place.exists():
             write_atomically(place, data, folder)
-        if place.read_bytes() == data:
+        if read_regular(place, MAX_HASHED_BYTES) == data:
             return

@@ -6,8 +6,10 @@ from typing import Any
 import pyarrow.compute as pc
 
 from busybot.common.errors import BusybotError
-from busybot.datasets.dataset import Dataset
+from busybot.datasets.dataset import HASHED, Dataset
 from busybot.datasets.info import collect_command, is_frozen
+
+_COLUMNS = [*HASHED, "steps", "bytes", "oracle", "images", "truth", "successes"]
 
 
 def summarise(path: Path) -> dict[str, Any]:
@@ -18,7 +20,7 @@ def summarise(path: Path) -> dict[str, Any]:
     """
     dataset = Dataset.open(path)
     info, collect = dataset.info, dataset.info.collect
-    rows = dataset.episodes_table()
+    rows = dataset.episodes_table(columns=_COLUMNS)
     collect = collect if rows.num_rows else None  # settings of an attempt that recorded nothing say nothing
     hashes = dataset.hashes(rows)
     known = rows.filter(rows["truth"])

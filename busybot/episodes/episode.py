@@ -115,6 +115,7 @@ class Step:
     joint_positions_after: tuple[float, ...]
     success: bool
     vetoed: bool = False
+    memory_after: tuple[int, ...] = ()
 
 
 @dataclass

@@ -15,8 +15,8 @@ from typing import Literal, NamedTuple
 
 import pyarrow as pa
 
-SCHEMA_VERSION = "1.1"
-"""1.1: boards with tasks, goal images."""
+SCHEMA_VERSION = "1.2"
+"""1.1: boards with tasks, goal images. 1.2: boards of other worlds, what their mechanisms remember."""
 
 BOARD = "board: x right, y up in the picture, z towards the camera"
 PIXELS = "image: column u, row v from the upper left corner"
@@ -25,12 +25,17 @@ UNKNOWN_PIXEL = (-1, -1)
 """Of an action that was not chosen in an image."""
 
 _NUMBERS = pa.list_(pa.field("element", pa.float64()))
+_INTEGERS = pa.list_(pa.field("element", pa.int32()))
 _SMALL_NUMBERS = pa.list_(pa.field("element", pa.int8()))
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column: `unit` and `frame` are empty where a value has none."""
+    """One column: `unit` and `frame` are empty where a value has none.
+
+    Attributes:
+        later: whether tables of the first version do not have it; they are read as if it were null there.
+    """
 
     name: str
     type: pa.DataType
@@ -39,6 +44,7 @@ class Column:
     frame: str = ""
     privileged: bool = False
     nullable: bool = False
+    later: bool = False
 
     def field(self) -> pa.Field:
         """The pyarrow field, with unit, frame, description and privilege as its metadata."""
@@ -62,8 +68,8 @@ def _box(name: str, description: str, privileged: bool) -> list[Column]:
     ]
 
 
-def _truth(name: str, kind: pa.DataType, description: str, unit: str = "") -> Column:
-    return Column(name, kind, description, unit, privileged=True, nullable=True)
+def _truth(name: str, kind: pa.DataType, description: str, unit: str = "", later: bool = False) -> Column:
+    return Column(name, kind, description, unit, privileged=True, nullable=True, later=later)
 
 
 _EPISODE = Column("episode", pa.int32(), "index of the episode in its dataset, and of its board")
@@ -91,6 +97,7 @@ _EPISODES = (
     Column("camera_matrix", _NUMBERS, "3 x 3 intrinsics, row by row", "pixel"),
     Column("camera_pose", _NUMBERS, "4 x 4 camera to board, row by row", "board unit", BOARD),
     Column("schema_version", pa.string(), "version of this schema with which the file was written"),
+    _truth("checksum", pa.int64(), "CRC-32 over the data of the MCAP file, as its own end tells it", later=True),
     Column("settings", pa.string(), "everything else that decided the outcome, JSON"),
     Column("renderer", pa.string(), "fingerprint of the renderer, JSON"),
     Column("versions", pa.string(), "package versions at recording, JSON"),
@@ -144,7 +151,7 @@ class StepField:
     wire: Wire | None = None
     hashed: Hashed | None = None
     compared: Compared | None = None
-    shape: tuple[int | Literal["directions", "triggers", "objects"], ...] = ()
+    shape: tuple[int | Literal["directions", "triggers", "objects", "memories"], ...] = ()
     unknown: tuple[int, ...] | None = None
     tolerance: float = 0.0
     since: str = "1.0"
@@ -189,6 +196,7 @@ _STEPS = (
     _truth("trigger_states_after", _SMALL_NUMBERS, "discrete state of every trigger link"),
     _truth("responder_states_before", _SMALL_NUMBERS, "state of every object, -1 for triggers"),
     _truth("responder_states_after", _SMALL_NUMBERS, "state of every object, -1 for triggers"),
+    _truth("memory_after", _INTEGERS, "what the mechanisms remember, if anything", later=True),
     _truth("joint_positions_before", _NUMBERS, "of every trigger link", "radian or board unit"),
     _truth("joint_positions_after", _NUMBERS, "of every trigger link", "radian or board unit"),
 )
@@ -232,6 +240,16 @@ STEP_FIELDS: tuple[StepField, ...] = (
     _states("trigger_states_after", 7, "triggers"),
     _states("responder_states_before", 8, "objects"),
     _states("responder_states_after", 9, "objects"),
+    StepField(
+        "memory_after",
+        _of("memory_after"),
+        Wire("sint32", 12),
+        Hashed("trace", 9, part=2),
+        "state",
+        ("memories",),
+        (),
+        since="1.2",
+    ),
     _joints("joint_positions_before", 10, 2),
     _joints("joint_positions_after", 11, 3),
 )

@@ -3,6 +3,7 @@
 `episode_rows` is what a worker returns to its parent; `write_shard` puts the rows of many episodes in a Parquet file.
 """
 
+import hashlib
 import io
 import json
 from collections.abc import Iterable, Mapping
@@ -14,18 +15,20 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.common.atomic_io import write_atomically
+from busybot.common.atomic_io import read_regular, write_atomically
 from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_TABLE_BYTES
 from busybot.episodes.codec import EncodedImage, LazyImages
 from busybot.episodes.digests import episode_digests
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap import channels
 from busybot.episodes.mcap.reader import decode_episode
 from busybot.episodes.mcap.records import Records, parse_records, read_records
-from busybot.episodes.schema import STEP_FIELDS, arrow_schema
+from busybot.episodes.schema import STEP_FIELDS, TABLES, arrow_schema
 
 EPISODES_PER_SHARD = 500
 EPISODES_PER_ROW_GROUP = 25
+ROWS_KEY, MADE_OF_KEY = b"busybot_rows", b"busybot_made_of"
 HINT_TABLES = "remove the file; `busybot collect` on the dataset makes it again from the episodes"
 
 Rows = Mapping[str, pa.Table]
@@ -58,7 +61,7 @@ def _facts(records: Records) -> dict[str, Any]:
     """What the file says beyond the episode."""
     metadata = records.metadata[channels.METADATA]
     said = {"image_format": metadata.get("image_format", ""), "schema_version": metadata["schema_version"]}
-    return {"bytes": records.size, **said}
+    return {"bytes": records.size, "checksum": records.checksum, **said}
 
 
 def _episode(episode: Episode) -> dict[str, Any]:
@@ -148,41 +151,74 @@ def _objects(episode: Episode) -> dict[str, Any]:
     return columns
 
 
-def write_shard(path: Path, table: str, rows: Iterable[pa.Table], root: Path | None = None) -> None:
+def write_shard(path: Path, table: str, rows: Iterable[pa.Table], root: Path | None = None, made_of: str = "") -> None:
     """Write the rows of consecutive episodes, whole or not at all, a row group per 25 episodes.
+
+    The file's metadata hold a SHA-256 over its rows as they are stored, so that a table that somebody edited is not
+    taken for ours.
 
     Args:
         root: the dataset's folder; see `atomic_io`.
+        made_of: digest of the episodes that the rows were derived from; it is stored with them.
     """
     episodes = list(rows)
     buffer = io.BytesIO()
     with pq.ParquetWriter(buffer, arrow_schema(table), compression="zstd") as writer:
         for start in range(0, len(episodes), EPISODES_PER_ROW_GROUP):
             writer.write_table(pa.concat_tables(episodes[start : start + EPISODES_PER_ROW_GROUP]).combine_chunks())
+        digest = hashlib.sha256(buffer.getbuffer()).hexdigest()
+        writer.add_key_value_metadata({ROWS_KEY: digest, MADE_OF_KEY: made_of})
     write_atomically(path, buffer.getvalue(), root)
 
 
 def read_shard(path: Path, table: str, columns: list[str] | None = None) -> pa.Table:
-    """A shard of the table.
+    """A shard of the table; the table's metadata hold what it was made of (`MADE_OF_KEY`), if the file says so.
 
     Raises:
-        BusybotError: naming the file, if it is no Parquet file or its columns are not the schema's.
+        BusybotError: naming the file, if it is no Parquet file, its columns are not the schema's or it was edited.
     """
     schema = arrow_schema(table)
     schema = schema if columns is None else pa.schema([schema.field(name) for name in columns])
     try:
-        file = pq.ParquetFile(pa.BufferReader(path.read_bytes()))
+        data = read_regular(path, MAX_TABLE_BYTES, HINT_TABLES)
+        file = pq.ParquetFile(pa.BufferReader(data))
+        made_of = _checked_origin(path, data, file)
         found = {field.name: field.type for field in file.schema_arrow}
-        wrong = [field.name for field in arrow_schema(table) if found.get(field.name) != field.type]
+        later = {column.name for column in TABLES[table] if column.later} - found.keys()
+        wrong = [
+            field.name
+            for field in arrow_schema(table)
+            if field.name not in later and found.get(field.name) != field.type
+        ]
         if wrong:
             what = f"{path}: not table {table!r} of this schema version: {', '.join(wrong)}"
             raise BusybotError(what, HINT_TABLES)
         # by Arrow's own threads it would be no faster, and one that still asks for Python at its end aborts the process
-        rows = file.read(columns=schema.names, use_threads=False)
+        wanted = [name for name in schema.names if name not in later] or [arrow_schema(table).names[0]]
+        rows = file.read(columns=wanted, use_threads=False)
         rows.validate(full=True)  # text that is no UTF-8 would only be noticed when it is used
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise BusybotError(f"{path}: not a readable Parquet file: {error}", HINT_TABLES) from None
-    return rows.select(schema.names).cast(schema)
+    for name in later & set(schema.names):
+        rows = rows.append_column(name, pa.nulls(rows.num_rows, schema.field(name).type))
+    return rows.select(schema.names).cast(schema).replace_schema_metadata((schema.metadata or {}) | made_of)
+
+
+def _checked_origin(path: Path, data: bytes, file: pq.ParquetFile) -> dict[bytes, bytes]:
+    """What the file says that it was made of; nothing where it is from before this was stored.
+
+    Raises:
+        BusybotError: its rows are not those that were written.
+    """
+    said = file.metadata.metadata or {}
+    if ROWS_KEY not in said:
+        if "checksum" in file.schema_arrow.names:
+            raise BusybotError(f"{path}: it was written by another program", HINT_TABLES)
+        return {}
+    rows_end = len(data) - 8 - int.from_bytes(data[-8:-4], "little")  # length of the footer, and "PAR1"
+    if hashlib.sha256(data[:rows_end]).hexdigest().encode() != said[ROWS_KEY]:
+        raise BusybotError(f"{path}: it was edited, its rows are not those that were written", HINT_TABLES)
+    return {MADE_OF_KEY: said.get(MADE_OF_KEY, b"")}
 
 
 def split_by_episode(rows: pa.Table) -> dict[int, pa.Table]:

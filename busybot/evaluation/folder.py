@@ -19,8 +19,9 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from busybot.common.atomic_io import append_line, make_folder, read_json, write_atomically, write_json
+from busybot.common.atomic_io import append_line, make_folder, read_json, read_regular, write_atomically, write_json
 from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_LINES_BYTES
 from busybot.common.process_pool import Progress, run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
@@ -135,7 +136,7 @@ def _judged_lines(file: Path, kind: type[J]) -> Iterator[tuple[int, J]]:
     """Whole lines; one that a killed evaluation left unfinished is cut off."""
     if not file.exists():
         return
-    data = file.read_bytes()
+    data = read_regular(file, MAX_LINES_BYTES, "remove the folder")
     whole = data[: data.rfind(b"\n") + 1]
     if len(whole) < len(data):
         write_atomically(file, whole)

@@ -4,7 +4,6 @@ The cache is a convenience: an unreadable or unwritable one costs time, never co
 """
 
 import hashlib
-import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -14,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import TypeAdapter
 
-from busybot.common.atomic_io import read_text, write_atomically, write_json
+from busybot.common.atomic_io import read_json, read_text, write_atomically, write_json
 from busybot.common.errors import BusybotError
 from busybot.objects.model import ObjectModel
 
@@ -92,7 +91,7 @@ def places(expected: dict[str, str]) -> list[Path]:
 
 def _read() -> dict[str, dict[str, str]]:
     try:
-        entries = json.loads((cache_folder() / _INDEX).read_text(encoding="utf-8"))
+        entries = read_json(cache_folder() / _INDEX)
         return {str(entry["path"]): {str(k): str(v) for k, v in entry["objects"].items()} for entry in entries}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+    except (BusybotError, TypeError, KeyError, AttributeError):
         return {}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from busybot.boards.task import MAX_STEPS, least_steps, start_states, task_of
+from busybot.boards.task import MAX_STEPS, shortest_plan, task_of
 from busybot.common.errors import BusybotError
 from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
@@ -103,9 +103,14 @@ def make_work(evaluation: PlanEvaluation) -> Callable[[int], m.JudgedTask]:
             rollouts.append(played.judged)
             if agent in stored:
                 write_episode(stored[agent].episode_path(index), played.episode, "jpeg", stored[agent].path)
-        asked, start = task_of(history.board), start_states(history.board)
-        least = least_steps(start, asked.goal)
-        return m.JudgedTask(board=index, kind=asked.kind, least_steps=least, rollouts=tuple(rollouts))
+        board = history.board
+        return m.JudgedTask(
+            board=index,
+            kind=task_of(board).kind,
+            least_steps=shortest_plan(board),
+            locks=len(board.locks),
+            rollouts=tuple(rollouts),
+        )
 
     return work
 

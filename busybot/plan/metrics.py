@@ -11,7 +11,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from busybot.common.frozen_model import FrozenModel
-from busybot.evaluation.bootstrap import percentile_interval
+from busybot.evaluation.bootstrap import percentile_interval, two_level_interval
+from busybot.evaluation.exact import binomial_interval, mcnemar_test, sign_flip_test
 
 DRAWS = 2000
 
@@ -22,6 +23,19 @@ CAUSES: tuple[Cause, ...] = get_args(Cause)[1:]
 """Why a responder is not in its goal state: nothing was offered on its link; the inferred graph lacks its relation;
 an action on its link, or one that was meant for it, changed something else than wanted; its actions changed nothing; by
 features it looked as in the goal; none of these."""
+
+KEYS: dict[str, str] = {
+    "least_steps": "mean number of actions of the shortest plans: in the paper's world by counting, in others as a "
+    "search found it when the task was drawn",
+    "by_locks": "success by the number of links that are held one behind the other, with the number of tasks",
+    "agents.NAME.steps_over_shortest": "of solved tasks, steps used divided by those of the shortest plan, mean",
+    "agents.NAME.solved_interval": "exact binomial bounds of `solved`, 95 %",
+    "agents.NAME.micro_intervals": "of `micro`, by a bootstrap over `objects` (responders) and their boards, and over "
+    "`mechanisms` (their kinds) and their boards",
+    "compared.NAME": "against the first agent named, on the same tasks: `difference` of success, `p_success` by a "
+    "sign-flip test, `p_solved` by McNemar's test",
+}
+"""What the figures are called that every world has beside the paper's."""
 
 
 class JudgedResponder(FrozenModel):
@@ -72,6 +86,11 @@ class JudgedRollout(FrozenModel):
         """Share of affectable responders in their goal state."""
         return sum(one.reached for one in self.responders) / max(1, len(self.responders))
 
+    @property
+    def solved(self) -> bool:
+        """Whether all of them are."""
+        return all(one.reached for one in self.responders)
+
 
 class JudgedTask(FrozenModel):
     """All agents on one task.
@@ -80,11 +99,13 @@ class JudgedTask(FrozenModel):
         board: its number in the dataset.
         kind: of the task.
         least_steps: in which it can be solved.
+        locks: how many links something holds, each until the one before has been moved.
     """
 
     board: int
     kind: str
     least_steps: int
+    locks: int = 0
     rollouts: tuple[JudgedRollout, ...]
 
     def of(self, agent: str) -> JudgedRollout:
@@ -100,6 +121,8 @@ def summarise(tasks: Sequence[JudgedTask], agents: Sequence[str], rng: np.random
     """
     chosen = rng.integers(max(1, len(tasks)), size=(DRAWS, len(tasks)))
     rows = {agent: _row(tasks, [task.of(agent) for task in tasks], chosen) for agent in agents}
+    for agent, row in rows.items():
+        row |= _more(tasks, [task.of(agent) for task in tasks], rng)
     kinds = sorted({task.kind for task in tasks})
     return {
         "success": {agent: row["success"] for agent, row in rows.items()},
@@ -110,8 +133,44 @@ def summarise(tasks: Sequence[JudgedTask], agents: Sequence[str], rng: np.random
             for kind in kinds
         },
         "least_steps": _mean([task.least_steps for task in tasks]),
+        "by_locks": {
+            str(locks): {
+                "tasks": sum(task.locks == locks for task in tasks),
+                **{agent: _mean([task.of(agent).success for task in tasks if task.locks == locks]) for agent in agents},
+            }
+            for locks in sorted({task.locks for task in tasks})
+        },
         "agents": rows,
+        "compared": {
+            agent: _compared([task.of(agents[0]) for task in tasks], [task.of(agent) for task in tasks], rng)
+            for agent in agents[1:]
+        },
     }
+
+
+def _more(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], rng: np.random.Generator) -> dict[str, Any]:
+    """What an agent's row has in every world beside the paper's figures."""
+    solved = [(task, one) for task, one in zip(tasks, rollouts, strict=True) if one.solved]
+    records = [(task.board, each) for task, one in zip(tasks, rollouts, strict=True) for each in one.responders]
+    right, boards = np.array([each.reached for _, each in records], int), [board for board, _ in records]
+    whole = np.ones(len(records), int)
+    return {
+        "steps_over_shortest": _mean([one.steps / task.least_steps for task, one in solved]),
+        "solved_interval": binomial_interval(len(solved), len(tasks)),
+        "micro_intervals": {
+            "objects": two_level_interval(right, whole, [each.key for _, each in records], boards, rng),
+            "mechanisms": two_level_interval(right, whole, [each.kind for _, each in records], boards, rng),
+        },
+    }
+
+
+def _compared(
+    first: Sequence[JudgedRollout], other: Sequence[JudgedRollout], rng: np.random.Generator
+) -> dict[str, float | None]:
+    """An agent against the first one, on the same tasks."""
+    more = np.array([two.success - one.success for one, two in zip(first, other, strict=True)])
+    solved = [np.array([rollout.solved for rollout in rollouts], bool) for rollouts in (first, other)]
+    return {"difference": _mean(more), "p_success": sign_flip_test(more, rng), "p_solved": mcnemar_test(*solved)}
 
 
 def timing(tasks: Sequence[JudgedTask], agents: Sequence[str]) -> dict[str, Any]:
@@ -145,7 +204,7 @@ def _row(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], chosen:
         "by_features": _mean([share for share in looks if share is not None]),
         "asked": _mean([one.reached for one in responders if one.asked]),
         "kept": _mean([one.reached for one in responders if not one.asked]),
-        "solved": _mean([all(one.reached for one in rollout.responders) for rollout in rollouts]),
+        "solved": _mean([rollout.solved for rollout in rollouts]),
         "steps": _mean([rollout.steps for rollout in rollouts]),
         "steps_more": _mean([r.steps - task.least_steps for r, task in zip(rollouts, tasks, strict=True)]),
         "step_success": sum(one.succeeded for one in rollouts) / steps if steps else None,

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from busybot.boards.dynamics import Dynamics, Links
 from busybot.boards.spec import Relation
-from busybot.boards.task import MAX_STEPS, affectable, reached, responder_states, start_states, task_of
+from busybot.boards.task import MAX_STEPS, affectable, drivers, reached, start_states
+from busybot.boards.worlds import links_of
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.rng import generator
@@ -143,7 +145,8 @@ class RolloutRunner:
         policy = seat.policy
         assert policy is not None
         episode.settings |= notes(policy.decisions)
-        return PlayedRollout(episode, judge_rollout(episode, policy, task.briefing, task.edges))
+        links = links_of([self._simulator.library.get(placed.key) for placed in board.objects])
+        return PlayedRollout(episode, judge_rollout(episode, links, policy, task.briefing, task.edges))
 
     def _policy(self, task: PreparedTask, kind: AgentSpec, name: str | None, scene: BoardScene | None) -> AgentPolicy:
         """An agent that has what a robot has, and the truth about a scene if one is given, as a policy."""
@@ -154,7 +157,7 @@ class RolloutRunner:
             true = OracleProposals(scene, task.rays, self._interaction, task.observed, rng)
             reasoner = OracleRelations(reasoner, scene.spec) if kind.relations else reasoner
             contacts = true if kind.contacts else contacts
-            make = make or (lambda _: OracleAgent(scene, task_of(scene.spec).goal, true))
+            make = make or (lambda _: OracleAgent(scene, true))
         assert make is not None
         return AgentPolicy(make(reasoner), task.briefing, contacts, self.sight(task), name)
 
@@ -180,16 +183,19 @@ class _OracleSeat(_Seat):
         return self.policy
 
 
-def judge_rollout(rollout: Episode, policy: AgentPolicy, briefing: TaskContext, edges: np.ndarray) -> JudgedRollout:
-    """Put the truth beside what an agent did.
+def judge_rollout(
+    rollout: Episode, links: Links, policy: AgentPolicy, briefing: TaskContext, edges: np.ndarray
+) -> JudgedRollout:
+    """Put the truth beside what an agent did: what shows at its end, also where luck or memory has a part in it.
 
     Args:
         rollout: on a board with a task, with segmentation.
+        links: the board's trigger links.
         policy: that acted.
         edges: bool (N, N), relations that the reasoner claims.
     """
     board, steps = rollout.board, rollout.steps
-    start = responder_states(board, start_states(board))
+    start = Dynamics(board, links).start(start_states(board)).shown
     right = reached(board, steps[-1].responder_states_after if steps else start)
     asked = reached(board, start)
     differing = set(briefing.differing(policy.features).tolist())
@@ -223,14 +229,13 @@ def _cause(
     rollout: Episode, decisions: Sequence[Decision], relation: Relation, edges: np.ndarray, differing: set[int]
 ) -> Cause:
     """Why a responder is not in its goal state; the first of the reasons that applies."""
-    link, responder = (relation.triggers[0].object, relation.triggers[0].link), relation.responder
-    looks_reached = responder not in differing
-    steps = rollout.steps
+    responder, steps = relation.responder, rollout.steps
+    links, looks_reached = drivers(rollout.board, responder), responder not in differing
     meant = [isinstance(one.answer, Act) and one.answer.responder == responder for one in decisions[: len(steps)]]
-    on_link = [(step.acted_object, step.acted_link) == link for step in steps]
+    on_link = [(step.acted_object, step.acted_link) in links for step in steps]
     if any(on and step.success for on, step in zip(on_link, steps, strict=True)):
         return "not noticed" if looks_reached else "wrong prediction"
-    if not edges[link[0], responder]:
+    if not all(edges[trigger.object, responder] for trigger in relation.triggers):
         return "wrong relation"
     if any(one and step.success for one, step in zip(meant, steps, strict=True)):
         return "wrong prediction"
@@ -238,7 +243,7 @@ def _cause(
         return "physical failure"
     if looks_reached:
         return "not noticed"
-    return "not tried" if _offered(rollout, decisions, link) else "no candidate"
+    return "not tried" if all(_offered(rollout, decisions, link) for link in links) else "no candidate"
 
 
 def _offered(rollout: Episode, decisions: Sequence[Decision], link: tuple[int, str]) -> bool:

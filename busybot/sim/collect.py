@@ -114,7 +114,7 @@ def store_tables(
             if progress:
                 progress(done + new, total)
             if len(rows) >= EPISODES_PER_SHARD:
-                dataset.write_tables(rows)
+                dataset.store_rows(rows)
                 rows = {}
         return new
     finally:

@@ -18,16 +18,13 @@ from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays, project
-from busybot.episodes.episode import Step
+from busybot.episodes.episode import Image, Step
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.sim.interaction import Grasp, InteractionConfig, interact
+from busybot.sim.interaction import Grasp, InteractionConfig, interact, look
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
+from busybot.sim.scene.real_camera import REACH, true_depth
 from busybot.sim.scene.render import RenderConfig
-
-REACH = 0.05
-"""A position farther than this from the visible surface at its pixel (along the optical axis) holds nothing."""
-
 
 Observation = dict[str, Any]
 Core = dict[str, Any]
@@ -118,8 +115,7 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
             self._simulator = Simulator(self._library, self._view)
         self._scene = self._simulator.board(board)
         self._rays = Rays(self._scene.camera)
-        self._image = self._scene.observe()
-        self._steps = 0
+        self._image, self._steps = self._look(0), 0
         return self._observation(), self._truth(None)
 
     def step(self, action: Core) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -148,8 +144,8 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
             return Grasp(None, position, (0, 0))
         column, row = (int(value) for value in np.floor(pixels))
         inside = depth > 0 and 0 <= column < self._view.width and 0 <= row < self._view.height
-        assert self._image.depth is not None and self._image.segmentation is not None
-        if not inside or abs(float(depth) - float(self._image.depth[row, column])) > REACH:
+        assert self._image.segmentation is not None
+        if not inside or abs(float(depth) - float(true_depth(self._image)[row, column])) > REACH:
             edge = (min(max(column, 0), self._view.width - 1), min(max(row, 0), self._view.height - 1))
             return Grasp(None, position, edge)
         return Grasp(scene.trigger_at(int(self._image.segmentation[row, column])), position, (column, row))
@@ -172,7 +168,7 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
             self.reset(options={"board": board})
         scene = self._playing()
         scene.restore(saved)
-        self._image, self._steps = scene.observe(), steps
+        self._image, self._steps = self._look(steps), steps
         return self._observation()
 
     def _draw(self, index: int | None) -> BoardSpec:
@@ -181,6 +177,9 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         seed = int(generator(self._np_random_seed or 0, self._boards.split, number, "env").integers(2**62))
         config = self._boards.model_copy(update={"seed": seed, "boards": 1, "group_size": 1})
         return next(generate_boards(config, self._library))
+
+    def _look(self, frame: int) -> Image:
+        return look(self._playing(), self._np_random_seed or 0, frame)
 
     def _observation(self) -> Observation:
         assert self._image.depth is not None

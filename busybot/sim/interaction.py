@@ -10,13 +10,18 @@ Paper section 3.1 and protocol "Interaction". The rules, in order:
    (`stop="physics"`, no rendering), or when the images differ by more than delta pixels (`stop="pixels"`, as the
    original does it; `tests/sim/test_interaction.py` measures how often the two agree).
 4. In strict mode a direction far from the annotated ones is vetoed: it counts as executed, but nothing moves.
-5. The gripper lets go and the joint snaps into the detent of the state that it has reached; a joint that did not leave
+5. A joint that something holds (`boards.spec.Lock`) does not give way: the simulator narrows its limits.
+6. The gripper lets go and the joint snaps into the detent of the state that it has reached; a joint that did not leave
    its state snaps back, and the opposite direction is tried anchored at the same point.
+7. Then the board's mechanisms see what the action left (`BoardScene.tick`), also where it moved nothing: responders may
+   change late, or by themselves. The camera looks again whenever anything that can be seen has changed, whatever did
+   it.
 
 The gripper is a drive between the world and the held point, with a force limit: no body, no contacts.
 """
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
@@ -30,6 +35,7 @@ from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.episode import Image, Step
 from busybot.sim.scene.board_scene import BoardScene
 from busybot.sim.scene.joints import TriggerJoint
+from busybot.sim.scene.real_camera import Photo, changed_area, take_photo
 
 
 class InteractionConfig(FrozenModel):
@@ -38,7 +44,8 @@ class InteractionConfig(FrozenModel):
     Attributes:
         reward: `pixels`, or `joints` for the oracle rows of Table 1: whether a trigger changed its state.
         delta: more changed pixels than this are a reward.
-        tolerance: a pixel differs when a channel differs by more than this share of its range.
+        tolerance: a pixel differs when a channel differs by more than this share of its range; photos of the real
+            camera have their own (`real_camera.CameraConfig`).
         stop: what ends a motion.
         strict: refuse directions more than `strict_angle_deg` off every annotated direction of the object.
         increment, increments: the gripper's target moves so far (board units) so many times.
@@ -76,6 +83,31 @@ def changed_pixels(before: np.ndarray, after: np.ndarray, tolerance: float) -> i
     return int(same.size - cv2.countNonZero(same))
 
 
+def look(scene: BoardScene, seed: int, frame: int) -> Image:
+    """What the board's camera, clean or real, shows of the board in a frame.
+
+    Args:
+        seed: of the collection.
+    """
+    config = scene.view.camera
+    if config.clean:
+        return scene.observe()
+    return take_photo(scene.observe(), config, (seed, scene.spec.split, scene.spec.index), frame)
+
+
+def look_again(scene: BoardScene, before: Image | None, changed: bool) -> Image | None:
+    """What is seen after an action: a clean camera looks if anything changed, a real one always.
+
+    Args:
+        before: what was seen; None if nobody looks.
+    """
+    if isinstance(before, Photo):
+        # an action that failed leaves its joint a millionth of a unit off: at rest the board is as it is put back
+        scene.rest(scene.save())
+        return before.next(scene.observe())
+    return scene.observe() if changed and before is not None else None
+
+
 def interact(
     scene: BoardScene, grasp: Grasp, directions: int | Sequence[int], config: InteractionConfig, before: Image | None
 ) -> tuple[Step, Image | None]:
@@ -87,14 +119,17 @@ def interact(
         before: what the camera showed; None in a simulation without renderer, where the reward is the true one.
 
     Returns:
-        the step, and the image after it if anything changed (None otherwise, or without renderer).
+        the step, and the image after it if anything changed, under the real camera always (None otherwise, or without
+        renderer).
     """
     states, shown, joints = scene.trigger_states(), scene.responder_states(), scene.joint_positions()
     proposed = (directions,) if isinstance(directions, int | np.integer) else tuple(directions)
     executed, distance, vetoed = _execute(scene, grasp, proposed, config, before)
+    scene.tick()
     success = scene.trigger_states() != states
-    after = scene.observe() if success and before is not None else None
-    changed = changed_pixels(before.rgb, after.rgb, config.tolerance) if before is not None and after is not None else 0
+    looks_other = success or scene.responder_states() != shown
+    after = look_again(scene, before, looks_other)
+    changed = _changed(before, after, config) if before is not None and after is not None else 0
     held = scene.triggers[grasp.trigger] if grasp.trigger is not None else None
     step = Step(
         pixel=grasp.pixel,
@@ -114,6 +149,7 @@ def interact(
         joint_positions_after=scene.joint_positions(),
         success=success,
         vetoed=vetoed,
+        memory_after=scene.memory,
     )
     return step, after
 
@@ -163,15 +199,16 @@ def pull(
     joint = scene.triggers[number]
     drive = _attach(scene, joint, point, config)
     reached, distance = joint.state, 0.0
-    for count in range(1, config.increments + 1):
-        distance = config.increment * count
-        drive.set_drive_target(sapien.Pose((direction * distance).astype(np.float32)))
-        joint.body.wake_up()
-        for _ in range(config.physics_steps):
-            scene.scene.step()
-        reached = joint.state_at(joint.position())
-        if _stopped(scene, number, reached, config, before):
-            break
+    with joint.held() if scene.locked(number) else nullcontext():
+        for count in range(1, config.increments + 1):
+            distance = config.increment * count
+            drive.set_drive_target(sapien.Pose((direction * distance).astype(np.float32)))
+            joint.body.wake_up()
+            for _ in range(config.physics_steps):
+                scene.scene.step()
+            reached = joint.state_at(joint.position())
+            if _stopped(scene, number, reached, config, before):
+                break
     joint.body.entity.remove_component(drive)
     joint.settle(joint.state)
     return round(distance, 6), reached
@@ -182,7 +219,14 @@ def _stopped(scene: BoardScene, number: int, reached: int, config: InteractionCo
         return reached != scene.triggers[number].state
     with scene.showing(number, reached):
         now = scene.observe()
-    return changed_pixels(before.rgb, now.rgb, config.tolerance) > config.delta
+    return _changed(before, before.next(now) if isinstance(before, Photo) else now, config) > config.delta
+
+
+def _changed(before: Image, after: Image, config: InteractionConfig) -> int:
+    """Number of pixels that changed, as the camera that took both pictures can tell."""
+    if isinstance(after, Photo):
+        return changed_area(before.rgb, after.rgb, after.config.tolerance)
+    return changed_pixels(before.rgb, after.rgb, config.tolerance)
 
 
 def _attach(scene: BoardScene, joint: TriggerJoint, point: np.ndarray, config: InteractionConfig) -> Any:

@@ -1,6 +1,8 @@
 """One board, one policy, so many actions: an Episode.
 
-What did not change is not looked at again: a failed action restores the board exactly, so its image is the one before.
+What did not change is not looked at again: an action that moved nothing restores the board exactly, so its image is the
+one before, unless a mechanism changed something by itself or late.
+The real camera (`scene.real_camera`) looks after every action.
 """
 
 import hashlib
@@ -18,19 +20,22 @@ from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import ENDED, Episode, Image, Observation
-from busybot.sim.interaction import Grasp, InteractionConfig, interact
+from busybot.sim.interaction import Grasp, InteractionConfig, interact, look
 from busybot.sim.policy import AnyPolicyFactory, OracleFactory, oracle_observation
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
+from busybot.sim.scene.real_camera import GOAL_FRAME, REACH, true_depth
 from busybot.sim.vulkan_check import driver_of
 
 RECORDED_PACKAGES = ("sapien", "numpy", "opencv-python")
 
 
 def grasp_at(scene: BoardScene, image: Image, rays: Rays, pixel: tuple[int, int]) -> Grasp:
-    """What suction at pixel (u, v) takes hold of."""
+    """What suction at pixel (u, v) takes hold of; nothing where the image's depth is too wrong."""
     assert image.depth is not None and image.segmentation is not None
-    code = int(image.segmentation[pixel[1], pixel[0]])
-    return Grasp(scene.trigger_at(code), rays.point(image.depth, pixel), pixel)
+    place = (pixel[1], pixel[0])
+    near = abs(float(image.depth[place]) - float(true_depth(image)[place])) <= REACH
+    held = scene.trigger_at(int(image.segmentation[place])) if near else None
+    return Grasp(held, rays.point(image.depth, pixel), pixel)
 
 
 def record_episode(
@@ -48,7 +53,7 @@ def record_episode(
         policy, oracle = factory.make_oracle(scene, rays, config), True
     else:
         policy, oracle = factory.make_policy(rays), False
-    images = [scene.observe()]
+    images = [look(scene, seed, 0)]
     settings = {"seed": seed, "interaction": config.model_dump(mode="json")}
     episode = begin_episode(scene, images, policy.name, oracle, settings)
     rng = generator(seed, board.split, board.index, f"policy/{factory.name}")
@@ -83,7 +88,7 @@ def begin_episode(
         links=scene.links,
         positions=_visible_centres(images[0], scene),
         images=images,
-        goals=picture_goal(scene),
+        goals=picture_goal(scene, int(settings.get("seed", 0))),
         frame_of=[0],
         steps=[],
         policy=policy,
@@ -99,7 +104,7 @@ def _observation(image: Image, episode: Episode) -> Observation:
     return oracle_observation(image, episode.camera) if episode.oracle else image.observation(episode.camera)
 
 
-def picture_goal(scene: BoardScene) -> list[Image]:
+def picture_goal(scene: BoardScene, seed: int = 0) -> list[Image]:
     """What the camera shows in the goal of the board's task, nothing without a task; the board is afterwards at rest
     where it was.
 
@@ -116,8 +121,9 @@ def picture_goal(scene: BoardScene) -> list[Image]:
         what = f"board {scene.spec.index}: its task names other links than its objects have"
         raise BusybotError(what, "use the objects with which the boards were generated")
     now = scene.save()
-    scene.rest(BoardState(task.goal))
-    image = scene.observe()
+    shown = None if task.responders is None else scene.dynamics.showing(task.goal, task.responders)
+    scene.rest(BoardState(task.goal, shown))
+    image = look(scene, seed, GOAL_FRAME)
     scene.rest(now)
     return [image]
 

@@ -6,20 +6,23 @@ on whether PhysX computed it in a step or because joints were set (they round di
 shows in the depth image and, rarely, in a colour). When an image was recorded, everything had been through a step but
 the object that had just been acted on and its responder. `put_back` does the same: it sets all states, makes one step,
 and lets the acted link settle once more. With the same renderer the image is then equal in every bit
-(`tests/sim/test_replay.py` tries all steps).
+(`tests/sim/test_replay.py` tries all steps). Under the real camera everything had been through a step, and the photo is
+taken again of the clean picture, which is thereby there, too.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from busybot.boards.relations import responder_state
+from busybot.boards.dynamics import Dynamics, DynamicState
 from busybot.boards.spec import BoardSpec
 from busybot.boards.task import start_states
+from busybot.boards.worlds import links_of
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError, naming
 from busybot.common.process_pool import run_tasks
@@ -28,7 +31,7 @@ from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.episode_diff import JOINT_TOLERANCE, ImageDifference, Rule, compare_images, rule_for
 from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
-from busybot.sim.interaction import Grasp, InteractionConfig, interact
+from busybot.sim.interaction import Grasp, InteractionConfig, interact, look
 from busybot.sim.recorder import begin_episode, recorded_versions, renderer_fingerprint
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
 from busybot.sim.scene.render import RenderConfig
@@ -90,16 +93,28 @@ class EpisodeReplay:
         if not 0 <= step <= len(steps):
             raise BusybotError(f"there is no step {step}", f"choose one from 0 (the start) to {len(steps)}")
         states = steps[step - 1].trigger_states_after if step else start_states(self.episode.board)
+        if self.scene.dynamics.remembers:
+            self.scene.rest(BoardState(states, self._remembered[step]))
+            return self.scene
         self.scene.rest(BoardState(states))
-        last = next((s for s in reversed(steps[:step]) if s.success), None)
+        looked_at_rest = not self.scene.view.camera.clean
+        last = None if looked_at_rest else next((s for s in reversed(steps[:step]) if s.success), None)
         number = None if last is None else held_trigger(self.scene, last)
         if number is not None:
             self.scene.set_trigger(number, states[number])
         return self.scene
 
+    @cached_property
+    def _remembered(self) -> list[DynamicState]:
+        """What the mechanisms remember at the start and after each step, which the trigger links' states decide."""
+        return self.scene.dynamics.run(_trigger_states(self.episode))
+
     def observe(self, step: int) -> Image:
-        """The picture after `step` steps as the file would have stored it."""
-        image = self.put_back(step).observe()
+        """The camera's picture after `step` steps as the file would have stored it.
+
+        The clean one is `put_back(step).observe()`.
+        """
+        image = look(self.put_back(step), _seed_of(self.episode), step)
         images = self.episode.images
         return images.as_stored(image) if isinstance(images, LazyImages) else image
 
@@ -112,6 +127,7 @@ class EpisodeReplay:
             when, recorded = ("after", steps[step - 1]) if step else ("before", steps[0])
             here = (self.scene.trigger_states(), self.scene.responder_states())
             states = here == tuple(getattr(recorded, f"{name}_states_{when}") for name in ("trigger", "responder"))
+            states &= not step or self.scene.memory == recorded.memory_after
             there = np.array(getattr(recorded, f"joint_positions_{when}"))
             joints = float(np.abs(there - self.scene.joint_positions()).max(initial=0.0))
         return Compared(step, states, joints, compare_images(self.episode.image(step), image), self._rule)
@@ -125,7 +141,7 @@ def replay_file(
     A process that has rendered can fail in the graphics driver when it ends; a worker ends without that.
 
     Args:
-        screenshot: write the picture of the step, or of the last one, as PNG.
+        screenshot: write the clean picture of the step, or of the last one, as PNG.
     """
     arguments = (path, library, step, screenshot)
     with naming(path):
@@ -168,7 +184,7 @@ def _make_picture(path: Path, library: Library) -> Callable[[int], np.ndarray]:
 
 def simulator_of(episode: Episode, library: Library) -> Simulator:
     """A simulator that looks at boards as the episode's recorder did, and lets effects show if they did."""
-    return Simulator(library, render_config(episode), shows_effects(episode))
+    return Simulator(library, render_config(episode), shows_effects(episode, library))
 
 
 def render_config(episode: Episode) -> RenderConfig:
@@ -180,17 +196,18 @@ def render_config(episode: Episode) -> RenderConfig:
     return _parameters(RenderConfig, episode.renderer.get("config"), "renderer")
 
 
-def shows_effects(episode: Episode) -> bool:
+def shows_effects(episode: Episode, library: Library) -> bool:
     """Whether responders follow their triggers in the recording; a collection can leave effects out."""
-    numbers = [(link.object, link.name) for link in episode.links if link.trigger]
-    for relation in episode.board.relations:
-        trigger = (relation.triggers[0].object, relation.triggers[0].link)
-        for step in episode.steps:
-            if trigger in numbers and step.trigger_states_after:
-                state = step.trigger_states_after[numbers.index(trigger)]
-                if step.responder_states_after[relation.responder] != responder_state(relation, state):
-                    return False
-    return True
+    links = links_of([library.get(placed.key) for placed in episode.board.objects])
+    if not episode.steps or len(episode.steps[0].trigger_states_after) != len(links.names):
+        return True
+    states = Dynamics(episode.board, links).run(_trigger_states(episode))
+    return all(step.responder_states_after == s.shown for step, s in zip(episode.steps, states[1:], strict=True))
+
+
+def _trigger_states(episode: Episode) -> list[tuple[int, ...]]:
+    """States of the trigger links at the start and after each step."""
+    return [start_states(episode.board), *(step.trigger_states_after for step in episode.steps)]
 
 
 def held_trigger(scene: BoardScene, step: Step) -> int | None:
@@ -217,7 +234,7 @@ def act_again(simulator: Simulator, board: BoardSpec, recorded: Episode) -> Epis
     interaction = recorded.settings.get("interaction")
     config = _parameters(InteractionConfig, interaction, "interaction")
     scene = simulator.board(board)
-    images = [scene.observe()]
+    images = [look(scene, _seed_of(recorded), 0)]
     again = begin_episode(scene, images, recorded.policy, recorded.oracle, recorded.settings)
     for step in recorded.steps:
         grasp = Grasp(held_trigger(scene, step), np.array(step.position), step.pixel)
@@ -226,6 +243,11 @@ def act_again(simulator: Simulator, board: BoardSpec, recorded: Episode) -> Epis
         images += [] if after is None else [after]
         again.frame_of.append(len(images) - 1)
     return again
+
+
+def _seed_of(episode: Episode) -> int:
+    """Seed of the collection, from which the real camera's draws come."""
+    return int(episode.settings.get("seed", 0))
 
 
 def _require_truth(episode: Episode) -> None:

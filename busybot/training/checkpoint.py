@@ -6,11 +6,12 @@ iteration among it (`initialise`), comes from such a generator, too.
 """
 
 import json
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -18,10 +19,12 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor, nn
 
-from busybot.common.atomic_io import write_atomically
+from busybot.common.atomic_io import open_regular, write_atomically
 from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_WEIGHTS_BYTES
 from busybot.training.model_cards import WEIGHTS_FILE, ModelCard, write_info
 
+Network = TypeVar("Network", bound=nn.Module)
 NETWORK, OPTIMIZER = "network.", "optimizer."
 
 
@@ -46,8 +49,7 @@ def load_tensors(path: Path) -> Checkpoint:
     Raises:
         BusybotError: the file is absent or damaged.
     """
-    if not path.is_file():
-        raise BusybotError(f"{path}: there is no such file")
+    open_regular(path, MAX_WEIGHTS_BYTES).close()
     try:
         with safe_open(path, "pt") as file:
             header = file.metadata() or {}
@@ -68,8 +70,40 @@ def network_tensors(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     return {name.removeprefix(NETWORK): value for name, value in tensors.items() if name.startswith(NETWORK)}
 
 
+COMPILER_CACHE = "TORCHINDUCTOR_CACHE_DIR"
+
+
+def network_with(make: Callable[[], Network], tensors: dict[str, Tensor], where: Path) -> Network:
+    """The network that `make` makes, with these weights.
+
+    What a stranger's card says of sizes is compared with the weights before anything is allocated.
+
+    Raises:
+        BusybotError: naming `where`: the weights are those of another network, or no finite numbers.
+    """
+    with drawing_nothing():
+        told = COMPILER_CACHE in os.environ
+        with torch.device("meta"):
+            expected = {name: tuple(value.shape) for name, value in make().state_dict().items()}
+        if not told:  # PyTorch sets it on the way to networks without numbers; loading changes nothing in the process
+            os.environ.pop(COMPILER_CACHE, None)
+        found = {name: tuple(value.shape) for name, value in tensors.items()}
+        for name in sorted(expected.keys() | found.keys()):
+            if expected.get(name) != found.get(name):
+                what = f"{name} is {found.get(name, 'absent')}, expected {expected.get(name, 'nothing')}"
+                raise BusybotError(f"{where}: not the weights of this network: {what}", "copy the model again")
+        network = make()
+    load_weights(network, tensors, where)
+    return network
+
+
 def load_weights(network: nn.Module, tensors: dict[str, Tensor], where: Path) -> None:
-    """Give a network its weights; refuses those of another network."""
+    """Give a network its weights; refuses those of another network, and what is no finite number."""
+    for name, tensor in tensors.items():
+        if tensor.is_floating_point() and not torch.isfinite(tensor).all():
+            raise BusybotError(
+                f"{where}: {name} holds NaN or infinite values", "copy the model again, or train it again"
+            )
     try:
         network.load_state_dict(tensors)
     except RuntimeError as error:

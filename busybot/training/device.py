@@ -1,26 +1,75 @@
-"""Chooses the device of networks: a GPU if there is one, and the number of threads on a CPU."""
+"""Where networks are computed, with which numbers, how much at once, and with how many threads on a CPU."""
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
+from typing import Any
 
 import torch
 
+from busybot.common.device import AUTO, chosen, gpu, sharers
+from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine
+
+SHARE = 0.5
+"""Of a GPU's free memory, what batches may take: memory is not handed out without gaps."""
 
 
 def device() -> torch.device:
-    """The first GPU, else the CPU."""
-    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    """The GPU of this process, or the CPU, as `common.device` decides.
+
+    Raises:
+        BusybotError: a GPU was asked for that is not there, or that this PyTorch cannot use.
+    """
+    number = gpu()
+    if number is None:
+        return torch.device("cpu")
+    if torch.cuda.is_available():
+        return torch.device("cuda", number)
+    if chosen() == AUTO:
+        return torch.device("cpu")
+    raise BusybotError(f"PyTorch {torch.__version__} cannot use {chosen()}", "make setup, or --device cpu")
+
+
+def multiplies_bfloat16() -> bool:
+    """Does the device multiply bfloat16 itself? Elsewhere it is imitated, at thrice the cost of float32 or more."""
+    return _multiplies_bfloat16(device())
 
 
 @cache
-def multiplies_bfloat16() -> bool:
-    """Does the device multiply bfloat16 itself? Elsewhere it is imitated, at thrice the cost of float32 or more."""
-    if device().type == "cuda":
-        return torch.cuda.is_bf16_supported(including_emulation=False)
+def _multiplies_bfloat16(on: torch.device) -> bool:
+    if on.type == "cuda":
+        with torch.cuda.device(on):
+            return torch.cuda.is_bf16_supported(including_emulation=False)
     return bool(machine()["bfloat16"])
+
+
+def mixed(on: torch.device) -> AbstractContextManager[Any]:
+    """Around a network's pass: on a GPU that multiplies bfloat16 it does so; on a CPU nothing changes."""
+    on_gpu = on.type == "cuda" and multiplies_bfloat16()
+    return torch.autocast(on.type, torch.bfloat16) if on_gpu else nullcontext()
+
+
+def slices(count: int, usual: int, on: torch.device) -> Iterator[slice]:
+    """The parts in which to compute so many rows.
+
+    On a CPU each has the usual number. On a GPU only the first has: what it takes tells how many of the others fit into
+    the memory that is free, divided among the workers that share the GPU.
+    """
+    if on.type != "cuda":
+        yield from (slice(first, min(first + usual, count)) for first in range(0, count, usual))
+        return
+    if not count:
+        return
+    torch.cuda.reset_peak_memory_stats(on)
+    before, first = torch.cuda.memory_allocated(on), min(usual, count)
+    yield slice(0, first)
+    if first < count:
+        each = max(1, torch.cuda.max_memory_allocated(on) - before) / first
+        free = torch.cuda.mem_get_info(on)[0] + torch.cuda.memory_reserved(on) - torch.cuda.memory_allocated(on)
+        many = max(usual, int(SHARE * free / sharers() / each))
+        yield from (slice(start, min(start + many, count)) for start in range(first, count, many))
 
 
 @contextmanager
@@ -42,7 +91,7 @@ def repeat_exactly() -> None:
 
     Where an operation has none, PyTorch warns and goes on.
     """
-    if torch.cuda.is_available():
+    if device().type == "cuda":
         os.environ.setdefault("CUBLAS_WORKSPACE_CONFIG", ":4096:8")  # cuBLAS reads it when it is first used
         torch.backends.cudnn.benchmark = False
         torch.use_deterministic_algorithms(True, warn_only=True)

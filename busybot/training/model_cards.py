@@ -1,16 +1,18 @@
 """A trained model is a folder: weights, and `model.json`, which says what they are."""
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from busybot.common.atomic_io import read_json, sha256_of, write_json
 from busybot.common.errors import BusybotError
-from busybot.common.frozen_model import FrozenModel
+from busybot.common.frozen_model import FrozenModel, first_fault
 
 INFO_FILE = "model.json"
+MAX_DEPTH = 16
 WEIGHTS_FILE = "weights.safetensors"
 """Of models with one network."""
 
@@ -22,17 +24,59 @@ CALLED = {"interact": "an interaction model", "reason": "a model of relations"}
 Info = TypeVar("Info", bound=BaseModel)
 
 
+class Provenance(BaseModel):
+    """Where a model comes from; everything else in a card's `training` are figures.
+
+    Attributes:
+        rounds, data: the datasets it was trained on, with their hashes.
+        versions: of packages.
+        validation: figures on boards that were held out.
+        licence: SPDX identifier.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow", strict=True)
+
+    seed: Annotated[int, Field(ge=0)] | None = None
+    config: dict[str, Any] = {}
+    rounds: list[dict[str, Any]] | dict[str, Any] = []
+    data: list[dict[str, Any]] = []
+    versions: dict[str, str] = {}
+    validation: dict[str, Any] = {}
+    licence: Annotated[str, Field(max_length=500)] | None = None
+
+
+def _checked(training: dict[str, Any]) -> dict[str, Any]:
+    Provenance.model_validate(training)
+    _refuse_beyond(training, MAX_DEPTH)
+    return training
+
+
+def _refuse_beyond(value: Any, depth: int) -> None:
+    """Figures are finite numbers, in groups that somebody can read."""
+    if depth == 0:
+        raise ValueError(f"nested more than {MAX_DEPTH} deep")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError("a figure is no finite number")
+    for inner in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
+        _refuse_beyond(inner, depth - 1)
+
+
+Training = Annotated[dict[str, Any], AfterValidator(_checked)]
+FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,199}$")]
+Hashes = dict[FileName, Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]]
+
+
 class ModelCard(FrozenModel):
     """What `model.json` says of every model; each skill's has more.
 
     Attributes:
-        training: provenance: datasets with hashes, seed, configuration, figures; JSON values.
+        training: provenance (`Provenance`) and figures; JSON values.
         files: SHA-256 of the weights by name, written by saving; older folders have none.
     """
 
     format: Literal["1"] = "1"
-    training: dict[str, Any] = {}
-    files: dict[str, str] = {}
+    training: Training = {}
+    files: Hashes = {}
 
 
 def find_folder(name_or_path: str | Path, *skills: str) -> Path:
@@ -77,9 +121,19 @@ def read_info(folder: Path, kind: type[Info]) -> Info:
     try:
         return kind.model_validate(read_json(folder / INFO_FILE))
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
+        raise BusybotError(f"{folder / INFO_FILE}: {first_fault(error)}", "train the model again") from None
+
+
+def check_weights(file: Path, card: ModelCard) -> None:
+    """Compare a file of weights with the hash that the card records, if it records one.
+
+    Raises:
+        BusybotError: it is another file.
+    """
+    known = card.files.get(file.name)
+    if known is not None and (found := sha256_of(file)) != known:
+        what = f"{file}: its SHA-256 is {found[:12]}..., {INFO_FILE} records {known[:12]}..."
+        raise BusybotError(what, "copy the model again, or train it again")
 
 
 def write_info(folder: Path, info: BaseModel, weights: Iterable[Path]) -> None:

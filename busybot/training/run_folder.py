@@ -18,8 +18,9 @@ from typing import Any
 from pydantic import BaseModel
 
 from busybot import __version__
-from busybot.common.atomic_io import read_json, scan, write_atomically, write_json
+from busybot.common.atomic_io import read_json, read_text, scan, write_atomically, write_json
 from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_LINES_BYTES
 
 TRAIN_FILE = "train.json"
 
@@ -110,7 +111,7 @@ class Metrics:
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
     """The lines of a metrics file, none if it does not exist."""
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    return [json.loads(line) for line in read_text(path, MAX_LINES_BYTES).splitlines()] if path.exists() else []
 
 
 WIDTH_INCHES, ROW_INCHES = 11.0, 3.25

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from busybot.boards.causal_graph import periods, relations_at
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
@@ -159,19 +160,23 @@ def acted_object(episode: Episode, step: int) -> int:
     return min(holding, key=lambda i: (u1[i] - u0[i]) * (v1[i] - v0[i]), default=-1)
 
 
-def truth_matrix(board: BoardSpec) -> np.ndarray:
-    """Which object controls which, bool (N, N)."""
-    return np.array(board.relation_matrix(), bool)
+def truth_matrix(board: BoardSpec, step: int = 0) -> np.ndarray:
+    """Which object controls which at a step, bool (N, N)."""
+    matrix = np.zeros((len(board.objects), len(board.objects)), bool)
+    for relation in relations_at(board, step):
+        for trigger in relation.triggers:
+            matrix[trigger.object, relation.responder] = True
+    return matrix
 
 
-def true_edges(board: BoardSpec) -> list[Edge]:
-    """The board's relations between objects."""
-    return [Edge(int(i), int(j), 1.0, "correct") for i, j in np.argwhere(truth_matrix(board))]
+def true_edges(board: BoardSpec, step: int = 0) -> list[Edge]:
+    """The relations between objects that the board has at a step."""
+    return [Edge(int(i), int(j), 1.0, "correct") for i, j in np.argwhere(truth_matrix(board, step))]
 
 
 def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[Edge]:
     """Claimed edges after so many steps, right or wrong, and the true ones that are not claimed."""
-    truth, probabilities = truth_matrix(board), inferred.after(steps)
+    truth, probabilities = truth_matrix(board, steps), inferred.after(steps)
     claimed = probabilities > inferred.threshold
     edges = []
     for i, j in np.argwhere(claimed | truth):
@@ -183,7 +188,9 @@ def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[
 def pairs_ever(board: BoardSpec, inferred: InferredGraph) -> list[tuple[int, int]]:
     """Cause and effect of every edge that `judged_edges` gives after any number of steps."""
     ever = (inferred.probabilities > inferred.threshold).any(0)
-    return [(int(i), int(j)) for i, j in np.argwhere(ever | truth_matrix(board))]
+    for period in periods(board):
+        ever = ever | truth_matrix(board, period.since)
+    return [(int(i), int(j)) for i, j in np.argwhere(ever)]
 
 
 def check_inferred(episode: Episode, inferred: InferredGraph) -> None:

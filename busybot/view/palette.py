@@ -15,6 +15,11 @@ WRONG: Rgb = (225, 50, 55)
 MISSED: Rgb = (140, 150, 165)
 """Relations: as the board has them; inferred and true; inferred but not true; true but not inferred."""
 
+CHANCE: Rgb = (20, 165, 185)
+CLOCK: Rgb = (120, 130, 150)
+LOCK: Rgb = (190, 110, 50)
+"""Mechanisms with a luck of their own, hidden clocks, locks; other mechanisms have the truth's colour."""
+
 INK: Rgb = (36, 41, 51)
 MUTED: Rgb = (125, 134, 148)
 FAINT: Rgb = (222, 226, 232)
@@ -26,6 +31,7 @@ WRONG_CURVES: tuple[Rgb, ...] = ((225, 50, 55), (245, 120, 60), (215, 70, 140), 
 """Several relations in one plot: cool colours are true, warm ones are not."""
 
 ROLES = {"trigger": TRIGGER, "responder": RESPONDER}
+FACTORS = {"mechanism": TRUTH, "chance": CHANCE, "clock": CLOCK, "lock": LOCK}
 VERDICTS = {"correct": CORRECT, "wrong": WRONG, "missed": MISSED}
 
 STATES: tuple[Rgb, ...] = ((96, 110, 130), (245, 195, 66), (90, 190, 170))

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from busybot.boards.spec import PAPER
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
@@ -32,7 +33,7 @@ class ViewRequest:
         step: of the screenshot and the window, the last one by default; 0 is the start.
         objects: put every step back into the simulator with these and show its picture, too.
         figure: a picture of what the reasoner, or counting, infers step by step; of a rollout, without a reasoner, of
-            its actions on the way to the goal.
+            its actions on the way to the goal, and of a board of another world than the paper's its mechanisms.
         reasoner: show what this model of relations believes and expects, beside what counting infers.
     """
 
@@ -102,7 +103,7 @@ def show(source: Path, number: int | None, wanted: ViewRequest, announce: Callab
     if wanted.screenshot:
         picture_episode(episode, inferred, wanted.screenshot, wanted.step, layers())
     if wanted.figure:
-        _draw_figure(wanted.figure, path, episode, inferred, way=foreseen is None and is_rollout(episode))
+        _draw_figure(wanted.figure, path, episode, inferred, asked=foreseen is not None)
     shown = ViewResult(path, steps, [graph.name for graph in inferred], wanted.save, wanted.screenshot, wanted.figure)
     if wanted.web or window:
         _show_live(episode, inferred, layers(), wanted, shown, announce)
@@ -155,12 +156,20 @@ def inferences(episode: Episode) -> list[InferredGraph]:
     return [infer(episode, "count")]
 
 
-def _draw_figure(picture: Path, path: Path, episode: Episode, inferred: list[InferredGraph], way: bool) -> None:
-    """Write a PNG of a rollout's way to its goal, or of the first of the graphs, step by step."""
+def _draw_figure(picture: Path, path: Path, episode: Episode, inferred: list[InferredGraph], asked: bool) -> None:
+    """Write a PNG of what a reasoner that was asked for infers step by step, else of what there is to tell.
+
+    That is a rollout's way to its goal, the mechanisms of a board of another world than the paper's, or what counting
+    infers.
+    """
+    way, mechanisms = not asked and is_rollout(episode), not asked and episode.board.world != PAPER
+    from busybot.view.figures.mechanisms import mechanism_figure
     from busybot.view.figures.sequences import belief_figure, sequence_figure
 
     if way:
         sequence_figure(picture, episode)
+    elif mechanisms:
+        mechanism_figure(picture, episode)
     elif inferred and episode.steps:
         belief_figure(picture, episode, inferred[0])
     else:

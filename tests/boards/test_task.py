@@ -1,5 +1,6 @@
 """Tasks are what the protocol asks for: reachable, not solved already, and the same for the same seed."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from busybot.boards.config import BoardConfig
+from busybot.boards.dynamics import Dynamics, DynamicState
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec, LinkRef, Task
 from busybot.boards.task import (
@@ -14,15 +16,23 @@ from busybot.boards.task import (
     affectable,
     goal_responders,
     least_steps,
+    reachable,
     reached,
     responder_states,
+    shortest_plan,
     start_states,
     task_of,
+    with_reachable_goal,
 )
+from busybot.boards.worlds import NOVEL, WORLDS
+from busybot.boards.worlds import links_of as trigger_links
+from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.objects.library import Library
 from busybot.objects.model import TriggerLink
 from busybot.objects.resolve import find
+from tests.boards.worlds_by_hand import board as by_hand
+from tests.boards.worlds_by_hand import body, link, links, lock, relation, rewiring
 
 SPLITS = ("train", "novel-config", "novel-object")
 KINDS = ("one-to-one", "one-to-many")
@@ -151,3 +161,113 @@ def test_relations_follow_from_the_tasks_and_cannot_contradict_them() -> None:
             BoardConfig(tasks="one-to-one", relations=relations)
     with pytest.raises(ValidationError, match="tasks"):
         BoardConfig(tasks="many-to-one")
+
+
+def reaching(library: Library, world: str, split: str, boards: int = 8) -> list[tuple[BoardSpec, Dynamics]]:
+    """Boards with goals, and their laws without luck."""
+    config = BoardConfig(world=world, split=split, tasks="reach", boards=boards)
+    found = list(generate_boards(config, library))
+    laws = [Dynamics(b, trigger_links([library.get(p.key) for p in b.objects]), lucky=False) for b in found]
+    return list(zip(found, laws, strict=True))
+
+
+def brute_force(board: BoardSpec, law: Dynamics, most: int) -> int | None:
+    """Length of the shortest plan of at most so many actions: all of them are tried, nothing is remembered."""
+
+    def done(state: DynamicState) -> bool:
+        return all(reached(board, state.shown).values())
+
+    start = start_states(board)
+    now = [(start, law.start(start))]
+    for count in range(most + 1):
+        if any(done(state) for _, state in now):
+            return count
+        now = [(moved, law.step(moved, state)) for triggers, state in now for moved in law.moves(triggers, state)]
+    return None
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("split", ["train", NOVEL])
+def test_goals_of_every_world_are_reached_by_their_shortest_plan(library: Library, world: str, split: str) -> None:
+    tried = 0
+    for board, law in reaching(library, world, split):
+        task, start = task_of(board), start_states(board)
+        assert task.kind == "reach" and task.responders is not None and shortest_plan(board) == task.shortest
+        assert task.shortest is not None and 1 <= task.shortest <= MAX_STEPS
+        assert not all(reached(board, law.start(start).shown).values())
+        assert all(reached(board, task.responders).values()) and goal_responders(board) == task.responders
+        at_goal = [
+            depth
+            for depth, triggers, state in reachable(law, start, task.shortest, most=10**6)
+            if all(reached(board, state.shown).values())
+        ]
+        assert at_goal and min(at_goal) == task.shortest
+        if task.shortest <= 3:
+            assert brute_force(board, law, 3) == task.shortest
+            tried += 1
+    assert tried
+
+
+def test_the_goal_of_a_board_with_locks_lies_behind_them() -> None:
+    for board, law in reaching(find("procedural"), "lock", "train", boards=20):
+        task, start = task_of(board), start_states(board)
+        stuck = law.number(board.locks[-1].link)
+        without = reachable(law, start, MAX_STEPS, most=10**6, stuck=stuck)
+        needs_it = not any(all(reached(board, state.shown).values()) for _, _, state in without)
+        assert needs_it and (task.shortest or 0) > len(board.locks)
+
+
+def test_a_goal_is_reached_before_anything_is_rewired_and_takes_more_than_one_action_if_it_can() -> None:
+    follows, opposite = (relation("one-to-one", 2, [link(0)], table) for table in ((0, 1), (1, 0)))
+    other = relation("one-to-one", 3, [link(1)], (0, 1))
+    goals = {}
+    for name, more in (("plain", {}), ("soon", {"rewirings": [rewiring(1, opposite)]})):
+        board = by_hand([follows, other], **more)
+        found = with_reachable_goal(board, links(), 8)
+        assert found is not None and found.task is not None
+        goals[name] = found.task.shortest
+    assert goals == {"plain": 2, "soon": 1}
+
+
+def test_what_cannot_be_changed_is_no_goal() -> None:
+    held = [lock(number, 2, 1) for number in (0, 1)]
+    follows = relation("one-to-one", 2, [link(0)], (0, 1))
+    assert with_reachable_goal(by_hand([follows], locks=held), links(), 8) is None
+    flicker = relation("flicker", 3, [], (0, 1), probability=0.2)
+    assert with_reachable_goal(by_hand([flicker]), links(), 8) is None
+    found = with_reachable_goal(by_hand([follows, flicker]), links(), 8)
+    assert found is not None and affectable(found) == (2,) and goal_responders(found)[2:4] == (1, 0)
+
+
+def test_what_reads_an_affectable_responder_is_affectable() -> None:
+    relations = [
+        relation("one-to-one", 4, [body(3)], (0, 1)),
+        relation("one-to-one", 3, [body(2)], (0, 1)),
+        relation("unreliable", 2, [link(0)], (0, 1), probability=0.8),
+        relation("flicker", 5, [], (0, 1), probability=0.1),
+    ]
+    assert affectable(by_hand(relations)) == (2, 3, 4)
+
+
+def test_the_search_visits_every_state_once_and_the_nearest_first() -> None:
+    law = Dynamics(by_hand([relation("toggle", 2, [link(0)], (0, 1))], (2, 3)), links((2, 3)))
+    found = list(reachable(law, (0, 0), 30))
+    depths = [depth for depth, _, _ in found]
+    assert depths == sorted(depths) and depths[0] == 0
+    states = {(triggers, state.shown, state.memories) for _, triggers, state in found}
+    assert len(states) == len(found) == 2 * 3 * 2
+    assert {t for _, t, _ in reachable(law, (0, 0), 30, stuck=1)} == set(product((0, 1), (0,)))
+    assert [depth for depth, _, _ in reachable(law, (0, 0), 30, most=4)] == [0, 1, 1]
+
+
+def test_boards_of_other_worlds_do_not_follow_their_links_alone() -> None:
+    [(board, _)] = reaching(find("procedural"), "time", "train", boards=1)
+    with pytest.raises(BusybotError, match="world 'time'") as error:
+        responder_states(board, start_states(board))
+    assert "Dynamics" in str(error.value.hint)
+
+
+@pytest.mark.parametrize("options", [{"tasks": "reach"}, {"world": "gates", "tasks": "one-to-one"}])
+def test_tasks_that_a_world_does_not_have_are_refused(options: dict[str, str]) -> None:
+    with pytest.raises(ValidationError, match="--world gates|--tasks reach"):
+        BoardConfig.model_validate(options)

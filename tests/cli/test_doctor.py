@@ -29,6 +29,7 @@ def row(report: dict[str, Any], name: str) -> dict[str, Any]:
     return dict(found)
 
 
+@pytest.mark.long
 def test_json_has_the_documented_keys_and_agrees_with_the_exit_code() -> None:
     done = busybot("doctor", "--json")
     code, report = done.returncode, json.loads(done.stdout)
@@ -50,6 +51,7 @@ def test_works_when_sapien_and_torch_cannot_be_imported(tmp_path: Path) -> None:
     assert row(report, "packages")["ok"], "they are installed all the same"
 
 
+@pytest.mark.long
 def test_a_driver_that_cannot_render_is_named(tmp_path: Path) -> None:
     code, report = run(VK_DRIVER_FILES=str(tmp_path / "none.json"))
     assert code == 1
@@ -70,6 +72,15 @@ def test_a_named_folder_without_objects_is_a_fault(tmp_path: Path, monkeypatch: 
 def test_real_objects_are_counted(partnet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BUSYBOT_PARTNET_DIR", str(partnet))
     assert doctor.assets()[-1].value.endswith("41 Switch, 10 Door, 5 Lamp, 2 Toy")
+
+
+def test_the_device_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    for named, ok, words in ((None, True, "auto: "), ("cpu", True, "cpu"), ("cuda:99", False, "cuda:99 is not there")):
+        if named:
+            monkeypatch.setenv("BUSYBOT_DEVICE", named)
+        *_, check = doctor.gpu()
+        assert check.name == "device" and check.ok is ok and check.value.startswith(words)
+        assert (check.hint is None) is ok
 
 
 def test_packages_that_differ_have_a_row_each(monkeypatch: pytest.MonkeyPatch) -> None:

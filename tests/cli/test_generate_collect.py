@@ -1,15 +1,21 @@
 """`busybot generate` and `busybot collect` as a user types them."""
 
 import json
+import shlex
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import cv2
 import pytest
 
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import collect_command
 from busybot.episodes.mcap.reader import read_episode
+from busybot.sim.scene.real_camera import REAL
 from tests.cli.commands import busybot
+from tests.cli.killing import kill_once
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
@@ -33,6 +39,30 @@ def test_from_nothing_to_episodes(tmp_path: Path) -> None:
     assert "policy 'scripted', now 'random'" in again.stderr and "hint:" in again.stderr
 
 
+def test_the_real_camera_is_asked_for_by_name_and_its_terms_by_theirs(tmp_path: Path) -> None:
+    out = str(tmp_path / "data")
+    busybot("generate", out, "--boards", "1")
+    unknown = busybot("collect", out, "--camera", "best")
+    assert unknown.returncode == 1 and "choose one of clean, real" in unknown.stderr
+    wrong = busybot("collect", out, "--camera", "real", "--set", "render.camera.hand=2")
+    assert wrong.returncode == 1 and "render.camera.hand" in wrong.stderr
+    few = ("--policy", "random", "--workers", "1", *SMALL)
+    terms = ("--set", "render.camera.noise=0.02", "--set", "render.camera.blur=0", "--set", "render.randomise.fov=0.1")
+    done = busybot("collect", out, "--camera", "real", *terms, *few)
+    assert done.returncode == 0, done.stderr
+    dataset = Dataset.open(Path(out))
+    assert dataset.info.collect is not None
+    render = dataset.info.collect.settings["render"]
+    assert render["camera"] == {**{term: value for term, value in REAL.items() if term != "blur"}, "noise": 0.02}
+    assert render["randomise"] == {"fov": 0.1}
+    assert len(read_episode(dataset.episode_path(0)).images) == 4
+    dataset.episode_path(0).unlink()
+    again = shlex.split(collect_command(Path(out), dataset.info))
+    assert busybot(*again[1:], "--workers", "1", *SMALL[:4]).returncode == 0
+    refused = busybot("collect", out, "--camera", "clean", *few)
+    assert refused.returncode == 1 and "render" in refused.stderr
+
+
 def test_tasks_are_recorded_with_their_goals_by_the_learned_policy(tmp_path: Path) -> None:
     out = str(tmp_path / "tasks")
     refused = busybot("generate", out, "--tasks", "one-to-many", "--relations", "one-to-one")
@@ -49,6 +79,59 @@ def test_tasks_are_recorded_with_their_goals_by_the_learned_policy(tmp_path: Pat
     again = busybot("collect", out, "--steps", "0", *SMALL[:4], "--config", str(tmp_path / "config.yaml"))
     assert again.returncode == 0, again.stderr
     assert json.loads(busybot("dataset", "info", out, "--json").stdout)["policy"] == "scripted"
+
+
+def test_a_world_is_generated_collected_replayed_and_verified(tmp_path: Path) -> None:
+    out = str(tmp_path / "hard")
+    made = busybot("generate", out, "--world", "mixed", "--boards", "2", "--group-size", "1", "--links", "3-5")
+    assert made.returncode == 0 and "2 boards (train, world mixed)" in made.stdout + made.stderr, made.stderr
+    collected = busybot("collect", out, "--policy", "scripted", "--workers", "1", *SMALL, "--json")
+    assert collected.returncode == 0, collected.stderr
+    info = json.loads(busybot("dataset", "info", out, "--json").stdout)
+    assert (info["boards"], info["episodes"], info["steps"]) == (2, 2, 6)
+    assert busybot("dataset", "verify", out).returncode == 0
+    assert busybot("replay", f"{out}/episodes/000001.mcap").stdout.count("holds") == 4
+    other = busybot("generate", out, "--world", "time", "--boards", "2", "--group-size", "1")
+    assert other.returncode == 1 and "differ" in other.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--world", "sorcery"), "no world 'sorcery'"),
+        (("--world", "Gates!"), "world"),
+        (("--split", "novel-mechanism"), "name another one: --world gates"),
+        (("--tasks", "reach"), "name another one: --world gates"),
+        (("--world", "gates", "--tasks", "one-to-one"), "it has --tasks reach"),
+        (("--world", "gates", "--relations", "one-to-many"), "has no kinds of relations"),
+        (("--world", "clock"), "no link drives the mechanism 'clock'"),
+        (("--world", "toggle"), "only the split 'novel-mechanism' has the mechanism 'toggle'"),
+        (("--world", "lock", "--set", "depth=[7,8]"), "give --links 8-12"),
+        (("--world", "gates", "--links", "many"), "--links 'many' is no range"),
+        (("--world", "gates", "--links", "-3"), "--links '-3' is no range"),
+        (("--world", "gates", "--links", "6-3"), "links: the range 6..3 is empty"),
+        (("--world", "gates", "--links", "3-99"), "links"),
+    ],
+)
+def test_worlds_and_links_that_there_are_not_are_told(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
+    result = busybot("generate", str(tmp_path / "out"), *arguments)
+    assert result.returncode == 1 and message in result.stderr and "hint:" in result.stderr, result.stderr
+    assert "Traceback" not in result.stderr and not (tmp_path / "out").exists()
+
+
+@pytest.mark.long
+def test_a_killed_collection_of_a_world_is_continued(tmp_path: Path) -> None:
+    folders = [tmp_path / "straight", tmp_path / "killed"]
+    for folder in folders:
+        assert busybot("generate", str(folder), "--world", "mixed", "--boards", "6").returncode == 0
+    arguments = ("--policy", "scripted", "--workers", "1", *SMALL)
+    assert busybot("collect", str(folders[0]), *arguments).returncode == 0
+    for count in (1, 2, 4):
+        done = partial(lambda count: len(list((folders[1] / "episodes").glob("*.mcap"))) >= count, count)
+        kill_once(["collect", str(folders[1]), *arguments], done)
+    assert busybot("collect", str(folders[1]), *arguments).returncode == 0
+    assert busybot("dataset", "verify", str(folders[1])).returncode == 0
+    assert busybot("dataset", "diff", *map(str, folders)).stdout.strip().endswith("are equal")
 
 
 @pytest.mark.long

@@ -160,12 +160,36 @@ def test_json_knows_our_types(capsys: pytest.CaptureFixture[str]) -> None:
     }
 
 
-def test_json_refuses_nan() -> None:
-    with pytest.raises(ValueError):
-        print_json({"x": float("nan")})
+def test_what_is_no_number_is_null_in_json(capsys: pytest.CaptureFixture[str]) -> None:
+    print_json({"x": float("nan"), "y": [float("-inf"), 0.5]})
+    assert json.loads(capsys.readouterr().out) == {"x": None, "y": [None, 0.5]}
 
 
 def test_a_misspelt_command_is_told_the_near_one() -> None:
     result = invoke("colect")
     assert result.exit_code == 2
     assert "Did you mean 'collect'?" in result.output
+
+
+DRAWS_OR_COMPUTES = {
+    *("collect", "features", "replay", "view", "report", "demo", "assets sheet", "dataset regenerate"),
+    *(f"train {skill}" for skill in ("interact", "reason", "bc", "ppo")),
+    *(f"eval {skill}" for skill in ("interact", "reason", "plan")),
+}
+
+
+def test_commands_that_draw_or_compute_take_a_device() -> None:
+    found = set()
+    for name in main.COMMANDS:
+        command = main.load_command(name)
+        for inner, one in getattr(command, "commands", {"": command}).items():
+            if any(parameter.name == "device" for parameter in one.params):
+                found.add(f"{name} {inner}".strip())
+    assert found == DRAWS_OR_COMPUTES
+
+
+@pytest.mark.parametrize("order", [("--device", "cuda:99", "--json"), ("--json", "--device", "cuda:99")])
+def test_a_device_that_is_not_there_is_refused_before_anything_else(order: tuple[str, ...]) -> None:
+    done = RUNNER.invoke(main.app, ["collect", "no-such-dataset", *order])
+    assert done.exit_code == 1 and "there is no device cuda:99" in json.loads(done.stdout)["error"]
+    assert "no-such-dataset" not in done.stdout

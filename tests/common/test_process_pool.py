@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.common.process_pool import machine, run_tasks, share
+from busybot.common.process_pool import RECYCLE, machine, run_tasks, share
 
 
 def squares(offset: int) -> Callable[[int], tuple[int, int]]:
@@ -62,6 +62,7 @@ def counting_threads(unpickled: object) -> Callable[[int], int]:
     return work
 
 
+@pytest.mark.long
 def test_networks_use_one_thread_in_a_worker_whether_it_imports_them_early_or_late() -> None:
     import torch  # unpickling one of its types is what imports it early
 
@@ -79,6 +80,16 @@ def refuse(number: int) -> int:
 def test_shared_results_come_in_the_order_of_the_tasks(workers: int) -> None:
     assert list(share(abs, [-3, -1, -2, 4], workers)) == [3, 1, 2, 4]
     assert list(share(abs, [], workers)) == []
+
+
+def test_shared_work_sends_what_is_worked_on_and_keeps_its_workers() -> None:
+    results = list(share(process_and_negative, range(RECYCLE + 2), 2))
+    assert [number for _, number in results] == [-number for number in range(RECYCLE + 2)]
+    assert len({process for process, _ in results}) <= 2
+
+
+def process_and_negative(number: int) -> tuple[int, int]:
+    return os.getpid(), -number
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -69,7 +69,7 @@ def test_what_is_no_dataset_is_refused_with_the_reason(tmp_path: Path) -> None:
         Dataset.open(tmp_path)
     path = make_dataset(tmp_path / "d", finished=()).path
     for values, what in (
-        ({"schema_version": "9.0"}, "schema version 9.0; this installation reads 1.1"),
+        ({"schema_version": "9.0"}, "schema version 9.0; this installation reads 1.2"),
         ({"boards": -1}, "boards: Input should be greater"),
         ({"surprise": 1}, "surprise: Extra inputs"),
     ):
@@ -180,6 +180,36 @@ def test_tables_follow_the_episodes(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert dataset.table("episodes")["episode"].to_pylist() == [0, 1, 2]
 
 
+def test_what_is_stored_on_the_way_costs_its_own_shards_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "EPISODES_PER_SHARD", 2)
+    dataset = make_dataset(tmp_path / "d", boards=6, finished=(0, 1, 2))
+    touched: list[int] = []
+    stored_rows = Dataset.stored_rows
+    monkeypatch.setattr(Dataset, "stored_rows", lambda self, shard: touched.append(shard) or stored_rows(self, shard))
+    for index in (3, 5):
+        write_episode(dataset.episode_path(index), make_episode(index))
+    dataset.store_rows({index: episode_rows(dataset.episode_path(index), index) for index in (3, 5)})
+    assert touched == [1, 2] and dataset.table("episodes")["episode"].to_pylist() == [0, 1, 2, 3, 5]
+    before = {name: dataset.table(name) for name in ("episodes", "steps", "objects")}
+    dataset.write_tables()
+    assert all(dataset.table(name).equals(table) for name, table in before.items())
+
+
+def test_boards_are_drawn_while_they_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "BOARDS_PER_SHARD", 2)
+    info = make_dataset(tmp_path / "d").info
+    written: list[int] = []
+
+    def drawn():
+        for index in range(4):
+            written.append(len(list(tmp_path.rglob(".e-*/boards/boards-*.jsonl"))))
+            yield make_board(index)
+
+    dataset = Dataset.create(tmp_path / "e", lambda: info.model_copy(update={"name": f"after {len(written)}"}), drawn())
+    assert written == [0, 0, 1, 1] and Dataset.open(tmp_path / "e").info.name == dataset.info.name == "after 4"
+    assert dataset.boards() == list(dataset.each_board()) == [make_board(index) for index in range(4)]
+
+
 def test_tables_can_always_be_made_again(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "d")
     expected = {name: dataset.table(name) for name in ("episodes", "steps", "objects")}
@@ -220,6 +250,7 @@ def test_rows_that_the_tables_lack_are_derived_once_for_all_who_ask(tmp_path: Pa
         return list(module.derive_here(files))
 
     assert dataset.episodes_table(derive).equals(known) and dataset.episodes_table(derive).equals(known)
+    assert dataset.episodes_table(derive, ["steps", "bytes"]).equals(known.select(["steps", "bytes"]))
     assert asked == [0, 1, 3]
     write_episode(dataset.episode_path(1), make_episode(7))
     changed = dataset.episodes_table(derive)
@@ -244,10 +275,10 @@ def test_tables_torn_by_a_stop_are_mended(tmp_path: Path, monkeypatch: pytest.Mo
     dataset = make_dataset(tmp_path / "d")
     write_episode(dataset.episode_path(2), make_episode(2))
 
-    def stopped(path: Path, name: str, rows: list[object], root: Path) -> None:
+    def stopped(path: Path, name: str, rows: list[object], root: Path, made_of: str) -> None:
         if name == table:
             raise KeyboardInterrupt
-        write_shard(path, name, rows, root)
+        write_shard(path, name, rows, root, made_of)
 
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(module, "write_shard", stopped)

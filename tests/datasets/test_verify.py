@@ -33,6 +33,7 @@ def test_a_sound_dataset_has_no_problems(dataset: Dataset) -> None:
     assert seen == [(1, 3), (2, 3), (3, 3)]
 
 
+@pytest.mark.long
 def test_several_workers_find_the_same(dataset: Dataset) -> None:
     data = bytearray(dataset.episode_path(1).read_bytes())
     data[len(data) // 2] ^= 1
@@ -78,7 +79,9 @@ def test_tables_that_differ_from_the_episodes_are_found(
     dataset: Dataset, table: str, column: str, value: object
 ) -> None:
     edit_table(dataset, table, column, value)
-    assert faults(verify(dataset.path)) == [("part-00000.parquet", f"episode 0 differs from its file in {column}")]
+    fault = f"episode 0 differs from its file in {column}"
+    fault = "it was written by another program" if table == "episodes" else fault
+    assert faults(verify(dataset.path)) == [("part-00000.parquet", fault)]
 
 
 def test_missing_and_superfluous_rows_are_found(dataset: Dataset) -> None:

@@ -2,9 +2,9 @@
 
     python -m tests.episodes.make_fixture
 
-`tests/episodes/fixtures/VERSION` then holds a frozen dataset of a simulation with tasks, a recording without a
-simulator, and what must be read from both. It is committed and never made again: `test_schema_versions.py` reads all
-that are there.
+`tests/episodes/fixtures/VERSION` then holds a frozen dataset of a simulation with tasks (since 1.2 in a world whose
+mechanisms remember), a recording without a simulator, and what must be read from both. It is committed and never made
+again: `test_schema_versions.py` reads all that are there.
 """
 
 from pathlib import Path
@@ -29,7 +29,7 @@ FIXTURES = Path(__file__).with_name("fixtures")
 def make(folder: Path) -> None:
     """Write the fixture into a new folder."""
     library = find("procedural")
-    dataset = create_dataset(folder / "dataset", BoardConfig(tasks="one-to-many", boards=2, seed=1), library)
+    dataset = create_dataset(folder / "dataset", BoardConfig(world="mixed", tasks="reach", boards=2, seed=1), library)
     actions = CollectConfig(policy="scripted", steps=4, render=RenderConfig(width=128, height=96))
     collect(dataset, library, actions, workers=1)
     freeze(dataset.path, library, carry=False)

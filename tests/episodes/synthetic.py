@@ -116,7 +116,7 @@ def make_real_episode(index: int = 0, steps: int = 4) -> Episode:
         for name in ("trigger_states", "responder_states", "joint_positions")
         for when in ("before", "after")
     }
-    unknown |= {"acted_object": -1, "acted_link": "", "success": False, "pixel": (-1, -1)}
+    unknown |= {"memory_after": (), "acted_object": -1, "acted_link": "", "success": False, "pixel": (-1, -1)}
     episode.steps = [replace(step, **unknown) for step in episode.steps]
     return replace(
         episode,
@@ -193,5 +193,6 @@ def _step(
         responder_states_after=responders(states_after),
         joint_positions_before=tuple(0.1 + 0.7 * s for s in ordered_before),
         joint_positions_after=tuple(0.1 + 0.7 * s for s in ordered_after),
+        memory_after=ordered_after,
         success=acted >= 0,
     )

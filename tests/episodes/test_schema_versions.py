@@ -36,6 +36,8 @@ def test_a_dataset_of_each_version_is_read_and_sound(version: str) -> None:
         episode = read_episode(dataset.episode_path(index))
         assert len(episode.steps) == 4 and knows_truth(episode) and episode.renderer["shader"] == "busybot"
         assert episode.board == dataset.board(index)
+        remembers = any(step.memory_after for step in episode.steps)
+        assert (episode.board.world == "mixed" and remembers) == (version not in ("1.0", "1.1"))
         assert (episode.goal is not None) == (episode.board.task is not None) == (version != "1.0")
 
 

@@ -31,6 +31,7 @@ def make(factor: int) -> Callable[[int], Counted]:
     return work
 
 
+@pytest.mark.long
 def test_boards_come_in_their_order_whatever_the_workers_and_interruptions(tmp_path: Path) -> None:
     boards, told = (4, 0, 2, BROKEN), []
     with pytest.raises(BusybotError, match="board 3 is damaged"):

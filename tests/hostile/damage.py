@@ -2,16 +2,19 @@
 
 import gzip
 import io
+import json
 import os
 import pickle
 import re
 import struct
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+Json = Any
 Damage = Callable[[bytes, np.random.Generator], bytes]
 PATHS = (
     "../../../../etc/passwd",
@@ -145,6 +148,71 @@ def garbage(data: bytes, rng: np.random.Generator) -> bytes:
     return data[: int(rng.integers(12))] + rng.bytes(int(rng.integers(1, 20_000)))
 
 
+TEXTS = (
+    "[/red]",
+    "[link=https://example.com]x[/link]",
+    "[bold",
+    "\x1b]0;owned\x07\x1b[2J",
+    "\x9b31m",
+    "\u202egnp.exe",
+    "a\0b",
+    "\ud800",
+    "<script>alert(1)</script>",
+    "[x](https://example.com)",
+    "$\\frac{$",
+    "a\r\nb",
+    "x" * 5000,
+    "",
+)
+ODD: tuple[Json, ...] = (
+    *(float("nan"), float("inf"), -1, 0, 2**31, 2**63, 10**30, 1e308, -0.0, 5e-324),
+    *(None, True, [], {}, [[]], {"": {}}, ["x"], {"a": 1}, "1", *TEXTS),
+)
+
+
+def odd_value(data: bytes, rng: np.random.Generator) -> bytes:
+    """A value somewhere in JSON becomes one of another type, size or meaning."""
+    return _with_value(data, rng, ODD)
+
+
+def odd_text(data: bytes, rng: np.random.Generator) -> bytes:
+    """A string somewhere in JSON becomes one that means something to terminals, pages, encoders or file systems."""
+    return _with_value(data, rng, TEXTS, str)
+
+
+def odd_key(data: bytes, rng: np.random.Generator) -> bytes:
+    """A name in JSON becomes such a text."""
+    value = json.loads(data)
+    places = [holder for holder, _ in _places(value) if isinstance(holder, dict)]
+    holder = places[int(rng.integers(len(places)))]
+    key = list(holder)[int(rng.integers(len(holder)))]
+    holder[TEXTS[int(rng.integers(len(TEXTS)))]] = holder.pop(key)
+    return json.dumps(value).encode()
+
+
+def _with_value(data: bytes, rng: np.random.Generator, values: tuple[Json, ...], kind: type = object) -> bytes:
+    value = json.loads(data)
+    places = [(holder, key) for holder, key in _places(value) if isinstance(holder[key], kind)]
+    holder, key = places[int(rng.integers(len(places)))]
+    holder[key] = values[int(rng.integers(len(values)))]
+    return json.dumps(value).encode()
+
+
+def _places(value: Json) -> Iterator[tuple[Json, Json]]:
+    """(what holds it, key or index) of every value inside."""
+    for key in value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ():
+        yield value, key
+        yield from _places(value[key])
+
+
+def odd_weights(data: bytes, rng: np.random.Generator) -> bytes:
+    """Some weights become NaN or infinite; all else stays right."""
+    start = 8 + int.from_bytes(data[:8], "little")
+    values = np.frombuffer(data[start:], np.float32).copy()
+    values[rng.integers(len(values), size=int(rng.integers(1, 50)))] = (np.nan, np.inf)[int(rng.integers(2))]
+    return data[:start] + values.tobytes()
+
+
 def _replace(pattern: bytes, data: bytes, by: bytes, rng: np.random.Generator) -> bytes:
     """One of the pattern's places, or garbage where there is none."""
     found = list(re.finditer(pattern, data))
@@ -166,6 +234,8 @@ ANY: tuple[Damage, ...] = (
     nothing,
     garbage,
 )
+JSON: tuple[Damage, ...] = (odd_value, odd_value, odd_text, odd_key)
+"""Of what is JSON all over: the file stays valid."""
 TEXT: tuple[Damage, ...] = (
     *ANY,
     other_number,
@@ -179,19 +249,28 @@ TEXT: tuple[Damage, ...] = (
 )
 
 
-def damage(file: Path, text: bool, rng: np.random.Generator) -> str:
+def damage(file: Path, ways: tuple[Damage, ...], rng: np.random.Generator) -> str:
     """Damage the file, or put something else in its place; returns what was done."""
-    if rng.random() < 0.06:
-        return _replaced_by_link(file, rng)
-    ways = TEXT if text else ANY
+    if rng.random() < 0.08:
+        return _replaced(file, rng)
     way = ways[int(rng.integers(len(ways)))]
     file.write_bytes(way(file.read_bytes(), rng))
     return way.__name__
 
 
-def _replaced_by_link(file: Path, rng: np.random.Generator) -> str:
-    """A link out of the folder, to itself, or to a device that never ends."""
-    target = ("/etc/passwd", file.name, "/dev/zero", "../outside")[int(rng.integers(4))]
+def _replaced(file: Path, rng: np.random.Generator) -> str:
+    """A link out of the folder, to itself or to a device that never ends; a pipe; a folder; a hole of 30 GB."""
+    targets = ("/etc/passwd", file.name, "/dev/zero", "../outside")
+    kind = int(rng.integers(len(targets) + 3))
     file.unlink()
-    file.symlink_to(target)
-    return f"link to {target}"
+    if kind < len(targets):
+        file.symlink_to(targets[kind])
+        return f"link to {targets[kind]}"
+    if kind == len(targets):
+        os.mkfifo(file)
+    elif kind == len(targets) + 1:
+        file.mkdir()
+    else:
+        with open(file, "wb") as sparse:
+            sparse.truncate(30_000_000_000)
+    return ("pipe", "folder", "hole of 30 GB")[kind - len(targets)]

@@ -24,7 +24,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.evaluation.results import KINDS, stamp, write_result
 from tests.hostile.damage import damage
-from tests.hostile.targets import NOTICED, TARGETS, Target
+from tests.hostile.targets import NOTICED, TARGETS, Target, exchange
 
 SECONDS = 30.0
 """One copy may take so long."""
@@ -54,11 +54,16 @@ def one(name: str, target: Target, number: int, pristine: Path, outside: Path, e
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(pristine, folder)
     rng = generator(0, "hostile", number, name)
-    files = sorted(path for path in folder.glob(target.files) if path.is_file())
-    file = files[int(rng.integers(len(files)))]
-    before = file.read_bytes()
-    what = damage(file, target.text, rng)
-    unchanged = not file.is_symlink() and file.read_bytes() == before
+    if target.ways:
+        files = sorted(path for path in folder.glob(target.files) if path.is_file())
+        file = files[int(rng.integers(len(files)))]
+        before = file.read_bytes()
+        what = damage(file, target.ways, rng)
+        unchanged = (
+            file.is_file() and not file.is_symlink() and file.stat().st_size < 1e9 and file.read_bytes() == before
+        )
+    else:
+        (file, what), unchanged = exchange(folder, rng), False
     result, finding = read(target, folder, file, expected, unchanged)
     if {path.name for path in outside.iterdir()} != {"copy"}:
         finding = f"it wrote elsewhere: {sorted(path.name for path in outside.iterdir())}"
@@ -129,7 +134,7 @@ def main() -> int:
     names = arguments.only.split(",") if arguments.only else list(TARGETS)
     kinds = {}
     for name in names:
-        kinds[name] = parent(name, arguments.cases, SECONDS)
+        kinds[name] = {"class": TARGETS[name].line, **parent(name, -(-arguments.cases // TARGETS[name].every), SECONDS)}
         print(name, kinds[name]["results"], f"{len(kinds[name]['findings'])} findings", file=sys.stderr, flush=True)
     command = f"{KINDS['hostile']} --cases {arguments.cases}" + (f" --only {arguments.only}" if arguments.only else "")
     result = {**stamp("hostile", command=command), "cases": arguments.cases, "kinds": kinds}

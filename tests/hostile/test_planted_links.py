@@ -22,15 +22,18 @@ from busybot.datasets.freeze import freeze
 from busybot.datasets.repair import repair
 from busybot.datasets.verify import verify
 from busybot.interact.training.sample_cache import cache_samples
+from busybot.objects.importing.importer import import_objects
 from busybot.objects.resolve import find
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.feature_store import features_of
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.scene.render import RenderConfig
 from busybot.training.checkpoint import save_tensors
+from busybot.training.model_cards import ModelCard, write_info
 from busybot.training.run_folder import begin_folder
 from busybot.view.report.report import write_report
 from tests.episodes.folders import make_dataset
+from tests.objects.raw_objects import ROCKER, make_raw
 
 SMALL = CollectConfig(policy="scripted", steps=2, render=RenderConfig(width=160, height=120))
 TABLE1 = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "table1.json"
@@ -186,6 +189,7 @@ def test_nothing_outside_is_touched(pristine: Path, damaged: Path, tmp_path: Pat
             raise
 
 
+@pytest.mark.long
 def test_collecting_touches_nothing_outside(recorded: Path, tmp_path: Path) -> None:
     """Also in its workers."""
     names = ["temporary names", "toys/.lock", "toys/episodes", "toys/episodes/000001.mcap", "toys/tables/steps"]
@@ -231,9 +235,20 @@ def evaluate(folder: Path) -> None:
     append_line(folder / "boards.jsonl", "{}", folder)
 
 
+def save_card(folder: Path) -> None:
+    write_info(folder / "model", ModelCard(), [])
+
+
+def import_raw(folder: Path) -> None:
+    raw = make_raw(folder.with_name("raw") / "100", "Switch", ROCKER)
+    list(import_objects([raw], folder))
+
+
 @pytest.mark.parametrize(
     ("command", "names"),
     [
+        (save_card, ["model"]),
+        (import_raw, ["Switch", "Lamp"]),
         (report, ["figures"]),
         (train, ["rounds", "validation", "rounds/000"]),
         (save_weights, ["checkpoints"]),
@@ -241,7 +256,7 @@ def evaluate(folder: Path) -> None:
         (evaluate, ["boards.jsonl"]),
         (lambda folder: pull(folder.parent / "toys", "remote"), ["../.toys.pull", "../.toys.pull/toys.dvc"]),
     ],
-    ids=["report", "training", "checkpoint", "sample cache", "evaluation", "pull"],
+    ids=["model", "import", "report", "training", "checkpoint", "sample cache", "evaluation", "pull"],
 )
 def test_other_folders_are_not_left_either(tmp_path: Path, command: Callable[[Path], object], names: list[str]) -> None:
     for number, name in enumerate(names):

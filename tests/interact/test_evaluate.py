@@ -45,6 +45,7 @@ def run(
     return evaluate_policy(PolicyEvaluation(dataset, find("procedural"), CHOOSER, config, 3, record), workers, **more)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("in_process")
 def test_a_stopped_evaluation_goes_on(dataset: Dataset, tmp_path: Path) -> None:
     whole, part = tmp_path / "whole", tmp_path / "part"
@@ -91,6 +92,7 @@ def test_what_the_pixels_say_is_judged_whatever_the_reward_is(dataset: Dataset) 
     assert (result["precision"], result["precision_reward"], result["reward_agreement"]) == (1.0, 0.0, 0.0)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("in_process")
 def test_episodes_can_be_recorded(dataset: Dataset, tmp_path: Path) -> None:
     config = CONFIG.model_copy(update={"boards": 2})

@@ -34,8 +34,9 @@ def make_rounds(folder: Path, strict: bool = False) -> list[Path]:
     return [dataset.path for dataset in made]
 
 
-def permute_privileged(dataset: Dataset) -> None:
-    """Give everything that only the simulator knows of pictures and actions other values, in every episode."""
+def permute_privileged(dataset: Dataset) -> Dataset:
+    """The dataset with other values of all that only the simulator knows of boards, pictures and actions."""
+    boards = list(dataset.boards())
     for index in dataset.finished():
         path = dataset.episode_path(index)
         episode = read_episode(path)
@@ -69,7 +70,12 @@ def permute_privileged(dataset: Dataset) -> None:
         )
         episode.board = episode.board.model_copy(update={"relations": relations})
         write_episode(path, episode)
-    dataset.write_tables()
+        boards[index] = episode.board
+    lines = "".join(board.model_dump_json() + "\n" for board in boards)
+    (dataset.path / "boards" / "boards-00000.jsonl").write_text(lines, encoding="utf-8")
+    changed = Dataset.open(dataset.path)
+    changed.write_tables()
+    return changed
 
 
 def weights(out: Path) -> dict[str, str]:

@@ -4,11 +4,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from busybot.objects.library import Library
 from busybot.objects.license import PARTNET, licences
 from busybot.objects.resolve import find
 
 
+@pytest.mark.long
 def test_generated_objects_are_known_by_their_hashes(few_objects: Callable[[int], Path]) -> None:
     for library in (find("procedural"), Library.load(few_objects(0))):
         found = licences(library.objects.values())

@@ -39,6 +39,7 @@ def digest(folder: Path) -> str:
     return hashlib.sha256(b"".join(str(p.relative_to(folder)).encode() + p.read_bytes() for p in files)).hexdigest()
 
 
+@pytest.mark.long
 def test_same_seed_same_bytes(procedural: Path, tmp_path: Path, few_objects: Callable[[int], Path]) -> None:
     make_library(tmp_path / "again", seed=0)
     assert digest(tmp_path / "again") == digest(procedural)
@@ -88,6 +89,7 @@ def test_families_are_in_one_split(library: Library) -> None:
     assert told["train"] | told["novel"] == {f"{category}/{name}" for category, name in names}
 
 
+@pytest.mark.long
 def test_no_two_objects_have_one_shape(procedural: Path) -> None:
     shapes: dict[bytes, str] = {}
     for folder in sorted(path.parent for path in procedural.glob("*/*/mobility.urdf")):
@@ -172,6 +174,7 @@ def read_obj(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return vertices, np.array([[int(c.split("/")[0]) - 1 for c in line[1:]] for line in lines if line[0] == "f"])
 
 
+@pytest.mark.long
 def test_meshes_are_closed_and_few(procedural: Path) -> None:
     """Every part is a closed surface with outward faces, so shading and depth are right from all sides."""
     for folder in sorted(path.parent for path in procedural.glob("*/*/mobility.urdf")):

@@ -178,6 +178,7 @@ def test_the_place_of_objects_is_not_told(tmp_path: Path) -> None:
     assert typed(outs) == ["busybot generate one --assets ASSETS", "busybot generate two --assets procedural"]
 
 
+@pytest.mark.long
 def test_a_run_becomes_rows_of_the_tables(tmp_path: Path) -> None:
     origin = DATASET | {"assets": "made"}
     begin([tmp_path / "reason"], "k", [["train", "reason"]])

@@ -103,8 +103,8 @@ def test_it_goes_on_after_a_kill_and_runs_nothing_twice(
     metrics = json.loads((project / "runs/smoke/metrics.json").read_text())
     assert set(metrics["interact"]) == {"novel-config", "novel-object"}
     assert set(metrics["relations"]) == {"validation", "novel-config", "novel-object"}
-    assert metrics["relations"]["validation"]["boards"] == 4
-    assert len(metrics["plan"]) == 4 and metrics["plan"]["novel-object-one-to-many"]["tasks"] == 2
+    assert metrics["relations"]["validation"]["boards"] == 1
+    assert len(metrics["plan"]) == 2 and metrics["plan"]["novel-object-one-to-many"]["tasks"] == 1
     curves = (project / "runs/smoke/curves.tsv").read_text().splitlines()
     assert curves[0] == "network\titeration\tloss" and len(curves) > 4
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from busybot.plan.metrics import CAUSES, Cause, JudgedResponder, JudgedRollout, JudgedTask, summarise, timing
+from busybot.plan.metrics import CAUSES, KEYS, Cause, JudgedResponder, JudgedRollout, JudgedTask, summarise, timing
 
 
 def responder(reached: bool, asked: bool = True, cause: Cause = "", looks: bool | None = None) -> JudgedResponder:
@@ -74,3 +74,24 @@ def test_no_task_is_null_and_no_crash() -> None:
     result = summarise([], ["a"], rng())
     assert result["success"] == {"a": None} and result["agents"]["a"]["interval"] is None
     assert timing([], ["a"])["a"]["cpu_ms"] is None
+
+
+def test_what_every_world_has_beside() -> None:
+    """Agent b solves both tasks, with two steps where one and two are needed; agent a solves none."""
+    tasks = [TASKS[0], TASKS[1].model_copy(update={"locks": 3})]
+    result = summarise(tasks, ["a", "b"], rng())
+    assert result["by_locks"] == {"0": {"tasks": 1, "a": 0.5, "b": 1.0}, "3": {"tasks": 1, "a": 0.75, "b": 1.0}}
+    a, b = result["agents"]["a"], result["agents"]["b"]
+    assert a["steps_over_shortest"] is None and b["steps_over_shortest"] == (2 / 1 + 2 / 2) / 2
+    assert b["solved_interval"] == (pytest.approx(0.025**0.5), 1.0)
+    assert a["micro_intervals"]["objects"] == (0.5, 0.75) and b["micro_intervals"]["mechanisms"] == (1.0, 1.0)
+    # two tasks: neither test can tell
+    assert result["compared"] == {"b": {"difference": 0.375, "p_success": 0.5, "p_solved": 0.5}}
+    named = [name.rpartition(".")[2] for name in KEYS]
+    assert set(named) <= {*result, *a, *result["compared"], "NAME"}
+
+
+def test_more_steps_are_counted_where_the_task_was_solved() -> None:
+    easy = JudgedTask(board=0, kind="reach", least_steps=4, rollouts=(rollout("a", HIT, steps=5),))
+    failed = JudgedTask(board=1, kind="reach", least_steps=1, rollouts=(rollout("a", MISS, steps=8),))
+    assert summarise([easy, failed], ["a"], rng())["agents"]["a"]["steps_over_shortest"] == 1.25

@@ -34,6 +34,7 @@ def make(path: Path, boards: int = 6, library: Library | None = None) -> Dataset
     return create_dataset(path, BoardConfig(boards=boards, group_size=2), library or find("procedural"))
 
 
+@pytest.mark.long
 def test_hashes_do_not_depend_on_the_number_of_workers(tmp_path: Path, work_here: WorkHere) -> None:
     hashes: dict[int, Digests] = {}
     for workers in (0, 1, 2):  # 0: in this process

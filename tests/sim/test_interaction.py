@@ -48,6 +48,7 @@ def test_a_miss_changes_nothing_and_costs_next_to_nothing(
         assert step.distance == pytest.approx(0.21)
 
 
+@pytest.mark.long
 def test_the_proposed_direction_comes_first_and_a_success_ends_the_action(procedural_simulator: Simulator) -> None:
     rng = np.random.default_rng(0)
     seen = set()
@@ -117,6 +118,7 @@ def test_strict_mode_vetoes_what_is_off_the_annotation(procedural_simulator: Sim
     assert vetoes and executions
 
 
+@pytest.mark.long
 def test_rewards_have_no_false_positives_and_effects_are_larger_than_delta(real_simulator: Simulator) -> None:
     rng = np.random.default_rng(5)
     for scene in scenes(real_simulator, 6):

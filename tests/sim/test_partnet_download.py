@@ -188,6 +188,7 @@ def test_the_token_is_in_no_argument(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert b"fetch" in note.read_bytes() and TOKEN.encode() not in note.read_bytes()
 
 
+@pytest.mark.long
 def test_what_a_killed_fetch_left_is_removed_and_its_download_ends(tmp_path: Path, fake: Path) -> None:
     """Also where the object is there already; what another running fetch is making stays."""
     files = packed_object(tmp_path / "made")

@@ -53,6 +53,7 @@ def test_a_page_that_differs_is_named_and_fails(tmp_path: Path, monkeypatch: pyt
     assert docs.main() == 0 and plan.read_bytes() == (ROOT / "docs/results/plan.md").read_bytes()
 
 
+@pytest.mark.long
 def test_the_command_of_ci() -> None:
     done = subprocess.run([sys.executable, "-m", "tools.docs", "--check"], cwd=ROOT, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
@@ -194,3 +195,26 @@ def test_disturbed_recordings(results: Path) -> None:
     expected = ["90.0 / 80.0, 70.0", "90.0 / 80.0, 70.0", "-", "-", "- / 80.0", "96.0"]
     assert found["undisturbed, 3 boards"] == expected
     assert found["missing frames, 10 % of frames"][-2:] == ["-", "90.0"] and "- *missing frames*: lost." in text
+
+
+def test_parts_of_collecting_stand_beside_their_limits(results: Path) -> None:
+    part = {"ms": 3.0, "products": 0.1, "share": 0.75}
+    limited = {**part, "limit": "bare", "limit_ms": 1.5, "ratio": 2.0}
+    nothing = {"ms": 0.0, "products": 0.0, "share": 0.0}
+    put(
+        results,
+        "collection-parts",
+        "collection-parts",
+        interaction={"JPEG": limited, "policy": part, "other": nothing},
+        board={"bodies": part},
+        megabytes_a_second={"memory": 15000, "SHA-256": 1500, "disk": 300},
+        machine={"processor": "one"},
+        product_milliseconds=33.0,
+        boards=2,
+        interactions=60,
+        assets="procedural",
+    )
+    rows = rows_of(tables.collection_parts())
+    assert rows["JPEG"] == ["3.00", "0.100", "75.0", "1.50", "2.0", "bare"] and "other" not in rows
+    assert rows["policy"] == rows["bodies"] == ["3.00", "0.100", "75.0", "-", "-", "-"]
+    assert "memory moves 15.0 GB a second" in tables.collection_parts()

@@ -1,20 +1,22 @@
-"""`busybot dataset`: look at a dataset, check it, mend it, freeze it, compare it, make it again, share it."""
+"""`busybot dataset`: look at a dataset, check, mend, freeze, compare, make again, export, share it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from busybot.cli.common import answer, counted, episode_progress, print_json, processes, say
+from busybot.cli.common import answer, counted, episode_progress, print_json, processes, say, tell
 from busybot.cli.dataset import printing
-from busybot.cli.options import AssetsOption, JsonOption, WorkersOption
+from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, WorkersOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.datasets.dvc_remote import Shared
 
 app = typer.Typer(
-    add_completion=False, no_args_is_help=True, help="Look at a dataset, check, mend, freeze, compare, share it."
+    add_completion=False,
+    no_args_is_help=True,
+    help="Look at a dataset, check, mend, freeze, compare, export, share it.",
 )
 
 DatasetArgument = Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.", show_default=False)]
@@ -61,7 +63,7 @@ def verify(
         manifest = "all files against the manifest, " if report.frozen else ""
         objects = "objects not found" if report.objects is None else counted(report.objects, "object")
         have = f"episodes for {report.episodes} of {counted(report.boards, 'board')}"
-        print(f"{dataset}: {counted(report.episodes, 'episode')} checked, {manifest}{objects}: {verdict}; {have}")
+        tell(f"{dataset}: {counted(report.episodes, 'episode')} checked, {manifest}{objects}: {verdict}; {have}")
     if not report.ok:
         raise typer.Exit(1)
 
@@ -100,7 +102,7 @@ def freeze(
     for reason in done.left_out:
         say(f"the objects are not put in; licence: {reason}")
     state = "is frozen" if done.new else "was frozen already"
-    print(f"{dataset} {state}: {counted(len(done.manifest.files), 'file')}, {counted(carried, 'object')} among them")
+    tell(f"{dataset} {state}: {counted(len(done.manifest.files), 'file')}, {counted(carried, 'object')} among them")
 
 
 @app.command()
@@ -153,6 +155,7 @@ def regenerate(
     out: Annotated[Path, typer.Option(help="Folder for the dataset that is made again.", show_default=False)],
     assets: AssetsOption = None,
     workers: WorkersOption = None,
+    device: DeviceOption = "auto",
     json: JsonOption = False,
 ) -> None:
     """Make the boards again, execute the recorded actions again, and compare. Exits with 1 if it does not hold.
@@ -173,6 +176,29 @@ def regenerate(
         printing.regenerated(found)
     if not found.ok:
         raise typer.Exit(1)
+
+
+@app.command()
+def export(
+    dataset: DatasetArgument,
+    out: Annotated[Path, typer.Option(help="Folder to make.", show_default=False)],
+    format: Annotated[
+        Literal["causal"], typer.Option(help="`causal`: states, interventions and the true graph as Parquet tables.")
+    ] = "causal",
+    assets: AssetsOption = None,
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Write a dataset in another form, for people who use other tools."""
+    from busybot.datasets.bundled_assets import library_of
+    from busybot.datasets.dataset import Dataset
+    from busybot.datasets.exporting.causal import export_causal
+
+    source = Dataset.open(dataset)
+    with episode_progress("exporting") as progress:
+        done = export_causal(source, library_of(source, assets), out, processes(workers), progress)
+    rows = ", ".join(f"{count} rows of {name}" for name, count in done.rows.items())
+    answer(json, {"format": format, **vars(done)}, f"{out}: {counted(done.boards, 'board')}; {rows}")
 
 
 @app.command()

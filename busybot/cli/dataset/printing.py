@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from busybot.cli.common import counted, pixel_shares, say
+from busybot.cli.common import console, counted, pixel_shares, say, tell
 
 if TYPE_CHECKING:
     from busybot.datasets.diff import DatasetDifference
@@ -15,7 +15,6 @@ MOST_LINES = 20
 
 
 def summary(dataset: Path, values: dict[str, Any]) -> None:
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title=str(dataset), show_header=False, title_justify="left")
@@ -23,7 +22,7 @@ def summary(dataset: Path, values: dict[str, Any]) -> None:
     table.add_column(overflow="fold")
     for key, value in values.items():
         table.add_row(key.replace("_", " "), _readable(key, value))
-    Console().print(table)
+    console().print(table)
 
 
 def _readable(key: str, value: Any) -> str:
@@ -38,20 +37,20 @@ def _readable(key: str, value: Any) -> str:
 
 def difference(first: Path, second: Path, found: "DatasetDifference") -> None:
     if found.equal:
-        print(f"{first} and {second} are equal")
+        tell(f"{first} and {second} are equal")
         return
     for name, (a, b) in found.settings.items():
-        print(f"setting {name}: {a!r}, then {b!r}")
+        tell(f"setting {name}: {a!r}, then {b!r}")
     for name, indices in found.versions.items():
-        print(f"{name} differs in {_episodes(indices)}")
+        tell(f"{name} differs in {_episodes(indices)}")
     for name in ("boards", "only_in_a", "only_in_b", "actions", "states", "joints", "rewards", "images"):
         indices = getattr(found, name)
         if indices:
-            print(f"{name.replace('_', ' ')}: {_episodes(indices)}")
+            tell(f"{name.replace('_', ' ')}: {_episodes(indices)}")
     for index, one in list(found.episodes.items())[:MOST_LINES]:
-        print(f"episode {index}: {sentence(one)}")
+        tell(f"episode {index}: {sentence(one)}")
     if len(found.episodes) > MOST_LINES:
-        print(f"and {len(found.episodes) - MOST_LINES} more episodes; --json lists all")
+        tell(f"and {len(found.episodes) - MOST_LINES} more episodes; --json lists all")
 
 
 def _episodes(indices: list[int]) -> str:
@@ -80,7 +79,7 @@ def repaired(done: "Repaired") -> None:
             "partial": f"{verdict.steps} of {verdict.of} steps saved",
             "dropped": "could not be kept",
         }[verdict.fate]
-        print(f"episode {verdict.episode}: {kept} ({verdict.why})")
+        tell(f"episode {verdict.episode}: {kept} ({verdict.why})")
     if done.damaged:
         say(f"the damaged files are in {done.originals}")
     partial = sum(verdict.fate == "partial" for verdict in done.damaged)
@@ -92,21 +91,21 @@ def repaired(done: "Repaired") -> None:
         from busybot.datasets.info import collect_command
 
         say(f"next: {collect_command(done.dataset, Dataset.open(done.dataset).info)}")
-    print(f"{done.dataset}: {sound} sound, {len(done.damaged)} damaged; the tables are up to date")
+    tell(f"{done.dataset}: {sound} sound, {len(done.damaged)} damaged; the tables are up to date")
 
 
 def regenerated(found: "Regenerated") -> None:
     """Which rules applied and whether they held."""
     if found.boards_from == "configuration":
-        print(f"boards: {found.boards - len(found.boards_unlike)} of {found.boards} made again and equal")
+        tell(f"boards: {found.boards - len(found.boards_unlike)} of {found.boards} made again and equal")
     else:
-        print(f"boards: another version of the generator drew the {found.boards} boards; they could not be made again")
+        tell(f"boards: another version of the generator drew the {found.boards} boards; they could not be made again")
     rules = {"equal": "equal, same renderer", "close": "at most 0.1 % of pixels beyond 2/255, another renderer"}
     for rule, count in found.episodes.items():
         if count:
-            print(f"images: the rule for {counted(count, 'episode')} is: {rules[rule]}")
+            tell(f"images: the rule for {counted(count, 'episode')} is: {rules[rule]}")
     for index, one in list(found.failed.items())[:MOST_LINES]:
-        print(f"episode {index}: {sentence(one)}")
+        tell(f"episode {index}: {sentence(one)}")
     total, worst = sum(found.episodes.values()), found.image
-    print(f"joints: within {found.joints:.1e}; pictures: at worst {worst.colour:.3%} of the pixels beyond 2/255")
-    print(f"{total - len(found.failed)} of {total} episodes hold: {'as recorded' if found.ok else 'NOT as recorded'}")
+    tell(f"joints: within {found.joints:.1e}; pictures: at worst {worst.colour:.3%} of the pixels beyond 2/255")
+    tell(f"{total - len(found.failed)} of {total} episodes hold: {'as recorded' if found.ok else 'NOT as recorded'}")

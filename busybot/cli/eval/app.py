@@ -8,7 +8,7 @@ import typer
 
 from busybot.cli.common import CONTEXT, check_file, episode_progress, print_json, processes, say
 from busybot.cli.eval import printing
-from busybot.cli.options import AssetsOption, JsonOption, SeedOption, StrictOption, WorkersOption
+from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, SeedOption, StrictOption, WorkersOption
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ def reason(
     ] = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
+    device: DeviceOption = "auto",
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters of the model.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as change.tolerance=5.")] = None,
     json: JsonOption = False,
@@ -95,6 +96,7 @@ def interact(
     assets: AssetsOption = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
+    device: DeviceOption = "auto",
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters of EvaluateConfig.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
     json: JsonOption = False,
@@ -195,6 +197,7 @@ def plan(
     assets: AssetsOption = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
+    device: DeviceOption = "auto",
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters of PlanConfig.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
     json: JsonOption = False,

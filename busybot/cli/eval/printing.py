@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from busybot.cli.common import counted
+from busybot.cli.common import console, counted
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -21,15 +21,15 @@ ACTIONS = {
 
 def reasoning(result: dict[str, Any]) -> None:
     """The relations, then what was predicted, each with what stands beside it."""
-    from rich.console import Console
 
-    console = Console()
-    console.print(_edges(result))
+    screen = console()
+    screen.print(_edges(result))
+    screen.print(_parents(result))
     if result["predicted_boards"]:
-        console.print(_predictions(result))
+        screen.print(_predictions(result))
     elif result["images_used"] and result["images_used"] <= result["images"]:
         steps = counted(result["images_used"] - 1, "step")
-        console.print(
+        screen.print(
             f"no Pred-A: the recordings have at most {steps}, so no step is left to predict; "
             "use a smaller --images, or record more with collect --steps",
             soft_wrap=True,
@@ -62,6 +62,26 @@ def _edges(result: dict[str, Any]) -> "Table":
     return table
 
 
+def _parents(result: dict[str, Any]) -> "Table":
+    """What is judged in every world, beside what the recordings determine."""
+    table = _table(
+        f"causes, world {result['world']}; bounds of {counted(result['bound_boards'], 'board')}",
+        ("parents P", "R", "F1", "of links", "distance", "mechanisms", "what if"),
+    )
+    for name, end in ((result["model"], ""), ("exact observer", "_bound")):
+        parents = [_percent(result.get(f"parent_{score}{end}")) for score in ("p", "r", "f1")]
+        distance = result[f"shd{end}"]
+        table.add_row(
+            name,
+            *parents,
+            _percent(result[f"link_parent_f1{end}"]),
+            "-" if distance is None else f"{distance:.2f}",
+            _percent(result["mechanism_bound" if end else "mechanism_accuracy"]),
+            "" if end else _percent(result["what_if"]),
+        )
+    return table
+
+
 def _predictions(result: dict[str, Any]) -> "Table":
     table = _table(
         f"Pred-A: {counted(result['predicted_steps'], 'later step')} on "
@@ -89,9 +109,8 @@ def _predictions(result: dict[str, Any]) -> "Table":
 
 def interaction(result: dict[str, Any]) -> None:
     """Shares with their 95 % intervals and their mean over boards, then what failed and what was missed."""
-    from rich.console import Console
 
-    veto, console = ", strict" if result["strict"] else "", Console()
+    veto, screen = ", strict" if result["strict"] else "", console()
     table = _table(
         f"{_origin(result)}: {counted(result['actions'], 'action')} on each of "
         f"{counted(result['boards'], 'board')}{veto}",
@@ -103,7 +122,7 @@ def interaction(result: dict[str, Any]) -> None:
         shares = (result[key], low, high, result["macro"][key])
         count = result["counts"][key]
         table.add_row(name, *map(_percent, shares), str(count["part"]), str(count["whole"]))
-    console.print(table)
+    screen.print(table)
     objects = list(result["failures_by_object"].items())[:6]
     failed = (f"{key} ({row['position'] + row['direction']} of {row['actions']})" for key, row in objects)
     links = list(result["missed_links"].items())[:6]
@@ -111,14 +130,13 @@ def interaction(result: dict[str, Any]) -> None:
     told = {"failed because of": _causes(result), "failed most on": ", ".join(failed), "missed most": ", ".join(missed)}
     for what, which in told.items():
         if which:
-            console.print(what, which)
+            screen.print(what, which)
 
 
 def planning(result: dict[str, Any]) -> None:
     """Success with its 95 % interval and what stands beside it, then why responders were missed."""
-    from rich.console import Console
 
-    console = Console()
+    screen = console()
     kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
     table = _table(
         f"{_origin(result)}: {kinds} tasks, at most {result['steps']} steps",
@@ -133,10 +151,10 @@ def planning(result: dict[str, Any]) -> None:
         table.add_row(name, _percent(row["success"]), interval, *shares, steps, "-" if cpu is None else f"{cpu:.0f}")
     if result["oracles"]:
         table.caption = "* knows what only the simulator knows"
-    console.print(table)
+    screen.print(table)
     for agent, row in result["agents"].items():
         if causes := _causes(row):
-            console.print(f"{agent} missed because of", causes)
+            screen.print(f"{agent} missed because of", causes)
 
 
 def _causes(judged: dict[str, Any]) -> str:

@@ -1,6 +1,5 @@
 """An MCAP file back to an episode, trusting nothing in it."""
 
-import json
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal
@@ -9,8 +8,10 @@ import numpy as np
 from pydantic import ValidationError
 
 from busybot.boards.spec import BoardSpec
+from busybot.common.atomic_io import parse_json
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
+from busybot.common.limits import MAX_ATTACHED_BYTES, MAX_DECODED_BYTES
 from busybot.episodes.codec import DepthScale, EncodedImage, LazyImages, image_size
 from busybot.episodes.episode import Camera, Episode, Link, Step
 from busybot.episodes.mcap import channels
@@ -19,6 +20,7 @@ from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
 from busybot.episodes.validation import check_camera, check_episode
 
 MAX_STEPS = 100_000
+PICTURE = channels.SCHEMAS[channels.RGB]
 
 Decoding = Literal["eager", "lazy"]
 
@@ -72,9 +74,9 @@ def _check_schemas(records: Records) -> None:
 
 
 def _decode(records: Records, where: str) -> Episode:
-    recording = json.loads(records.attachments[channels.RECORDING_FILE].data)
+    recording, board_data = (_attached(records, name) for name in (channels.RECORDING_FILE, channels.BOARD_FILE))
     try:
-        board = BoardSpec.model_validate_json(records.attachments[channels.BOARD_FILE].data)
+        board = BoardSpec.model_validate(board_data)
     except ValidationError as error:
         raise BusybotError(f"{channels.BOARD_FILE}: {first_fault(error)}") from None
     size = recording["camera"]
@@ -101,9 +103,16 @@ def _decode(records: Records, where: str) -> Episode:
         oracle=bool(recording["oracle"]),
         settings=dict(recording["settings"]),
         renderer=dict(recording["renderer"]),
-        versions=dict(json.loads(metadata["versions"])),
+        versions=dict(parse_json(metadata["versions"])),
         goals=goals,
     )
+
+
+def _attached(records: Records, name: str) -> Any:
+    data = records.attachments[name].data
+    if len(data) > MAX_ATTACHED_BYTES:
+        raise BusybotError(f"{name} has {len(data)} bytes, at most {MAX_ATTACHED_BYTES} are read")
+    return parse_json(data)
 
 
 def _one(records: Records, topic: str) -> Any:
@@ -114,8 +123,14 @@ def _one(records: Records, topic: str) -> Any:
 
 
 def _messages(records: Records, topic: str) -> list[Any]:
+    payloads = records.payloads.get(topic, ())
+    pictures = channels.SCHEMAS[topic] == PICTURE
+    if len(payloads) > MAX_STEPS + 1 or (not pictures and sum(map(len, payloads)) > MAX_DECODED_BYTES):
+        raise BusybotError(
+            f"{len(payloads)} messages on {topic}, {sum(map(len, payloads))} bytes: more than there can be"
+        )
     decode = channels.message_class(channels.SCHEMAS[topic]).FromString
-    return [decode(data) for data in records.payloads.get(topic, ())]
+    return [decode(data) for data in payloads]
 
 
 def _steps(records: Records) -> tuple[list[Step], list[int]]:

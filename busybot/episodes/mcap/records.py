@@ -5,33 +5,45 @@ says about itself is checked against what it holds; schemas in the file are neve
 """
 
 import io
+import os
 import shlex
+import stat
 import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import zstandard
 from google.protobuf.message import DecodeError
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
 
+from busybot.common.atomic_io import read_regular
 from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_CHUNK_BYTES, MAX_RECORDING_BYTES, Budget
 
-MAX_FILE_BYTES = 1 << 30
-MAX_CONTENT_BYTES = 2 << 30
 MAGIC = b"\x89MCAP0\r\n"
 FAULTS = (
     *(McapError, zstandard.ZstdError, struct.error, DecodeError, ValueError, KeyError, IndexError, TypeError),
-    *(OverflowError, RecursionError, MemoryError),
+    *(OverflowError, RecursionError, MemoryError, EOFError),
 )
 """What the libraries raise at damaged bytes, or at values that should not be there."""
 
+RECORD_HEAD = 9
+"""Bytes of a record's opcode and length."""
 _SUMMARY_CRC_AND_MAGIC = 12
+_LENGTH, _MESSAGE = struct.Struct("<Q"), struct.Struct("<HIQQ")
+"""Of a record; channel, number, time of logging and of publishing before the data of a message."""
+_DATA_END = struct.Struct("<BQI")
+"""Opcode, length, CRC-32 over the data; the summary follows."""
+_FOOTER = struct.Struct("<BQQQI8s")
+"""Opcode, length, where the summary and its offsets start, their CRC-32, and the file's last bytes."""
 
 
 @dataclass
@@ -43,9 +55,11 @@ class Records:
         schemas, channels: by the numbers that stand for them.
         messages: with their topics, in the order of the file.
         metadata: name to keys and values; attachments by name.
+        checksum: CRC-32 over the file's data, which was compared with them.
     """
 
     size: int
+    checksum: int = 0
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     messages: list[tuple[str, Message]] = field(default_factory=list)
@@ -88,19 +102,41 @@ def read_records(path: Path) -> Records:
     Raises:
         BusybotError: naming the file, if it is absent, too large, not a whole MCAP file, or damaged.
     """
-    try:
-        if path.is_dir():
-            hint = f"name a file, as {path / 'episodes' / '000000.mcap'}"
-            raise BusybotError(f"{path}: there is no such file, it is a folder", hint)
-        if not path.is_file():
-            raise BusybotError(f"{path}: there is no such file")
-        size = path.stat().st_size
-        if size > MAX_FILE_BYTES:
-            raise BusybotError(f"{path}: {size} bytes are more than an episode may have ({MAX_FILE_BYTES})")
-        data = path.read_bytes()
-    except OSError as error:
-        raise BusybotError(f"{path}: cannot be read: {error.strerror}") from None
+    if path.is_dir():
+        hint = f"name a file, as {path / 'episodes' / '000000.mcap'}"
+        raise BusybotError(f"{path}: there is no such file, it is a folder", hint)
+    data = read_regular(path, MAX_RECORDING_BYTES)
     return parse_records(data, str(path))
+
+
+class Fingerprint(NamedTuple):
+    """What tells one recording from another without reading it: size in bytes, CRC-32 of its data, time of writing."""
+
+    bytes: int
+    checksum: int
+    written_ns: int
+
+
+def fingerprint(name: str, folder: int) -> Fingerprint:
+    """Fingerprint of a regular file in a folder that is open: two small reads at its end; nothing is compared here.
+
+    The checksum is -1 where the file has none, as one that was cut off.
+
+    Raises:
+        OSError: the file is a link or cannot be opened.
+    """
+    descriptor = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=folder)
+    try:
+        facts, checksum = os.fstat(descriptor), -1
+        if stat.S_ISREG(facts.st_mode):
+            end = os.pread(descriptor, _FOOTER.size, max(facts.st_size - _FOOTER.size, 0))
+            opcode, _, summary, _, _, magic = _FOOTER.unpack(end.rjust(_FOOTER.size, b"\0"))
+            if opcode == Opcode.FOOTER and magic == MAGIC and _DATA_END.size <= summary < facts.st_size:
+                opcode, _, found = _DATA_END.unpack(os.pread(descriptor, _DATA_END.size, summary - _DATA_END.size))
+                checksum = found if opcode == Opcode.DATA_END else -1
+        return Fingerprint(facts.st_size, checksum, facts.st_mtime_ns)
+    finally:
+        os.close(descriptor)
 
 
 def parse_records(data: bytes, where: str) -> Records:
@@ -134,38 +170,88 @@ def reason_of(error: Exception) -> str:
     return f"{type(error).__name__}: {error}" if str(error) else "it ends too early"
 
 
+def each_record(data: bytes, budget: Budget, start: int = 0) -> Iterator[tuple[int, int, bytes, bool]]:
+    """(where it begins, opcode, body, whether it is all there) of each record."""
+    position, count = start, 0
+    while position + RECORD_HEAD <= len(data) and count <= budget.records:
+        count += 1
+        position += RECORD_HEAD + _LENGTH.unpack_from(data, position + 1)[0]
+    budget.spend(records=count)  # before anything is made of them
+    position = start
+    while position + RECORD_HEAD <= len(data):
+        opcode, length = data[position], _LENGTH.unpack_from(data, position + 1)[0]
+        body = data[position + RECORD_HEAD : position + RECORD_HEAD + length]
+        yield position, opcode, body, len(body) == length
+        position += RECORD_HEAD + length
+
+
+def read_content(content: bytes, found: Records, budget: Budget) -> bool:
+    """Take in what a chunk holds; returns whether all of it is there."""
+    position = 0
+    for position, opcode, body, whole in each_record(content, budget):
+        if not whole:
+            return False
+        if opcode == Opcode.MESSAGE:
+            channel, sequence, logged, published = _MESSAGE.unpack_from(body)
+            found.add(Message(channel, logged, body[_MESSAGE.size :], published, sequence))
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            found.add((Schema if opcode == Opcode.SCHEMA else Channel).read(stream_of(body)))
+        position += RECORD_HEAD + len(body)
+    return position == len(content)
+
+
+def stream_of(body: bytes) -> ReadDataStream:
+    """What the library's records are read from."""
+    return ReadDataStream(io.BytesIO(body))
+
+
+def read_attachment(body: bytes) -> Attachment:
+    """An attachment, compared with its checksum."""
+    if len(body) < 4 or zlib.crc32(body[:-4]) != struct.unpack("<I", body[-4:])[0]:
+        raise BusybotError("an attachment does not match its checksum")
+    return Attachment.read(stream_of(body))
+
+
 def _parse(data: bytes) -> Records:
     if data and not data.startswith(MAGIC[: len(data)]):
         raise BusybotError("not an MCAP file")
-    stream = io.BytesIO(data)
-    found, budget = Records(len(data)), MAX_CONTENT_BYTES
-    checked, footer = False, Footer(0, 0, 0)
-    for record in StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=len(data)).records:
-        if isinstance(record, Chunk):
-            content = decompress(record, budget)
-            budget -= len(content)
-            for inner in breakup_chunk(replace(record, compression="", data=content)):
-                found.add(inner)
-        elif isinstance(record, DataEnd):
-            checked = record.data_section_crc != 0
-        elif isinstance(record, Footer):
-            footer = record
-        elif isinstance(record, Metadata | Attachment):
-            found.add(record)
-    if not checked:
+    found, budget, footer, end = Records(len(data)), Budget(), Footer(0, 0, 0), 0
+    for position, opcode, body, whole in each_record(data, budget, len(MAGIC)):
+        if not whole:
+            break
+        if opcode == Opcode.CHUNK:
+            content = decompress(Chunk.read(stream_of(body)), budget)
+            if not read_content(content, found, budget):
+                raise BusybotError("a chunk ends within a record")
+        elif opcode == Opcode.ATTACHMENT:
+            found.add(read_attachment(body))
+        elif opcode == Opcode.METADATA:
+            found.add(Metadata.read(stream_of(body)))
+        elif opcode == Opcode.DATA_END:
+            found.checksum = DataEnd.read(stream_of(body)).data_section_crc
+            if found.checksum and found.checksum != zlib.crc32(memoryview(data)[:position]):
+                raise BusybotError("the data do not match their checksum")
+        elif opcode == Opcode.FOOTER:
+            footer, end = Footer.read(stream_of(body)), position + RECORD_HEAD + len(body)
+            break
+    if not data.startswith(MAGIC, end) or not end:
+        raise EOFError
+    if not found.checksum:
         raise BusybotError("the file has no checksum over its data")
-    if stream.tell() != len(data):
-        raise BusybotError(f"{len(data) - stream.tell()} bytes follow the end of the recording")
+    end += len(MAGIC)
+    if end != len(data):
+        raise BusybotError(f"{len(data) - end} bytes follow the end of the recording")
     summary = data[footer.summary_start : len(data) - _SUMMARY_CRC_AND_MAGIC]
     if footer.summary_start == 0 or zlib.crc32(summary) != footer.summary_crc:
         raise BusybotError("the index does not match its checksum")
     return found
 
 
-def decompress(chunk: Chunk, limit: int) -> bytes:
-    """Content of a chunk of at most `limit` bytes, compared with its checksum."""
-    if chunk.uncompressed_size > limit:
-        raise BusybotError(f"more than {MAX_CONTENT_BYTES} bytes of content")
+def decompress(chunk: Chunk, budget: Budget) -> bytes:
+    """Content of a chunk, which is within the budget, compared with its checksum."""
+    if chunk.uncompressed_size > MAX_CHUNK_BYTES:
+        raise BusybotError(f"a chunk with more than {MAX_CHUNK_BYTES} bytes of content")
+    budget.spend(bytes=chunk.uncompressed_size)
     if chunk.compression == "zstd":
         claimed = zstandard.frame_content_size(chunk.data)
         if claimed not in (-1, chunk.uncompressed_size):

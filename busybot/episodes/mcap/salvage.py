@@ -8,25 +8,32 @@ step counts as whole when its action, its truth, its joints and, if it changed s
 
 import io
 import json
-import struct
-import zlib
-from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Message, Metadata, Schema
+from mcap.records import Chunk, Message, Metadata
 from mcap.writer import CompressionType, Writer
 
 from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_CHUNK_BYTES, Budget
 from busybot.episodes.episode import SALVAGED
 from busybot.episodes.mcap import channels
-from busybot.episodes.mcap.records import FAULTS, MAGIC, MAX_CONTENT_BYTES, Records, decompress, reason_of
+from busybot.episodes.mcap.records import (
+    FAULTS,
+    MAGIC,
+    Records,
+    decompress,
+    each_record,
+    read_attachment,
+    read_content,
+    reason_of,
+    stream_of,
+)
 from busybot.episodes.mcap.writer import CHUNK_BYTES
 
-_RECORD_HEAD = 9
 _PIECE = 1 << 16
 
 
@@ -60,52 +67,36 @@ def salvage(data: bytes) -> Salvaged:
         raise BusybotError(f"what is left of it cannot be read: {reason_of(error)}") from None
 
 
-def _records(data: bytes, start: int = 0) -> Iterator[tuple[int, bytes, bool]]:
-    """(opcode, body, whether it is all there) of each record."""
-    position = start
-    while position + _RECORD_HEAD <= len(data):
-        opcode, length = struct.unpack_from("<BQ", data, position)
-        body = data[position + _RECORD_HEAD : position + _RECORD_HEAD + length]
-        yield opcode, body, len(body) == length
-        position += _RECORD_HEAD + length
-
-
-def _stream(body: bytes) -> ReadDataStream:
-    return ReadDataStream(io.BytesIO(body))
-
-
 def _read(data: bytes) -> tuple[Records, bool]:
     """All that can be read, and whether what follows is lost because a chunk is damaged."""
     if data[: len(MAGIC)] != MAGIC:
         raise BusybotError("it does not begin like an MCAP file")
-    found, damaged = Records(len(data)), False
-    budget = MAX_CONTENT_BYTES
-    for opcode, body, whole in _records(data, len(MAGIC)):
+    found, damaged, budget = Records(len(data)), False, Budget()
+    for _, opcode, body, whole in each_record(data, budget, len(MAGIC)):
         if opcode == Opcode.CHUNK:
-            content = _content(Chunk.read(_stream(body)), whole, budget)
-            budget -= len(content)
+            content = _content(Chunk.read(stream_of(body)), whole, budget)
+            read_content(content, found, budget)
             damaged = whole and not content
-            _read_chunk(content, found)
         elif whole and opcode == Opcode.ATTACHMENT:
-            if zlib.crc32(body[:-4]) == struct.unpack("<I", body[-4:])[0]:
-                found.add(Attachment.read(_stream(body)))
+            with suppress(BusybotError):
+                found.add(read_attachment(body))
         elif whole and opcode == Opcode.METADATA:
-            found.add(Metadata.read(_stream(body)))
+            found.add(Metadata.read(stream_of(body)))
         if damaged or opcode == Opcode.DATA_END:
             break
     return found, damaged
 
 
-def _content(chunk: Chunk, whole: bool, budget: int) -> bytes:
+def _content(chunk: Chunk, whole: bool, budget: Budget) -> bytes:
     """What a chunk holds, of a cut off one the beginning; nothing of a damaged one."""
     if whole:
         try:
             return decompress(chunk, budget)
         except (BusybotError, zstandard.ZstdError):
             return b""
+    limit = min(chunk.uncompressed_size, MAX_CHUNK_BYTES, budget.bytes)
     if chunk.compression != "zstd":
-        return chunk.data[:budget]
-    limit = min(chunk.uncompressed_size, budget)
+        return chunk.data[:limit]
     content = bytearray()
     reader = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(io.BytesIO(chunk.data))
     try:
@@ -114,16 +105,6 @@ def _content(chunk: Chunk, whole: bool, budget: int) -> bytes:
     except zstandard.ZstdError:
         pass  # the beginning is what was asked for
     return bytes(content)
-
-
-def _read_chunk(content: bytes, found: Records) -> None:
-    for opcode, body, whole in _records(content):
-        if not whole:
-            return
-        if opcode == Opcode.MESSAGE:
-            found.add(Message.read(_stream(body), len(body)))
-        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            found.add((Schema if opcode == Opcode.SCHEMA else Channel).read(_stream(body)))
 
 
 def _rebuild(remains: Records, damaged: bool) -> Salvaged:

@@ -7,11 +7,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
-from pydantic import AfterValidator, Field
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -19,7 +18,6 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.affordance.incremental import IncrementalPositionNet
 from busybot.interact.affordance.inputs import (
-    Inputs,
     Pinhole,
     colour_features,
     heights_of,
@@ -28,32 +26,14 @@ from busybot.interact.affordance.inputs import (
     updated_features,
 )
 from busybot.interact.affordance.networks import CROP, POSITION_STRIDE, Kind, PositionNet, make_network
-from busybot.interact.policy.config import PairTable, Threshold, check_thresholds
+from busybot.interact.policy.config import AffordanceInfo, Inputs
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
 from busybot.training.checkpoint import save_tensors
 from busybot.training.device import device, multiplies_bfloat16
-from busybot.training.model_cards import ModelCard, write_info
+from busybot.training.model_cards import write_info
 
 MARGIN = 32
 """The position network is run on what lies within so many pixels of something elevated: a third is saved."""
-
-
-class AffordanceInfo(ModelCard):
-    """What `model.json` says.
-
-    Attributes:
-        variant: which networks.
-        inputs: what they see; the height is always known to the policy.
-        prior: share of elevated pixels that work, as training batches (half of each) do not show it.
-        after_failure: what to try where a direction failed, see `interact.training.fast`.
-        thresholds: constants of the policy that go with this model.
-    """
-
-    variant: Literal["fast", "paper"] = "fast"
-    inputs: Inputs = "depth"
-    prior: Annotated[float, Field(gt=0, lt=1)] = 0.15
-    after_failure: PairTable | None = None
-    thresholds: Annotated[dict[str, Threshold], AfterValidator(check_thresholds)] = {}
 
 
 @dataclass(frozen=True)
@@ -127,7 +107,7 @@ class AffordanceModel:
     @staticmethod
     def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
         """An untrained network that these weights fit, if they are of this variant."""
-        return make_network(kind, inputs)
+        return make_network(kind, inputs, tensors)
 
     def save(self, folder: Path) -> None:
         """Write the folder, `model.json` last."""

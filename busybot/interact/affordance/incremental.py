@@ -19,8 +19,8 @@ from torch.nn import functional
 
 from busybot.interact.affordance.networks import PositionNet
 
-TILES = (8, 8, 4, 4)
-"""Sides of tiles in cells, by level, powers of two. A cell of level k is 2^(k + 1) pixels wide."""
+TILES = {2: 8, 4: 8, 8: 4, 16: 4}
+"""Sides of tiles in cells, powers of two, by the width of a cell in pixels."""
 TOGETHER = 64
 """Tiles that are computed at once: few enough for a processor's cache."""
 
@@ -68,8 +68,7 @@ class _Layer:
         """Choose the tiles to compute, with a cell that is needed and stale; what they read, as a mask."""
         side, (rows, columns) = self.tile, self.shape
         tiles = np.pad(self.needed & self.stale, ((0, -rows % side), (0, -columns % side)))
-        for _ in range(side.bit_length() - 1):
-            tiles = _halved(tiles)
+        tiles = _coarse(tiles, side)
         self.corners = np.argwhere(tiles) * side
         cells = tiles.repeat(side, 0).repeat(side, 1)[:rows, :columns]
         self.stale[cells > 0] = 0
@@ -126,18 +125,20 @@ class IncrementalPositionNet:
     """
 
     def __init__(self, network: PositionNet, size: tuple[int, int]):
-        self._network, self._size = network, size
+        self._network, self._size, self._fold = network, size, network.size.fold
         self._features: Tensor | None = None
-        shapes = [(size[0] >> level + 1, size[1] >> level + 1) for level in range(4)]
-        self._picture = _Layer((), shapes[0], TILES[0])
+        widths = [self._fold << level for level in range(len(network.encoders))]
+        shapes = [(size[0] // width, size[1] // width) for width in widths]
+        self._picture = _Layer((), shapes[0], TILES[widths[0]])
         encoders: list[_Layer] = []
-        for level, encode in enumerate([network.encode0, network.encode1, network.encode2, network.encode3]):
+        for encode, shape, width in zip(network.encoders, shapes, widths, strict=True):
             source = _Source(encoders[-1], "finer") if encoders else _Source(self._picture, "same")
-            encoders.append(_Layer(list(encode), shapes[level], TILES[level], [source]))
-        decoders = encoders[3:]
-        for level, blocks in ((2, [network.decode2]), (1, [network.decode1]), (0, [network.decode0, network.head])):
+            encoders.append(_Layer(list(encode), shape, TILES[width], [source]))
+        decoders = encoders[-1:]
+        for level in reversed(range(len(network.decoders))):
+            blocks = [network.decoders[level], *([] if level else [network.head])]
             sources = [_Source(decoders[-1], "coarser"), _Source(encoders[level], "same")]
-            decoders.append(_Layer(blocks, shapes[level], TILES[level], sources))
+            decoders.append(_Layer(blocks, shapes[level], TILES[widths[level]], sources))
         self._layers = [*encoders, *decoders[1:]]
 
     def __call__(self, features: Tensor, wanted: np.ndarray) -> Tensor:
@@ -154,11 +155,11 @@ class IncrementalPositionNet:
             changed = (features != self._features).any(dim=0).numpy().view(np.uint8)
             if changed.any():
                 self._mark(features, changed)
-            self._compute(_halved(wanted))
+            self._compute(_coarse(wanted, self._fold))
         self._features = features
         last = self._layers[-1]
         rows, columns = last.shape
-        return functional.pixel_shuffle(last.values[:rows, :columns].permute(2, 0, 1)[None], 2)[0, 0]
+        return functional.pixel_shuffle(last.values[:rows, :columns].permute(2, 0, 1)[None], self._fold)[0, 0]
 
     def moved(self, first: tuple[int, int], size: tuple[int, int]) -> "IncrementalPositionNet":
         """For another part of the picture, with what can be kept of this one, which stays as it is.
@@ -185,7 +186,7 @@ class IncrementalPositionNet:
     def _fill(self, features: Tensor) -> None:
         """A whole pass, of which everything is kept."""
         features = features[None].contiguous(memory_format=torch.channels_last)
-        outputs = {self._picture: functional.pixel_unshuffle(features, 2)}
+        outputs = {self._picture: functional.pixel_unshuffle(features, self._fold)}
         for layer in self._layers:
             x = torch.cat([_scaled(outputs[source.layer], source.scale) for source in layer.sources], dim=1)
             for block in layer.blocks:
@@ -196,11 +197,12 @@ class IncrementalPositionNet:
 
     def _mark(self, features: Tensor, changed: np.ndarray) -> None:
         """Take over what changed; what depends on it is stale."""
-        left, top, width, height = (value // 2 for value in _even_box(changed))
-        part = features[:, 2 * top : 2 * (top + height), 2 * left : 2 * (left + width)]
-        folded = functional.pixel_unshuffle(part[None], 2)[0].permute(1, 2, 0)
+        fold, cells = self._fold, _coarse(changed, self._fold)
+        left, top, width, height = cv2.boundingRect(cells)
+        part = features[:, fold * top : fold * (top + height), fold * left : fold * (left + width)]
+        folded = functional.pixel_unshuffle(part[None], fold)[0].permute(1, 2, 0)
         self._picture.values[top : top + height, left : left + width] = folded
-        masks = {self._picture: _halved(changed)}
+        masks = {self._picture: cells}
         for layer in self._layers:
             masks[layer] = layer.mark([_reached_from(source.scale, masks[source.layer]) for source in layer.sources])
 
@@ -270,12 +272,11 @@ def _overlap(first: tuple[int, int], shape: tuple[int, int], other: tuple[int, i
     return here, [slice(one.start + start, one.stop + start) for one, start in zip(here, first, strict=True)]
 
 
-def _even_box(mask: np.ndarray) -> tuple[int, int, int, int]:
-    """Left, top, width and height of what is set, all even."""
-    left, top, width, height = cv2.boundingRect(mask)
-    right, bottom = left + width + (left + width) % 2, top + height + (top + height) % 2
-    left, top = left - left % 2, top - top % 2
-    return left, top, right - left, bottom - top
+def _coarse(mask: np.ndarray, cell: int) -> np.ndarray:
+    """Cells of so many pixels, a power of two, with any that is set."""
+    while cell > 1:
+        mask, cell = _halved(mask), cell // 2
+    return mask
 
 
 def _grown(mask: np.ndarray, cells: int) -> np.ndarray:

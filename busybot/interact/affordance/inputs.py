@@ -10,7 +10,7 @@ RGB variant (row "RGB" of Table 1) sees colours only.
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import cv2
 import numpy as np
@@ -19,8 +19,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from busybot.episodes.episode import Camera
+from busybot.interact.policy.config import Inputs
 
-Inputs = Literal["depth", "rgb"]
 CHANNELS: dict[Inputs, int] = {"depth": 4, "rgb": 3}
 LOWEST, HIGHEST = -0.3, 1.2
 """Heights are clipped to this range, board units; where nothing was hit the height is `LOWEST`."""

@@ -1,12 +1,14 @@
 """Loads interaction models of every variant: what `model.json` says decides which networks the weights belong to."""
 
+from functools import partial
 from pathlib import Path
 
-from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel, weights_file
+from busybot.interact.affordance.fast import AffordanceModel, weights_file
 from busybot.interact.affordance.networks import KINDS
 from busybot.interact.affordance.paper import PaperModel
-from busybot.training.checkpoint import drawing_nothing, load_tensors, load_weights
-from busybot.training.model_cards import find_folder, read_info
+from busybot.interact.policy.config import AffordanceInfo
+from busybot.training.checkpoint import load_tensors, network_with
+from busybot.training.model_cards import check_weights, find_folder, read_info
 
 VARIANTS: dict[str, type[AffordanceModel]] = {"fast": AffordanceModel, "paper": PaperModel}
 
@@ -28,7 +30,6 @@ def load_model(name_or_path: str | Path) -> AffordanceModel:
     for kind in KINDS:
         file = weights_file(folder, kind)
         tensors = load_tensors(file).tensors
-        with drawing_nothing():
-            networks[kind] = variant.make_network(kind, info.inputs, tensors)
-        load_weights(networks[kind], tensors, file)
+        check_weights(file, info)
+        networks[kind] = network_with(partial(variant.make_network, kind, info.inputs, tensors), tensors, file)
     return variant(info, networks)

@@ -1,9 +1,9 @@
 """The networks of both variants: where to act, and in which direction.
 
 Those of the `fast` variant do what the paper's do (section 3.1, appendix A.1) at a cost that a laptop's processor can
-train and run: the position network sees the whole picture at full resolution, but works at half of it; the direction
-network sees a crop around the position instead of the picture with a Gaussian at the position, because what moves how
-is a local question.
+train and run: the position network sees the whole picture at full resolution, but works at half of it (the smaller
+one at a quarter); the direction network sees a crop around the position instead of the picture with a Gaussian at the
+position, because what moves how is a local question. A trained network's size is that of its weights.
 
 Those of the `paper` variant are as the paper's appendix A.1 "Network detail" describes them. What it leaves open, and
 what is chosen here:
@@ -20,27 +20,68 @@ what is chosen here:
   to zero within a few iterations, in four trials of four: nothing was learnt any more.
 """
 
+from dataclasses import dataclass
 from typing import Literal
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from busybot.interact.affordance.inputs import CHANNELS, Inputs
+from busybot.interact.affordance.inputs import CHANNELS
+from busybot.interact.policy.config import Inputs
 
 Kind = Literal["position", "direction"]
+Networks = Literal["usual", "smaller"]
 KINDS: tuple[Kind, ...] = ("position", "direction")
 
 DIRECTION_COUNT = 18
 POSITION_STRIDE = 16
 """Sides of the position network's input are multiples of this."""
-POSITION_WIDTHS = (24, 48, 64, 96)
-DIRECTION_WIDTHS = (32, 48, 64, 96)
+FOLDS = {4: 2, 3: 4}
+"""`PositionSize.fold` by the number of levels."""
+WIDEST = 1024
+"""Weights of wider layers are refused: a file must not make us ask for any amount of memory."""
 CROP = 64
 """Side of the direction network's input, pixels; the position is pixel (CROP / 2, CROP / 2)."""
-HIDDEN = 192
 GAUSSIAN_SHARPNESS = 40.0
 """The position's Gaussian is exp(-40 r^2), r in half crops: standard deviation 3.6 pixels."""
+
+
+@dataclass(frozen=True)
+class PositionSize:
+    """What a position network looks like inside.
+
+    Attributes:
+        fold: side of the squares of pixels that become channels; fold x 2^(levels - 1) is `POSITION_STRIDE`.
+        widths: channels of each level, the finest first.
+    """
+
+    fold: int
+    widths: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class DirectionSize:
+    """What a direction network looks like inside.
+
+    Attributes:
+        widths: channels at 32 x 32 cells (two layers), 16 x 16 and 8 x 8.
+        hidden: of the layer before the logits.
+    """
+
+    widths: tuple[int, int, int, int]
+    hidden: int
+
+
+POSITION_SIZES: dict[Networks, PositionSize] = {
+    "usual": PositionSize(2, (24, 48, 64, 96)),
+    "smaller": PositionSize(4, (32, 48, 64)),
+}
+"""Sizes by name; the smaller ones learn and judge in a third of the time."""
+DIRECTION_SIZES: dict[Networks, DirectionSize] = {
+    "usual": DirectionSize((32, 48, 64, 96), 192),
+    "smaller": DirectionSize((16, 24, 32, 64), 128),
+}
 
 
 def _block(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
@@ -57,35 +98,42 @@ def _double(inputs: int, outputs: int) -> nn.Sequential:
 
 
 class PositionNet(nn.Module):
-    """Affordance of every pixel: a U-Net on pixels that were folded two by two into channels; 0.4 M parameters.
+    """Affordance of every pixel: a U-Net on pixels that were folded into channels; 0.4 M parameters.
 
     Shapes:
         input: (B, C, H, W), H and W multiples of 16.
         output: (B, H, W), logit that acting here, in the right direction, changes something.
     """
 
-    def __init__(self, channels: int):
+    def __init__(self, channels: int, size: PositionSize | None = None):
         super().__init__()
-        a, b, c, d = POSITION_WIDTHS
-        self.encode0 = _double(4 * channels, a)
-        self.encode1 = _double(a, b)
-        self.encode2 = _double(b, c)
-        self.encode3 = _double(c, d)
-        self.decode2 = _block(d + c, c)
-        self.decode1 = _block(c + b, b)
-        self.decode0 = _block(b + a, a)
-        self.head = nn.Conv2d(a, 4, 1)
+        self.size = size or POSITION_SIZES["usual"]
+        fold, widths = self.size.fold, self.size.widths
+        for level, (above, width) in enumerate(zip((fold**2 * channels, *widths), widths, strict=False)):
+            self.add_module(f"encode{level}", _double(above, width))
+        for level in reversed(range(len(widths) - 1)):
+            self.add_module(f"decode{level}", _block(widths[level + 1] + widths[level], widths[level]))
+        self.head = nn.Conv2d(widths[0], fold**2, 1)
+
+    @property
+    def encoders(self) -> list[nn.Sequential]:
+        """By level, the finest first."""
+        return [self.get_submodule(f"encode{level}") for level in range(len(self.size.widths))]  # type: ignore[misc]
+
+    @property
+    def decoders(self) -> list[nn.Sequential]:
+        """By level, the finest first; the coarsest level has none."""
+        return [self.get_submodule(f"decode{level}") for level in range(len(self.size.widths) - 1)]  # type: ignore[misc]
 
     def forward(self, features: Tensor) -> Tensor:
-        folded = functional.pixel_unshuffle(features, 2)  # (B, 4C, H/2, W/2)
-        x0 = self.encode0(folded)
-        x1 = self.encode1(functional.max_pool2d(x0, 2))  # H/4
-        x2 = self.encode2(functional.max_pool2d(x1, 2))  # H/8
-        x3 = self.encode3(functional.max_pool2d(x2, 2))  # H/16
-        x2 = self.decode2(torch.cat([_double_size(x3), x2], dim=1))
-        x1 = self.decode1(torch.cat([_double_size(x2), x1], dim=1))
-        x0 = self.decode0(torch.cat([_double_size(x1), x0], dim=1))
-        return functional.pixel_shuffle(self.head(x0), 2)[:, 0]  # (B, 4, H/2, W/2) -> (B, H, W)
+        x = functional.pixel_unshuffle(features, self.size.fold)  # (B, fold^2 C, H / fold, W / fold)
+        finer = []
+        for level, encode in enumerate(self.encoders):
+            x = encode(functional.max_pool2d(x, 2) if level else x)
+            finer.append(x)
+        for decode, beside in zip(reversed(self.decoders), reversed(finer[:-1]), strict=True):
+            x = decode(torch.cat([_double_size(x), beside], dim=1))
+        return functional.pixel_shuffle(self.head(x), self.size.fold)[:, 0]  # (B, H, W)
 
 
 def _double_size(x: Tensor) -> Tensor:
@@ -100,16 +148,17 @@ class DirectionNet(nn.Module):
 
     Shapes:
         input: (B, C, 64, 64).
-        keep: (B, 192) of 0 and 1 / (1 - dropout), multiplied to the hidden layer in training: dropout whose draws the
-            caller makes, so that training can be resumed exactly.
+        keep: (B, hidden) of 0 and 1 / (1 - dropout), multiplied to the hidden layer in training: dropout whose draws
+            the caller makes, so that training can be resumed exactly.
         output: (B, 18) logits, one per direction, that this direction changes something; (B,) logit that any does.
     """
 
     places: Tensor
 
-    def __init__(self, channels: int):
+    def __init__(self, channels: int, size: DirectionSize | None = None):
         super().__init__()
-        a, b, c, d = DIRECTION_WIDTHS
+        self.size = size or DIRECTION_SIZES["usual"]
+        a, b, c, d = self.size.widths
         axis = (torch.arange(CROP) - CROP / 2 + 0.5) / (CROP / 2)
         rows, columns = torch.meshgrid(axis, axis, indexing="ij")
         gaussian = torch.exp(-(rows**2 + columns**2) * GAUSSIAN_SHARPNESS)
@@ -124,21 +173,54 @@ class DirectionNet(nn.Module):
             nn.MaxPool2d(2),  # 4 x 4
             nn.Flatten(),
         )
-        self.hidden = nn.Linear(d * (CROP // 16) ** 2, HIDDEN)
-        self.head = nn.Linear(HIDDEN, DIRECTION_COUNT + 1)
+        self.hidden = nn.Linear(d * (CROP // 16) ** 2, self.size.hidden)
+        self.head = nn.Linear(self.size.hidden, DIRECTION_COUNT + 1)
 
     def forward(self, crops: Tensor, keep: Tensor | None = None) -> tuple[Tensor, Tensor]:
         places = self.places[None].expand(len(crops), -1, -1, -1)
-        embedded = self.convolutions(torch.cat([crops, places.to(crops.dtype)], dim=1))  # (B, 1536)
+        embedded = self.convolutions(torch.cat([crops, places.to(crops.dtype)], dim=1))  # (B, 16 d)
         hidden = functional.relu(self.hidden(embedded))
         logits = self.head(hidden if keep is None else hidden * keep)  # (B, 19)
         return logits[:, :DIRECTION_COUNT], logits[:, DIRECTION_COUNT]
 
 
-def make_network(kind: Kind, inputs: Inputs) -> nn.Module:
-    """An untrained network, in the memory layout in which convolutions are fastest."""
-    network: nn.Module = (PositionNet if kind == "position" else DirectionNet)(CHANNELS[inputs])
+def make_network(
+    kind: Kind, inputs: Inputs, tensors: dict[str, Tensor] | None = None, networks: Networks = "usual"
+) -> nn.Module:
+    """An untrained network, in the memory layout in which convolutions are fastest.
+
+    Args:
+        tensors: weights that it is to take, which tell its size; None, or weights of something else, for a network of
+            the size that is named.
+    """
+    channels = CHANNELS[inputs]
+    if kind == "position":
+        network: nn.Module = PositionNet(channels, _position_size(tensors or {}) or POSITION_SIZES[networks])
+    else:
+        network = DirectionNet(channels, _direction_size(tensors or {}) or DIRECTION_SIZES[networks])
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
+
+
+def _position_size(tensors: dict[str, Tensor]) -> PositionSize | None:
+    """Of the network that the weights are of, None if they are of none."""
+    names = [f"encode{level}.0.0.weight" for level in range(max(FOLDS))]
+    widths = [_rows(tensors, name) for name in names if name in tensors]
+    fold = FOLDS.get(len(widths))
+    return PositionSize(fold, tuple(widths)) if fold and all(widths) else None
+
+
+def _direction_size(tensors: dict[str, Tensor]) -> DirectionSize | None:
+    """Of the network that the weights are of, None if they are of none."""
+    places = ("convolutions.0.0", "convolutions.1.0", "convolutions.3.0.0", "convolutions.5.0.0", "hidden")
+    first, second, third, last, hidden = (_rows(tensors, f"{place}.weight") for place in places)
+    sides = (first, second, third, last)
+    return DirectionSize(sides, hidden) if all(sides) and hidden else None
+
+
+def _rows(tensors: dict[str, Tensor], name: str) -> int:
+    """How many outputs a layer has, 0 if there is no such layer or it has too many to be ours."""
+    shape = tensors[name].shape if name in tensors else ()
+    return shape[0] if shape and shape[0] <= WIDEST else 0
 
 
 DOWN_WIDTHS = (32, 64, 128, 256)

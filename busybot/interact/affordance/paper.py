@@ -18,10 +18,11 @@ from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.affordance.fast import AffordanceModel, AffordanceView
-from busybot.interact.affordance.inputs import LOWEST, Inputs, Pinhole, colour_features, stack_features
+from busybot.interact.affordance.inputs import LOWEST, Pinhole, colour_features, stack_features
 from busybot.interact.affordance.networks import SIZE, Kind, PaperDirectionNet, make_paper_network
-from busybot.interact.policy.config import Threshold
+from busybot.interact.policy.config import Inputs, Threshold
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
+from busybot.training.device import mixed, slices
 
 GAUSSIAN_SIGMA = 5.0
 """Pixels."""
@@ -65,7 +66,7 @@ data for reasoning by a draw among all candidates (section 3.2, "Data collection
 PAPER_PRIOR = 0.5
 """The affordance is taken as it is: no correction for how rare working places are."""
 CHUNK = 8
-"""Positions that the direction network looks at together."""
+"""Positions that the direction network looks at together, on a GPU more."""
 
 
 class PaperModel(AffordanceModel):
@@ -78,8 +79,8 @@ class PaperModel(AffordanceModel):
 
     @staticmethod
     def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
-        size = tensors.get("size", torch.tensor(SIZE))  # of the direction network alone
-        rows, columns = size.tolist() if size.shape == (2,) else SIZE
+        size = tensors.get("size")  # of the direction network alone
+        rows, columns = SIZE if size is None or size.shape != (2,) else size.tolist()
         return make_paper_network(kind, inputs, (int(rows), int(columns)))
 
     def look(self, seen: Observation, rays: Rays, earlier: AffordanceView | None = None) -> AffordanceView:
@@ -105,15 +106,16 @@ class PaperModel(AffordanceModel):
         if not len(pixels):
             return np.empty(0, np.float32), np.empty((0, 18), np.float32)
         features, scores = torch.from_numpy(view.features), []
-        for chunk in torch.from_numpy(np.asarray(pixels)).split(CHUNK):
+        for part in slices(len(pixels), CHUNK, self.on):
+            chunk = torch.from_numpy(np.asarray(pixels[part]))
             seen = with_positions(features.expand(len(chunk), -1, -1, -1), chunk)
             scores.append(torch.sigmoid(self._run("direction", seen)))
         return view.affordance[pixels[:, 1], pixels[:, 0]], torch.cat(scores).numpy()
 
     def _run(self, kind: Kind, features: Tensor) -> Any:
-        with torch.inference_mode():
+        with torch.inference_mode(), mixed(self.on):
             on_device = features.to(self.on).contiguous(memory_format=torch.channels_last)
-            return self.networks[kind](on_device).cpu()
+            return self.networks[kind](on_device).float().cpu()
 
     def _check_size(self, shape: tuple[int, ...]) -> None:
         network = self.networks["direction"]

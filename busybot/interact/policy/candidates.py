@@ -11,7 +11,6 @@ from typing import Protocol, TypeVar
 
 import cv2
 import numpy as np
-from scipy.cluster.vq import kmeans2
 
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
@@ -209,6 +208,8 @@ def cluster_tops(affordance: np.ndarray, likely: np.ndarray, clusters: int) -> n
         return np.zeros((0, 2), int)
     points = np.stack([columns, rows], axis=1).astype(float)
     every = -(-len(points) // MOST_POINTS)
+    from scipy.cluster.vq import kmeans2  # half a second to import, for the paper's policy alone
+
     centres, _ = kmeans2(
         points[::every], min(clusters, len(points[::every])), minit="++", rng=generator(0, "", 0, "interact/kmeans")
     )

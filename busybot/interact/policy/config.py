@@ -11,9 +11,10 @@ Those in `FIXED` were parameters until the same benchmark showed that no other v
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 
 from busybot.common.frozen_model import FrozenModel
+from busybot.training.model_cards import ModelCard
 
 Share = Annotated[float, Field(ge=0, le=1)]
 Inner = Annotated[float, Field(gt=0, lt=1)]
@@ -22,6 +23,8 @@ PairRow = Annotated[tuple[Logit, ...], Field(min_length=9, max_length=9)]
 Pixels = Annotated[int, Field(ge=0, le=200)]
 PairTable = Annotated[tuple[PairRow, ...], Field(min_length=9, max_length=9)]
 
+Inputs = Literal["depth", "rgb"]
+"""What an interaction model sees."""
 Threshold = bool | float | str
 """A constant's value on a model's card."""
 
@@ -137,3 +140,21 @@ def check_thresholds(thresholds: dict[str, Threshold]) -> dict[str, Threshold]:
         first = error.errors()[0]
         raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
     return thresholds
+
+
+class AffordanceInfo(ModelCard):
+    """What `model.json` says.
+
+    Attributes:
+        variant: which networks.
+        inputs: what they see; the height is always known to the policy.
+        prior: share of elevated pixels that work, as training batches (half of each) do not show it.
+        after_failure: what to try where a direction failed, see `interact.training.fast`.
+        thresholds: constants of the policy that go with this model.
+    """
+
+    variant: Literal["fast", "paper"] = "fast"
+    inputs: Inputs = "depth"
+    prior: Annotated[float, Field(gt=0, lt=1)] = 0.15
+    after_failure: PairTable | None = None
+    thresholds: Annotated[dict[str, Threshold], AfterValidator(check_thresholds)] = {}

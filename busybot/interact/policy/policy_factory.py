@@ -1,20 +1,24 @@
-"""Factories of learned policies: plain data that worker processes receive; models are loaded there at first use."""
+"""Factories of learned policies: plain data that worker processes receive; models are loaded there at first use.
+
+What a model is, its card tells: who only asks that need not import PyTorch.
+"""
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
-from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
-from busybot.interact.affordance.load import find_model, load_model
-from busybot.interact.policy.config import PolicyConfig, without_fixed
+from busybot.interact.policy.config import AffordanceInfo, PolicyConfig, without_fixed
 from busybot.interact.policy.exploration import ExplorationConfig, GuidedExplorer, UnguidedExplorer
 from busybot.interact.policy.learned import LearnedPolicy, Mode, PaperPolicy, PaperRules, policy_name
 from busybot.sim.policy import Policy
-from busybot.training.model_cards import INFO_FILE, file_hashes
+from busybot.training.model_cards import INFO_FILE, file_hashes, find_folder, read_info
+
+if TYPE_CHECKING:
+    from busybot.interact.affordance.fast import AffordanceModel
 
 DEFAULT_MODEL = "procedural"
 """The shipped model that commands use when none is named."""
@@ -64,7 +68,7 @@ class LearnedPolicyFactory:
         Raises:
             BusybotError: an override names no constant, has no allowed value, or one that this mode does not read.
         """
-        info = load_once(self.model).info
+        info = card_of(self.model)
         config = policy_config(info, self.overrides)
         more, of_which = ({"blur", "prior"}, " of the paper's model") if self._acts_as_paper(info) else (set(), "")
         for name in sorted((_NOT_READ[self.mode] | more).intersection(self.overrides)):
@@ -107,7 +111,16 @@ class ExplorePolicyFactory:
 
 def usual_mode(model: str) -> Mode:
     """The mode in which a model is judged if none is asked for: the paper's variant with the paper's policy."""
-    return "ucb" if load_once(model).info.variant == "paper" else "evaluate"
+    return "ucb" if card_of(model).variant == "paper" else "evaluate"
+
+
+def card_of(name_or_path: str) -> AffordanceInfo:
+    """What the model's card says; its weights are not read.
+
+    Raises:
+        BusybotError: there is no such model, or its card is damaged.
+    """
+    return read_info(find_folder(name_or_path, "interact"), AffordanceInfo)
 
 
 def policy_config(info: AffordanceInfo, overrides: dict[str, Any]) -> PolicyConfig:
@@ -130,17 +143,19 @@ def policy_config(info: AffordanceInfo, overrides: dict[str, Any]) -> PolicyConf
 
 def fingerprint(name_or_path: str) -> dict[str, Any]:
     """What a model is, without where it lies: hashes of its files, and its card."""
-    folder = find_model(name_or_path)
-    card = load_once(name_or_path).info.model_dump(mode="json", exclude={"files"})  # they are in `sha256`
+    folder = find_folder(name_or_path, "interact")
+    card = card_of(name_or_path).model_dump(mode="json", exclude={"files"})  # they are in `sha256`
     return {"name": folder.name, "sha256": file_hashes(folder), "card": card}
 
 
-def load_once(name_or_path: str) -> AffordanceModel:
+def load_once(name_or_path: str) -> "AffordanceModel":
     """The model, read anew when its card on disk changed."""
-    folder = find_model(name_or_path)
+    folder = find_folder(name_or_path, "interact")
     return _load(str(folder), (folder / INFO_FILE).stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=2)
-def _load(folder: str, changed: int) -> AffordanceModel:
+def _load(folder: str, changed: int) -> "AffordanceModel":
+    from busybot.interact.affordance.load import load_model
+
     return load_model(folder)

@@ -13,14 +13,14 @@ A.1 "Training detail"). What the paper leaves open, and what is chosen here:
   epoch are left out.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from busybot.boards.spec import without
 from busybot.common.frozen_model import FrozenModel
-from busybot.interact.affordance.inputs import Inputs
-from busybot.interact.affordance.networks import CROP, KINDS, Kind
-from busybot.interact.policy.config import Share
+from busybot.interact.affordance.networks import CROP, KINDS, Kind, Networks
+from busybot.interact.policy.config import Inputs, Share
 from busybot.interact.policy.exploration import ExplorationConfig
 from busybot.interact.policy.learned import PaperRules
 from busybot.sim.interaction import InteractionConfig
@@ -178,10 +178,12 @@ class TrainConfig(RecordConfig):
         validation: boards of the training split that are collected as in round 0 and never trained on; 0 for none.
         validation_steps: proposed actions on each.
         explore: who collects.
+        networks: how large they are; with `smaller` ones go other iterations (benchmarks/smaller.yaml).
         position, direction: how the networks are trained.
     """
 
     variant: Literal["fast"] = "fast"
+    networks: Networks = "usual"
     rounds: Annotated[tuple[Round, ...], Field(min_length=1, max_length=1000)] = ROUNDS
     window: Annotated[int, Field(ge=1)] = 1_000_000
     validation: Annotated[int, Field(ge=0, le=100_000)] = 40
@@ -189,6 +191,11 @@ class TrainConfig(RecordConfig):
     explore: ExplorationConfig = ExplorationConfig()
     position: FitConfig = FitConfig()
     direction: DirectionFitConfig = DirectionFitConfig()
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """JSON without the size of the usual networks: as before there were others."""
+        return without(handler(self), {"networks": "usual"})
 
     def learn(self, kind: Kind) -> FitConfig:
         """How a network is trained."""

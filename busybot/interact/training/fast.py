@@ -31,10 +31,10 @@ from busybot.boards.directions import OPPOSITE
 from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine, run_tasks
 from busybot.datasets.dataset import INFO_FILE, Dataset
-from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
+from busybot.interact.affordance.fast import AffordanceModel
 from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.networks import KINDS, Kind, make_network
-from busybot.interact.policy.config import STRICT_POLICY
+from busybot.interact.policy.config import STRICT_POLICY, AffordanceInfo
 from busybot.interact.policy.direction_pairs import PAIR_OF, PAIRS, logit
 from busybot.interact.policy.policy_factory import ExplorePolicyFactory
 from busybot.interact.training.config import Round, TrainConfig
@@ -183,8 +183,10 @@ def schedule_for(config: TrainConfig, datasets: int) -> tuple[Round, ...]:
 
 def network_of(job: FitJob) -> nn.Module:
     """The network with the weights of the job's checkpoint."""
-    network, (checkpoint, _) = make_network(job.kind, job.config.inputs), files_of(job.out, job.kind)
-    load_weights(network, network_tensors(load_tensors(checkpoint).tensors), checkpoint)
+    checkpoint, _ = files_of(job.out, job.kind)
+    tensors = network_tensors(load_tensors(checkpoint).tensors)
+    network = make_network(job.kind, job.config.inputs, tensors)
+    load_weights(network, tensors, checkpoint)
     return network
 
 

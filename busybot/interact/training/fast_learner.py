@@ -20,16 +20,17 @@ from torch.nn import functional
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.interact.affordance.networks import HIDDEN, DirectionNet, Kind, make_network
+from busybot.interact.affordance.networks import DirectionNet, Kind, make_network
 from busybot.interact.metrics import direction_figures, position_figures
 from busybot.interact.training.augmentation import Batch, cut_batch, draw_batch
 from busybot.interact.training.config import ReplayConfig, TrainConfig
 from busybot.interact.training.sample_cache import open_samples
 from busybot.training.checkpoint import Checkpoint, initialise
-from busybot.training.device import device, multiplies_bfloat16, repeat_exactly
+from busybot.training.device import device, multiplies_bfloat16, repeat_exactly, slices
 from busybot.training.loop import Learner, Loop, cosine_rate, descend
 
 VALIDATION_BATCH = 128
+"""On a GPU more."""
 HINT = {
     "succeeded": "or lower the reward's threshold: --set interaction.delta=500",
     "failed": "with a policy that fails, too: both kinds are learned from",
@@ -114,7 +115,7 @@ class FastAffordanceLearner(Learner):
         self.job, self.name = job, job.kind
         self.config = config = job.config.learn(job.kind)
         self.samples = open_samples(job.caches, job.config.inputs, job.config.window)
-        self.network = make_network(job.kind, job.config.inputs)
+        self.network = make_network(job.kind, job.config.inputs, networks=job.config.networks)
         draws = generator(job.seed, "train", 0, f"initial weights/{job.kind}")
         initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))))
         self.network.to(device())
@@ -168,8 +169,8 @@ class FastAffordanceLearner(Learner):
         everything = np.arange(len(samples))
         self.network.eval()
         parts = []
-        for start in range(0, len(samples), VALIDATION_BATCH):
-            batch = cut_batch(samples, everything[start : start + VALIDATION_BATCH], self.config.side)
+        for part in slices(len(samples), VALIDATION_BATCH, device()):
+            batch = cut_batch(samples, everything[part], self.config.side)
             with torch.no_grad():
                 parts.append(self._outputs(batch))
         *directions, works = (torch.cat(outputs).numpy() for outputs in zip(*parts, strict=True))
@@ -186,7 +187,9 @@ class FastAffordanceLearner(Learner):
         network, config, on = self.network, self.config, next(self.network.parameters()).device
         arguments = [batch.features.to(on).contiguous(memory_format=torch.channels_last)]
         if rng is not None and config.dropout and isinstance(network, DirectionNet):
-            keep = (rng.random((len(batch.rows), HIDDEN), np.float32) >= config.dropout) / (1 - config.dropout)
+            keep = (rng.random((len(batch.rows), network.size.hidden), np.float32) >= config.dropout) / (
+                1 - config.dropout
+            )
             arguments.append(torch.from_numpy(keep.astype(np.float32)).to(on))
         rounded = multiplies_bfloat16() if config.bfloat16 is None else config.bfloat16
         with torch.autocast(on.type, torch.bfloat16, enabled=rounded):

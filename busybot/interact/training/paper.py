@@ -35,16 +35,16 @@ from busybot.common.process_pool import machine
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
-from busybot.interact.affordance.fast import AffordanceInfo
 from busybot.interact.affordance.inputs import Pinhole, colour_features
 from busybot.interact.affordance.networks import KINDS, Kind, Size, make_paper_network
 from busybot.interact.affordance.paper import PAPER_POLICY, PAPER_PRIOR, PaperModel, depth_and_normals, with_positions
+from busybot.interact.policy.config import AffordanceInfo
 from busybot.interact.policy.policy_factory import ExplorePolicyFactory
 from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.round_recorder import Recorder, draw_training, finished
 from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
 from busybot.training.checkpoint import Checkpoint, initialise
-from busybot.training.device import device, repeat_exactly
+from busybot.training.device import device, mixed, repeat_exactly
 from busybot.training.loop import Learner, Loop, descend
 from busybot.training.run_folder import Lines, Panel, learner_versions
 
@@ -140,7 +140,9 @@ def batch_loss(network: nn.Module, kind: Kind, samples: Samples, chosen: np.ndar
     reward = torch.from_numpy(samples.reward[chosen]).to(on)
     if kind == "direction":
         features = with_positions(features, pixels)
-    outputs = network(features.contiguous(memory_format=torch.channels_last))
+    with mixed(on):
+        outputs = network(features.contiguous(memory_format=torch.channels_last))
+    outputs = outputs.float()
     if kind == "position":
         at_pixel = outputs[torch.arange(len(chosen), device=on), :, pixels[:, 1], pixels[:, 0]]  # (B, 2)
         return functional.cross_entropy(at_pixel, reward.long())

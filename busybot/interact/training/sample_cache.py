@@ -26,7 +26,8 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.codec import LazyImages, decode_plain, decode_rgb
 from busybot.episodes.episode import Camera, Episode, Step
 from busybot.episodes.mcap.reader import read_episode
-from busybot.interact.affordance.inputs import Inputs, square_around
+from busybot.interact.affordance.inputs import square_around
+from busybot.interact.policy.config import Inputs
 
 SIDE = 160
 """Side of the cached squares, pixels. The sample's pixel is pixel (SIDE / 2, SIDE / 2)."""

@@ -89,7 +89,9 @@ def read_snapshot(folder: Path) -> Snapshot:
     paths = _walk(folder, folder, 0, [])
     total = sum(size for _, size in paths)
     if total > MAX_BYTES:
-        raise BusybotError(f"{folder}: {total} bytes are more than the {MAX_BYTES} allowed", "remove or simplify files")
+        largest, size = max(paths, key=lambda one: one[1])
+        what = f"{folder}: {total} bytes are more than the {MAX_BYTES} allowed, {size} of them in {largest.name!r}"
+        raise BusybotError(what, "remove or simplify files")
     files = {}
     for path, size in sorted(paths):
         name = path.relative_to(folder).as_posix()

@@ -17,8 +17,8 @@ from types import ModuleType
 
 import numpy as np
 
-from busybot.common.atomic_io import make_folder, remove, remove_abandoned, rename, unfinished, write_json
-from busybot.common.errors import BusybotError
+from busybot.common.atomic_io import make_folder, refuse_taken, remove, remove_abandoned, rename, unfinished, write_json
+from busybot.common.errors import BusybotError, explained
 from busybot.common.rng import generator
 from busybot.objects import cache
 from busybot.objects.library import SPLIT_FILE, Library
@@ -84,30 +84,36 @@ DEFAULT_SEED = 0
 
 
 def make_library(folder: Path, seed: int = DEFAULT_SEED) -> list[str]:
-    """Make all procedural objects in a new or empty folder.
+    """Make all procedural objects in a new or empty folder; they are there all or not at all.
 
     Returns:
         The objects' keys.
 
     Raises:
-        BusybotError: the folder has something in it, or cannot be written.
+        BusybotError: the folder has something in it.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise BusybotError(f"{folder}: is not an empty folder", "name a new folder, or remove what is in it")
+    place = folder.absolute()
+    refuse_taken(place)
+    make_folder(place.parent)
+    remove_abandoned(place.parent, place.name)
+    with unfinished(place.parent, place.name) as made:
+        keys = _make(made, seed)
+        rename(made, place)
+    return keys
+
+
+def _make(folder: Path, seed: int) -> list[str]:
     keys, splits = [], dict[str, dict[str, list[str]]]()
-    try:
-        for family in FAMILIES:
-            lists = splits.setdefault(family.category, {"train": [], "test": []})
-            for variant in range(family.count):
-                instance = f"{family.name}-{variant + 1:02d}"
-                rng = generator(seed, "procedural", variant, f"{family.category}/{family.name}")
-                design = replace(family.make(variant, rng), name=f"{family.category}_{instance}")
-                write_object(design, folder / family.category / instance)
-                lists["train" if family.split == "train" else "test"] += [instance] * family.weight
-                keys.append(f"{family.category}/{instance}")
-        write_json(folder / SPLIT_FILE, {"Reason": splits})
-    except OSError as error:
-        raise BusybotError(f"{folder}: cannot be written: {error.strerror}", "choose another folder") from None
+    for family in FAMILIES:
+        lists = splits.setdefault(family.category, {"train": [], "test": []})
+        for variant in range(family.count):
+            instance = f"{family.name}-{variant + 1:02d}"
+            rng = generator(seed, "procedural", variant, f"{family.category}/{family.name}")
+            design = replace(family.make(variant, rng), name=f"{family.category}_{instance}")
+            write_object(design, folder / family.category / instance)
+            lists["train" if family.split == "train" else "test"] += [instance] * family.weight
+            keys.append(f"{family.category}/{instance}")
+    write_json(folder / SPLIT_FILE, {"Reason": splits})
     return keys
 
 
@@ -137,16 +143,14 @@ def _build_into(place: Path) -> None:
         make_folder(place.parent)
         remove_abandoned(place.parent, "procedural")
         with unfinished(place.parent, "procedural") as made:
-            make_library(made)
+            _make(made, DEFAULT_SEED)
             try:
                 rename(made, place)
             except OSError:
                 if not place.is_dir():  # nobody else was faster
                     raise
     except OSError as error:
-        raise BusybotError(
-            f"{place}: cannot be written: {error.strerror}", "set BUSYBOT_CACHE to a folder that can be written"
-        ) from None
+        raise BusybotError(explained(error).what, "set BUSYBOT_CACHE to a folder that can be written") from None
 
 
 def _code_hash() -> str:

@@ -1,6 +1,7 @@
 """Oracles, for rows that are marked as such: nothing here is offered to any other agent.
 
-- `OracleAgent`: brings every trigger link to its goal state, by contacts that work.
+- `OracleAgent`: brings every trigger link to its goal state, by contacts that work. Where the goal is one of
+  responders, which may have to be reached in a certain order, it follows a shortest plan, found anew every time.
 - `OracleProposals`: in place of the interaction model's candidates, one that works for every link ("true candidates").
 - `OracleRelations`: a reasoner that is told the relations ("true relations").
 """
@@ -10,7 +11,9 @@ import time
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.boards.dynamics import Dynamics
 from busybot.boards.spec import BoardSpec
+from busybot.boards.task import MAX_STEPS, task_of, way_to_goal
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.plan.contact_proposals import SURE, ContactProposals, sure_contact
@@ -18,10 +21,13 @@ from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskConte
 from busybot.reason.inputs.observation import ObservedEpisode
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, Reasoner
-from busybot.sim.builtin_policies import TrueContact, true_contacts
+from busybot.sim.builtin_policies import TrueContact, motion_at, true_contacts
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import privileged
 from busybot.sim.scene.board_scene import BoardScene
+
+PLANNED = 20_000
+"""Plans are looked for among so many states."""
 
 
 class OracleProposals(ContactProposals):
@@ -55,33 +61,59 @@ class OracleProposals(ContactProposals):
 
 
 class OracleAgent:
-    """Moves trigger links that are not in their goal state until all are.
+    """Moves trigger links that are not in their goal state until all are, or follows a shortest plan.
 
     Args:
-        scene: as it stands.
-        goal: goal state of every trigger link, in the scene's order.
+        scene: as it stands, of a board with a task.
         contacts: the same that it is offered.
     """
 
     name = "oracle"
 
-    def __init__(self, scene: BoardScene, goal: tuple[int, ...], contacts: OracleProposals):
-        self._scene, self._goal, self._contacts = scene, goal, contacts
+    def __init__(self, scene: BoardScene, contacts: OracleProposals):
+        self._scene, self._contacts, self._task = scene, contacts, task_of(scene.spec)
+        self._law = Dynamics(scene.spec, scene.dynamics.links, lucky=False)
 
     def start(self, briefing: TaskContext) -> None:
         pass
 
     def decide(self, situation: DecisionState) -> Act | Stop:
-        states = self._scene.trigger_states()
-        if states == self._goal:
+        if self._task.responders is not None:
+            return self._follow(situation)
+        states, goals = self._scene.trigger_states(), self._task.goal
+        if states == goals:
             return Stop("every trigger is in its goal state")
         for contact, truth in zip(situation.candidates, self._contacts.now, strict=True):
-            state, goal = states[truth.number], self._goal[truth.number]
+            state, goal = states[truth.number], goals[truth.number]
             nearer = [other for other in truth.directions if abs(other - goal) < abs(state - goal)]
             if nearer:
                 other = min(nearer, key=lambda one: abs(one - goal))
                 return Act(contact, truth.directions[other], f"trigger link {truth.number} from {state} to {other}")
         return Stop("no link that is not in its goal state can be moved towards it")
+
+    def _follow(self, situation: DecisionState) -> Act | Stop:
+        """The first action of a shortest plan from here."""
+        saved = self._scene.save()
+        state = saved.dynamics or self._law.start(saved.triggers)
+        way = way_to_goal(self._scene.spec, self._law, saved.triggers, state, MAX_STEPS, PLANNED)
+        if way is None:
+            return Stop("no plan was found")
+        if not way:
+            return Stop("every responder is in its goal state")
+        if way[0] == saved.triggers:
+            return self._wait(situation)
+        for contact, truth in zip(situation.candidates, self._contacts.now, strict=True):
+            here, there = saved.triggers[truth.number], way[0][truth.number]
+            if here != there and there in truth.directions:
+                return Act(contact, truth.directions[there], f"trigger link {truth.number} from {here} to {there}")
+        return Stop("the link that the plan moves cannot be taken hold of")
+
+    def _wait(self, situation: DecisionState) -> Act | Stop:
+        """An action that moves nothing: across the way in which a link gives."""
+        for contact, truth in zip(situation.candidates, self._contacts.now, strict=True):
+            motion = motion_at(self._scene.triggers[truth.number], truth.position)
+            return Act(contact, int(np.abs(DIRECTIONS @ motion).argmin()), "waits")
+        return Stop("there is nothing to be touched while waiting")
 
 
 class OracleRelations:

@@ -27,8 +27,8 @@ from busybot.common.frozen_model import FrozenModel
 from busybot.plan.learning.board_graph import ExploredBoard, PracticeRollout
 from busybot.plan.learning.encoding import FACTS, OBJECTS, STOP, Observation, stacked
 from busybot.reason.inputs.sequence import CHANNELS
-from busybot.training.checkpoint import drawing_nothing, load_tensors, load_weights
-from busybot.training.model_cards import WEIGHTS_FILE, ModelCard, find_folder, read_info
+from busybot.training.checkpoint import load_tensors, network_with
+from busybot.training.model_cards import WEIGHTS_FILE, ModelCard, check_weights, find_folder, read_info
 
 IMPOSSIBLE = -1e9
 """Score of what is no choice."""
@@ -174,9 +174,9 @@ def read_policy(name_or_path: str | Path, agent: Name) -> tuple[PolicyInfo, Poli
     info = read_info(folder, PolicyInfo)
     if info.agent != agent:
         raise BusybotError(f"{folder}: a policy of agent {info.agent}, not {agent}", f"name it as {info.agent}")
-    with drawing_nothing():
-        network = PolicyNetwork(info.net)
-    load_weights(network, load_tensors(folder / WEIGHTS_FILE).tensors, folder / WEIGHTS_FILE)
+    weights = folder / WEIGHTS_FILE
+    check_weights(weights, info)
+    network = network_with(lambda: PolicyNetwork(info.net), load_tensors(weights).tensors, weights)
     return info, network.eval()
 
 

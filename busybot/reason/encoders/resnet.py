@@ -24,6 +24,7 @@ from busybot.common.rng import generator
 from busybot.objects.cache import cache_folder
 from busybot.reason.inputs.appearances import Appearance, scaled
 from busybot.reason.inputs.sequence import CHANNELS
+from busybot.training.device import device, slices
 
 ADDRESS = "https://download.pytorch.org/models/resnet50-0676ba61.pth"
 SHA256 = "0676ba61b6795bbe1773cffd859882e5e297624d384b6993f7c9e683e722fb8a"
@@ -72,6 +73,7 @@ def _download(place: Path) -> None:
 
 SIDE, CELLS = 64, 16
 BATCH = 32
+"""Looks that are encoded together, on a GPU more."""
 MEAN, SPREAD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 """Of the colour channels of ImageNet, to which the network is used."""
 
@@ -127,22 +129,25 @@ class ResNetEncoder:
     """
 
     def __init__(self, network: FirstStage, key: str):
-        self.key = key
-        self._network = network.eval().requires_grad_(False)
+        self.key, self._on = key, device()
+        self._network = network.eval().requires_grad_(False).to(self._on)
 
     @torch.inference_mode()
     def encode(self, looks: list[Appearance]) -> np.ndarray:
-        """float32 (n, 256); zeros where nothing shows the object."""
+        """float32 (n, 256); zeros where nothing shows the object. Nothing is rounded more, whatever the device."""
         rows = [np.zeros((0, CHANNELS), np.float32)]
-        for start in range(0, len(looks), BATCH):
-            batch = looks[start : start + BATCH]
-            rgb = torch.from_numpy(np.stack([scaled(look.rgb, SIDE) for look in batch]))
-            weight = torch.from_numpy(np.stack([scaled(look.own.astype(np.float32), CELLS) for look in batch]))
-            colours = (rgb.float() / 255 - torch.tensor(MEAN)) / torch.tensor(SPREAD)
-            channels = self._network(colours.permute(0, 3, 1, 2))
-            total = weight.sum((1, 2)).clamp(min=1e-6)
-            rows.append((torch.einsum("bcij,bij->bc", channels, weight) / total[:, None]).numpy())
+        with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
+            rows += [self._encode(looks[part]) for part in slices(len(looks), BATCH, self._on)]
         return np.concatenate(rows)
+
+    def _encode(self, looks: list[Appearance]) -> np.ndarray:
+        rgb = torch.from_numpy(np.stack([scaled(look.rgb, SIDE) for look in looks])).to(self._on)
+        weight = torch.from_numpy(np.stack([scaled(look.own.astype(np.float32), CELLS) for look in looks])).to(self._on)
+        colours = (rgb.float() / 255 - weight.new_tensor(MEAN)) / weight.new_tensor(SPREAD)
+        channels = self._network(colours.permute(0, 3, 1, 2))
+        total = weight.sum((1, 2)).clamp(min=1e-6)
+        encoded: np.ndarray = (torch.einsum("bcij,bij->bc", channels, weight) / total[:, None]).cpu().numpy()
+        return encoded
 
 
 def pretrained(file: Path | None) -> ResNetEncoder:

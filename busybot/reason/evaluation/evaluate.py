@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from busybot.boards.spec import BoardSpec
+from busybot.boards.spec import PAPER, BoardSpec
+from busybot.boards.task import affectable
 from busybot.common.errors import BusybotError
 from busybot.common.process_pool import Progress, default_workers, share
 from busybot.datasets.bundled_assets import library_of
@@ -23,6 +24,7 @@ from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.results import stamp
 from busybot.objects.library import Library
+from busybot.reason.evaluation.causes import ACTIONS, Watched, judge_causes
 from busybot.reason.evaluation.decoders import (
     DecodedState,
     Linear,
@@ -36,8 +38,8 @@ from busybot.reason.evaluation.ground_truth import states_of, truth_of
 from busybot.reason.evaluation.prediction import DECODED, NEAREST, EvaluatedBoard, judge_prediction
 from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.inputs.feature_store import features_of
-from busybot.reason.inputs.observation import observe_episode
-from busybot.reason.inputs.sequence import BoardSequence, clusters_of, sequence_of, threshold_of
+from busybot.reason.inputs.observation import acted_objects, observe_episode
+from busybot.reason.inputs.sequence import BoardSequence, actions_of, clusters_of, sequence_of, threshold_of
 from busybot.reason.models.registry import GRAPHS, REASONERS, config_class, infer, reasoner_of
 from busybot.training.model_cards import file_hashes, find_folder
 
@@ -62,7 +64,8 @@ class ReasonEvaluation:
         images: observed ones.
         config: parameters of the model; None for its defaults.
         decoders: by category, for the second judge; None to do without it.
-        library: the boards' objects, whose appearance decoders name; needed with decoders.
+        library: the boards' objects; needed with decoders, which name their appearance, and in all worlds but the
+            paper's.
     """
 
     model: str = "count"
@@ -82,21 +85,44 @@ def judge_episode(
     """
     judging = judging or ReasonEvaluation()
     observed, truth = observe_episode(episode), states_of(episode)
-    seen = observed.first(judging.images)
+    judged = judged_objects(observed)
+    reasoner, sequence = None, None
+    judges: dict[str, StateReadout] = {}
+    predicted = None
     if features is None:
-        reasoner, sequence = None, None
-        graph = infer(seen, judging.model, judging.config)
+        longer = infer(observed.first(max(judging.images, ACTIONS + 1)), judging.model, judging.config)
+        # after each action they know what was seen until then
+        graph = replace(longer, probabilities=longer.probabilities[: max(1, judging.images - 1)])
     else:
         reasoner, sequence = reasoner_of(judging.model, judging.config), sequence_of(observed, features)
-        graph = reasoner.graph(sequence.first(judging.images))
-    predicted = None
+        graph = longer = reasoner.graph(sequence.first(judging.images))
+        if judging.images <= min(ACTIONS, sequence.steps):
+            longer = reasoner.graph(sequence.first(ACTIONS + 1))
+        if truth is not None:
+            judges = _judges(episode.board, judging, sequence, truth.states, judged)
     if truth is not None and len(truth.links) >= judging.images:
-        judged = judged_objects(observed)
-        judges = {} if sequence is None else _judges(episode.board, judging, sequence, truth.states, judged)
-        watched = EvaluatedBoard(truth, observed, judged, sequence, judges)
+        watched = EvaluatedBoard(truth, observed, judged & _controlled(episode.board), sequence, judges)
         predicted = judge_prediction(watched, reasoner, judging.images, (*CURVE, judging.images))
-    steps = len(seen.actions)
-    return JudgedGraph(episode.board, graph, truth_of(episode), steps, episode.policy, episode.oracle, predicted)
+    read = judges.get(NEAREST)
+    actions, acted = actions_of(observed), acted_objects(observed)
+    recorded = Watched(episode, actions, acted, judged, judging.images, judging.library, sequence, reasoner, read)
+    return JudgedGraph(
+        episode.board,
+        graph,
+        truth_of(episode),
+        steps=min(judging.images - 1, len(episode.steps)),
+        policy=episode.policy,
+        oracle=episode.oracle,
+        forecast=predicted,
+        causes=judge_causes(recorded, replace(longer, kinds=graph.kinds, lags=graph.lags)),
+    )
+
+
+def _controlled(board: BoardSpec) -> np.ndarray:
+    """bool (N,), whose prediction counts: in the paper's world all; in others those that links control, because nobody
+    can predict what moves by itself."""
+    everyone = np.arange(len(board.objects))
+    return np.isin(everyone, affectable(board)) if board.world != PAPER else np.ones(len(everyone), bool)
 
 
 def _judges(
@@ -129,7 +155,8 @@ def evaluate_dataset(
 
     Args:
         training: train decoders on this dataset, for the second judge of predictions.
-        assets: the objects of both datasets, if they are not found by their hashes; only decoders need them.
+        assets: the objects of both datasets, if they are not found by their hashes; decoders need them, and all
+            worlds but the paper's.
         seed: of the bootstrap.
         workers: processes; None for one per core, as far as there are boards enough to pay for starting them.
 
@@ -144,11 +171,14 @@ def evaluate_dataset(
     if not indices:
         what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
         raise BusybotError(what, collect_command(dataset.path, dataset.info))
+    sets = {one.path: origin(one) for one in (dataset, training) if one is not None}
     features = None if encoder is None else features_of(dataset, encoder, workers=workers)
     if training is not None and encoder is not None:
         learnt = features_of(training, encoder, workers=workers)
         trained = train_decoders(training, learnt, library_of(training, assets))
-        judging = replace(judging, decoders=trained, library=library_of(dataset, assets))
+        judging = replace(judging, decoders=trained)
+    if judging.decoders is not None or any(board.world != PAPER for board in dataset.boards()):
+        judging = replace(judging, library=library_of(dataset, assets))
     judged: list[JudgedGraph] = []
     processes = workers or min(default_workers(), 1 + len(indices) // BOARDS_PER_WORKER)
     tasks = [(index, dataset.episode_path(index)) for index in indices]
@@ -156,15 +186,14 @@ def evaluate_dataset(
         judged.append(one)
         if progress is not None:
             progress(len(judged), len(indices))
-    sets = [one for one in (dataset, training) if one is not None]
     return {
-        **stamp("reason", hashes={"models": _model_hashes(judging.model), "data": dict(map(_hashes, sets))}),
+        **stamp("reason", hashes={"models": _model_hashes(judging.model), "data": dict(map(_hashes, sets.values()))}),
         **summarise(judged, judging.images, seed),
         "images_used": 1 + max(one.steps for one in judged),
         "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
         "encoder": encoder,
-        "dataset": origin(dataset),
-        "decoders": None if training is None else origin(training),
+        "dataset": sets[dataset.path],
+        "decoders": None if training is None else sets[training.path],
     }
 
 
@@ -176,8 +205,7 @@ def _model_hashes(model: str) -> dict[str, dict[str, str]]:
     return {folder.name: file_hashes(folder)}
 
 
-def _hashes(dataset: Dataset) -> tuple[str, dict[str, Any]]:
-    told = origin(dataset)
+def _hashes(told: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     return f"{told['name']} ({told['split']})", {key: told[key] for key in told if key.endswith("_hash")}
 
 

@@ -18,6 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from busybot.boards.dynamics import Dynamics, Links
+from busybot.boards.mechanisms import Mechanism
+from busybot.boards.spec import BODY, BoardSpec, LinkRef
 from busybot.episodes.episode import Episode
 
 NOTHING_HELD = "nothing held"
@@ -54,6 +57,69 @@ def truth_of(episode: Episode) -> GraphTruth:
             kinds[pair] = tuple(sorted({*kinds.get(pair, ()), relation.kind}))
     edges = np.array(episode.board.relation_matrix(), bool).reshape(candidates.shape)
     return GraphTruth(candidates, edges & candidates, kinds, _shown(episode, edges))
+
+
+@dataclass(frozen=True)
+class CauseTruth:
+    """What decides each object of a board after so many actions. N objects, I inputs.
+
+    Attributes:
+        inputs: what may be read, trigger links in the board's order, then responders (`BODY`).
+        link_parents: bool (I, N), an input in the row and what it decides in the column.
+        object_parents: bool (N, N), the same with an object's inputs taken together.
+        mechanisms: of each object, None for triggers and for responders that nothing moves.
+        read: of each mechanism the numbers of its inputs, in its order.
+        lags: int (I, N), after how many actions an input shows at the earliest; -1 where it is no parent.
+        streams: names the luck of each object; responders that a hidden clock moves have one in common.
+    """
+
+    inputs: tuple[LinkRef, ...]
+    link_parents: np.ndarray
+    object_parents: np.ndarray
+    mechanisms: tuple[Mechanism | None, ...]
+    read: tuple[tuple[int, ...], ...]
+    lags: np.ndarray
+    streams: tuple[str, ...]
+
+
+def causes_of(board: BoardSpec, links: Links, action: int = 0) -> CauseTruth:
+    """What decides what a board shows after the action of that number, from 0; a rewiring changes it.
+
+    Raises:
+        BusybotError: a relation is of an unknown kind, or does not fit the links.
+    """
+    count = len(board.objects)
+    responders = [index for index, placed in enumerate(board.objects) if placed.role == "responder"]
+    names = [*links.names, *((index, BODY) for index in responders)]
+    link_parents, lags = np.zeros((len(names), count), bool), np.full((len(names), count), -1)
+    object_parents = np.zeros((count, count), bool)
+    mechanisms: list[Mechanism | None] = [None] * count
+    read: list[tuple[int, ...]] = [()] * count
+    streams = [""] * count
+    for one in Dynamics(board, links).bound_at(action):
+        # a responder's state is read as it was before the action
+        late = [one.mechanism.lag + responder for _, responder in one.inputs]
+        numbers = tuple(names.index((place, BODY)) if responder else place for place, responder in one.inputs)
+        mechanisms[one.responder], read[one.responder], streams[one.responder] = one.mechanism, numbers, one.stream
+        for number, lag in zip(numbers, late, strict=True):
+            link_parents[number, one.responder], lags[number, one.responder] = True, lag
+            object_parents[names[number][0], one.responder] = True
+    inputs = tuple(LinkRef(object=index, link=name) for index, name in names)
+    return CauseTruth(inputs, link_parents, object_parents, tuple(mechanisms), tuple(read), lags, tuple(streams))
+
+
+def trace_of(episode: Episode) -> tuple[np.ndarray, np.ndarray] | None:
+    """States of the trigger links, int (T + 1, L), and of all objects, int (T + 1, N), on the new board and after every
+    step; None where a recording does not know them. Links are in the board's order."""
+    first = episode.steps[:1]
+    links = [step.trigger_states_before for step in first] + [step.trigger_states_after for step in episode.steps]
+    states = [step.responder_states_before for step in first] + [step.responder_states_after for step in episode.steps]
+    count = sum(len(placed.states) for placed in episode.board.objects)
+    if not states or any(len(one) != len(episode.board.objects) for one in states):
+        return None
+    if any(len(one) != count for one in links):
+        return None
+    return np.array(links, int), np.array(states, int)
 
 
 def _shown(episode: Episode, edges: np.ndarray) -> np.ndarray | None:

@@ -11,6 +11,8 @@ from busybot.common.rng import generator
 from busybot.evaluation.bootstrap import LEVEL
 from busybot.evaluation.results import package_versions
 from busybot.reason.evaluation import metrics as m
+from busybot.reason.evaluation.causes import JudgedCauses
+from busybot.reason.evaluation.causes_summary import summarise_causes
 from busybot.reason.evaluation.ground_truth import GraphTruth
 from busybot.reason.evaluation.prediction import BOUND, BOUND_KNOWING, DECODED, NEAREST, PERSISTENCE, JudgedPrediction
 from busybot.reason.models.base import InferredGraph
@@ -136,6 +138,7 @@ class JudgedGraph:
         policy: that chose them.
         oracle: whether that policy knew what only the simulator knows.
         forecast: the predicted steps; None where the recording does not know states or ends with the observed images.
+        causes: what is judged in every world (`causes`); None if nobody judged it.
     """
 
     board: BoardSpec
@@ -145,6 +148,7 @@ class JudgedGraph:
     policy: str
     oracle: bool
     forecast: JudgedPrediction | None = None
+    causes: JudgedCauses | None = None
 
     def counts(self, steps: int) -> m.Counts:
         """Edges claimed after so many steps against the truth."""
@@ -159,6 +163,8 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
     counts = [one.counts(steps) for one in judged]
     rng = generator(seed, judged[0].board.split if judged else "", 0, "reason/bootstrap")
     calibrated = _calibration(judged, [one.graph.after(steps) for one in judged])
+    predicted = summarise_predictions(forecasts)
+    causes = [(one.board, one.causes) for one in judged if one.causes is not None]
     return {
         "model": judged[0].graph.name if judged else None,
         "images": images,
@@ -168,7 +174,7 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
         "oracle": any(one.oracle for one in judged),
         **m.micro(counts, EDGES),
         "edge_r_bound": _bound(judged, steps),
-        **summarise_predictions(forecasts),
+        **predicted,
         "ece": calibrated["ece"],
         "brier": calibrated["brier"],
         "threshold": judged[0].graph.threshold if judged else None,
@@ -179,6 +185,8 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
         "by_kind": _summary_by_kind(judged, steps),
         "by_images": _curve(judged, forecasts, images),
         "baselines": _baselines(judged, seed),
+        "world": ", ".join(sorted({one.board.world for one in judged})),
+        **summarise_causes(causes, images, predicted["pred_a"], seed),
         "seed": seed,
         "versions": package_versions(("numpy",)),
     }

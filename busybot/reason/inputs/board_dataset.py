@@ -14,6 +14,7 @@ import torch
 from busybot.common.errors import BusybotError
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.pyg import Batch, DataLoader, Dataset, HeteroData
+from busybot.training.device import slices
 from busybot.training.loop import groups_apart
 
 if TYPE_CHECKING:
@@ -107,9 +108,9 @@ def batches_of(dataset: BoardDataset, chosen: Iterable[Sequence[int] | np.ndarra
     return iter(DataLoader(dataset, batch_sampler=chosen, generator=generator))
 
 
-def in_turn(boards: int, batch: int) -> list[range]:
-    """The numbers of all boards, at most `batch` at once."""
-    return [range(start, min(start + batch, boards)) for start in range(0, boards, batch)]
+def in_turn(boards: int, batch: int, on: torch.device) -> Iterator[range]:
+    """The numbers of all boards, `batch` at once, on a GPU more if there is memory."""
+    return (range(part.start, part.stop) for part in slices(boards, batch, on))
 
 
 def step_targets(batch: Batch, kind: str) -> torch.Tensor:

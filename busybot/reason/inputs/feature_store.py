@@ -3,7 +3,8 @@
 The store of a dataset in `data/boards` is the folder `data/boards.features`:
 
 embedded-0a1b2c3d/                   an encoder, with a digest of all that decides its numbers
-    000012-89abcdef01234567.npy      episode 12 with the beginning of its content digest: float16 (T + 1, N, 256)
+    000012-89abcdef01234567.npy      episode 12 with the beginning of its content digest: float16 (T + 1, N, 256),
+                                     then the whole digest and a checksum of the numbers
 
 An episode that was recorded again has another digest, so features never belong to other pictures than they seem to.
 Files are there whole or not at all; what is missing is computed when it is asked for. Nothing is written into the
@@ -15,6 +16,8 @@ Training reads the store, which is mapped into memory. `write_table` makes one P
 import hashlib
 import os
 import re
+import struct
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -39,6 +42,8 @@ from busybot.reason.inputs.sequence import CHANNELS, BoardSequence, sequence_of
 EPISODES_PER_WORKER = 20
 """A process more costs about as much time as so many episodes."""
 
+_END = struct.Struct("<32sI")
+"""What follows the array in a file: content digest of the episode, CRC-32 of the values."""
 _NAME = re.compile(r"^(\d{6,9})-[0-9a-f]{16}\.npy$")
 
 
@@ -60,10 +65,11 @@ class Features(Mapping[int, np.ndarray]):
     folder: Path
     new: int
     _files: dict[int, Path]
+    _digests: dict[int, str]
     _dataset: Dataset
 
     def __getitem__(self, episode: int) -> np.ndarray:
-        values = _load(self._files[episode])
+        values = _load(self._files[episode], self._digests[episode], whole=True)
         if values is None:
             what = f"{self._files[episode]}: it was changed since it was written"
             raise BusybotError(what, "compute the features again (`busybot features`)")
@@ -113,15 +119,15 @@ def features_of(
     make_folder(folder, root)
     remove_leftovers(folder, root)
     files = {index: folder / f"{index:06d}-{digest[:16]}.npy" for index, digest in digests.items()}
-    missing = [index for index, file in files.items() if _load(file) is None]
+    missing = [index for index, file in files.items() if _load(file, digests[index]) is None]
     processes = workers or min(default_workers(), 1 + len(missing) // EPISODES_PER_WORKER)
-    tasks = [(dataset.episode_path(index), files[index]) for index in missing]
+    tasks = [(dataset.episode_path(index), files[index], digests[index]) for index in missing]
     for done, _ in enumerate(share(partial(_compute, encoder, weights, root), tasks, processes), start=1):
         if progress is not None:
             progress(done, len(missing))
     if store is None:  # a store that was named may hold those of other datasets, too
         _remove_outdated(folder, files, root)
-    return Features(encoder, chosen.key, chosen.oracle, folder, len(missing), files, dataset)
+    return Features(encoder, chosen.key, chosen.oracle, folder, len(missing), files, digests, dataset)
 
 
 def store_of(dataset: Dataset) -> Path:
@@ -145,8 +151,8 @@ def _digests(dataset: Dataset, episodes: Iterable[int] | None) -> dict[int, str]
     return {index: known[index] for index in wanted}
 
 
-def _compute(encoder: str, weights: Path | None, root: Path, task: tuple[Path, Path]) -> None:
-    recorded, file = task
+def _compute(encoder: str, weights: Path | None, root: Path, task: tuple[Path, Path, str]) -> None:
+    recorded, file, digest = task
     try:
         values = make_extractor(encoder, weights).of_episode(read_episode(recorded, "lazy"))
     except BusybotError as error:
@@ -154,19 +160,34 @@ def _compute(encoder: str, weights: Path | None, root: Path, task: tuple[Path, P
         raise BusybotError(f"{where}{error.what}", error.hint) from None
     data = BytesIO()
     np.save(data, values, allow_pickle=False)
+    data.write(_END.pack(bytes.fromhex(digest), zlib.crc32(np.ascontiguousarray(values).data)))
     write_atomically(file, data.getvalue(), root)
 
 
-def _load(file: Path) -> np.ndarray | None:
-    """A stored array, memory-mapped; None where there is none that can be used."""
+def _load(file: Path, digest: str, whole: bool = False) -> np.ndarray | None:
+    """A stored array, memory-mapped; None where there is none that can be used.
+
+    Args:
+        digest: of the episode's content, which the file must name.
+        whole: compare the values with their checksum, too.
+    """
     if file.is_symlink() or not file.is_file():
         return None
     try:
         values = np.load(file, mmap_mode="r", allow_pickle=False)
     except (OSError, ValueError, EOFError):
         return None
-    sound = isinstance(values, np.ndarray) and values.dtype == np.float16 and values.shape[2:] == (CHANNELS,)
-    return values if sound and values.ndim == 3 else None
+    sound = isinstance(values, np.memmap) and values.dtype == np.float16 and values.shape[2:] == (CHANNELS,)
+    if not sound or values.ndim != 3:
+        return None
+    with open(file, "rb") as stored:
+        stored.seek(values.offset + values.nbytes)
+        end = stored.read(_END.size + 1)
+    if len(end) != _END.size:  # of an earlier version
+        return None
+    made_of, checksum = _END.unpack(end)
+    right = made_of.hex() == digest and not (whole and zlib.crc32(np.ascontiguousarray(values).data) != checksum)
+    return values if right else None
 
 
 def _remove_outdated(folder: Path, files: dict[int, Path], root: Path) -> None:

@@ -78,15 +78,20 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
         raise BusybotError(f"features of shape {features.shape} where the episode has {expected}", "compute them again")
     left, top, right, bottom = np.asarray(observed.boxes).reshape(-1, 4).T
     seen = (left >= 0) & (top >= 0) & (right > left) & (bottom > top) & (roles == "responder")
-    actions = [(*action.position, *action.direction) for action in observed.actions]
     return BoardSequence(
         features=np.where(seen[None, :, None], features, 0).astype(np.float32),
         positions=np.nan_to_num(observed.positions, nan=0.0).astype(np.float32),
-        actions=np.array(actions, np.float32).reshape(-1, 6),
+        actions=actions_of(observed),
         acted=acted_objects(observed).astype(np.int64),
         triggers=roles == "trigger",
         responders=roles == "responder",
     )
+
+
+def actions_of(observed: "ObservedEpisode") -> np.ndarray:
+    """The actions as of `BoardSequence`, float32 (T, 6)."""
+    actions = [(*action.position, *action.direction) for action in observed.actions]
+    return np.array(actions, np.float32).reshape(-1, 6)
 
 
 THRESHOLDS = {"embedded": 0.5, "embedded-box": 0.5, "embedded-mask": 0.5}

@@ -4,11 +4,30 @@ What a reasoner says about one episode, as plain data: metrics, tables and pictu
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from busybot.reason.inputs.sequence import BoardSequence
+
+
+@dataclass(frozen=True)
+class InferredLinks:
+    """Which link controls which object, of a model that tells a trigger's links apart: a link is a cluster of contacts.
+
+    Attributes:
+        clusters: int (T,), the link that each of T actions took hold of, numbered from 0; -1 for none.
+        probabilities: float (T, K, N), after each step, that link k controls object j.
+    """
+
+    clusters: np.ndarray
+    probabilities: np.ndarray
+
+    def after(self, steps: int) -> np.ndarray:
+        """Probabilities (K, N) after so many steps, 0 before the first."""
+        if steps <= 0:
+            return np.zeros(self.probabilities.shape[1:])
+        return self.probabilities[min(steps, len(self.probabilities)) - 1]
 
 
 @dataclass(frozen=True)
@@ -18,15 +37,24 @@ class InferredGraph:
     Attributes:
         name: of the reasoner, e.g. "count".
         probabilities: float (T, N, N), T >= 1 steps, N objects; `[t, i, j]` is the probability, after step t (from 0),
-            that object i (a trigger) controls object j (a responder). What is believed after step T - 1 stays.
-        threshold: an edge is claimed when its probability exceeds this.
+            that object i controls object j (a responder); i is a trigger, or a responder where the model can say so.
+            What is believed after step T - 1 stays.
+        threshold: an edge is claimed when its probability exceeds this, also one of a link.
         prior: float (N, N), what is believed before the first step; zeros if None.
+        links: the same of single links; None where the model does not tell them apart.
+        kinds: at the end, the kind of the mechanism that decides each object (`boards.mechanisms`), "" for nothing;
+            None where the model does not tell kinds.
+        lags: int (N,), at the end, after how many actions an input of each object shows at the earliest, -1 where
+            there is none; None where the model does not tell lags.
     """
 
     name: str
     probabilities: np.ndarray
     threshold: float = 0.5
     prior: np.ndarray | None = None
+    links: InferredLinks | None = None
+    kinds: tuple[str, ...] | None = None
+    lags: np.ndarray | None = None
 
     def after(self, steps: int) -> np.ndarray:
         """Probabilities (N, N) after so many steps; the prior before the first."""
@@ -67,3 +95,39 @@ class Reasoner(Protocol):
             float32 (S, N, 256).
         """
         ...
+
+
+@runtime_checkable
+class Imagining(Protocol):
+    """What a reasoner may have beside: answers to "what if", of which it may remember more than a picture shows.
+
+    Evaluators ask a reasoner that has none by its own predictions, one after the other (`imagine`).
+    """
+
+    def what_if(self, seen: BoardSequence, steps: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+        """Features after each of K actions in a row, which are done instead of what was done then; Q questions.
+
+        Args:
+            seen: all that was observed, also after the steps that are asked about: it tells how the board works.
+            steps: int (Q,), how many of the observed actions come before, 0 to T.
+            actions: float32 (Q, K, 6), as of `BoardSequence`; zeros where nothing is done.
+            acted: int (Q, K), index of the trigger acted on, -1 for none.
+
+        Returns:
+            float32 (Q, K, N, 256).
+        """
+        ...
+
+
+def imagine(
+    reasoner: Reasoner, seen: BoardSequence, steps: np.ndarray, actions: np.ndarray, acted: np.ndarray
+) -> np.ndarray:
+    """A reasoner's answers, arguments and result as of `Imagining.what_if`; without it each prediction begins with the
+    one before, the first with the features that were observed."""
+    if isinstance(reasoner, Imagining):
+        return reasoner.what_if(seen, steps, actions, acted)
+    current, told = seen.features[steps], []
+    for number in range(actions.shape[1]):
+        current = reasoner.predict(seen, current, actions[:, number], acted[:, number])
+        told.append(current)
+    return np.stack(told, axis=1)

@@ -41,12 +41,15 @@ class CountConfig(FrozenModel):
             several links changes the responder through one of them only.
         noise: Beta(a, b) of the rate of change in all other steps. Small: on training objects none of 14,000 unchanged
             appearances was taken for a change. Where many are, a larger rate keeps precision up at the cost of recall.
+        claimed: an edge is claimed when its probability exceeds this. Where two triggers move a responder together,
+            each of them has about half.
         change: when a responder counts as changed.
     """
 
     controlled: Annotated[float, Field(gt=0, lt=1)] = 0.5
     effect: tuple[PositiveFloat, PositiveFloat] = (1.5, 1.0)
     noise: tuple[PositiveFloat, PositiveFloat] = (1.0, 5000.0)
+    claimed: Annotated[float, Field(ge=0, lt=1)] = 0.5
     change: ChangeConfig = ChangeConfig()
 
 
@@ -61,7 +64,7 @@ def count(observed: ObservedEpisode, config: CountConfig | None = None) -> Infer
     prior = np.zeros(probabilities.shape[1:])
     if len(observed.triggers):
         prior[np.ix_(observed.triggers, observed.responders)] = config.controlled / len(observed.triggers)
-    return InferredGraph("count", probabilities, prior=prior)
+    return InferredGraph("count", probabilities, config.claimed, prior)
 
 
 def count_changes(
@@ -148,7 +151,7 @@ def discover_changes(
             continue
         seen = np.flatnonzero(informative[: step + 1])
         did, moved = actions[seen], changed[np.ix_(seen, responders)]
-        edges[step][np.ix_(triggers, responders)] = _adjacent(did, moved, config) & _more_often(did, moved)
+        edges[step][np.ix_(triggers, responders)] = adjacent(did, moved, config) & _more_often(did, moved)
     return edges
 
 
@@ -159,8 +162,16 @@ def _more_often(did: np.ndarray, moved: np.ndarray) -> np.ndarray:
     return np.asarray(with_it > without)
 
 
-def _adjacent(did: np.ndarray, moved: np.ndarray, config: PcConfig) -> np.ndarray:
-    """Pairs that PC leaves adjacent, bool (I, J)."""
+def adjacent(did: np.ndarray, moved: np.ndarray, config: PcConfig) -> np.ndarray:
+    """Pairs that PC leaves adjacent, bool (I, J).
+
+    Args:
+        did: int or bool (samples, I), what nothing causes.
+        moved: int or bool (samples, J), what it may cause.
+
+    Raises:
+        BusybotError: causal-learn is not installed.
+    """
     data = np.concatenate([did, moved], axis=1).astype(int)
     # what never varied is independent of everything
     varied = np.flatnonzero(data.min(0) != data.max(0))

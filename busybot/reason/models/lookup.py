@@ -69,7 +69,7 @@ class Lookup:
         changed = change_sizes(seen) > self.config.changed
         probabilities = count_changes(changed, seen.acted, triggers, responders, self.config.counting)
         prior = seen.candidates * self.config.counting.controlled / max(1, len(triggers))
-        return InferredGraph(self.name, probabilities, prior=prior)
+        return InferredGraph(self.name, probabilities, self.config.counting.claimed, prior)
 
     def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """See `Reasoner`."""

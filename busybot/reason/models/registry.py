@@ -7,10 +7,9 @@ predict, too. A trained one is a folder with `weights.safetensors` and `model.js
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ValidationError
-from torch import Tensor
 
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
@@ -19,8 +18,10 @@ from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.models.base import InferredGraph, Reasoner
 from busybot.reason.models.counting import CountConfig, PcConfig, count, discover
 from busybot.reason.models.lookup import Lookup, LookupConfig, Persistence
-from busybot.training.checkpoint import drawing_nothing, load_tensors, load_weights
-from busybot.training.model_cards import INFO_FILE, WEIGHTS_FILE, ModelCard, find_folder, read_info
+from busybot.training.model_cards import INFO_FILE, WEIGHTS_FILE, ModelCard, check_weights, find_folder, read_info
+
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 class ReasonerInfo(ModelCard):
@@ -43,33 +44,37 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
     Raises:
         BusybotError: there is no such model, or its files are damaged or do not belong together.
     """
+    from busybot.training.checkpoint import load_tensors  # torch only where it is needed
+
     folder = find_folder(name_or_path, "reason")
     info = read_info(folder, ReasonerInfo)
     tensors = load_tensors(folder / WEIGHTS_FILE).tensors
+    check_weights(folder / WEIGHTS_FILE, info)
     try:
-        with drawing_nothing():
-            return _trained(info, tensors, folder / WEIGHTS_FILE)
+        return _trained(info, tensors, folder / WEIGHTS_FILE)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(["config", *map(str, first["loc"])])
         raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
 
 
-def _trained(info: ReasonerInfo, tensors: dict[str, Tensor], file: Path) -> Reasoner:
+def _trained(info: ReasonerInfo, tensors: "dict[str, Tensor]", file: Path) -> Reasoner:
+    from busybot.training.checkpoint import network_with
+
     if info.model == "event":
         from busybot.reason.models.event.config import EventConfig
         from busybot.reason.models.event.networks import EventNet, EventReasoner
 
         event = EventConfig.model_validate(info.config)
-        net = EventNet(event.net)
-        load_weights(net, tensors, file)
+        net = network_with(lambda: EventNet(event.net), tensors, file)
         return EventReasoner(net, info.encoder, event.loss.blur)
     from busybot.reason.models.paper.config import PaperReasonConfig
     from busybot.reason.models.paper.networks import PaperReasoner, network_of
+    from busybot.training.device import device
 
-    network = network_of(PaperReasonConfig.model_validate(info.config))
-    load_weights(network, tensors, file)
-    return PaperReasoner(network, info.encoder)
+    config = PaperReasonConfig.model_validate(info.config)
+    network = network_with(lambda: network_of(config), tensors, file)
+    return PaperReasoner(network.to(device()), info.encoder)
 
 
 class NoParameters(FrozenModel):

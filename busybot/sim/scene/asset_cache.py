@@ -6,17 +6,19 @@ that SAPIEN's own cache can be emptied and an object that leaves ours is freed (
 """
 
 import ctypes
+import sys
 from collections import OrderedDict
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 import sapien
 from sapien.wrapper.actor_builder import ActorBuilder
 from sapien.wrapper.articulation_builder import ArticulationBuilder
-from sapien.wrapper.urdf_loader import URDFLoader
 
 from busybot.common.errors import BusybotError
 from busybot.objects.model import ObjectModel
+from busybot.sim.scene.mesh_store import component, meshes_of
 
 KEPT = 64
 """Objects that stay loaded, about 6 MB each: more than the paper's 58."""
@@ -69,24 +71,45 @@ class Builders:
                 trim(0)
 
     def _load(self, model: ObjectModel, scale: float) -> ArticulationBuilder:
-        loader = URDFLoader()
+        loader = _urdf_loader()()
         loader.set_scene(_Unbound())
         loader.fix_root_link = True
         loader.scale = scale
-        # clones share their materials: what a board paints is read from SAPIEN's cache each time
+        # clones share their materials: what a board paints is made anew each time
         painted = model.effect.link if model.effect is not None and model.effect.type == "color" else None
         try:
             builder = loader.load_file_as_articulation_builder(str(model.urdf))
+            meshes = meshes_of(model, builder.link_builders) if self._looks else None
             for link in builder.link_builders:
                 link.collision_records = []
                 _give_stops(link.joint_record, model, scale)
                 if not self._looks:
                     link.visual_records = []
-                elif link.visual_records and link.name != painted:
+                elif meshes is not None:
+                    link.build_render_component = partial(component, link, model.folder, meshes)
+                if link.visual_records and link.name != painted:
                     link.build_render_component = link.build_render_component().clone
         except Exception as error:  # the loader raises whatever its parsers raise
             raise BusybotError(f"{model.urdf}: SAPIEN cannot load it: {error}", "busybot assets check") from error
         return builder
+
+
+@cache
+def _urdf_loader() -> Any:
+    """SAPIEN's reader of URDF, imported without trimesh.
+
+    It takes trimesh, and with it half of SciPy, for meshes that it reads itself, which it does not do here; where there
+    is none it goes on without. That saves half of what importing a simulator takes.
+    """
+    absent = "trimesh" not in sys.modules
+    if absent:
+        sys.modules["trimesh"] = None  # type: ignore[assignment]  # how Python is told that there is no such module
+    try:
+        from sapien.wrapper.urdf_loader import URDFLoader
+    finally:
+        if absent:
+            del sys.modules["trimesh"]
+    return URDFLoader
 
 
 def _give_stops(record: Any, model: ObjectModel, scale: float) -> None:

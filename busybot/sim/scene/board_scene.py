@@ -6,10 +6,10 @@ board: it can be looked at, acted on (`sim.interaction`), saved and restored.
 
 There is no gravity and there are no collision shapes: convex hulls make doors and switches drift at rest, and the
 gripper is a drive that needs none. Between interactions everything rests in its detent, so the discrete trigger states
-*are* the state of the board.
+and what the mechanisms remember (`boards.dynamics`) *are* the state of the board.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -17,19 +17,19 @@ from typing import Any
 import numpy as np
 import sapien
 
-from busybot.boards.relations import responder_state
+from busybot.boards.dynamics import Dynamics, DynamicState, Links
 from busybot.boards.spec import BoardSpec, PlacedObject, Relation
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Camera, Image, Link
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel
+from busybot.sim.scene.appearance import lights_of
 from busybot.sim.scene.asset_cache import Builders
 from busybot.sim.scene.joints import JOINT_DAMPING, Responder, TriggerJoint, make_responder, make_triggers
-from busybot.sim.scene.render import RenderConfig, Surroundings, add_camera, camera_model, read_picture
+from busybot.sim.scene.render import RenderConfig, Surroundings, add_camera, camera_model, new_renderer, read_picture
 
 TIME_STEP = 0.01
 """Seconds of simulated time per physics step."""
-KNOWN_KINDS = frozenset({"one-to-one", "one-to-many-effects", "one-to-many-objects"})
 
 
 class Simulator:
@@ -62,10 +62,10 @@ class Simulator:
 
     def new_scene(self, spec: BoardSpec, models: list[ObjectModel]) -> sapien.Scene:
         """A scene with what the objects stand on, if anybody looks."""
-        scene = sapien.Scene() if self.render else sapien.Scene([sapien.physx.PhysxCpuSystem()])
+        scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), *([new_renderer()] if self.render else [])])
         scene.set_timestep(TIME_STEP)
-        if self._surroundings is not None:
-            self._surroundings.add(scene, spec, models)
+        if self._surroundings is not None and self.render is not None:
+            self._surroundings.add(scene, spec, models, self.render.randomise)
         return scene
 
     def build_object(self, scene: sapien.Scene, model: ObjectModel, placed: PlacedObject) -> Any:
@@ -84,9 +84,16 @@ class Simulator:
 
 @dataclass(frozen=True)
 class BoardState:
-    """All that distinguishes a board at rest from its initial state: the trigger links' states."""
+    """All that distinguishes a board at rest from its initial state.
+
+    Attributes:
+        triggers: the trigger links' states.
+        dynamics: what shows and what the mechanisms remember; None for what a new board shows with these triggers,
+            which is all where nothing is remembered.
+    """
 
     triggers: tuple[int, ...]
+    dynamics: DynamicState | None = None
 
 
 class BoardScene:
@@ -102,6 +109,7 @@ class BoardScene:
     def __init__(self, simulator: Simulator, spec: BoardSpec):
         self.spec = spec
         self._render = simulator.render
+        self._seen = simulator.render and simulator.render.of_board(spec)
         self.models = [simulator.library.get(placed.key) for placed in spec.objects]
         self.scene = simulator.new_scene(spec, self.models)
         stages = _stages(spec)
@@ -126,21 +134,26 @@ class BoardScene:
         self._codes = np.zeros(max(codes, default=0) + 2, np.uint16)
         self._codes[list(codes)] = list(codes.values())
         self.trigger_numbers = {(joint.object, joint.link.name): number for number, joint in enumerate(self.triggers)}
-        relations = spec.relations if simulator.responders else ()
-        self._relation_of = {self._driver(relation): relation for relation in relations}
-        for number, joint in enumerate(self.triggers):
-            self._respond(number, joint.state)
-        self._camera: Any = add_camera(self.scene, self._render) if self._render else None
+        sizes = tuple(joint.link.states for joint in self.triggers)
+        self.dynamics = Dynamics(spec, Links(tuple(self.trigger_numbers), sizes))
+        self._driven = [self._responders_of(number) for number in range(len(self.triggers))]
+        self._state = self.dynamics.start(self.trigger_states())
+        self._effects = simulator.responders
+        self._show(self._state, everything=True)
+        self._camera: Any = self._seen and add_camera(
+            self.scene, self._seen, lights_of(self._seen.randomise.lights, spec)
+        )
         self.scene.step()
 
     @property
     def camera(self) -> Camera:
         """The camera's pinhole model."""
-        return camera_model(self.view)
+        assert self.view and self._seen
+        return camera_model(self._seen)
 
     @property
     def view(self) -> RenderConfig:
-        """How the board is looked at.
+        """How boards are looked at; this one has a camera of its own if cameras are drawn.
 
         Raises:
             BusybotError: it is simulated without a renderer.
@@ -175,22 +188,47 @@ class BoardScene:
         return tuple(joint.position() for joint in self.triggers)
 
     def set_trigger(self, number: int, state: int) -> None:
-        """Let a trigger rest in a state; its responder follows at once."""
+        """Let a trigger rest in a state; what follows it without a memory follows at once, the rest with `tick`."""
         self.triggers[number].settle(state)
-        self._respond(number, state)
+        if not self.dynamics.remembers:
+            now = self.dynamics.start(self.trigger_states())
+            self._state = DynamicState(self._state.tick, now.shown, now.memories)
+            self._show(self._state, also=self._driven[number])
         # SAPIEN places links a millionth of a unit off until the next step, which shows at edges
         self.scene.step()
 
+    def tick(self) -> None:
+        """End an action: every mechanism sees what it left, and what has changed is shown."""
+        self._state = self.dynamics.step(self.trigger_states(), self._state)
+        if self.dynamics.remembers:
+            self._show(self._state)
+            # after two steps every pose is one that a step computed, so that it can be put back in every bit
+            self.scene.step()
+            self.scene.step()
+
+    def locked(self, number: int) -> bool:
+        """Whether something holds a trigger's joint."""
+        return self._effects and self.dynamics.locked(number, self._state.shown)
+
     @contextmanager
     def showing(self, number: int, state: int) -> Iterator[None]:
-        """Let the trigger's responder show what it would show in a trigger state, for a look in mid-motion."""
-        self._respond(number, state)
+        """Let responders show what they would show if an action left the trigger in a state; for a look in
+        mid-motion. What changes late or by itself changes when an action ends, so nothing does before the trigger."""
+        states = self.trigger_states()
+        reached = (*states[:number], state, *states[number + 1 :])
+        shown = self._state if reached == states else self.dynamics.step(reached, self._state)
+        self._show(shown, also=self._driven[number])
         yield
-        self._respond(number, self.triggers[number].state)
+        self._show(self._state, also=self._driven[number])
 
     def save(self) -> BoardState:
         """The board's exact state; only between interactions."""
-        return BoardState(self.trigger_states())
+        return BoardState(self.trigger_states(), self._state if self.dynamics.remembers else None)
+
+    @property
+    def memory(self) -> tuple[int, ...]:
+        """What the mechanisms remember, one after the other; empty in the paper's world."""
+        return self._state.flat
 
     def restore(self, state: BoardState) -> None:
         """Put the board back; what follows is what would have followed then."""
@@ -198,6 +236,10 @@ class BoardScene:
             raise BusybotError(f"the state has {len(state.triggers)} triggers, the board {len(self.triggers)}")
         for number, value in enumerate(state.triggers):
             self.set_trigger(number, value)
+        if self.dynamics.remembers or state.dynamics is not None:
+            self._state = state.dynamics or self.dynamics.start(state.triggers)
+            self._show(self._state)
+            self.scene.step()
 
     def rest(self, state: BoardState) -> None:
         """Put the board into a state in which everything has been through a step, as in a recorded picture."""
@@ -205,26 +247,32 @@ class BoardScene:
         self.scene.step()
 
     def relation_of(self, number: int) -> Relation | None:
-        """The relation that a trigger joint drives. Ground truth."""
-        return self._relation_of.get(number)
+        """The first of the relations that a trigger joint has a part in, if effects show. Ground truth."""
+        joint = self.triggers[number]
+        named = (joint.object, joint.link.name)
+        relations = self.spec.relations if self._effects else ()
+        return next((one for one in relations if any((ref.object, ref.link) == named for ref in one.triggers)), None)
 
-    def _driver(self, relation: Relation) -> int:
-        """Number of the trigger joint that a relation names."""
-        reference = relation.triggers[0]
-        number = self.trigger_numbers.get((reference.object, reference.link))
-        if number is None:
-            what = f"a relation names link {reference.link!r} of object {reference.object}, which is no trigger link"
-            raise BusybotError(what)
-        states = self.triggers[number].link.states
-        if len(relation.states) != states:
-            raise BusybotError(f"a relation lists {len(relation.states)} states, its link has {states}")
-        return number
+    def _responders_of(self, number: int) -> tuple[int, ...]:
+        """Objects of the relations that a trigger joint has a part in."""
+        joint = self.triggers[number]
+        named = (joint.object, joint.link.name)
+        return tuple(
+            relation.responder
+            for relation in self.spec.relations
+            if any((ref.object, ref.link) == named for ref in relation.triggers)
+        )
 
-    def _respond(self, number: int, state: int) -> None:
-        """Let the trigger's responder show what belongs to a trigger state."""
-        relation = self._relation_of.get(number)
-        if relation is not None:
-            self.responders[relation.responder].show(responder_state(relation, state))
+    def _show(self, state: DynamicState, also: Sequence[int] = (), everything: bool = False) -> bool:
+        """Let the responders show a state: those that do not yet, and those in `also`; returns whether one did not."""
+        changed = False
+        for index, responder in self.responders.items() if self._effects else ():
+            shown = state.shown[index]
+            differs = responder.state != shown
+            if differs or everything or index in also:
+                responder.show(shown)
+            changed |= differs
+        return changed
 
     def _boxes(self, segmentation: np.ndarray) -> np.ndarray:
         """Bounding box of each object's visible pixels, int16 (N, 4), -1 where nothing shows."""
@@ -241,11 +289,5 @@ class BoardScene:
 
 
 def _stages(spec: BoardSpec) -> dict[int, str]:
-    """Stage of each controlled responder; refuses relations that this simulator cannot make physical."""
-    for relation in spec.relations:
-        if relation.kind not in KNOWN_KINDS or len(relation.triggers) != 1:
-            raise BusybotError(
-                f"board {spec.index}: a relation of kind {relation.kind!r} with {len(relation.triggers)} triggers",
-                f"this version simulates {', '.join(sorted(KNOWN_KINDS))} with one trigger",
-            )
+    """Stage of each controlled responder."""
     return {relation.responder: relation.stage for relation in spec.relations}

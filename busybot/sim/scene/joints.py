@@ -5,7 +5,8 @@ state 0 below a quarter, 2 above three quarters, else 1. At rest a joint sits in
 in the middle.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,8 @@ from busybot.objects.model import Effect, ObjectModel, TriggerLink
 
 JOINT_DAMPING = 0.02
 """Keeps the suction drive from overshooting by more than 3 % of a joint's range."""
+HELD, INERTIA = 2e-4, 1e4
+"""A held joint has this share of its range to either side, and so much inertia: limits alone give way to pulls."""
 GLOW, PAINT = 0.35, 0.7
 """Shares of a lamp's colour that it emits, and that it reflects."""
 DARK = 0.06
@@ -59,6 +62,19 @@ class TriggerJoint:
         if self.link.kind == "two-state":
             return int(share >= 0.5)
         return 0 if share < 0.25 else 2 if share > 0.75 else 1
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep the joint within a hair's breadth of its detent, whatever pulls at it."""
+        joint = self.articulation.active_joints[self.axis]
+        rest, breadth = self.rest(self.state), HELD * (self.upper - self.lower)
+        joint.set_limits(np.array([[rest - breadth, rest + breadth]], np.float32))
+        joint.set_armature(np.full(1, INERTIA, np.float32))
+        try:
+            yield
+        finally:
+            joint.set_limits(np.array([[self.lower, self.upper]], np.float32))
+            joint.set_armature(np.zeros(1, np.float32))
 
     def settle(self, state: int) -> None:
         """Snap into the state's detent, at rest."""

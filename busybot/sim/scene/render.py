@@ -5,21 +5,39 @@ about a quarter of SAPIEN's `minimal` (`benchmarks/speed/collection.py`). SAPIEN
 with its texture and colour and the table beneath are the background of every board, for looks only.
 """
 
+import re
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any, Literal
 
 import cv2
 import numpy as np
 import sapien
-from pydantic import Field, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
 
-from busybot.boards.spec import BoardSpec
+from busybot.boards.spec import BoardSpec, without
 from busybot.boards.textures import contact_shadow, painted
-from busybot.common.frozen_model import FrozenModel
+from busybot.common.atomic_io import write_new
+from busybot.common.device import AUTO, chosen, gpu, gpus
+from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel, first_fault
+from busybot.episodes.camera import project
 from busybot.episodes.episode import Camera
 from busybot.objects.model import ObjectModel
+from busybot.sim.scene.appearance import (
+    USUAL_LIGHTS,
+    USUAL_SURFACES,
+    Lights,
+    Randomise,
+    Surfaces,
+    lights_of,
+    moved_camera,
+    surfaces_of,
+    zoom_of,
+)
+from busybot.sim.scene.real_camera import CameraConfig
 
 BOARD_THICKNESS = 0.08
 BEVEL = 0.03
@@ -29,6 +47,23 @@ AMBIENT = (0.45, 0.45, 0.45)
 SUN_DIRECTION, SUN = (0.455, -0.542, -0.706), (1.6, 1.55, 1.45)
 SHADOW_MAP_SIZE = 1024
 """Lights for SAPIEN's shader packs; ours has its own in the shader."""
+SHADERS = Path(__file__).with_name("shaders")
+
+
+def new_renderer() -> sapien.render.RenderSystem:
+    """On the device of this process (`common.device`); where there is no choice SAPIEN takes what Vulkan offers.
+
+    Raises:
+        BusybotError: SAPIEN cannot draw there.
+    """
+    number = gpu()
+    if chosen() == AUTO and gpus() < 2:
+        return sapien.render.RenderSystem()
+    name = "cpu" if number is None else f"cuda:{number}"
+    try:
+        return sapien.render.RenderSystem(sapien.Device(name))
+    except RuntimeError as error:
+        raise BusybotError(f"SAPIEN cannot draw on {name}: {error}", "busybot doctor, or --device auto") from None
 
 
 class Surroundings:
@@ -43,33 +78,39 @@ class Surroundings:
         self._lights, self._shadows = lights, shadows
         self._surface: tuple[Any, Any] = (None, None)
 
-    def add(self, scene: sapien.Scene, spec: BoardSpec, models: list[ObjectModel]) -> None:
+    def add(self, scene: sapien.Scene, spec: BoardSpec, models: list[ObjectModel], drawn: Randomise) -> None:
         """Put the board's slab (top at z = 0), the table below and the lights into the scene."""
         if self._lights:
+            lights = lights_of(drawn.lights, spec)
             reach = 1.5 * max(spec.size)
-            scene.set_ambient_light(AMBIENT)
+            scene.set_ambient_light(np.multiply(AMBIENT, lights.ambient))
             scene.add_directional_light(
-                SUN_DIRECTION,
-                SUN,
+                lights.turned(SUN_DIRECTION),
+                np.multiply(SUN, lights.key),
                 shadow=self._shadows,
                 shadow_scale=reach,
                 shadow_near=-reach,
                 shadow_far=reach,
                 shadow_map_size=SHADOW_MAP_SIZE,
             )
-        half = np.array(spec.size) / 2
-        table_color = [channel**2.2 if self._lights else channel for channel in TABLE_COLOR]
+        half, surfaces = np.array(spec.size) / 2, surfaces_of(drawn.textures, spec)
+        colour = np.multiply(TABLE_COLOR, (*surfaces.table, 1.0)).tolist()
+        table_color = [channel**2.2 if self._lights else channel for channel in colour]
         table = sapien.render.RenderMaterial(base_color=table_color, roughness=1.0)
         # the table is a ring: what lies under the board would be shaded for nothing
         _add_sides(scene, "table", [(half, -BOARD_THICKNESS), (TABLE_HALF, -BOARD_THICKNESS)], table, lid=False)
         slab = [(half - BEVEL, 0.0), (half, -BEVEL), (half, -BOARD_THICKNESS)]
-        _add_sides(scene, "board", slab, self._material(spec, models), lid=True)
+        _add_sides(scene, "board", slab, self._material(spec, models, surfaces), lid=True)
 
-    def _material(self, spec: BoardSpec, models: list[ObjectModel]) -> Any:
-        key = (spec.texture, spec.color, spec.objects)
+    def _material(self, spec: BoardSpec, models: list[ObjectModel], surfaces: Surfaces) -> Any:
+        key = (spec.texture, spec.color, spec.objects, surfaces)
         if self._surface[0] != key:
-            pixels = painted(spec.texture, spec.color) * contact_shadow(spec, models)[..., None]
-            opaque = np.concatenate([pixels, np.full_like(pixels[..., :1], 255)], axis=-1).astype(np.uint8)
+            shade = contact_shadow(spec, models)
+            if surfaces == USUAL_SURFACES:
+                pixels = painted(spec.texture, spec.color, shade=shade)
+            else:
+                pixels = (surfaces.of(painted(spec.texture, spec.color)) * shade[..., None]).astype(np.uint8)
+            opaque = cv2.cvtColor(pixels, cv2.COLOR_RGB2RGBA)
             material = sapien.render.RenderMaterial(base_color=(1, 1, 1, 1), roughness=1.0, metallic=0.0)
             material.base_color_texture = sapien.render.RenderTexture2D(opaque, "R8G8B8A8Unorm", srgb=self._lights)
             self._surface = (key, material)
@@ -92,9 +133,9 @@ def _add_sides(
     faces = [rings[0]] if lid else []
     for upper, lower in pairwise(rings):
         faces += [np.stack([lower[i], lower[(i + 1) % 4], upper[(i + 1) % 4], upper[i]]) for i in range(4)]
-    vertices = np.concatenate(faces)
+    vertices, corners = np.concatenate(faces), np.array(faces)
     triangles = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(len(faces))])
-    normals = np.repeat([np.cross(f[1] - f[0], f[2] - f[0]) for f in faces], 4, axis=0)
+    normals = np.repeat(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), 4, axis=0)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
     uvs = vertices[:, :2] / (2 * np.max(levels[-1][0])) + 0.5
     arrays = (vertices.astype(np.float32), triangles.astype(np.uint32), normals.astype(np.float32))
@@ -119,6 +160,10 @@ class RenderConfig(FrozenModel):
         position, target: of the camera, board frame, board units.
         fov_deg: horizontal field of view, degrees.
         near, far: clipping distances, board units; depth is exact to about 2e-5 units at the default.
+        camera: what the camera makes of the picture (`real_camera`); by default it stays as it is rendered.
+        randomise: what is drawn for each board (`appearance`); by default nothing.
+
+    In JSON `camera` and `randomise` are left out where they say nothing.
     """
 
     shader: Literal["busybot", "minimal", "default"] = "busybot"
@@ -129,6 +174,8 @@ class RenderConfig(FrozenModel):
     fov_deg: Annotated[float, Field(gt=1, lt=170)] = 69.4
     near: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     far: Annotated[float, Field(gt=0, le=1000, allow_inf_nan=False)] = 6.0
+    camera: CameraConfig = CameraConfig()
+    randomise: Randomise = Randomise()
 
     @model_validator(mode="after")
     def _looks_somewhere(self) -> "RenderConfig":
@@ -138,6 +185,40 @@ class RenderConfig(FrozenModel):
         if not self.near < distance < self.far:
             raise ValueError(f"the target is {distance:.3g} away, not between near {self.near:g} and far {self.far:g}")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return without(handler(self), {"camera": {}, "randomise": {}})
+
+    def of_board(self, spec: BoardSpec) -> "RenderConfig":
+        """How this board is looked at: with the pose and the field of view that were drawn for it.
+
+        Raises:
+            BusybotError: a drawn camera does not see the board.
+        """
+        pose, zoom = self.randomise.pose, self.randomise.fov
+        if not (pose or zoom):
+            return self
+        position, target = moved_camera(pose, spec, self.position, self.target)
+        fov = self.fov_deg * zoom_of(zoom, spec)
+        drawn = {**self.model_dump(), "position": position, "target": target}
+        try:
+            fitting = _widened(RenderConfig.model_validate({**drawn, "fov_deg": fov}), spec)
+            return RenderConfig.model_validate({**drawn, "fov_deg": fitting})
+        except ValidationError as error:
+            what = f"board {spec.index}: its drawn camera: {first_fault(error)}"
+            raise BusybotError(what, "randomise less, or look from another place") from None
+
+
+def _widened(config: RenderConfig, spec: BoardSpec) -> float:
+    """The field of view, degrees, at least as wide as the corners of the board need."""
+    width, height = spec.size
+    corners = np.array([(x * width / 2, y * height / 2, 0.0) for x in (-1, 1) for y in (-1, 1)])
+    pixels, depth = project(corners, camera_model(config))
+    middle = np.array([config.width, config.height]) / 2
+    beyond = np.abs(pixels / middle - 1).max() if (depth > 0).all() else np.inf
+    half = np.tan(np.deg2rad(config.fov_deg) / 2) * max(1.0, float(beyond))
+    return float(2 * np.rad2deg(np.arctan(half)))
 
 
 def camera_model(config: RenderConfig) -> Camera:
@@ -158,13 +239,44 @@ def camera_model(config: RenderConfig) -> Camera:
     return Camera(config.width, config.height, matrix, pose)
 
 
-def add_camera(scene: sapien.Scene, config: RenderConfig) -> Any:
-    """Mount the camera in the scene and return SAPIEN's camera component."""
+def add_camera(scene: sapien.Scene, config: RenderConfig, lights: Lights = USUAL_LIGHTS) -> Any:
+    """Mount the camera in the scene and return SAPIEN's camera component.
+
+    Args:
+        config: of the board, see `RenderConfig.of_board`.
+        lights: of our shader; the scene has those of SAPIEN's.
+    """
+    if config.shader == "busybot" and lights != USUAL_LIGHTS:
+        with TemporaryDirectory(prefix="busybot-shader-") as folder:
+            _write_shader(Path(folder), lights)
+            camera = _add_camera(scene, config, folder)
+            scene.update_render()
+            camera.take_picture()  # SAPIEN reads a shader with the first picture
+        return camera
+    return _add_camera(scene, config, str(SHADERS) if config.shader == "busybot" else config.shader)
+
+
+def _write_shader(folder: Path, lights: Lights) -> None:
+    """Our shader with the constants of other lights."""
+    factors = {"KEY_COLOR": lights.key, **dict.fromkeys(("FILL_COLOR", "SKY", "GROUND"), lights.ambient)}
+
+    def changed(found: re.Match[str]) -> str:
+        x, y, z = (float(value) for value in found[2].split(","))
+        values = lights.turned((x, y, z)) if found[1] == "KEY_DIRECTION" else (x, y, z)
+        values = tuple(np.multiply(values, factors.get(found[1], 1.0)))
+        return f"const vec3 {found[1]} = vec3({', '.join(f'{value:.6f}' for value in values)});"
+
+    for file in sorted(SHADERS.iterdir()):
+        text = file.read_text(encoding="utf-8")
+        write_new(folder / file.name, re.sub(r"const vec3 (\w+) = vec3\((.*)\);", changed, text).encode())
+
+
+def _add_camera(scene: sapien.Scene, config: RenderConfig, shader: str) -> Any:
     # SAPIEN keeps the shader pack and its formats globally, but reads them when a camera is made
     ours = config.shader == "busybot"
     sapien.render.set_picture_format("Color", "r8g8b8a8unorm" if ours else "r32g32b32a32sfloat")
     sapien.render.set_picture_format("Segmentation", "r16g16b16a16uint" if ours else "r32g32b32a32uint")
-    sapien.render.set_camera_shader_dir(str(Path(__file__).with_name("shaders")) if ours else config.shader)
+    sapien.render.set_camera_shader_dir(shader)
     model = camera_model(config)
     fov_vertical = 2 * np.arctan(config.height / 2 / model.matrix[1, 1])
     camera = scene.add_camera("camera", config.width, config.height, fov_vertical, config.near, config.far)

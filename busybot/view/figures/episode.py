@@ -13,7 +13,11 @@ from busybot.episodes.episode import Episode
 from busybot.reason.models.base import InferredGraph
 from busybot.view import annotations
 from busybot.view.figures import parts
+from busybot.view.mechanisms import harmless, mechanism_view
 from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MISSED, MUTED, PAPER, TRUTH, VERDICTS, mix, unit
+
+LONGEST_TITLE = 60
+"""Letters of what is said about a step."""
 
 
 def boards_figure(path: Path, episodes: Sequence[Episode], columns: int = 4, named: int | None = None) -> Path:
@@ -43,16 +47,28 @@ def episode_figure(path: Path, episode: Episode, steps: Sequence[int] | None = N
     figure, grid = _board_grid(len(chosen) + 1, columns)
     parts.draw_picture(grid[0], episode, episode.image(0))
     parts.draw_title(grid[0], "start", f"board {episode.board.index}")
-    names = annotations.object_names(episode.board)
+    names, why = annotations.object_names(episode.board), _otherwise(episode)
     for axes, step in zip(grid[1:], chosen, strict=False):
         parts.draw_picture(axes, episode, episode.image(step + 1))
         acted = annotations.acted_object(episode, step)
         effects = [index for index in annotations.changed_objects(episode, step) if index != acted]
         parts.draw_boxes(axes, episode, step + 1, effects, ACTION)
         parts.draw_action(axes, episode, step)
-        said = f"{names[acted] if acted >= 0 else 'the board'} → {', '.join(names[i] for i in effects) or 'nothing'}"
+        told = [names[index] + why.get((step + 1, index), "") for index in effects]
+        said = harmless(
+            f"{names[acted] if acted >= 0 else 'the board'} → {', '.join(told) or 'nothing'}", LONGEST_TITLE
+        )
         parts.draw_title(axes, f"step {step + 1}", said if len(annotations.visible(episode.image(step))) else "")
     return parts.save_png(figure, path)
+
+
+def _otherwise(episode: Episode) -> dict[tuple[int, int], str]:
+    """By step and responder what a change goes back to, where it is not the step's own action; other worlds only."""
+    view = mechanism_view(episode)
+    found = {(one.step, one.responder): one for one in view.changes} if view else {}
+    late = {key: f" (step {one.cause})" for key, one in found.items() if one.cause is not None and one.late}
+    alone = {key: " (rewired)" if one.rewired else " (by itself)" for key, one in found.items() if one.cause is None}
+    return late | alone
 
 
 def _board_grid(pictures: int, columns: int) -> tuple[Any, list[Any]]:

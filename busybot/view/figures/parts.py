@@ -119,15 +119,17 @@ def draw_names(axes: Any, episode: Episode, size: float = 7.0) -> None:
     """The objects' names in the roles' colours."""
     told = zip(object_names(episode.board), name_places(episode), episode.board.objects, strict=True)
     for name, place, placed in told:
-        _draw_tag(axes, place, name, ROLES[placed.role], size, 0.22, zorder=9)
+        draw_tag(axes, place, name, ROLES[placed.role], size, 0.22, zorder=9)
 
 
 def draw_label(axes: Any, place: np.ndarray, text: str, color: Rgb, size: float = 7.0) -> None:
     """A small bold text on a coloured ground; its size in points."""
-    _draw_tag(axes, place, text, color, size, 0.25, zorder=10, fontweight="bold")
+    draw_tag(axes, place, text, color, size, 0.25, zorder=10, fontweight="bold")
 
 
-def _draw_tag(axes: Any, place: np.ndarray, text: str, color: Rgb, size: float, pad: float, **style: Any) -> None:
+def draw_tag(axes: Any, place: np.ndarray, text: str, color: Rgb, size: float, pad: float = 0.22, **style: Any) -> None:
+    """A text on a coloured ground, as it stands: a dollar sign in it begins no formula."""
+    style = {"parse_math": False, **style}
     box = {"boxstyle": f"round,pad={pad}", "facecolor": unit(color), "linewidth": 0}
     axes.annotate(text, _pair(place), ha="center", va="center", fontsize=size, color=unit(PAPER), bbox=box, **style)
 
@@ -146,6 +148,14 @@ def draw_arc(
     style = {"linewidth": width, "linestyle": (0, (3, 2)) if dashed else "solid", "mutation_scale": head}
     arrow = _arrow(start, end, color, connectionstyle=f"arc3,rad={bend}", shrinkA=5, shrinkB=7, zorder=7, **style)
     _add(axes, arrow, width + 2)
+
+
+def draw_line(axes: Any, start: np.ndarray, end: np.ndarray, color: Rgb, dashed: bool, width: float = 1.5) -> None:
+    """A straight line over the picture; width in points."""
+    style = (0, (3, 2)) if dashed else "solid"
+    halo = [withStroke(linewidth=width + 2, foreground=unit(PAPER))]
+    ends = (float(start[0]), float(end[0])), (float(start[1]), float(end[1]))
+    axes.plot(*ends, color=unit(color), linewidth=width, linestyle=style, zorder=7, path_effects=halo)
 
 
 def _arrow(start: np.ndarray, end: np.ndarray, color: Rgb, **style: Any) -> FancyArrowPatch:

@@ -15,6 +15,10 @@ from typing import Any, Literal
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from busybot.common.atomic_io import read_regular
+from busybot.common.limits import MAX_PICTURE_BYTES
+from busybot.common.text import plain
+
 Tone = Literal["", "reached", "missed", "missing", "reference"]
 MARKS = {"reached": " ✓", "missed": " ✗"}
 
@@ -126,7 +130,7 @@ def _markdown(block: Block, folder: Path) -> str:
             return f"![{caption}]({block.path.relative_to(folder).as_posix()})\n\n*{caption}*"
         case Fold():
             inner = "\n\n".join(_markdown(part, folder) for part in block.blocks)
-            return f"<details><summary>{html.escape(block.summary)}</summary>\n\n{inner}\n\n</details>"
+            return f"<details><summary>{html.escape(plain(block.summary))}</summary>\n\n{inner}\n\n</details>"
         case Grid():
             return _markdown_grid(block)
 
@@ -144,7 +148,7 @@ def _markdown_grid(grid: Grid) -> str:
 
 def _harmless(text: str) -> str:
     """Markdown in which no tag opens; within code nothing is one, and code stands between two single backticks."""
-    parts = re.split(r"((?<!`)`(?!`)[^`\n]+`(?!`))", text)
+    parts = re.split(r"((?<!`)`(?!`)[^`\n]+`(?!`))", plain(text))
     return "".join(part if place % 2 else part.replace("<", "&lt;") for place, part in enumerate(parts))
 
 
@@ -180,12 +184,12 @@ def anchor(text: str) -> str:
 def data_url(path: Path) -> str:
     """A picture's file as it stands within a page."""
     kind = "png" if path.suffix.lower() == ".png" else "jpeg"
-    return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"
+    return f"data:image/{kind};base64,{base64.b64encode(read_regular(path, MAX_PICTURE_BYTES)).decode()}"
 
 
 def inline(text: str) -> Markup:
     """Escaped text with `code`, **bold** and links to pages and headings."""
-    parts = re.split(r"(`[^`]+`)", str(escape(text.replace("\0", ""))))
+    parts = re.split(r"(`[^`]+`)", str(escape(plain(text))))
     kept = [f"<code>{part[1:-1]}</code>" for part in parts[1::2]]
     marked = "".join(part if place % 2 == 0 else f"\0{place // 2}\0" for place, part in enumerate(parts))
     marked = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", marked)

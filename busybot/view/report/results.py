@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from busybot.common.atomic_io import read_json, scan, sha256_of
 from busybot.common.errors import BusybotError
+from busybot.common.text import unlinked
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import KINDS, read_result
 
@@ -267,7 +268,7 @@ def _read(results: Results, file: Path, named: bool) -> None:
         return
     if not named and not _says_kind(results, file):
         return
-    value = read_result(file)
+    value: Any = unlinked(read_result(file))
     try:
         shown = _take(results, file, value)
     except ValidationError as error:

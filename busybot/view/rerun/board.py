@@ -185,10 +185,10 @@ class BoardLogger:
         label = rr.Points3D([above], labels=[name], colors=[text_on_dark(color)], radii=0.0, show_labels=True)
         self.recording.log(["world", "names", name], label)
 
-    def log_true_relations(self, edges: list[Edge]) -> None:
-        """The board's own relations, thin, for the whole episode."""
+    def log_true_relations(self, edges: list[Edge], static: bool = True) -> None:
+        """The board's own relations, thin, for the whole episode or from now on."""
         path, colors = ["world", "relations", "true"], [TRUTH] * len(edges)
-        log_arcs(self.recording, path, self._ends(edges), colors, 0.012, 0.0, static=True)
+        log_arcs(self.recording, path, self._ends(edges), colors, 0.012, 0.0, static=static)
 
     def log_inferred_relations(self, name: str, edges: list[Edge]) -> None:
         """Claimed relations by verdict, paler the less probable."""

@@ -1,7 +1,8 @@
 """Rerun, the scene graph at the board's layout.
 
 Rerun's edges have neither colour nor label, so an edge runs through a small node of its own that has both: the
-probability, in the verdict's colour.
+probability, in the verdict's colour. In the true graph of another world than the paper's it is a mechanism, with its
+kind and lag, in its type's colour.
 """
 
 import numpy as np
@@ -9,18 +10,13 @@ import rerun as rr
 
 from busybot.episodes.episode import Episode
 from busybot.view.annotations import Edge, anchors, drawing_scale, object_names
-from busybot.view.palette import ROLES, TRUTH, VERDICTS
+from busybot.view.label_places import place_between, place_labels
+from busybot.view.mechanisms import MechanismView
+from busybot.view.palette import ACTION, FACTORS, ROLES, TRUTH, VERDICTS
 
 SPREAD = 1.25
 """Graph units per drawing unit: labels keep their size, so more spread is more room."""
-LABEL_HEIGHT, LETTER_WIDTH = 24.0, 8.0
-"""Size of a labelled node, graph units."""
 LONGEST_LABEL = "missed 0.00"
-SHARES = (0.5, 0.42, 0.58, 0.34, 0.66, 0.27, 0.73)
-OFFSETS = (0.0, 28.0, -28.0, 56.0, -56.0)
-"""Where an edge's label may be: share of the way along the edge, and graph units beside it."""
-CROSSING = 1000.0
-"""Cost of an edge that runs through a node; covering one square graph unit costs 1."""
 
 
 def graph_positions(episode: Episode) -> np.ndarray:
@@ -65,51 +61,36 @@ def _text(edge: Edge) -> str:
     return f"{edge.probability:.2f}" if edge.verdict == "correct" else f"{edge.verdict} {edge.probability:.2f}"
 
 
-def place_labels(places: np.ndarray, names: list[str], pairs: list[tuple[int, int]], texts: list[str]) -> np.ndarray:
-    """A point for each edge's label, (E, 2), so that label and edge cover little of nodes and other labels.
+def log_mechanisms(
+    recording: rr.RecordingStream, path: list[object], view: MechanismView, frame: int, places: dict[str, np.ndarray]
+) -> None:
+    """The true graph at a frame: links, mechanisms by type, responders; what acted and changed with it is marked.
 
-    A label may stand beside the straight line: the edge then bends through it, around what was in its way.
+    Args:
+        places: from `factor_places`.
     """
-    nodes = [_box(place, name) for place, name in zip(places, names, strict=True)]
-    labels: list[np.ndarray] = []
-    chosen = np.zeros((len(pairs), 2))
-    for number, ((cause, effect), text) in enumerate(zip(pairs, texts, strict=True)):
-        others = [box for index, box in enumerate(nodes) if index not in (cause, effect)] + labels
-        options = _options(places[cause], places[effect])
-        costs = [
-            sum(_overlap(_box(option, text), box) for box in (*nodes, *labels))
-            + CROSSING * _crossed([places[cause], option, places[effect]], others)
-            + detour
-            for option, detour in options
-        ]
-        chosen[number] = options[int(np.argmin(costs))][0]
-        labels.append(_box(chosen[number], text))
-    return chosen
+    factors, changed = view.factors(frame), {one.responder for one in view.changes if one.step == frame}
+    acting = {n for n, node in enumerate(view.nodes) if node.object in changed} | set(view.moved(frame))
+    colors = [ROLES[view.board.objects[node.object].role] for node in view.nodes]
+    colors += [FACTORS[factor.kind] for factor in factors]
+    for place in acting:
+        colors[place] = ACTION
+    names = [f"node {n}" for n in range(len(view.nodes))]
+    nodes = rr.GraphNodes(
+        [*names, *(factor.key for factor in factors)],
+        positions=np.concatenate([view.places * SPREAD, np.reshape([places[f.key] for f in factors], (-1, 2))]),
+        colors=colors,
+        labels=[*(node.name for node in view.nodes), *(factor.label for factor in factors)],
+    )
+    edges = [(names[cause], factor.key) for factor in factors for cause in factor.causes]
+    edges += [(factor.key, names[effect]) for factor in factors for effect in factor.effects]
+    recording.log(path, nodes, rr.GraphEdges(edges, graph_type="directed"))
 
 
-def _options(start: np.ndarray, end: np.ndarray) -> list[tuple[np.ndarray, float]]:
-    """Points on and beside the line from start to end, each with what it costs by itself."""
-    along = end - start
-    across = np.array([-along[1], along[0]]) / max(float(np.hypot(*along)), 1e-9)
-    return [
-        (start + share * along + offset * across, 100 * abs(share - 0.5) + 3 * abs(offset))
-        for offset in OFFSETS
-        for share in SHARES
-    ]
-
-
-def _crossed(corners: list[np.ndarray], boxes: list[np.ndarray]) -> int:
-    """How many boxes a polyline runs through, by points along it."""
-    parts = [a + np.linspace(0, 1, 25)[:, None] * (b - a) for a, b in zip(corners, corners[1:], strict=False)]
-    points = np.concatenate(parts)
-    return sum(bool(np.all((points > box[:2]) & (points < box[2:]), axis=1).any()) for box in boxes)
-
-
-def _box(middle: np.ndarray, text: str) -> np.ndarray:
-    half = np.array([LETTER_WIDTH * len(text) / 2 + 6, LABEL_HEIGHT / 2])
-    return np.concatenate([middle - half, middle + half])
-
-
-def _overlap(one: np.ndarray, other: np.ndarray) -> float:
-    sides = np.minimum(one[2:], other[2:]) - np.maximum(one[:2], other[:2])
-    return float(np.prod(np.maximum(sides, 0)))
+def factor_places(view: MechanismView) -> dict[str, np.ndarray]:
+    """Where each mechanism's node is, for all steps."""
+    factors = {factor.key: factor for moment in view.moments for factor in view.factors(moment)}
+    names, texts = [node.name for node in view.nodes], [factor.label for factor in factors.values()]
+    legs = [(factor.causes, factor.effects) for factor in factors.values()]
+    places = view.places * SPREAD
+    return dict(zip(factors, place_between(places, places, names, legs, texts), strict=True))

@@ -15,6 +15,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.error_utils import catch_and_log_exceptions
 
+from busybot.boards.spec import PAPER
 from busybot.common.atomic_io import replacing_by_path
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
@@ -22,9 +23,10 @@ from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.reason.evaluation.prediction import Explanation
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import board_bounds, check_inferred, judged_edges, pairs_ever, true_edges
+from busybot.view.mechanisms import mechanism_view
 from busybot.view.rerun import camera, series, skills
 from busybot.view.rerun.board import BoardLogger
-from busybot.view.rerun.graph import edge_places, graph_positions, log_graph
+from busybot.view.rerun.graph import edge_places, factor_places, graph_positions, log_graph, log_mechanisms
 
 APPLICATION = "busybot"
 _BATCHES = rr.ChunkBatcherConfig(flush_tick=3600.0)
@@ -66,9 +68,16 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
     board = BoardLogger(recording, episode)
     series.log_series_styles(recording)
     board.log_static()
-    truth = true_edges(episode.board)
-    straight = edge_places(episode, [(edge.cause, edge.effect) for edge in truth])
-    log_graph(recording, ["graph", "true"], episode, truth, straight, truth=True)
+    view = mechanism_view(episode)
+    if view is None:
+        truth = true_edges(episode.board)
+        straight = edge_places(episode, [(edge.cause, edge.effect) for edge in truth])
+        log_graph(recording, ["graph", "true"], episode, truth, straight, truth=True)
+    else:
+        series.log_mechanism_words(recording, view)
+        series.log_causes(recording, view)
+        middles = factor_places(view)
+    moments = view.moments if view else [0]
     choices = skills.has_choices(episode)
     places = {graph.name: edge_places(episode, pairs_ever(episode.board, graph)) for graph in inferred}
     for frame in range(len(episode.frame_of)):
@@ -76,10 +85,15 @@ def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Seque
         camera.log_camera_frame(recording, episode, frame)
         camera.log_goal(recording, episode, frame)
         board.log_frame(frame)
-        if frame == 0:
-            board.log_true_relations(truth)  # their arcs start at the objects' tops, known from the first frame
+        if view is not None:
+            log_mechanisms(recording, ["graph", "true"], view, frame, middles)
+            series.log_change_words(recording, view, frame)
+        if frame in moments:
+            # their arcs start at the objects' tops, known from the first frame
+            board.log_true_relations(true_edges(episode.board, frame), static=len(moments) == 1)
         series.log_signals(recording, episode, frame)
-        series.log_states(recording, episode, frame)
+        if view is None:
+            series.log_states(recording, episode, frame)
         series.log_words(recording, episode, frame)
         if choices and frame:
             skills.log_choice(recording, episode, frame - 1)
@@ -146,8 +160,8 @@ def blueprint(
     episode: Episode, inferred: Sequence[InferredGraph], layers: RecordingLayers, menus: bool = True
 ) -> rrb.Blueprint:
     """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
-    names = [graph.name for graph in inferred]
-    graphs = graph_views(episode, names)
+    names, mechanisms = [graph.name for graph in inferred], episode.board.world != PAPER
+    graphs = graph_views(episode, names, mechanisms)
     if skills.has_choices(episode):
         graphs = rrb.Tabs(_picture_view(episode, skills.CHOICE, CHOICE_WORDS), *graphs.contents)
     upper = [camera_views(episode, layers), graphs, board_view()]
@@ -156,7 +170,11 @@ def blueprint(
         upper.insert(1, _picture_view(episode, camera.GOAL, "Goal: red differs still"))
         shares.insert(1, GOAL_COLUMN)
     beliefs = [belief_views(episode, names)] if names else []
-    parts = [signal_views(episode), *beliefs, account_views(episode, layers.foreseen is not None)]
+    signals, account = signal_views(episode), account_views(episode, layers.foreseen is not None)
+    if mechanisms:
+        words = rrb.TextDocumentView(origin="mechanisms", name="Mechanisms (privileged)")
+        signals = rrb.Tabs(words, *signals.contents)
+    parts = [signals, *beliefs, account]
     lower = rrb.Horizontal(*parts, column_shares=COLUMNS if names else [1, 1])
     panel: Literal["collapsed", "hidden"] = "collapsed" if menus else "hidden"
     return rrb.Blueprint(
@@ -182,15 +200,16 @@ def _picture_view(episode: Episode, origin: str, name: str) -> Any:
     return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, background=BACKGROUND)
 
 
-def graph_views(episode: Episode, names: list[str]) -> Any:
-    """Inferred scene graphs first, the true one behind them, in the camera's layout."""
+def graph_views(episode: Episode, names: list[str], mechanisms: bool = False) -> Any:
+    """Inferred scene graphs first, the true one behind them, in the camera's layout; mechanisms stand before both."""
     places = graph_positions(episode)  # with room for labels; square, as the graph keeps its aspect
     low, high = places.min(0), places.max(0)
     half = np.max(high - low) / 2 + GRAPH_MARGIN
     bounds = _bounds((low + high) / 2 - half, (low + high) / 2 + half)
     views = [rrb.GraphView(origin=f"graph/{n}", name=f"Inferred scene graph: {n}", visual_bounds=bounds) for n in names]
-    true = rrb.GraphView(origin="graph/true", name="True scene graph", visual_bounds=bounds)
-    return rrb.Tabs(*views, true)
+    name = "True mechanisms: chance teal, clocks grey, locks brown" if mechanisms else "True scene graph"
+    true = rrb.GraphView(origin="graph/true", name=name, visual_bounds=bounds)
+    return rrb.Tabs(true, *views) if mechanisms else rrb.Tabs(*views, true)
 
 
 def _bounds(low: np.ndarray, high: np.ndarray) -> rrb.VisualBounds2D:
@@ -253,7 +272,8 @@ def belief_views(episode: Episode, names: list[str]) -> Any:
 
 
 def account_views(episode: Episode, foreseen: bool) -> Any:
-    """What was expected, the simulator's discrete states, which no learner sees, and the steps in words.
+    """What was expected, the simulator's discrete states (in other worlds than the paper's with what each change goes
+    back to), which no learner sees, and the steps in words.
 
     The words come first where an agent said why.
     """
@@ -261,5 +281,7 @@ def account_views(episode: Episode, foreseen: bool) -> Any:
     states = rrb.StateTimelineView(origin="states", name="States (privileged: no learner sees them)")
     columns = rrb.TextLogColumns(timeline_columns=["step"], text_log_columns=["body"])
     words = rrb.TextLogView(origin="log", name="In words", columns=columns)
+    if episode.board.world != PAPER:
+        states = rrb.StateTimelineView(origin="causes", name="Cause and effect (privileged)")
     views = ([expected] if foreseen else []) + ([states] if series.relation_states(episode, 0) else [])
     return rrb.Tabs(words, *views) if skills.has_choices(episode) else rrb.Tabs(*views, words)

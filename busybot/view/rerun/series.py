@@ -3,14 +3,19 @@
 import numpy as np
 import rerun as rr
 
+from busybot.boards.causal_graph import periods
 from busybot.boards.directions import DIRECTIONS
+from busybot.datasets.info import markdown_text
 from busybot.episodes.episode import Episode
 from busybot.plan.agent_policy import reason
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import acted_object, changed_objects, delta, named, object_names, truth_matrix, visible
-from busybot.view.palette import ACTION, CORRECT, MISSED, MUTED, STATES, Rgb, curve_colors
+from busybot.view.mechanisms import MechanismView
+from busybot.view.palette import ACTION, CORRECT, LOCK, MISSED, MUTED, STATES, TRUTH, WRONG, Rgb, curve_colors
 
 REWARDS = {"reward 1": CORRECT, "reward 0": MISSED}
+HELD = "held"
+"""Of a link that did not yield, because a lock held it."""
 SHOWN_PROBABILITY = 0.3
 """An edge that never gets more probable has no curve."""
 
@@ -83,6 +88,71 @@ def relation_states(episode: Episode, frame: int) -> dict[str, int]:
         if relation.responder < len(responders):
             states[f"relation_{index:02d}/effect_{names[relation.responder]}"] = responders[relation.responder]
     return states
+
+
+def log_mechanism_words(recording: rr.RecordingStream, view: MechanismView) -> None:
+    """The board's mechanisms in words, for the whole episode. Privileged."""
+    lines = [f"- **{markdown_text(who)}** {markdown_text(words)}" for who, words in view.sentences]
+    text = "\n".join([f"World **{markdown_text(view.board.world)}**", "", *lines])
+    recording.log("mechanisms", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
+
+
+def log_causes(recording: rr.RecordingStream, view: MechanismView) -> None:
+    """Privileged: lanes of all links and responders; with a responder's state stands what it goes back to.
+
+    A link that was taken hold of while a lock held it is marked. All steps are logged at once.
+    """
+    for number, (name, lane) in enumerate(cause_lanes(view).items()):
+        path: list[object] = ["causes", f"{number:02d}_{name.replace(' ', '_')}"]
+        values = list(dict.fromkeys(lane))
+        colors = [LOCK if value.endswith(HELD) else STATES[int(value.split()[0]) % len(STATES)] for value in values]
+        style = rr.StateConfiguration(values=values, labels=values, colors=colors)
+        recording.log(path, style, static=True)
+        for frame, value in enumerate(lane):
+            if frame == 0 or value != lane[frame - 1]:
+                recording.set_time("step", sequence=frame)
+                recording.set_time("time", duration=float(frame))
+                recording.log(path, rr.StateChange(state=value))
+
+
+def cause_lanes(view: MechanismView) -> dict[str, list[str]]:
+    """What stands in each lane at each frame, links first: "1", "0 held", "1 ← switch 2 at step 5".
+
+    What never changed and was never held has none.
+    """
+    steps = view.episode.steps
+    if not steps or not steps[0].trigger_states_before:
+        return {}
+    lanes: dict[str, list[str]] = {}
+    held = set(view.held)
+    for number, name in enumerate(view.link_names):
+        states = [steps[0].trigger_states_before[number], *(step.trigger_states_after[number] for step in steps)]
+        lanes[name] = [f"{state} {HELD}" if (k, number) in held else str(state) for k, state in enumerate(states)]
+    because = {(change.responder, change.step): view.because(change) for change in view.changes}
+    for index, placed in enumerate(view.board.objects):
+        if placed.role != "responder" or all(index != one.responder for one in view.board.relations):
+            continue
+        lane = [str(steps[0].responder_states_before[index])]
+        for frame, step in enumerate(steps, start=1):
+            state, cause = step.responder_states_after[index], because.get((index, frame))
+            same = str(state) == lane[-1].split()[0]
+            lane.append(f"{state} ← {cause}" if cause else lane[-1] if same else str(state))
+        lanes[object_names(view.board)[index]] = lane
+    return {name: lane for name, lane in lanes.items() if len(set(lane)) > 1}
+
+
+def log_change_words(recording: rr.RecordingStream, view: MechanismView, frame: int) -> None:
+    """What each change at a frame goes back to, in words. Privileged."""
+    names = object_names(view.board)
+    for change in view.changes:
+        if change.step == frame:
+            late = f", {change.late} earlier" if change.late else ""
+            words = f"{names[change.responder]} changed: {view.because(change)}{late}"
+            recording.log("log/causes", rr.TextLog(words, level="INFO", color=TRUTH))
+    for period in periods(view.board):
+        if period.since == frame and frame:
+            words = f"{names[period.relation.responder]} was rewired"
+            recording.log("log/causes", rr.TextLog(words, level="WARN", color=WRONG))
 
 
 def log_words(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:

@@ -8,8 +8,9 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.datasets.dataset import Dataset
-from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
+from busybot.interact.affordance.fast import AffordanceModel
 from busybot.interact.affordance.networks import KINDS, make_network
+from busybot.interact.policy.config import AffordanceInfo
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
@@ -48,6 +49,7 @@ def test_built_in_policies_are_measured(dataset: Path) -> None:
     assert str(values["command"]).startswith("busybot eval interact")
 
 
+@pytest.mark.long
 def test_a_model_is_measured_recorded_and_drawn(dataset: Path, model: Path, tmp_path: Path) -> None:
     out, record = tmp_path / "out", tmp_path / "episodes"
     values = evaluated(dataset, "--model", model, "--out", out, "--record", record, "--figures", 1)

@@ -38,6 +38,7 @@ def rounds(tmp_path: Path) -> list[Path]:
     return make_rounds(tmp_path / "recorded")
 
 
+@pytest.mark.long
 def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: list[Path]) -> None:
     out = tmp_path / "run"
     result = run(*arguments(out, rounds, "--json"))
@@ -54,6 +55,7 @@ def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: 
     assert refused.exit_code == 1 and "seed 0, now 1" in refused.stderr
 
 
+@pytest.mark.long
 def test_the_veto_has_its_own_turning_of_crops_and_its_own_doubt(tmp_path: Path, rounds: list[Path]) -> None:
     turned, cards, vetoed = [], [], make_rounds(tmp_path / "vetoed", strict=True)
     short = ("--set", "rounds=[{boards: 1, steps: 1, position: 1, direction: 1}]")
@@ -102,6 +104,7 @@ def test_boards_for_judging_are_named_and_told_on_the_card(tmp_path: Path) -> No
     assert [told["split"] for told in load_model(tmp_path / "run").info.training["rounds"]] == ["novel-object"]
 
 
+@pytest.mark.long
 def test_a_training_goes_on_with_its_own_data_alone(tmp_path: Path, rounds: list[Path]) -> None:
     assert run(*arguments(tmp_path / "run", rounds)).exit_code == 0
     copied = [Path(shutil.copytree(path, tmp_path / "copy" / path.name)) for path in rounds]

@@ -18,7 +18,7 @@ from tests.episodes.test_schema_versions import VERSIONS
 NUMBERS = {
     "Step": "index image_before image_after pixel_u pixel_v position direction executed distance changed_pixels reward",
     "StepTruth": "index acted_object acted_link success vetoed trigger_states_before trigger_states_after"
-    " responder_states_before responder_states_after joint_positions_before joint_positions_after",
+    " responder_states_before responder_states_after joint_positions_before joint_positions_after memory_after",
     "Object": "role position box",
     "Objects": "objects",
     "Boxes": "image frame corners",

@@ -12,9 +12,10 @@ from busybot.boards.generate import generate_boards
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
+from busybot.interact.affordance.fast import AffordanceModel
 from busybot.interact.affordance.load import find_model, load_model
 from busybot.interact.affordance.networks import KINDS, make_network
+from busybot.interact.policy.config import AffordanceInfo
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED
 from busybot.objects.resolve import find
 from busybot.sim.scene.board_scene import BoardScene, Simulator

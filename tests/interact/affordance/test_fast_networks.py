@@ -1,9 +1,11 @@
 """The fast variant's networks: sizes, shapes, and draws that the caller controls."""
 
+from typing import get_args
+
 import pytest
 import torch
 
-from busybot.interact.affordance.networks import CROP, HIDDEN, KINDS, Kind, make_network
+from busybot.interact.affordance.networks import CROP, KINDS, Kind, Networks, make_network
 from busybot.training.checkpoint import initialise, parameters_of
 
 
@@ -16,10 +18,28 @@ def test_shapes(inputs) -> None:
     assert directions.shape == (3, 18) and any_works.shape == (3,)
 
 
-def test_both_networks_fit_into_five_megabytes() -> None:
-    sizes = {kind: parameters_of(make_network(kind, "depth")) for kind in KINDS}
-    assert 350_000 < sizes["position"] < 450_000
-    assert 4 * sum(sizes.values()) < 5e6
+@pytest.mark.parametrize(("networks", "megabytes"), [("usual", 5), ("smaller", 2)])
+def test_both_networks_are_small(networks: Networks, megabytes: int) -> None:
+    sizes = {kind: parameters_of(make_network(kind, "depth", networks=networks)) for kind in KINDS}
+    assert 0.3 * megabytes < 4e-6 * sum(sizes.values()) < megabytes
+
+
+@pytest.mark.parametrize("networks", get_args(Networks))
+@pytest.mark.parametrize("kind", KINDS)
+def test_weights_tell_the_size_of_their_network(kind: Kind, networks: Networks) -> None:
+    trained = make_network(kind, "depth", networks=networks).eval()
+    network = make_network(kind, "depth", trained.state_dict()).eval()
+    network.load_state_dict(trained.state_dict())
+    seen = torch.randn(2, 4, CROP, CROP)
+    for answer, expected in zip(network(seen), trained(seen), strict=True):
+        assert torch.allclose(answer, expected, atol=1e-5)
+
+
+def test_weights_of_something_else_ask_for_no_memory() -> None:
+    usual = parameters_of(make_network("position", "depth"))
+    tensors = {f"encode{level}.0.0.weight": torch.zeros(10**6, 1) for level in range(4)}
+    assert parameters_of(make_network("position", "depth", tensors)) == usual
+    assert parameters_of(make_network("position", "depth", {"head.weight": torch.zeros(())})) == usual
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -35,6 +55,9 @@ def test_initial_weights_depend_on_the_generator_alone(kind: Kind) -> None:
 def test_dropout_is_what_the_caller_drew() -> None:
     network = make_network("direction", "depth").eval()
     crops = torch.randn(2, 4, CROP, CROP)
-    everything, nothing = network(crops, torch.ones(2, HIDDEN)), network(crops, torch.zeros(2, HIDDEN))
+    everything, nothing = (
+        network(crops, torch.ones(2, network.size.hidden)),
+        network(crops, torch.zeros(2, network.size.hidden)),
+    )
     assert torch.equal(everything[0], network(crops)[0])
     assert torch.allclose(nothing[0], network.head.bias[:18].expand(2, 18))

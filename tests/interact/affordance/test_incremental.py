@@ -6,13 +6,13 @@ import torch
 
 from busybot.interact.affordance import incremental
 from busybot.interact.affordance.incremental import IncrementalPositionNet
-from busybot.interact.affordance.networks import PositionNet
+from busybot.interact.affordance.networks import POSITION_SIZES, PositionNet, PositionSize
 
 
-def network() -> PositionNet:
+def network(inside: PositionSize | None = None) -> PositionNet:
     """With statistics of batches that are not those of the beginning."""
     torch.manual_seed(0)
-    made = PositionNet(4)
+    made = PositionNet(4, inside)
     for module in made.modules():
         if isinstance(module, torch.nn.BatchNorm2d):
             module.running_mean.normal_(0, 0.1)
@@ -31,9 +31,10 @@ def changed_copy(features: torch.Tensor, rng: np.random.Generator) -> torch.Tens
     return after
 
 
+@pytest.mark.parametrize("inside", POSITION_SIZES.values(), ids=POSITION_SIZES)
 @pytest.mark.parametrize("size", [(48, 64), (160, 208), (32, 400)])
-def test_it_is_equal_to_a_whole_pass(size: tuple[int, int]) -> None:
-    whole, rng = network(), np.random.default_rng(7)
+def test_it_is_equal_to_a_whole_pass(size: tuple[int, int], inside: PositionSize) -> None:
+    whole, rng = network(inside), np.random.default_rng(7)
     parts = IncrementalPositionNet(whole, size)
     features = torch.from_numpy(rng.normal(size=(4, *size))).float()
     with torch.inference_mode():

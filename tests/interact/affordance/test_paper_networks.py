@@ -6,9 +6,10 @@ import torch
 from torch import nn
 
 from busybot.episodes.camera import normals
-from busybot.interact.affordance.inputs import Inputs, Pinhole
+from busybot.interact.affordance.inputs import Pinhole
 from busybot.interact.affordance.networks import KINDS, PaperDirectionNet, PaperPositionNet, make_paper_network
 from busybot.interact.affordance.paper import GAUSSIAN_SIGMA, depth_and_normals, with_positions
+from busybot.interact.policy.config import Inputs
 from busybot.training.checkpoint import initialise, parameters_of
 from tests.interact.scenes import BODY, HEIGHT, RAYS, WIDTH, picture
 

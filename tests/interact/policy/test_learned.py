@@ -128,6 +128,7 @@ def shares(library: Library, boards: int, split: str, strict: bool = False) -> d
     return {name: value for name, value in micro(judged).items() if value is not None}
 
 
+@pytest.mark.long
 def test_a_model_that_knows_the_truth_finds_everything() -> None:
     values = shares(find("procedural"), 4, "novel-config")
     assert values["precision"] == 1.0 and values["recall"] == 1.0

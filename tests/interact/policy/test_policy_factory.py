@@ -10,8 +10,9 @@ from pydantic import ValidationError
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
-from busybot.interact.affordance.fast import AffordanceInfo, AffordanceModel
+from busybot.interact.affordance.fast import AffordanceModel
 from busybot.interact.affordance.networks import KINDS, make_network
+from busybot.interact.policy.config import AffordanceInfo
 from busybot.interact.policy.exploration import GuidedExplorer, UnguidedExplorer
 from busybot.interact.policy.learned import LearnedPolicy, mode_named
 from busybot.interact.policy.policy_factory import ExplorePolicyFactory, LearnedPolicyFactory, policy_config
@@ -88,6 +89,7 @@ def test_factories_make_policies_of_their_kind(model: Path) -> None:
         assert action.pixel[0] < seen.depth.shape[1] and action.pixel[1] < seen.depth.shape[0]
 
 
+@pytest.mark.long
 def test_factories_go_to_other_processes(model: Path) -> None:
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         name = pool.apply(_name, (LearnedPolicyFactory(str(model), "collect"),))

@@ -36,6 +36,7 @@ def test_links_are_known_once_they_moved() -> None:
         assert thought.affordance.shape == (480, 640) and 0 <= thought.affordance.min() <= thought.affordance.max() <= 1
 
 
+@pytest.mark.long
 def test_who_acted_by_the_model_thought_the_same() -> None:
     library, model, thought = find("procedural"), load_model(DEFAULT_MODEL), []
 

@@ -70,7 +70,7 @@ def test_rounds_continue_from_one_another(cache: Path, tmp_path: Path) -> None:
 def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "toys")
     jobs = [job_for(kind, cache_samples(dataset, tmp_path / "cache", "depth"), tmp_path / "one", until=3)]
-    permute_privileged(dataset)
+    dataset = permute_privileged(dataset)
     jobs += [job_for(kind, cache_samples(dataset, tmp_path / "cache", "depth"), tmp_path / "two", until=3)]
     assert jobs[0].caches != jobs[1].caches
     for job in jobs:
@@ -83,6 +83,7 @@ def test_it_learns_where_synthetic_boards_react(cache: Path, tmp_path: Path) -> 
     assert figures["position_auc"] is not None and figures["position_auc"] > 0.75
 
 
+@pytest.mark.long
 def test_colours_alone_can_be_learned_from(tmp_path: Path) -> None:
     cache = cache_samples(make_dataset(tmp_path / "toys"), tmp_path, "rgb")
     for kind in KINDS:

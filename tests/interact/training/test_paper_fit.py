@@ -11,8 +11,8 @@ from busybot.boards.directions import OPPOSITE
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.episodes.mcap.reader import read_episode
-from busybot.interact.affordance.inputs import Inputs
 from busybot.interact.affordance.networks import KINDS, Kind
+from busybot.interact.policy.config import Inputs
 from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import PaperAffordanceLearner, draw_half, paper_labels
 from busybot.interact.training.sample_cache import SQUARES, Samples, cache_samples, open_samples
@@ -87,6 +87,7 @@ def test_adam_with_the_papers_learning_rates(tmp_path: Path) -> None:
         assert [(group["lr"], group["weight_decay"]) for group in optimizer.param_groups] == [(rate, 0)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["position", LONG])
 def test_interrupted_and_resumed_ends_in_the_same_weights(
     kind: Kind, samples: Samples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -122,6 +123,7 @@ def test_without_successes_an_epoch_is_left_out(samples: Samples, tmp_path: Path
     assert not learner.loop.metrics.exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["position", LONG])
 def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "toys")
@@ -131,10 +133,11 @@ def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, t
         learner = learner_for(kind, tmp_path / name)
         learner.train(open_samples([cache], "depth", 1000, whole=True), 0)
         weights.append((cache, learner.loop.checkpoint.read_bytes()))
-        permute_privileged(dataset)
+        dataset = permute_privileged(dataset)
     assert weights[0][0] != weights[1][0] and weights[0][1] == weights[1][1]
 
 
+@pytest.mark.long
 def test_colours_alone_can_be_learned_from(tmp_path: Path) -> None:
     cache = cache_samples(make_dataset(tmp_path / "toys"), tmp_path, "rgb", whole=True)
     colours = open_samples([cache], "rgb", 1000, whole=True)

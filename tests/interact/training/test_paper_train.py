@@ -75,6 +75,7 @@ def test_each_phase_trains_its_networks(trained: Path) -> None:
     assert (trained / "training.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.long
 def test_only_what_is_in_the_buffer_stays_cached(trained: Path, recorded: Path) -> None:
     assert len(list((trained / "cache").iterdir())) == 2
     run = training(trained, recorded)

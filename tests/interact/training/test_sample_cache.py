@@ -8,7 +8,6 @@ import pytest
 
 from busybot.boards.directions import OPPOSITE
 from busybot.common.errors import BusybotError
-from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.interact.training.sample_cache import SIDE, SQUARES, cache_samples, open_samples
@@ -19,8 +18,8 @@ from tests.interact.trainings import permute_privileged
 def test_privileged_columns_do_not_reach_the_samples(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "toys")
     first = cache_samples(dataset, tmp_path / "first", "depth")
-    permute_privileged(dataset)
-    second = cache_samples(Dataset.open(dataset.path), tmp_path / "second", "depth")
+    dataset = permute_privileged(dataset)
+    second = cache_samples(dataset, tmp_path / "second", "depth")
     assert first.name != second.name  # the episodes did change
     assert (first / SQUARES).read_bytes() == (second / SQUARES).read_bytes()
     one, two = (open_samples([place], "depth", 1000) for place in (first, second))
@@ -50,7 +49,7 @@ def test_failed_directions_of_a_rewarded_action_are_negative_labels(tmp_path: Pa
     tried = tuple(d for d in (0, int(OPPOSITE[0]), 5) if d != worked)
     episode.steps[number] = replace(episode.steps[number], direction=tried[0], executed=(*tried, worked))
     write_episode(path, episode)
-    samples = open_samples([cache_samples(Dataset.open(dataset.path), tmp_path, "depth")], "depth", 1000)
+    samples = open_samples([cache_samples(dataset, tmp_path, "depth")], "depth", 1000)
     labels, known = samples.direction_labels(np.array([number]))
     assert known[0, list(tried)].all() and not labels[0, list(tried)].any()
     assert labels[0, worked] and known.sum() == len(tried) + 1

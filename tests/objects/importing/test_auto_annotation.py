@@ -164,6 +164,7 @@ def test_a_box_that_disagrees_with_the_meshes_is_noted(tmp_path: Path) -> None:
     assert any("bounding_box.json" in note for note in decided(folder)[0].notes)
 
 
+@pytest.mark.long
 def test_the_paper_objects_are_annotated_as_their_authors_did(partnet: Path) -> None:
     """The result of benchmarks/studies/import_rules.py has all figures; these are the ones that must not slip."""
     for truth in Library.load(partnet).objects.values():

@@ -155,6 +155,7 @@ def test_who_expects_no_change_is_right_where_an_action_misses(tmp_path: Path) -
     assert [point["images"] for point in result["by_images"] if point["pred_a"] is not None] == [2, 4]
 
 
+@pytest.mark.long
 def test_looking_up_predicts_what_was_seen(tmp_path: Path) -> None:
     """It knows no more than the bound, and more than who expects no change."""
     dataset = make_dataset(tmp_path / "toys")

@@ -57,8 +57,9 @@ def test_steps_and_what_they_touch(steps: int) -> None:
 
 
 def test_boards_in_turn() -> None:
-    assert [list(part) for part in in_turn(5, 2)] == [[0, 1], [2, 3], [4]]
-    assert in_turn(0, 2) == []
+    cpu = torch.device("cpu")
+    assert [list(part) for part in in_turn(5, 2, cpu)] == [[0, 1], [2, 3], [4]]
+    assert list(in_turn(0, 2, cpu)) == []
 
 
 def test_boards_with_different_numbers_of_steps_do_not_go_together() -> None:

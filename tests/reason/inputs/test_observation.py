@@ -45,6 +45,7 @@ def garbled(episode: Episode) -> Episode:
             responder_states_after=states(),
             joint_positions_before=tuple(rng.random(objects)),
             joint_positions_after=tuple(rng.random(objects)),
+            memory_after=(7, *states()),
             success=not step.success,
             vetoed=not step.vetoed,
         )

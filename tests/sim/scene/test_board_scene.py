@@ -111,6 +111,7 @@ def test_other_shader_packs_see_the_same_geometry(
     assert theirs.rgb.mean() > 40
 
 
+@pytest.mark.long
 def test_without_a_renderer_the_physics_is_the_same(procedural_simulator: Simulator, board: BoardSpec) -> None:
     blind = Simulator(procedural_simulator.library, None).board(board)
     seeing = procedural_simulator.board(board)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from busybot.episodes.episode import Episode
 from busybot.interact.policy.policy_trace import PolicyTrace, retrace
@@ -17,6 +18,7 @@ def thoughts(episode: Episode) -> list[PolicyTrace]:
     return list(retrace(episode, ButtonModel()))
 
 
+@pytest.mark.long
 def test_equal_episodes_give_equal_bytes(tmp_path: Path) -> None:
     first, second = (
         affordance_figure(tmp_path / name, make_episode(), thoughts(make_episode())) for name in ("a.png", "b.png")
@@ -28,6 +30,7 @@ def test_equal_episodes_give_equal_bytes(tmp_path: Path) -> None:
         assert (picture[..., ::-1] == np.array(color)).all(-1).any()
 
 
+@pytest.mark.long
 def test_any_number_of_steps_can_be_drawn(tmp_path: Path) -> None:
     episode = make_episode()
     for steps in ([], [2], [0, 1, 5]):

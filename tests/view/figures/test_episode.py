@@ -38,6 +38,7 @@ def has(picture: np.ndarray, color: tuple[int, int, int]) -> bool:
     return bool((picture[..., ::-1] == color).all(-1).any())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FIGURES)
 def test_equal_episodes_give_equal_bytes(name: str, tmp_path: Path) -> None:
     first = FIGURES[name](tmp_path / "a" / "1.png", make_episode())
@@ -54,6 +55,7 @@ def test_recordings_that_know_little_are_drawn_too(name: str, episode: Episode, 
     assert cv2.imread(str(FIGURES[name](tmp_path / "f.png", episode))) is not None
 
 
+@pytest.mark.long
 def test_the_scene_graph_shows_verdicts_in_their_colours(tmp_path: Path) -> None:
     early = cv2.imread(str(graph_figure(tmp_path / "early.png", make_episode(), GUESS, 1)))[:-60]
     late = cv2.imread(str(graph_figure(tmp_path / "late.png", make_episode(), GUESS)))[:-60]

@@ -22,11 +22,13 @@ def drawn(path: Path) -> np.ndarray:
     return np.asarray(picture[:-LEGEND])
 
 
+@pytest.mark.long
 def test_equal_episodes_give_equal_bytes(tmp_path: Path) -> None:
     first, second = (belief_figure(tmp_path / f"{name}.png", make_episode(), GUESS) for name in "ab")
     assert first.read_bytes() == second.read_bytes()
 
 
+@pytest.mark.long
 def test_true_found_and_wrong_relations_have_their_colours(tmp_path: Path) -> None:
     """Before step 3 nothing is claimed, after it a true relation, and in the end a wrong one, too."""
     early, middle, late = (drawn(belief_figure(tmp_path / f"{k}.png", make_episode(), GUESS, (k,))) for k in (1, 3, 6))
@@ -38,6 +40,7 @@ def test_true_found_and_wrong_relations_have_their_colours(tmp_path: Path) -> No
     assert has(curves, CORRECT) and has(curves, RESPONDER)
 
 
+@pytest.mark.long
 def test_steps_that_the_episode_does_not_have_are_left_out(tmp_path: Path) -> None:
     few, many = (
         belief_figure(tmp_path / f"{n}.png", make_episode(), GUESS, s) for n, s in (("a", (1, 3)), ("b", (1, 3, 22)))
@@ -51,6 +54,7 @@ def test_recordings_that_know_little_are_drawn_too(episode: object, tmp_path: Pa
     assert drawn(belief_figure(tmp_path / "f.png", episode, nothing)).size  # type: ignore[arg-type]
 
 
+@pytest.mark.long
 def test_the_last_step_is_always_drawn(tmp_path: Path) -> None:
     episode = make_episode()
     default, explicit = (

@@ -55,6 +55,7 @@ def test_what_differs_is_red_and_what_became_right_is_green(tmp_path: Path) -> N
     assert has(first, CORRECT) == bool(became) and has(first, WRONG) == bool(after)
 
 
+@pytest.mark.long
 def test_long_rollouts_go_on_below(tmp_path: Path) -> None:
     short, long = (drawn(tmp_path / f"{n}.png", rollout(n)) for n in (PICTURES_PER_ROW - 2, PICTURES_PER_ROW - 1))
     assert short.shape[1] == long.shape[1] and long.shape[0] > 1.7 * short.shape[0]
@@ -80,6 +81,7 @@ def rollouts(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_the_command_draws_the_sequence_of_a_rollout(rollouts: Path, tmp_path: Path) -> None:
     out = tmp_path / "f.png"
     result = CliRunner().invoke(app, ["view", str(rollouts), "--episode", "1", "--figure", str(out)])

@@ -165,6 +165,7 @@ def test_single_evaluations_and_pictures_of_a_folder(tmp_path: Path) -> None:
     assert [path.name for path in done.figures] == ["images.png", "given-00.png"]
 
 
+@pytest.mark.long
 def test_planning_has_its_place(tmp_path: Path) -> None:
     kinds = {"one-to-one": {"success": 0.99, "interval": [0.98, 1.0]}, "one-to-many": {"success": 0.9}}
     file = write(tmp_path / "table3.json", {"kind": "table3", "rows": {"search": {"splits": {"train": kinds}}}})
@@ -287,6 +288,7 @@ def test_a_folder_without_results(tmp_path: Path) -> None:
         write_report([tmp_path], tmp_path / "out")
 
 
+@pytest.mark.long
 def test_the_command(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["report", str(below_a_gate(tmp_path)), "--out", str(tmp_path / "r"), "--json"])
     told = json.loads(done.stdout)

@@ -24,6 +24,7 @@ from busybot.reason.models.event.data import Context, ObservedOutcome, Queries, 
 from busybot.reason.models.event.networks import Effects, EventNet, likeliest_frames, log_sum
 from busybot.reason.pyg import HeteroData, scatter
 from busybot.training.checkpoint import initialise
+from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, cosine_rate, descend
 
 
@@ -80,7 +81,7 @@ def divergence(log_edges: Tensor, log_none: Tensor, row: Tensor, prior: float, e
 
     For exclusive edges the odds of each against "no trigger" are those of the prior.
     """
-    odds = torch.logit(torch.tensor(prior)).expand_as(log_edges)
+    odds = torch.logit(log_edges.new_tensor(prior)).expand_as(log_edges)
     if exclusive:
         none = -log_sum(odds, torch.zeros_like(log_none), row)
         per_pair = log_edges.exp() * (log_edges - odds - none[row])
@@ -112,6 +113,7 @@ class EventLearner(Learner):
         self, config: EventConfig, boards: Iterable[BoardSequence], held_out: Iterable[BoardSequence], seed: int
     ):
         torch.set_num_threads(1)
+        repeat_exactly()
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards = BoardDataset(padded(board_graph(board) for board in boards))
         self.held_out = BoardDataset(padded(board_graph(board) for board in held_out))
@@ -121,6 +123,7 @@ class EventLearner(Learner):
         draws = generator(seed, "train", 0, "initial weights/event")
         initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))))
         self.network.effects.start_as_lookup()
+        self.network.to(device())
         self.optimizer = torch.optim.AdamW(
             self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
         )
@@ -130,7 +133,7 @@ class EventLearner(Learner):
         config = self.config
         rng = generator(self.seed, "train", iteration, "reason/event")
         chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
-        everything = context_of(next(batches_of(self.boards, [chosen])), self.network.scale)
+        everything = context_of(next(batches_of(self.boards, [chosen])).to(device()), self.network.scale)
         everything = _noisy(everything, config.noise, rng)
         seen, asked, outcome = split(everything, self._images(everything, rng) - 1, config.questions)
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, self.iterations)
@@ -153,8 +156,8 @@ class EventLearner(Learner):
         """Loss, and shares of steps in which all responders look as predicted, also of steps that changed something."""
         self.network.eval()
         totals = np.zeros(6)
-        for batch in batches_of(self.held_out, in_turn(len(self.held_out), JUDGED_AT_ONCE)):
-            everything = context_of(batch, self.network.scale)
+        for batch in batches_of(self.held_out, in_turn(len(self.held_out), JUDGED_AT_ONCE, device())):
+            everything = context_of(batch.to(device()), self.network.scale)
             steps = min(self.config.images, everything.actions.shape[1]) - 1
             seen, asked, outcome = split(everything, steps, self.config.questions)
             answers = float(outcome.real[seen.board].sum())
@@ -171,8 +174,8 @@ class EventLearner(Learner):
 
 def _noisy(seen: Context, most: float, rng: np.random.Generator) -> Context:
     """Looks of different frames lie farther apart, as independent noise in all frames would have them."""
-    level = torch.from_numpy(rng.uniform(0, most, (len(seen.board), 1, 1)).astype(np.float32))
-    between = 1 - torch.eye(seen.distances.shape[1])
+    level = torch.from_numpy(rng.uniform(0, most, (len(seen.board), 1, 1)).astype(np.float32)).to(seen.distances)
+    between = 1 - torch.eye(seen.distances.shape[1], device=level.device)
     return replace(seen, distances=torch.sqrt(seen.distances**2 + level**2 * between))
 
 

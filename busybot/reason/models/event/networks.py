@@ -251,7 +251,7 @@ class EventNet(nn.Module):
         """
         row, rows = seen.edge_index[1], len(seen.board)
         if not self.inference:
-            return torch.zeros(len(row)), torch.full((rows,), NEVER)
+            return seen.distances.new_zeros(len(row)), seen.distances.new_full((rows,), NEVER)
         logits = self.edges(seen)
         if not self.exclusive:
             none = scatter(functional.logsigmoid(-logits), row, dim_size=rows, reduce="sum")
@@ -337,7 +337,7 @@ def likeliest_frames(network: EventNet, seen: Context, asked: Queries, blur: flo
     edge = scatter(log_edges.exp()[:, None] * on, row, dim_size=len(seen.board), reduce="sum")
     change = edge * torch.sigmoid(effects.change)
     if not effects.frames.shape[1]:
-        return torch.full(change.shape, -1)
+        return effects.frames.new_full(change.shape, -1)
     likely, best = (change.unsqueeze(-1) * _mass(effects, seen, blur)).max(-1)
     frame = effects.frames[:, None].expand(-1, change.shape[1], -1).gather(2, best.unsqueeze(-1))[..., 0]
     return torch.where(likely > 1 - change, frame, -1)

@@ -98,7 +98,7 @@ class PaperReasonConfig(FrozenModel):
         explosion: an iteration's loss must be below so many times that of the last iteration that was not left out.
         prior: share of pairs expected to be related.
         prior_weight: of the edges' divergence from that prior, beside the mean squared error; 0 in the paper.
-        bfloat16: multiply matrices in bfloat16.
+        bfloat16: multiply matrices in bfloat16 on a CPU, too; GPUs that can do so anyway.
     """
 
     model: Literal["paper"] = "paper"

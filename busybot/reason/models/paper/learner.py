@@ -28,7 +28,7 @@ from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import Boards, board_graph, read_batch
 from busybot.reason.models.paper.networks import Network, Relations, network_of
 from busybot.training.checkpoint import Checkpoint, drawing
-from busybot.training.device import device, repeat_exactly
+from busybot.training.device import device, mixed, repeat_exactly
 from busybot.training.loop import Learner, descend
 
 
@@ -103,7 +103,8 @@ def losses(
     if not boards.steps:
         raise BusybotError("boards on which nothing was done", "train on datasets with recorded steps")
     images = min(config.images, boards.steps)
-    with torch.autocast(boards.features.device.type, torch.bfloat16, enabled=config.bfloat16):
+    on = boards.features.device
+    with torch.autocast(on.type, torch.bfloat16) if config.bfloat16 else mixed(on):
         predicted, relations = network(boards, images, noise)
     after = boards.predicted(images)[1]
     error = functional.mse_loss(predicted[boards.responders].to(after), after[boards.responders])
@@ -164,7 +165,7 @@ class PaperLearner(Learner):
         """Mean squared error of the predictions, and that of predicting that nothing changes."""
         self.network.eval()
         sums, answers = np.zeros(2), 0
-        for batch in batches_of(self.held_out, in_turn(len(self.held_out), self.config.batch)):
+        for batch in batches_of(self.held_out, in_turn(len(self.held_out), self.config.batch, device())):
             boards = read_batch(batch).to(device())
             error, _ = losses(self.network, boards, self.config)
             frames, after = boards.predicted(min(self.config.images, boards.steps))

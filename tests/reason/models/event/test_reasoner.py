@@ -37,6 +37,7 @@ def predicted(reasoner: EventReasoner, sequence: BoardSequence, images: int = 23
     return reasoner.predict(seen, sequence.features[seen.steps : -1], sequence.actions[later], sequence.acted[later])
 
 
+@pytest.mark.long
 def test_it_finds_edges_and_predicts_steps_on_boards_that_it_never_saw(trained: EventReasoner) -> None:
     boards = make_boards(80, FRESH)
     found, looked_up = score(trained, boards), score(Lookup(), boards)

@@ -1,0 +1,140 @@
+"""Trains the `mechanism` network on true states of drawn boards, and compares it with the exact observer.
+
+    python -m benchmarks.studies.mechanisms --work FOLDER --out benchmarks/results/mechanisms.json
+        [--boards 400] [--judged 60] [--iterations 3000] [--worlds gates,time,...]
+
+No picture is involved: what the network loses against the exact observer here, it loses by inference alone. Boards are
+of the training split, with procedural objects and random actions of which three in a hundred fail, moved without a
+simulator; those that are judged have seeds of their own. Labels are the true parents of the boards that are trained on.
+A training that was stopped goes on.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks.runner import chosen, finish, parser
+from benchmarks.studies.bounds import CLAIMED, DRAWS, WORKS, Drawn
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
+from busybot.boards.worlds import WORLDS
+from busybot.common.rng import generator
+from busybot.evaluation.bootstrap import share_interval
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
+from busybot.reason.evaluation.upper_bound import Observer
+from busybot.reason.models.mechanism.config import MechanismConfig
+from busybot.reason.models.mechanism.contexts import Trace
+from busybot.reason.models.mechanism.learner import JUDGED_AFTER, LabelledTrace, MechanismLearner
+from busybot.reason.models.mechanism.networks import MechanismNet, parents_of
+from busybot.reason.pyg import Batch
+from busybot.training.loop import fit
+from busybot.training.run_folder import begin_folder
+
+KIND = "mechanisms"
+ACTIONS = 30
+TRAINED_SEED, JUDGED_SEED = 0, 7_000_000
+"""Boards of a training take seeds from the first on."""
+
+
+def draw(world: str, boards: int, seed: int, library: Library) -> Iterator[tuple[LabelledTrace, np.ndarray | None]]:
+    """Boards of a world after random actions, each with what the exact observer believes of the parents.
+
+    Yields:
+        the trace, and float (len(JUDGED_AFTER), I, R); None on boards to train on, which nobody observes.
+    """
+    config = BoardConfig(world=world, boards=boards, seed=seed, group_size=1)
+    for number, spec in enumerate(generate_boards(config, library)):
+        board, rng = Drawn(spec, library), generator(seed, world, number, "mechanisms/actions")
+        observer = Observer(board.space, board.triggers, board.shown) if seed >= JUDGED_SEED else None
+        links, shown, parents, believed = [board.triggers], [board.shown], [], []
+        for action in range(1, ACTIONS + 1):
+            link = int(rng.integers(len(board.triggers)))
+            there = board.moves(link)[int(rng.integers(len(board.moves(link))))]
+            works = rng.random() < WORKS and not board.held(link)
+            board.act(there if works else board.triggers)
+            links.append(board.triggers)
+            shown.append(board.shown)
+            parents.append(_true_parents(board))
+            if observer is not None:
+                observer.see(board.triggers, board.shown)
+                if action in JUDGED_AFTER:
+                    believed.append(observer.belief().parents())
+        trace = Trace(np.array(links), np.array(shown), board.links.sizes)
+        yield LabelledTrace(trace, np.array(parents)), np.array(believed) if believed else None
+
+
+def _true_parents(board: Drawn) -> np.ndarray:
+    parents = np.zeros((len(board.owners), len(board.responders)), bool)
+    for column, cause in zip(parents.T, board.truth(), strict=True):
+        column[list(cause.inputs)] = True
+    return parents
+
+
+@torch.no_grad()
+def compare(net: MechanismNet, boards: Sequence[tuple[LabelledTrace, np.ndarray | None]], seed: int) -> dict[str, Any]:
+    """F1 of parents link by link, of the network and of the exact observer, by number of actions."""
+    told = []
+    for board, believed in boards:
+        graph = Batch.from_data_list([board.graph(JUDGED_AFTER)])
+        true = board.parents[np.array(JUDGED_AFTER) - 1]  # (K, I, R)
+        found = parents_of(net(graph)[0], graph).view(true.shape[2], true.shape[1], len(JUDGED_AFTER)).numpy()
+        assert believed is not None
+        told.append([_counts(found.T > CLAIMED, true), _counts(believed > CLAIMED, true)])
+    counts = np.array(told)  # (B, 2, K, 3)
+    picked = generator(seed, "bootstrap", 0, "mechanisms").integers(0, len(counts), (DRAWS, len(counts)))
+
+    def share(one: np.ndarray) -> dict[str, Any]:
+        part, whole = 2 * one[:, 0], one[:, 1] + one[:, 2]
+        interval = share_interval(part[picked].sum(1), whole[picked].sum(1))
+        return {"share": float(part.sum() / max(whole.sum(), 1)), "interval": interval}
+
+    return {
+        str(after): {who: share(counts[:, row, place]) for row, who in enumerate(("network", "bound"))}
+        for place, after in enumerate(JUDGED_AFTER)
+    }
+
+
+def _counts(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """(K, 3): rightly claimed, claimed and true, of bool (K, I, R)."""
+    return np.stack([each.sum((1, 2)) for each in (claimed & true, claimed, true)], axis=1)
+
+
+def measure(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The whole result; the training goes on where it was stopped."""
+    worlds = chosen(arguments.worlds, WORLDS) if arguments.worlds else tuple(WORLDS)
+    library, config = find("procedural"), MechanismConfig(iterations=arguments.iterations)
+    begin_folder(arguments.work, config, arguments.seed, data=[{"worlds": list(worlds), "boards": arguments.boards}])
+    trained = [board for world in worlds for board, _ in draw(world, arguments.boards, arguments.seed, library)]
+    held = max(1, len(trained) // 20)
+    order = generator(arguments.seed, "train", 0, "mechanisms/held out").permutation(len(trained))
+    held_out, boards = [trained[i] for i in order[:held]], [trained[i] for i in order[held:]]
+    learner = MechanismLearner(config, boards, held_out, arguments.seed)
+    figures = fit(learner, arguments.work, config.loop)
+    learner.network.eval()
+    rows = {}
+    for world in worlds:
+        judged = list(draw(world, arguments.judged, JUDGED_SEED + arguments.seed, library))
+        rows[world] = compare(learner.network, judged, arguments.seed)
+        print(world, {k: [round(100 * v[who]["share"], 1) for who in v] for k, v in rows[world].items()}, flush=True)
+    return {"boards": len(trained), "judged": arguments.judged, "training": figures, "rows": rows}
+
+
+def main() -> None:
+    options = parser(__doc__, assets=False)
+    options.add_argument("--work", type=Path, required=True, help="folder of the training")
+    options.add_argument("--boards", type=int, default=400, help="of each world to train on")
+    options.add_argument("--judged", type=int, default=60, help="of each world to judge on")
+    options.add_argument("--iterations", type=int, default=3000)
+    options.add_argument("--worlds", help="names of worlds, separated by commas; all by default")
+    options.add_argument("--seed", type=int, default=0)
+    arguments = options.parse_args()
+    finish(KIND, arguments, measure(arguments))
+
+
+if __name__ == "__main__":
+    main()

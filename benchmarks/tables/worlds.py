@@ -1,0 +1,340 @@
+"""The table of worlds: what rows without learning find out, by the actions of an oracle of contacts.
+
+    python -m benchmarks.tables.worlds record --data FOLDER --assets DIR [--only gates,time]
+    python -m benchmarks.tables.worlds --data FOLDER --assets DIR --out benchmarks/results/worlds.json
+        [--only gates,time] [--parts rows,discovery,exploring]
+
+`record` makes, for each world, boards of the training split to judge on (`validation`) and others to tune on
+(`training`), and acts on them by the scripted policy: it takes a random link that shows, at a contact and in a
+direction that move it. Pictures are small, everything else is as ever. No test split is looked at.
+
+The parts are `rows` (counting, lookup, persistence, the exact observer of what is detected, and of the truth),
+`discovery` (two methods of causal-learn, from the extra `causal`; slow, so on the first boards alone) and `exploring`
+(the exact observer after random, coverage-first and greedy choice of links, on the first boards, without a simulator).
+
+All commands resume: `record` where it was stopped, the other after the last world and part that it wrote.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import runner
+from benchmarks.studies.bounds import Drawn, play, summed
+from benchmarks.tables.world_rows import (
+    ACTIONS,
+    ENCODER,
+    METHODS,
+    DiscoveryConfig,
+    Seen,
+    Tuned,
+    counted,
+    detected,
+    discovered,
+    strengths,
+    tuned,
+    tuned_discovery,
+)
+from busybot.boards.spec import PAPER, BoardSpec
+from busybot.boards.worlds import WORLDS
+from busybot.common.rng import generator
+from busybot.datasets.bundled_assets import library_of
+from busybot.datasets.dataset import Dataset
+from busybot.episodes.mcap.reader import read_episode
+from busybot.evaluation.bootstrap import two_level_interval
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
+from busybot.reason.evaluation.causes import JudgedCauses, Watched, count_links, judge_causes, law_of
+from busybot.reason.evaluation.causes_summary import summarise_causes
+from busybot.reason.evaluation.decoders import NearestState, judged_objects
+from busybot.reason.evaluation.evaluate import IMAGES, ReasonEvaluation, judge_episode, origin
+from busybot.reason.evaluation.ground_truth import states_of
+from busybot.reason.evaluation.prediction import JudgedPrediction
+from busybot.reason.evaluation.summary import intervals, summarise_predictions
+from busybot.reason.inputs.feature_store import features_of
+from busybot.reason.inputs.observation import observe_episode
+from busybot.reason.models.base import InferredGraph
+from busybot.reason.models.counting import CountConfig
+from busybot.reason.models.lookup import LookupConfig, Persistence
+
+KIND = "worlds"
+NAMES = (*WORLDS, PAPER)
+STEPS = 30
+PICTURES = ("render.width=320", "render.height=240")
+RECORDED = {"training": (60, 822), "validation": (200, 821)}
+"""Number of boards and seed, which no other recording has."""
+FEW, EXPLORED, GREEDY, TUNING = 40, 60, 10, 6
+"""Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
+methods are tuned on."""
+MECHANISMS = ("mechanism_accuracy", "what_if", "what_if_pairs", "ece_uncertain", "uncertain_pairs", "shd")
+Judged = list[tuple[BoardSpec, JudgedCauses]]
+
+
+def record(words: list[str]) -> None:
+    """Generate the boards and act on them; what is there is left alone."""
+    options = runner.parser(__doc__, out=None)
+    options.add_argument("--data", type=Path, required=True)
+    options.add_argument("--only", help="names of worlds, comma-separated; all by default")
+    options.add_argument("--most", type=int, default=10_000, help="boards per recording")
+    arguments = options.parse_args(words)
+    for world in runner.chosen(arguments.only, NAMES) if arguments.only else NAMES:
+        for name, (boards, seed) in RECORDED.items():
+            folder = arguments.data / world / name
+            drawn = runner.generating(folder, "train", min(arguments.most, boards), seed, arguments.assets)
+            runner.busybot(*drawn, "--world", world)
+            acting = ("--steps", str(STEPS), "--policy", "scripted", "--seed", str(seed), "--assets", arguments.assets)
+            runner.busybot("collect", str(folder), *acting, *runner.settings(*PICTURES))
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A dataset with what its boards are judged by."""
+
+    dataset: Dataset
+    library: Library
+    features: Any
+
+    @staticmethod
+    def at(folder: Path, assets: str) -> "Recorded":
+        dataset = Dataset.open(folder)
+        return Recorded(dataset, library_of(dataset, assets), features_of(dataset, ENCODER, workers=1))
+
+    def boards(self, most: int | None = None) -> Iterator[Seen]:
+        """The first boards that were acted on."""
+        for index in sorted(self.dataset.finished())[:most]:
+            yield Seen.of(read_episode(self.dataset.episode_path(index), "lazy"), self.features[index])
+
+    def judge(self, seen: Seen, config: LookupConfig, causes: bool = True) -> Any:
+        """`lookup` on a board; without causes only its predictions count."""
+        judging = ReasonEvaluation("lookup", config=config, library=self.library if causes else None)
+        return judge_episode(seen.episode, judging, self.features[seen.episode.board.index])
+
+
+def chosen_constants(training: Recorded) -> Tuned:
+    """All that is tuned but the methods of discovery; of `lookup` what predicts best."""
+    boards = list(training.boards())
+    found, best = tuned(boards), -1.0
+    for reach in (0.1, 0.2):
+        for counting in (found.counting, CountConfig()):
+            config = LookupConfig(reach=reach, counting=counting)
+            forecasts = [(seen.episode.board, training.judge(seen, config, False).forecast) for seen in boards]
+            share = summarise_predictions(forecasts)["pred_a"] or 0.0
+            if share > best:
+                best, found = share, found.model_copy(update={"lookup": config})
+    return found
+
+
+def rows_of(validation: Recorded, found: Tuned, seed: int) -> dict[str, Any]:
+    """Figures of each row, by its name."""
+    judged: dict[str, Judged] = {}
+    forecasts: list[tuple[BoardSpec, JudgedPrediction]] = []
+    detections = []
+    for number, seen in enumerate(validation.boards()):
+        board, causes, seen_causes, right = _of_board(validation, seen, found)
+        for name, one in causes.items():
+            judged.setdefault(name, []).append((board, one))
+        detections.append(right)
+        forecasts.append((board, seen_causes))
+        _progress(number)
+    rows = {name: figures(boards, seed) for name, boards in judged.items()}
+    told = summarise_predictions(forecasts)
+    rows["lookup"]["pred_a"], rows["persistence"]["pred_a"] = told["pred_a"], told["persistence"]["pred_a"]
+    rows["lookup"]["pred_a_interval"] = intervals(forecasts, seed)["pred_a"]
+    rows["observer-detected"]["detected"] = dict(
+        zip(("clusters", "links", "responders"), np.mean(detections, axis=0).tolist(), strict=True)
+    )
+    return rows
+
+
+def _of_board(
+    validation: Recorded, seen: Seen, found: Tuned
+) -> tuple[BoardSpec, dict[str, JudgedCauses], JudgedPrediction, tuple[float, float, float]]:
+    """Judged causes by row, predictions of `lookup`, and what is detected (`Seen.detected_rightly`)."""
+    looked = validation.judge(seen, found.lookup)
+    truth = looked.causes
+    clusters = seen.clusters(found.reach)
+    law, states = law_of(seen.episode, validation.library), states_of(seen.episode)
+    assert law is not None and states is not None
+    observed = observe_episode(seen.episode)
+    told = detected(seen, clusters, law.links.sizes, found.moved)
+    visible = judged_objects(observed)
+    watched = Watched(
+        seen.episode, seen.sequence.actions, seen.sequence.acted, visible, IMAGES, validation.library, seen.sequence,
+        Persistence(), NearestState(seen.sequence.features, seen.looks, states.states, visible), told, found.error,
+    )  # fmt: skip
+    nothing = judge_causes(watched, Persistence().graph(seen.sequence))
+    causes = {
+        "count": claimed_by(truth, seen, counted(seen, clusters, found.counting)),
+        "lookup": truth,
+        "persistence": nothing,
+        "observer-detected": observer_of(nothing),
+        "observer": observer_of(truth),
+    }
+    return looked.board, causes, looked.forecast, seen.detected_rightly(clusters, told)
+
+
+def claimed_by(judged: JudgedCauses, seen: Seen, graph: InferredGraph) -> JudgedCauses:
+    """The same board judged by what another graph claims, of which nobody is asked about mechanisms."""
+    count = len(judged.true) - 1
+    claimed = np.array([graph.claimed(number) for number in range(count + 1)]) & judged.candidates
+    links = None if graph.links is None else count_links(seen.episode, graph.links, graph.threshold, claimed)
+    probabilities = np.array([graph.after(number) for number in range(count + 1)], np.float32)
+    return replace(
+        judged, claimed=claimed, probabilities=probabilities, links=links,
+        mechanisms=tuple(replace(one, right=None) for one in judged.mechanisms), told=None,
+    )  # fmt: skip
+
+
+def observer_of(judged: JudgedCauses) -> JudgedCauses:
+    """The same board judged by what the exact observer claims, who gives no probabilities here.
+
+    Where nothing explains what was told it, it claims nothing.
+    """
+    bound = np.zeros_like(judged.claimed) if judged.bound is None else judged.bound
+    return replace(
+        judged, claimed=bound, probabilities=bound.astype(np.float32), links=judged.links_bound,
+        mechanisms=tuple(replace(one, right=bool(one.bound)) for one in judged.mechanisms), told=None,
+    )  # fmt: skip
+
+
+def figures(judged: Judged, seed: int) -> dict[str, Any]:
+    """Parents after each of `ACTIONS` at both levels, and what is asked after 22."""
+    told = summarise_causes([*judged], IMAGES, None, seed)
+    objects = [[_columns(one.claimed[k], one.true[k]) for k in ACTIONS] for _, one in judged]
+    found = {"boards": len(judged), "object": _parents(judged, objects, seed)}
+    links = [None if one.links is None else [one.links[k] for k in ACTIONS] for _, one in judged]
+    if any(one is not None for one in links):
+        empty = [np.zeros_like(own) for own in objects[0]]
+        found["link"] = _parents(judged, [empty if one is None else one for one in links], seed)
+    mechanism = told["cause_intervals"]["objects"]["mechanism_accuracy"]
+    return {**found, **{key: told[key] for key in MECHANISMS}, "mechanism_interval": mechanism}
+
+
+def _columns(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """int (N, 3): rightly claimed, claimed and true parents of each object."""
+    return np.stack([(claimed & true).sum(0), claimed.sum(0), true.sum(0)], axis=1)
+
+
+def _parents(judged: Judged, counts: Sequence[Sequence[np.ndarray]], seed: int) -> dict[str, Any]:
+    """By number of actions; intervals by a bootstrap over objects and their boards.
+
+    Args:
+        counts: of each board and number of actions int (N, 3), as `_columns`.
+    """
+    found = {}
+    for place, actions in enumerate(ACTIONS):
+        records = [
+            (2 * hits, claimed + true, hits, claimed, true, board.objects[index].key, number)
+            for number, (board, _) in enumerate(judged)
+            for index, (hits, claimed, true) in enumerate(counts[number][place].tolist())
+            if claimed + true
+        ]
+        part, whole, hits, claimed, true = (np.array([one[k] for one in records], int) for k in range(5))
+        rng = generator(seed, "train", 0, f"worlds/{actions}")
+        interval = two_level_interval(part, whole, [one[5] for one in records], [one[6] for one in records], rng)
+        found[str(actions)] = {
+            "p": float(hits.sum() / claimed.sum()) if claimed.sum() else None,
+            "r": float(hits.sum() / true.sum()),
+            "f1": float(part.sum() / whole.sum()),
+            "interval": interval,
+        }
+    return found
+
+
+def discovery_of(training: Recorded, validation: Recorded, found: Tuned, boards: int, seed: int) -> dict[str, Any]:
+    """Figures of the methods of discovery, with what was tuned."""
+    tuning, judged = list(training.boards(TUNING)), list(validation.boards(boards))
+    rows: dict[str, Any] = {}
+    for name in METHODS:
+        config = tuned_discovery(tuning, found.reach, name)
+        told = [(seen.episode.board, _discovered(validation, seen, found, name, config)) for seen in judged]
+        rows[name] = {"tuned": config.model_dump(mode="json"), **figures(told, seed)}
+        print(f"{name}: {rows[name]['object']['22']['f1']:.2f}", file=sys.stderr, flush=True)
+    return rows
+
+
+def _discovered(validation: Recorded, seen: Seen, found: Tuned, name: str, config: DiscoveryConfig) -> JudgedCauses:
+    clusters = seen.clusters(found.reach)
+    graph = discovered(seen, clusters, name, strengths(seen, clusters, name, config), config)
+    visible = judged_objects(observe_episode(seen.episode))
+    watched = Watched(seen.episode, seen.sequence.actions, seen.sequence.acted, visible, IMAGES)
+    return judge_causes(watched, graph)
+
+
+def exploring(world: str, specs: Sequence[BoardSpec], library: Library, greedy: int, seed: int) -> dict[str, Any]:
+    """The exact observer's figures by way of choosing links, on boards that are moved without a simulator."""
+    found = {}
+    for choice, boards in (("random", len(specs)), ("coverage", len(specs)), ("greedy", greedy)):
+        drawn = [Drawn(spec, library) for spec in specs[:boards]]
+        told = [
+            play(board, choice, ACTIONS, generator(seed, world, number, f"worlds/{choice}"))
+            for number, board in enumerate(drawn)
+        ]
+        responders = np.array([board.space.responders for board in drawn])
+        rng = generator(seed, world, 0, "worlds/exploring")
+        found[choice] = {"boards": len(drawn), **summed(np.array(told), responders, ACTIONS, rng)}
+    return found
+
+
+def _progress(number: int) -> None:
+    if number % 20 == 0:
+        print(f"board {number}", file=sys.stderr, flush=True)
+
+
+PARTS = ("rows", "discovery", "exploring")
+
+
+def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """The whole result, after each part of each world; what is not asked for is kept from an earlier one."""
+    rows = runner.told_rows(arguments.out, KIND)
+    worlds = runner.chosen(arguments.only, NAMES) if arguments.only else NAMES
+    for part in runner.chosen(arguments.parts, PARTS):
+        for world in worlds:
+            told = rows.setdefault(world, {})
+            if part in told and not arguments.again:
+                continue
+            print(f"{world}, {part}", file=sys.stderr, flush=True)
+            told[part] = _part(part, world, told, arguments)
+            yield {
+                "assets": runner.assets_name(arguments.assets),
+                "rows": {one: rows[one] for one in NAMES if one in rows},
+            }
+
+
+def _part(part: str, world: str, told: dict[str, Any], arguments: argparse.Namespace) -> dict[str, Any]:
+    folder, seed = arguments.data / world, RECORDED["validation"][1]
+    validation = Recorded.at(folder / "validation", arguments.assets)
+    if part == "exploring":
+        return exploring(
+            world, list(validation.dataset.boards())[:EXPLORED], find(arguments.assets), arguments.greedy, seed
+        )
+    training = Recorded.at(folder / "training", arguments.assets)
+    if part == "discovery":
+        found = Tuned.model_validate(told["rows"]["tuned"])
+        return discovery_of(training, validation, found, arguments.few, seed)
+    found = chosen_constants(training)
+    rows = rows_of(validation, found, seed)
+    sets = {"training": training.dataset, "validation": validation.dataset}
+    return {"tuned": found.model_dump(mode="json"), "data": {name: origin(one) for name, one in sets.items()}, **rows}
+
+
+def main(words: list[str]) -> None:
+    options = runner.parser(__doc__)
+    options.add_argument("--data", type=Path, required=True, help="what `record` made")
+    options.add_argument("--only", help="names of worlds, comma-separated; all by default")
+    options.add_argument("--parts", default=",".join(PARTS))
+    options.add_argument("--few", type=int, default=FEW, help="boards of the methods of causal discovery")
+    options.add_argument("--greedy", type=int, default=GREEDY, help="boards of greedy choice")
+    options.add_argument("--again", action="store_true", help="what is in the result already, too")
+    arguments = options.parse_args(words)
+    for figures_ in measure(arguments):
+        runner.finish(KIND, arguments, figures_, seed=RECORDED["validation"][1])
+
+
+if __name__ == "__main__":
+    runner.one_of(main, record=record)

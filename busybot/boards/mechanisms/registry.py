@@ -1,0 +1,74 @@
+"""The mechanisms that are there: those of this folder, and those of packages that register a class in the entry-point
+group `busybot.mechanisms` (docs/extending/mechanism.md).
+"""
+
+from collections.abc import Sequence
+from functools import cache
+from importlib.metadata import entry_points
+
+from pydantic import ValidationError
+
+from busybot.boards.mechanisms.base import Mechanism
+from busybot.boards.mechanisms.chance import Clock, Flicker, Unreliable
+from busybot.boards.mechanisms.delay import Delay
+from busybot.boards.mechanisms.direct import ManyEffects, ManyObjects, OneToOne
+from busybot.boards.mechanisms.gate import Gate
+from busybot.boards.mechanisms.latch import Latch
+from busybot.boards.mechanisms.timer import Timer
+from busybot.boards.mechanisms.toggle import Toggle
+from busybot.boards.spec import Relation
+from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import first_fault
+
+GROUP = "busybot.mechanisms"
+"""Entry points of packages that bring kinds of their own."""
+RESERVED = ("stream",)
+"""Parameters of any relation: `stream` names the luck of responders that have it in common."""
+
+
+@cache
+def available() -> dict[str, type[Mechanism]]:
+    """All kinds by name: those of this folder, then those of installed packages.
+
+    Raises:
+        BusybotError: a package cannot be loaded, or brings something else, or a name that is taken.
+    """
+    own = (OneToOne, ManyEffects, ManyObjects, Gate, Delay, Timer, Toggle, Latch, Unreliable, Flicker, Clock)
+    kinds: dict[str, type[Mechanism]] = {one.kind: one for one in own}
+    for point in entry_points(group=GROUP):
+        where = f"entry point {point.value!r} of the group {GROUP}"
+        try:
+            found = point.load()
+        except Exception as error:  # whatever a stranger's module does when it is imported
+            raise BusybotError(f"{where} cannot be loaded: {error}", "repair its package or uninstall it") from error
+        if not (isinstance(found, type) and issubclass(found, Mechanism)):
+            raise BusybotError(f"{where} is no Mechanism", "derive its class from busybot.boards.mechanisms.base")
+        if kinds.setdefault(found.kind, found) is not found:
+            raise BusybotError(f"{where} brings a kind {found.kind!r}, which is there already", "rename it")
+    return kinds
+
+
+def mechanism_of(relation: Relation, sizes: Sequence[int]) -> Mechanism:
+    """The mechanism that a relation describes.
+
+    Args:
+        sizes: number of states of each of the relation's inputs.
+
+    Raises:
+        BusybotError: nobody here knows its kind, or it does not fit its inputs.
+    """
+    kind = available().get(relation.kind)
+    if kind is None:
+        known = ", ".join(sorted(available()))
+        raise BusybotError(
+            f"a relation of the unknown kind {relation.kind!r}",
+            f"here are {known}; install the package that brings it",
+        )
+    own = {name: value for name, value in relation.parameters.items() if name not in RESERVED}
+    try:
+        return kind(sizes=tuple(sizes), table=relation.states, **own)
+    except (ValidationError, TypeError) as error:
+        fault = first_fault(error) if isinstance(error, ValidationError) else str(error)
+        raise BusybotError(
+            f"a relation of kind {relation.kind!r}: {fault}", "correct its states or parameters"
+        ) from None

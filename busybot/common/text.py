@@ -1,0 +1,24 @@
+"""Text from outside: names, settings and paths that somebody else chose, before they are printed, drawn or written."""
+
+import re
+
+_UNSEEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u202a-\u202e\u2066-\u2069\ufeff\ud800-\udfff]"
+)
+"""Controls of terminals, marks that turn the direction of text, halves of surrogate pairs; not tab and line feed."""
+
+
+def plain(text: object) -> str:
+    """The text with all that a terminal, a page or an encoder would take for something else as escapes, as `\\x1b`."""
+    return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), str(text))
+
+
+def unlinked(value: object) -> object:
+    """A value of JSON whose strings are plain and no links of Markdown."""
+    if isinstance(value, str):
+        return plain(value).replace("](", "] (")
+    if isinstance(value, list):
+        return [unlinked(part) for part in value]
+    if isinstance(value, dict):
+        return {unlinked(name): unlinked(part) for name, part in value.items()}
+    return value

@@ -1,0 +1,464 @@
+"""One board's causes as a model tells them, beside the truth and beside what the recording determines.
+
+For evaluators only. `causes_summary` makes figures of many boards.
+
+- *Parents* are directed pairs of objects, links collapsed: triggers and, where a responder may move another one, pairs
+  of responders. At the level of links the rows are trigger links and responders; a model's links are clusters of
+  contacts, which stand for the true links that they share most actions with (Kuhn 1955, one to one).
+- *Mechanisms* are asked for by a tour (`what_if`), their kinds and lags are compared where a model tells them.
+- The *bound* is what the exact observer (`upper_bound`) knows of the true states that the same actions led to. It is
+  there where the recording knows states and the observer's space explains them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from busybot.boards.dynamics import Dynamics, DynamicState, Links
+from busybot.boards.spec import BODY, PAPER, BoardSpec, LinkRef, Relation
+from busybot.boards.worlds import DIRECT, WORLDS, links_of
+from busybot.common.errors import BusybotError
+from busybot.common.rng import generator
+from busybot.episodes.episode import Episode
+from busybot.objects.library import Library
+from busybot.reason.evaluation.decoders import StateReadout
+from busybot.reason.evaluation.ground_truth import CauseTruth, causes_of, trace_of
+from busybot.reason.evaluation.hypotheses import NOTHING, Hypothesis, Rests, Stages, board_space, lag_of
+from busybot.reason.evaluation.upper_bound import Belief, Observer
+from busybot.reason.evaluation.what_if import Questions, contacts_of, pairs, told_rightly, tour
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.models.base import InferredGraph, InferredLinks, Reasoner, imagine
+
+ACTIONS = 40
+"""Discovery is followed for so many actions."""
+CLAIMED = 0.5
+"""The exact observer claims what is more probable than not."""
+
+
+@dataclass(frozen=True)
+class JudgedMechanism:
+    """What decides one responder, and who knows it; None where nobody could be asked.
+
+    Attributes:
+        responder: index of the object.
+        kind: of its mechanism, "none" if nothing moves it; the paper's kinds are one.
+        driven: whether it has inputs.
+        right, bound: whether the model, and the exact observer, foretell it on the whole tour.
+        kind_right, kind_bound, lag_right, lag_bound: whether they name its kind and its lag.
+    """
+
+    responder: int
+    kind: str
+    driven: bool
+    right: bool | None = None
+    bound: bool | None = None
+    kind_right: bool | None = None
+    kind_bound: bool | None = None
+    lag_right: bool | None = None
+    lag_bound: bool | None = None
+
+
+@dataclass(frozen=True)
+class JudgedCauses:
+    """A board of N objects, followed for K actions.
+
+    Attributes:
+        candidates: bool (N, N), pairs that are judged.
+        true: bool (K + 1, N, N), the parents after so many actions; a rewiring changes them.
+        probabilities: float (K + 1, N, N), the model's.
+        claimed: bool (K + 1, N, N), what the model claims.
+        bound: bool (K + 1, N, N), what the exact observer claims; None without one.
+        links, links_bound: int (K + 1, N, 3), at the level of links for each responder how many parents are rightly
+            claimed, claimed and true; None where links are not told, or there is no observer.
+        mechanisms: of the responders that show in the first frame.
+        told: bool (P, 2), whether the model told what happened, and what had happened without an action, in each pair
+            of questions; None where it cannot be asked.
+    """
+
+    candidates: np.ndarray
+    true: np.ndarray
+    probabilities: np.ndarray
+    claimed: np.ndarray
+    bound: np.ndarray | None = None
+    links: np.ndarray | None = None
+    links_bound: np.ndarray | None = None
+    mechanisms: tuple[JudgedMechanism, ...] = ()
+    told: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A recording as it is judged.
+
+    Attributes:
+        actions, acted: of all T steps, as of `BoardSequence`.
+        judged: bool (N,), responders that show in the first frame.
+        images: how many were observed when mechanisms are asked about.
+        library: the board's objects; in the paper's world the board tells what is needed of them.
+        sequence, reasoner, judge: who is asked about mechanisms with what features, and what reads the answers as
+            states; None for a model that infers a graph alone.
+        detected: int (T + 1, L) and (T + 1, N), states of trigger links and objects that the exact observer is told in
+            place of the true ones; None for the true ones.
+        error: probability that a responder's detected state is wrong.
+    """
+
+    episode: Episode
+    actions: np.ndarray
+    acted: np.ndarray
+    judged: np.ndarray
+    images: int
+    library: Library | None = None
+    sequence: BoardSequence | None = None
+    reasoner: Reasoner | None = None
+    judge: StateReadout | None = None
+    detected: tuple[np.ndarray, np.ndarray] | None = None
+    error: float = 0.0
+
+    @property
+    def steps(self) -> int:
+        """How many actions were observed."""
+        return min(self.images - 1, len(self.episode.steps))
+
+    def ask(self, questions: Questions) -> np.ndarray | None:
+        """Whether each responder is told rightly, bool (Q, N); None if nobody can be asked."""
+        if self.reasoner is None or self.sequence is None or self.judge is None:
+            return None
+        seen = self.sequence.first(self.images)
+        told = imagine(self.reasoner, seen, questions.steps, questions.actions, questions.acted)
+        read = self.judge.read(told.reshape(-1, *told.shape[2:]))
+        return told_rightly(read.reshape(told.shape[:3]), questions)
+
+
+def candidates_of(board: BoardSpec) -> np.ndarray:
+    """bool (N, N): what may be a parent of what. Responders may where the board's world lets one follow another."""
+    roles = np.array([placed.role for placed in board.objects], str)
+    responders = roles == "responder"
+    found = (roles == "trigger")[:, None] & responders[None]
+    world = WORLDS.get(board.world)
+    if (world is not None and world.follows) or any(
+        ref.link == BODY for one in board.relations for ref in one.triggers
+    ):
+        found |= responders[:, None] & responders[None] & ~np.eye(len(roles), dtype=bool)
+    return found
+
+
+def relations_at(board: BoardSpec, action: int) -> list[Relation]:
+    """The relations that decide what shows after the action of that number, from 0."""
+    rewired = {one.relation.responder: one.relation for one in board.rewirings if one.step <= action}
+    return [one for one in board.relations if one.responder not in rewired] + list(rewired.values())
+
+
+def parents_at(board: BoardSpec, action: int) -> np.ndarray:
+    """bool (N, N), object pairs, of the relations that decide what shows after that action."""
+    found = np.zeros((len(board.objects),) * 2, bool)
+    for relation in relations_at(board, action):
+        for trigger in relation.triggers:
+            found[trigger.object, relation.responder] = True
+    return found
+
+
+def judge_causes(watched: Watched, graph: InferredGraph) -> JudgedCauses:
+    """Compare what a model tells of a recorded board with the truth.
+
+    Args:
+        graph: inferred from at least the observed images; it is followed step by step.
+    """
+    episode, board = watched.episode, watched.episode.board
+    count, candidates = min(len(episode.steps), ACTIONS), candidates_of(board)
+    claimed = np.array([graph.claimed(number) for number in range(count + 1)]) & candidates
+    judged = JudgedCauses(
+        candidates,
+        np.array([parents_at(board, max(0, number - 1)) for number in range(count + 1)]) & candidates,
+        np.array([graph.after(number) for number in range(count + 1)], np.float32),
+        claimed,
+        links=None if graph.links is None else count_links(episode, graph.links, graph.threshold, claimed),
+    )
+    replayed = _replayed(watched)
+    if replayed is None:
+        return judged
+    triggers, shown = watched.detected or (replayed.triggers, replayed.shown)
+    bound = _observed(replace(replayed, triggers=triggers, shown=shown), count, watched.error)
+    belief = None
+    if bound is not None:
+        judged, belief = replace(judged, bound=bound.objects & candidates, links_bound=bound.links), bound.belief
+    return _with_mechanisms(judged, watched, replayed, graph, belief)
+
+
+def link_names(episode: Episode) -> tuple[LinkRef, ...]:
+    """What may be a parent at the level of links: the trigger links in the board's order, then the responders."""
+    links = tuple(LinkRef(object=link.object, link=link.name) for link in episode.links if link.trigger)
+    objects = enumerate(episode.board.objects)
+    return links + tuple(LinkRef(object=index, link=BODY) for index, one in objects if one.role == "responder")
+
+
+def true_links(board: BoardSpec, names: Sequence[LinkRef], action: int) -> np.ndarray:
+    """bool (I, N): which of these are parents of what shows after the action of that number."""
+    place = {name: number for number, name in enumerate(names)}
+    found = np.zeros((len(names), len(board.objects)), bool)
+    for relation in relations_at(board, action):
+        for trigger in relation.triggers:
+            if trigger in place:
+                found[place[trigger], relation.responder] = True
+    return found
+
+
+def matched_links(clusters: np.ndarray, held: np.ndarray, links: int) -> dict[int, int]:
+    """The true link that each cluster of contacts stands for: one to one, so that most actions agree.
+
+    Args:
+        clusters: int (T,), of each action, -1 for none.
+        held: int (T,), the link that it truly held, -1 for none.
+        links: how many there are.
+
+    Returns:
+        links by cluster; clusters that share no action with the link that is left for them have none.
+    """
+    from scipy.optimize import linear_sum_assignment  # slow to load
+
+    both = (clusters >= 0) & (held >= 0)
+    shared = np.zeros((int(clusters.max(initial=-1)) + 1, links), int)
+    np.add.at(shared, (clusters[both], held[both]), 1)
+    pairs_ = zip(*linear_sum_assignment(shared, maximize=True), strict=True)
+    return {int(cluster): int(link) for cluster, link in pairs_ if shared[cluster, link]}
+
+
+def count_links(episode: Episode, told: InferredLinks, threshold: float, claimed: np.ndarray) -> np.ndarray:
+    """Parents at the level of links, int (K + 1, N, 3), as `JudgedCauses.links`.
+
+    A cluster that stands for no link is a parent that is not there. Responders are parents as the graph claims them.
+
+    Args:
+        threshold: a parent is claimed when its probability exceeds this.
+        claimed: bool (K + 1, N, N), pairs of objects.
+    """
+    names = link_names(episode)
+    place = {(name.object, name.link): number for number, name in enumerate(names)}
+    held = np.array([place.get((step.acted_object, step.acted_link), -1) for step in episode.steps], int)
+    length, links = min(len(held), len(told.clusters)), sum(name.link != BODY for name in names)
+    match = matched_links(told.clusters[:length], held[:length], links)
+    responders = [name.object for name in names[links:]]
+    counts = np.zeros((*claimed.shape[:2], 3), int)
+    for number, pairs_ in enumerate(claimed):
+        said = told.after(number) > threshold  # (clusters, N)
+        nowhere = [cluster for cluster in range(len(said)) if cluster not in match]
+        mine = np.concatenate([np.zeros((links, len(pairs_)), bool), pairs_[responders]])
+        for cluster, link in match.items():
+            mine[link] = said[cluster]
+        counts[number] = _counted(mine, true_links(episode.board, names, max(0, number - 1)))
+        counts[number, :, 1] += said[nowhere].sum(0)
+    return counts
+
+
+def _counted(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """int (N, 3): rightly claimed, claimed and true parents of each object, from bool (I, N)."""
+    return np.stack([(claimed & true).sum(0), claimed.sum(0), true.sum(0)], axis=1)
+
+
+@dataclass(frozen=True)
+class Law:
+    """What a board's objects say about its links and responders.
+
+    Attributes:
+        stages: of each responder, what it can be; None if nobody knows.
+    """
+
+    links: Links
+    stages: tuple[Stages, ...] | None
+
+
+def law_of(episode: Episode, library: Library | None) -> Law | None:
+    """Links and responders of a board; None where nobody knows how many states its links have."""
+    board = episode.board
+    if library is not None:
+        models = [library.get(placed.key) for placed in board.objects]
+        effects = [model.effect for model in models if model.effect is not None]
+        return Law(links_of(models), tuple((one.single is not None, one.multi is not None) for one in effects))
+    if board.world != PAPER:
+        return None
+    sizes = {
+        trigger: len(relation.states)
+        for relation in board.relations
+        if len(relation.triggers) == 1
+        for trigger in relation.triggers
+    }
+    names = [name for name in link_names(episode) if name.link != BODY]
+    found = tuple(max(2, sizes.get(name, 2)) for name in names)
+    return Law(Links(tuple((name.object, name.link) for name in names), found), None)
+
+
+@dataclass(frozen=True)
+class _Replayed:
+    """A recording whose states follow the board's law. T steps, L links, N objects, R responders.
+
+    Attributes:
+        triggers, shown: int (T + 1, L) and (T + 1, N).
+        states: of the board, new and after each step.
+        responders: indices of these objects.
+        steps: observed actions.
+    """
+
+    board: BoardSpec
+    law: Law
+    dynamics: Dynamics
+    triggers: np.ndarray
+    shown: np.ndarray
+    states: list[DynamicState]
+    responders: list[int]
+    names: tuple[LinkRef, ...]
+    steps: int
+
+
+def _replayed(watched: Watched) -> _Replayed | None:
+    """None where nobody knows the states, or where they are not what the board's law makes of the actions."""
+    episode, board = watched.episode, watched.episode.board
+    law, trace = law_of(episode, watched.library), trace_of(episode)
+    if law is None or trace is None:
+        return None
+    triggers, shown = trace
+    try:
+        dynamics = Dynamics(board, law.links)
+        states = dynamics.run(triggers.tolist())
+    except (BusybotError, IndexError):
+        return None
+    if not np.array_equal(np.array([state.shown for state in states]), shown):
+        return None
+    responders = [index for index, placed in enumerate(board.objects) if placed.role == "responder"]
+    return _Replayed(board, law, dynamics, triggers, shown, states, responders, link_names(episode), watched.steps)
+
+
+@dataclass(frozen=True)
+class _Observed:
+    """What the exact observer claims, as `JudgedCauses`, and what it believes after the observed actions."""
+
+    objects: np.ndarray
+    links: np.ndarray
+    belief: Belief
+
+
+def _observed(replayed: _Replayed, count: int, error: float) -> _Observed | None:
+    """None where the observer's space does not explain the recording."""
+    board, triggers, objects = replayed.board, replayed.triggers, len(replayed.board.objects)
+    space, responders = board_space(board, replayed.law.links.sizes, replayed.law.stages)
+    shown, owners = replayed.shown[:, responders], [name.object for name in replayed.names]
+    pairs_, links = np.zeros((count + 1, objects, objects), bool), np.zeros((count + 1, objects, 3), int)
+    last = None
+    try:
+        observer = Observer(space, triggers[0], shown[0], error)
+        for number in range(max(count, replayed.steps) + 1):
+            if number:
+                observer.see(triggers[number], shown[number])
+            belief = observer.belief()
+            if number <= count:
+                pairs_[number][:, responders] = belief.object_parents(owners, objects) > CLAIMED
+                single = np.zeros((len(owners), objects), bool)
+                single[:, responders] = belief.parents() > CLAIMED
+                links[number] = _counted(single, true_links(board, replayed.names, max(0, number - 1)))
+            last = belief if number == replayed.steps else last
+    except BusybotError:
+        return None
+    assert last is not None
+    return _Observed(pairs_, links, last)
+
+
+def _with_mechanisms(
+    judged: JudgedCauses, watched: Watched, replayed: _Replayed, graph: InferredGraph, belief: Belief | None
+) -> JudgedCauses:
+    board, steps = replayed.board, replayed.steps
+    truth = causes_of(board, replayed.law.links, max(0, steps - 1))
+    contacts = contacts_of(watched.episode, watched.actions, watched.acted, replayed.law.links.sizes)
+    past = tuple(one for one in board.rewirings if one.step < steps)
+    calm = Dynamics(board.model_copy(update={"rewirings": past}), replayed.law.links, lucky=False)
+    now = tuple(int(state) for state in replayed.triggers[steps])
+    rng = generator(board.seed, board.split, board.index, "reason/tour")
+    walk = tour(calm, now, replayed.states[steps], contacts, steps, rng)
+    right = watched.ask(walk)
+    told = None
+    if right is not None:
+        controlled = watched.judged & truth.link_parents.any(0)
+        told = np.zeros((0, 2), bool)
+        asked = pairs(
+            replayed.dynamics, watched.episode, watched.actions[:steps], watched.acted, replayed.states, controlled
+        )
+        if asked is not None:
+            answers = [watched.ask(questions) for questions in asked]
+            told = np.stack([one[:, controlled].all(1) for one in answers if one is not None], axis=1)
+    names = _named(graph, truth, belief, replayed)
+    mechanisms = []
+    for number, index in enumerate(replayed.responders):
+        if watched.judged[index]:
+            cause = _hypothesis(truth, index)
+            varied = _varied(walk, truth.read[index], replayed)
+            mechanisms.append(
+                JudgedMechanism(
+                    index,
+                    cause.kind,
+                    bool(cause.inputs),
+                    None if right is None else bool(right[0, index] and varied),
+                    None if belief is None else _known(belief, number, index, cause, walk, replayed),
+                    *names[number],
+                )
+            )
+    return replace(judged, mechanisms=tuple(mechanisms), told=told)
+
+
+def _hypothesis(truth: CauseTruth, index: int) -> Hypothesis:
+    return Hypothesis(truth.mechanisms[index] or Rests(sizes=(), table=(0,)), truth.read[index])
+
+
+def _varied(walk: Questions, read: Sequence[int], replayed: _Replayed) -> bool:
+    """Whether all of these inputs took more than one state on the tour: else nobody was asked about them."""
+    links = walk.triggers.shape[2]
+    columns = [
+        walk.triggers[0, :, place] if place < links else walk.shown[0, :, replayed.names[place].object]
+        for place in read
+    ]
+    return all(column.min() < column.max() for column in columns)
+
+
+def _known(belief: Belief, number: int, index: int, cause: Hypothesis, walk: Questions, replayed: _Replayed) -> bool:
+    """Whether the exact observer claims a mechanism, and it responds as the true one does."""
+    mechanisms, probable = belief.mechanisms()
+    if probable[number] <= CLAIMED:
+        return False
+    likeliest = mechanisms[number]
+    if belief.space.meaning_of(likeliest) == belief.space.meaning_of(cause):
+        return True
+    triggers = np.concatenate([replayed.triggers[: replayed.steps + 1], walk.triggers[0, 1:]])
+    shown = np.concatenate([replayed.shown[: replayed.steps + 1], walk.shown[0, 1:]])
+    before = np.concatenate([shown[:1], shown[:-1]])[:, replayed.responders]
+    inputs = np.concatenate([triggers, before], axis=1)[:, list(likeliest.inputs)]
+    read = np.minimum(inputs, np.array(likeliest.mechanism.sizes, int) - 1)
+    state, memory = likeliest.mechanism.start(tuple(read[0].tolist()))
+    told = [state]
+    for row in read[1:]:
+        state, memory = likeliest.mechanism.step(tuple(row.tolist()), memory, None)
+        told.append(state)
+    asked = slice(replayed.steps + 1, None)
+    return _varied(walk, cause.inputs, replayed) and told[asked] == shown[asked, index].tolist()
+
+
+def _named(
+    graph: InferredGraph, truth: CauseTruth, belief: Belief | None, replayed: _Replayed
+) -> list[tuple[bool | None, bool | None, bool | None, bool | None]]:
+    """Of each responder whether model and observer name the kind, and whether they name the lag."""
+    links, found = len(replayed.law.links.sizes), []
+    for number, index in enumerate(replayed.responders):
+        cause = _hypothesis(truth, index)
+        lag = lag_of(cause, links)
+        kinds = None if belief is None else belief.kinds()[number]
+        lags = None if belief is None else belief.lags()[number]
+        found.append(
+            (
+                None if graph.kinds is None else _paper_name(graph.kinds[index]) == cause.kind,
+                None if kinds is None else max(kinds, key=lambda kind: kinds[kind]) == cause.kind,
+                None if graph.lags is None else int(graph.lags[index]) == lag,
+                None if lags is None else max(lags, key=lambda one: lags[one]) == lag,
+            )
+        )
+    return found
+
+
+def _paper_name(kind: str) -> str:
+    """The paper's kinds of following one link are one; who says nothing says that nothing moves it."""
+    return DIRECT if kind.startswith("one-to-many") else kind or NOTHING

@@ -1,0 +1,261 @@
+"""Judged causes of many boards to figures, JSON values; shares from 0 to 1, None where nothing is there to be judged.
+
+`KEYS` says what each figure is (docs/reference/measures.md).
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from busybot.boards.spec import BoardSpec
+from busybot.common.rng import generator
+from busybot.evaluation.bootstrap import Interval, two_level_interval
+from busybot.evaluation.exact import binomial_interval
+from busybot.reason.evaluation import metrics as m
+from busybot.reason.evaluation.causes import JudgedCauses, JudgedMechanism
+
+CALIBRATED = (4, 8, 12, 16, 22, 30)
+"""Numbers of images after which probabilities are judged."""
+LEAST_PAIRS = 500
+"""With fewer uncertain pairs nothing is said about their calibration."""
+FOUND = 0.95
+"""Parents count as found from this F1 on."""
+
+KEYS: dict[str, str] = {
+    "parent_p, parent_r, parent_f1": "precision, recall and F1 of parents: directed pairs of objects, links collapsed, "
+    "pooled over boards. In worlds in which a responder may move another one (`chain`, `mixed`) pairs of responders "
+    "count, too: who cannot claim them misses them",
+    "parent_f1_bound": "the same F1 of the exact observer, who sees the true states of the same actions",
+    "link_parent_p, link_parent_r, link_parent_f1, link_parent_f1_bound": "the same with trigger links in place of "
+    "triggers. Null for models that do not tell a trigger's links apart; a model's links are clusters of contacts, "
+    "matched to the true ones by most common actions (Hungarian method)",
+    "shd, shd_bound": "structural Hamming distance, mean over boards: parents to be added, removed or turned round",
+    "mechanism_accuracy": "share of the responders with inputs whose every state is foretold on a tour of 40 further "
+    "actions without luck, in which the inputs take all combinations that recorded contacts lead to. Null for models "
+    "that predict nothing (`count`, `pc`)",
+    "mechanism_bound": "share of which the exact observer claims a mechanism (more probable than all others "
+    "together) that responds as the true one does",
+    "mechanism_by_kind": "both by kind of mechanism, with numbers; `none` are responders that nothing moves",
+    "kind_accuracy, kind_bound, lag_accuracy, lag_bound": "share of all responders whose kind of mechanism, and whose "
+    "lag, is named rightly. Null for models that do not tell them",
+    "gap": "`pred_a` minus `mechanism_accuracy`: one can predict without understanding",
+    "what_if": "share of pairs of questions answered rightly: what the next up to 4 actions showed, and what they "
+    "would have shown had one link not been moved. Only pairs with different answers are asked",
+    "what_if_factual, what_if_left_out, what_if_pairs": "the two halves by themselves, and how many pairs there are",
+    "ece_uncertain, uncertain_pairs": "expected calibration error over the pairs with .05 < p < .95, and how many that "
+    f"is; null below {LEAST_PAIRS}, which say too little",
+    "uncertain_by_images": f"the same after {', '.join(map(str, CALIBRATED))} images",
+    "discovery": "`parent_p`, `parent_r`, `parent_f1` and the bound's F1 after 1 to 40 actions, of the boards with so "
+    "many",
+    "actions_until_found, actions_until_found_bound": f"after how many actions F1 is at least {FOUND}; null if it "
+    "never is",
+    "bound_boards": "boards that the exact observer could follow; bounds are of these alone",
+    "cause_intervals": "95 % intervals by a bootstrap over `boards`; over `objects` (the responders') and their "
+    "boards; over `mechanisms` (their kinds) and their boards. Over boards, shares of 0 or 1 (not F1) have exact "
+    "binomial bounds",
+    "cause_boards": "the figures of each board, for paired tests between models on the same boards",
+}
+"""What the figures are called, and what they are."""
+PARENTS: m.Shares = {"p": ("hits", "claimed"), "r": ("hits", "true"), "f1": ("twice", "both")}
+
+
+def summarise_causes(
+    judged: Sequence[tuple[BoardSpec, JudgedCauses]], images: int, pred_a: float | None, seed: int
+) -> dict[str, Any]:
+    """All figures of `KEYS`.
+
+    Args:
+        images: how many were observed; parents are those claimed then.
+        pred_a: of the same boards.
+    """
+    boards, causes = [board for board, _ in judged], [one for _, one in judged]
+    steps = images - 1
+    followed = [one for one in causes if one.bound is not None]
+    mechanisms = [one for each in causes for one in each.mechanisms if one.driven]
+    everyone = [one for each in causes for one in each.mechanisms]
+    accuracy = _mean([one.right for one in mechanisms])
+    told = [one.told for one in causes if one.told is not None]
+    pairs = np.concatenate([np.zeros((0, 2), bool), *told])
+    rows = [_row(board, one, steps) for board, one in judged]
+    return {
+        **{
+            f"parent_{name}": share for name, share in m.micro([_counts(one, steps) for one in causes], PARENTS).items()
+        },
+        "parent_f1_bound": m.micro([_counts(one, steps, bound=True) for one in followed], PARENTS)["f1"],
+        **_links(causes, steps),
+        "shd": _mean([hamming(one.claimed[_at(one, steps)], one.true[_at(one, steps)]) for one in causes]),
+        "shd_bound": _mean(
+            [
+                hamming(one.bound[_at(one, steps)], one.true[_at(one, steps)])
+                for one in followed
+                if one.bound is not None
+            ]
+        ),
+        "mechanism_accuracy": accuracy,
+        "mechanism_bound": _mean([one.bound for one in mechanisms]),
+        "mechanism_by_kind": _by_kind(everyone),
+        "kind_accuracy": _mean([one.kind_right for one in everyone]),
+        "kind_bound": _mean([one.kind_bound for one in everyone]),
+        "lag_accuracy": _mean([one.lag_right for one in everyone]),
+        "lag_bound": _mean([one.lag_bound for one in everyone]),
+        "gap": None if pred_a is None or accuracy is None else pred_a - accuracy,
+        "what_if": _mean(np.asarray(pairs.all(axis=1))),
+        "what_if_factual": _mean(pairs[:, 0]),
+        "what_if_left_out": _mean(pairs[:, 1]),
+        "what_if_pairs": len(pairs) if told else None,
+        **_uncertain(causes, steps),
+        "uncertain_by_images": [{"images": number, **_uncertain(causes, number - 1, True)} for number in CALIBRATED],
+        **_discovery(causes),
+        "bound_boards": len(followed),
+        "cause_intervals": _intervals(boards, causes, steps, seed),
+        "cause_boards": rows,
+    }
+
+
+def hamming(claimed: np.ndarray, true: np.ndarray) -> int:
+    """Structural Hamming distance of directed graphs, bool (N, N): edges to be added, removed or turned round, each of
+    these one step (Tsamardinos, Brown and Aliferis 2006, for graphs without undirected edges)."""
+    wrong, missing = claimed & ~true, true & ~claimed
+    turned = wrong & missing.T
+    return int(wrong.sum() + missing.sum() - turned.sum())
+
+
+def _at(one: JudgedCauses, steps: int) -> int:
+    return min(steps, len(one.true) - 1)
+
+
+def _counts(one: JudgedCauses, steps: int, bound: bool = False) -> m.Counts:
+    """Of one board after so many actions."""
+    number = _at(one, steps)
+    claimed = one.bound if bound else one.claimed
+    assert claimed is not None
+    return _of(_columns(claimed[number], one.true[number]).sum(0))
+
+
+def _columns(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
+    """int (N, 3): rightly claimed, claimed and true parents of each object."""
+    return np.stack([(claimed & true).sum(0), claimed.sum(0), true.sum(0)], axis=1)
+
+
+def _of(counted: np.ndarray) -> m.Counts:
+    """Names of `PARENTS` for hits, claimed and true ones."""
+    hits, claimed, true = (int(number) for number in counted)
+    return {"hits": hits, "claimed": claimed, "true": true, "twice": 2 * hits, "both": claimed + true}
+
+
+def _links(causes: Sequence[JudgedCauses], steps: int) -> dict[str, float | None]:
+    told = [_of(one.links[_at(one, steps)].sum(0)) for one in causes if one.links is not None]
+    bound = [_of(one.links_bound[_at(one, steps)].sum(0)) for one in causes if one.links_bound is not None]
+    shares = m.micro(told, PARENTS)
+    found = {f"link_parent_{name}": share if told else None for name, share in shares.items()}
+    return {**found, "link_parent_f1_bound": m.micro(bound, PARENTS)["f1"]}
+
+
+def _by_kind(mechanisms: Sequence[JudgedMechanism]) -> dict[str, dict[str, Any]]:
+    found = {}
+    for kind in sorted({one.kind for one in mechanisms}):
+        own = [one for one in mechanisms if one.kind == kind]
+        shares = {"accuracy": _mean([one.right for one in own]), "bound": _mean([one.bound for one in own])}
+        found[kind] = {**shares, "responders": len(own)}
+    return found
+
+
+def _uncertain(causes: Sequence[JudgedCauses], steps: int, long_enough: bool = False) -> dict[str, Any]:
+    """Calibration of the uncertain pairs after so many actions, if asked only of boards with so many."""
+    own = [one for one in causes if len(one.true) > steps or not long_enough]
+    said = [one.probabilities[_at(one, steps)][one.candidates] for one in own]
+    true = [one.true[_at(one, steps)][one.candidates] for one in own]
+    found = m.calibration(np.concatenate([np.zeros(0), *said]), np.concatenate([np.zeros(0), *true]))
+    enough = (found["pairs_uncertain"] or 0) >= LEAST_PAIRS
+    return {
+        "ece_uncertain": found["ece_uncertain"] if enough else None,
+        "uncertain_pairs": found["pairs_uncertain"],
+    }
+
+
+def _discovery(causes: Sequence[JudgedCauses]) -> dict[str, Any]:
+    curve = []
+    for number in range(1, max((len(one.true) for one in causes), default=1)):
+        own = [one for one in causes if len(one.true) > number]
+        scores = m.micro([_counts(one, number) for one in own], PARENTS)
+        bound = m.micro([_counts(one, number, bound=True) for one in own if one.bound is not None], PARENTS)
+        told = {f"parent_{name}": share for name, share in scores.items()}
+        curve.append({"actions": number, "boards": len(own), **told, "parent_f1_bound": bound["f1"]})
+
+    def until(key: str) -> int | None:
+        return next((number for number, point in enumerate(curve, start=1) if (point[key] or 0) >= FOUND), None)
+
+    return {
+        "discovery": curve,
+        "actions_until_found": until("parent_f1"),
+        "actions_until_found_bound": until("parent_f1_bound"),
+    }
+
+
+def _intervals(
+    boards: Sequence[BoardSpec], causes: Sequence[JudgedCauses], steps: int, seed: int
+) -> dict[str, dict[str, Interval]]:
+    """By what is drawn anew, then by figure."""
+    records: dict[str, list[tuple[int, int, str, str, int]]] = {
+        name: [] for name in ("parent_p", "parent_r", "parent_f1")
+    }
+    records["mechanism_accuracy"] = []
+    for number, (board, one) in enumerate(zip(boards, causes, strict=True)):
+        place, kinds = _at(one, steps), {each.responder: each.kind for each in one.mechanisms}
+        for index, counted in enumerate(_columns(one.claimed[place], one.true[place])):
+            named, counts = (board.objects[index].key, kinds.get(index, "none"), number), _of(counted)
+            for name, (part, whole) in PARENTS.items():
+                records[f"parent_{name}"].append((counts[part], counts[whole], *named))
+        for each in one.mechanisms:
+            if each.driven and each.right is not None:
+                named = (board.objects[each.responder].key, each.kind, number)
+                records["mechanism_accuracy"].append((int(each.right), 1, *named))
+    split = boards[0].split if boards else ""
+    groupings: dict[str, Callable[[tuple[int, int, str, str, int]], str]] = {
+        "boards": lambda _: "",
+        "objects": lambda record: record[2],
+        "mechanisms": lambda record: record[3],
+    }
+    found: dict[str, dict[str, Interval]] = {}
+    for grouping, name_of in groupings.items():
+        rng = generator(seed, split, 0, f"reason/bootstrap-causes/{grouping}")
+        found[grouping] = {name: _interval(rows, name_of, rng) for name, rows in records.items()}
+        if grouping == "boards":
+            found[grouping] |= {
+                name: _exact(rows) or found[grouping][name] for name, rows in records.items() if name != "parent_f1"
+            }
+    return found
+
+
+def _interval(
+    records: Sequence[tuple[int, int, str, str, int]],
+    name_of: Callable[[tuple[int, int, str, str, int]], str],
+    rng: np.random.Generator,
+) -> Interval:
+    part, whole = np.array([one[0] for one in records], int), np.array([one[1] for one in records], int)
+    return two_level_interval(part, whole, [name_of(one) for one in records], [one[4] for one in records], rng)
+
+
+def _exact(records: Sequence[tuple[int, int, str, str, int]]) -> Interval:
+    """Of a share that is 0 or 1."""
+    part, whole = sum(one[0] for one in records), sum(one[1] for one in records)
+    return binomial_interval(part, whole) if part in (0, whole) else None
+
+
+def _row(board: BoardSpec, one: JudgedCauses, steps: int) -> dict[str, Any]:
+    driven = [each.right for each in one.mechanisms if each.driven]
+    number = _at(one, steps)
+    return {
+        "board": board.index,
+        "parent_f1": m.micro([_counts(one, steps)], PARENTS)["f1"],
+        "parent_f1_bound": None if one.bound is None else m.micro([_counts(one, steps, bound=True)], PARENTS)["f1"],
+        "shd": hamming(one.claimed[number], one.true[number]),
+        "mechanism_accuracy": _mean(driven),
+        "what_if": None if one.told is None else _mean(np.asarray(one.told.all(axis=1))),
+    }
+
+
+def _mean(values: Sequence[float | None] | np.ndarray) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None

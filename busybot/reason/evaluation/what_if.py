@@ -1,0 +1,256 @@
+"""Questions "what if" that a board's law answers and a model is asked; for evaluators only.
+
+Both kinds of questions are asked in terms of recorded contacts, so that a model needs no names of links or states.
+
+- A *tour* (`tour`) goes on where the observed images end: one link after the other moves, so that the inputs of every
+  mechanism come in all combinations that recorded contacts lead to, least seen ones first. A mechanism is known when
+  all that its responder shows on the tour is foretold: that is functional equality, whatever the model calls it. Luck
+  plays no part: what may fail succeeds, and nothing moves by itself.
+- *Pairs* (`pairs`) ask about what was observed: the next states as it was, and had one link not been moved. Both have
+  to be told rightly. The truth is the board run again, with the same luck.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS, OPPOSITE
+from busybot.boards.dynamics import Dynamics, DynamicState, Triggers
+from busybot.episodes.episode import Episode, Step
+
+TOUR = 40
+"""A tour has so many actions."""
+PAIRS, HORIZON = 8, 4
+"""So many pairs a board, over so many actions: one more than the longest delay."""
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Recorded actions that move trigger links, by number of link, state before and state after.
+
+    Attributes:
+        actions: float32 (6,), as of `BoardSequence`.
+        acted: index of the trigger acted on.
+    """
+
+    actions: dict[tuple[int, int, int], np.ndarray]
+    acted: dict[tuple[int, int, int], int]
+
+    def __contains__(self, move: tuple[int, int, int]) -> bool:
+        return move in self.actions
+
+
+def contacts_of(episode: Episode, actions: np.ndarray, acted: np.ndarray, sizes: Sequence[int]) -> Contacts:
+    """A contact for every move of a link that was seen moving: recorded ones, else the nearest with the direction
+    that this move needs.
+
+    Args:
+        actions, acted: of all steps, as of `BoardSequence`.
+        sizes: number of states of each link.
+    """
+    exact: dict[tuple[int, int, int], tuple[int, np.ndarray]] = {}
+    found: dict[tuple[int, int, int], tuple[int, np.ndarray]] = {}
+    for number, step in enumerate(episode.steps):
+        moved = moved_link(step)
+        if moved is not None:
+            link, before, after = moved, step.trigger_states_before[moved], step.trigger_states_after[moved]
+            exact[link, before, after] = (number, actions[number])
+            rising = after > before
+            for low in range(sizes[link] - 1):
+                for move in ((link, low, low + 1), (link, low + 1, low)):
+                    worked = step.executed[-1] if (move[2] > move[1]) == rising else OPPOSITE[step.executed[-1]]
+                    other = np.array([*actions[number][:3], *DIRECTIONS[worked]], np.float32)
+                    found.setdefault(move, (number, other))
+    found |= exact
+    return Contacts(
+        {move: action for move, (_, action) in found.items()},
+        {move: int(acted[number]) for move, (number, _) in found.items()},
+    )
+
+
+def moved_link(step: Step) -> int | None:
+    """The number of the link that an action moved, None if it moved none."""
+    differing = np.flatnonzero(np.array(step.trigger_states_before) != np.array(step.trigger_states_after))
+    return int(differing[0]) if len(differing) == 1 else None
+
+
+@dataclass(frozen=True)
+class Questions:
+    """What a model is asked, and the truth. Q questions of K actions, L links, N objects.
+
+    Attributes:
+        steps: int (Q,), how many recorded actions come before.
+        actions: float32 (Q, K, 6).
+        acted: int (Q, K).
+        triggers: int (Q, K + 1, L), states of the links, before and after each action.
+        shown: int (Q, K + 1, N), the same of the responders.
+        asked: bool (Q, K), which actions' outcomes are judged.
+    """
+
+    steps: np.ndarray
+    actions: np.ndarray
+    acted: np.ndarray
+    triggers: np.ndarray
+    shown: np.ndarray
+    asked: np.ndarray
+
+
+def tour(
+    dynamics: Dynamics,
+    triggers: Triggers,
+    state: DynamicState,
+    contacts: Contacts,
+    steps: int,
+    rng: np.random.Generator,
+) -> Questions:
+    """One question of `TOUR` actions.
+
+    Args:
+        dynamics: of the board, without luck and without what is rewired later.
+        triggers, state: after the observed actions.
+        steps: how many were observed.
+    """
+    reads = [bound.inputs for bound in dynamics.bound_at(state.tick)]
+    visits: dict[tuple[int, tuple[int, ...]], int] = {}
+    path, shown, actions, acted = [triggers], [state.shown], [], []
+    for _ in range(TOUR):
+        moves = [(move, one) for move in dynamics.moves(triggers, state) if (one := _move(triggers, move)) in contacts]
+        options: list[tuple[Triggers, tuple[int, int, int] | None]] = [*moves, (triggers, None)]
+        keys = [
+            [(number, _read(inputs, there, state.shown)) for number, inputs in enumerate(reads)] for there, _ in options
+        ]
+        # to do nothing tells least
+        worth = [
+            sum(visits.get(key, 0) for key in own) + (one is None) for own, (_, one) in zip(keys, options, strict=True)
+        ]
+        best = np.flatnonzero(np.array(worth) == min(worth))
+        chosen = int(best[int(rng.integers(len(best)))])
+        triggers, move = options[chosen]
+        for key in keys[chosen]:
+            visits[key] = visits.get(key, 0) + 1
+        state = dynamics.step(triggers, state)
+        path.append(triggers)
+        shown.append(state.shown)
+        actions.append(np.zeros(6, np.float32) if move is None else contacts.actions[move])
+        acted.append(-1 if move is None else contacts.acted[move])
+    return Questions(
+        np.array([steps]), np.stack(actions)[None], np.array([acted]),
+        np.array([path]), np.array([shown]), np.ones((1, TOUR), bool),
+    )  # fmt: skip
+
+
+def _move(before: Triggers, after: Triggers) -> tuple[int, int, int]:
+    for link, (here, there) in enumerate(zip(before, after, strict=True)):
+        if here != there:
+            return link, here, there
+    return -1, 0, 0
+
+
+def _read(inputs: Sequence[tuple[int, bool]], triggers: Triggers, shown: Sequence[int]) -> tuple[int, ...]:
+    return tuple(shown[place] if responder else triggers[place] for place, responder in inputs)
+
+
+def pairs(
+    dynamics: Dynamics,
+    episode: Episode,
+    actions: np.ndarray,
+    acted: np.ndarray,
+    states: Sequence[DynamicState],
+    judged: np.ndarray,
+) -> tuple[Questions, Questions] | None:
+    """Pairs of questions about the observed actions: as it was, and had the first of these actions moved nothing.
+
+    A question ends before the next action of which nobody knows what it would have done: on the same link, or on one
+    that is held in one of the two cases alone. Pairs with equal answers are left out.
+
+    Args:
+        dynamics: of the board, with its luck.
+        actions, acted: of the observed steps, as of `BoardSequence`.
+        states: of the board, new and after each recorded step.
+        judged: bool (N,), the responders whose answers are compared.
+
+    Returns:
+        None if there are none.
+    """
+    moved = [moved_link(step) for step in episode.steps]
+    places = [step for step in range(len(actions)) if moved[step] is not None]
+    found = [one for place in places for one in _pair(dynamics, episode, actions, acted, states, moved, place, judged)]
+    if not found:
+        return None
+    kept = [found[k] for k in np.unique(np.linspace(0, len(found) - 1, min(PAIRS, len(found))).round().astype(int))]
+    return _together([one for one, _ in kept]), _together([other for _, other in kept])
+
+
+def _pair(
+    dynamics: Dynamics,
+    episode: Episode,
+    actions: np.ndarray,
+    acted: np.ndarray,
+    states: Sequence[DynamicState],
+    moved: Sequence[int | None],
+    place: int,
+    judged: np.ndarray,
+) -> Iterator[tuple[Questions, Questions]]:
+    steps = episode.steps[place : min(place + HORIZON, len(actions))]  # what was not observed is not asked about
+    link, triggers, state = moved[place], steps[0].trigger_states_before, states[place]
+    assert link is not None
+    paths, shown = [triggers], [state.shown]
+    for number, step in enumerate(steps):
+        now, name = moved[place + number], (step.acted_object, step.acted_link)
+        if number and name in dynamics.links.names:
+            touched = dynamics.links.names.index(name)
+            held = [dynamics.locked(touched, one.shown) for one in (state, states[place + number])]
+            if touched == link or held[0] != held[1]:
+                break
+        after = list(triggers)
+        if number and now is not None:
+            after[now] = step.trigger_states_after[now]
+        triggers = tuple(after)
+        state = dynamics.step(triggers, state)
+        paths.append(triggers)
+        shown.append(state.shown)
+    length = len(paths) - 1
+    real = [one.shown for one in states[place : place + length + 1]]
+    if np.array_equal(np.array(real)[:, judged], np.array(shown)[:, judged]):
+        return
+    recorded = [steps[0].trigger_states_before, *(one.trigger_states_after for one in steps[:length])]
+    done, on = np.zeros((HORIZON, 6), np.float32), np.full(HORIZON, -1)
+    done[:length], on[:length] = actions[place : place + length], acted[place : place + length]
+    asked = np.arange(HORIZON) < length
+    without, nobody = done.copy(), on.copy()
+    without[0], nobody[0] = 0, -1
+    yield (
+        _question(place, done, on, recorded, real, asked),
+        _question(place, without, nobody, paths, shown, asked),
+    )
+
+
+def _question(
+    place: int,
+    actions: np.ndarray,
+    acted: np.ndarray,
+    triggers: Sequence[Sequence[int]],
+    shown: Sequence[Sequence[int]],
+    asked: np.ndarray,
+) -> Questions:
+    """One question; states after its end repeat the last ones."""
+    rows = np.minimum(np.arange(HORIZON + 1), len(triggers) - 1)
+    return Questions(
+        np.array([place]), actions[None], acted[None],
+        np.array(triggers)[rows][None], np.array(shown)[rows][None], asked[None],
+    )  # fmt: skip
+
+
+def _together(questions: Sequence[Questions]) -> Questions:
+    return Questions(*(np.concatenate([vars(one)[name] for one in questions]) for name in vars(questions[0])))
+
+
+def told_rightly(read: np.ndarray, questions: Questions) -> np.ndarray:
+    """Whether each responder is told rightly after all judged actions, bool (Q, N).
+
+    Args:
+        read: int (Q, K, N), the states that a model's answers show.
+    """
+    right = (read == questions.shown[:, 1:]) | ~questions.asked[..., None]
+    return np.asarray(right.all(axis=1))

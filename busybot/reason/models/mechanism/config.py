@@ -1,0 +1,43 @@
+"""Constants of the `mechanism` model and its training."""
+
+from typing import Annotated
+
+from pydantic import Field, NonNegativeFloat, PositiveFloat
+
+from busybot.common.frozen_model import FrozenModel
+from busybot.training.loop import LoopConfig
+
+
+class MechanismNetConfig(FrozenModel):
+    """Size of the network.
+
+    Attributes:
+        width: of hidden layers.
+    """
+
+    width: Annotated[int, Field(ge=4, le=512)] = 32
+
+
+class MechanismConfig(FrozenModel):
+    """Training the `mechanism` model with true parents as labels (amortised inference: Lorenz & others, AVICI, 2022).
+
+    Attributes:
+        iterations: at most so many.
+        batch: boards per iteration.
+        moments: numbers of actions after which each board is judged in one iteration; drawn, small ones more often.
+        learning_rate: at its highest; it rises over `warm_up` iterations and falls as a cosine to zero.
+        weight_decay: of AdamW.
+        clip: greatest norm of a gradient.
+        rough: weight of the loss before messages were passed.
+    """
+
+    iterations: Annotated[int, Field(ge=0)] = 3000
+    batch: Annotated[int, Field(ge=1)] = 8
+    moments: Annotated[int, Field(ge=1)] = 3
+    learning_rate: PositiveFloat = 3e-3
+    warm_up: Annotated[int, Field(ge=1)] = 20
+    weight_decay: NonNegativeFloat = 1e-3
+    clip: PositiveFloat = 1.0
+    rough: NonNegativeFloat = 0.3
+    net: MechanismNetConfig = MechanismNetConfig()
+    loop: LoopConfig = LoopConfig(judge=100)

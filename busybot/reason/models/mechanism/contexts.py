@@ -1,0 +1,188 @@
+"""What might decide a responder, as contexts that explain what it shows.
+
+An *explanation* is a set of inputs (trigger links, and responders as they were before the action) and what of their
+past is remembered: nothing, their states some actions ago, since when a link was pressed, which was pressed last, ...
+After every action it is in a *context*, a number. If it is the right one, equal contexts are followed by equal states
+of the responder, whatever the function from contexts to states is: so an explanation needs no list of functions, and
+gates that training never saw are explained as well as others.
+
+How well explanations do is counted (`evidence_of`) and judged by a network (`networks`). Cost: H explanations of T
+actions compare H T^2 pairs of contexts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import one_hot
+
+STATES = 3
+"""A responder has so many at most; so has a link."""
+DELAYS = 4
+"""Inputs are remembered for up to so many actions, less one."""
+LONGEST = 5
+"""A press so many actions ago is long ago."""
+INPUTS = 3
+"""An explanation has so many inputs at most."""
+MEMORIES = (
+    "none", "own", *(f"late {late}" for late in range(DELAYS)), "own and now",
+    "odd presses", "since press", "last press",
+)  # fmt: skip
+"""What explanations remember. `own` is the responder's state before the action, which is what luck leaves in place."""
+EVIDENCE = 10
+"""Numbers that are counted of an explanation, see `evidence_of`."""
+SURE, UNSURE = 0.03, 0.4
+"""Pseudo-counts of the estimators: of what is determined, and of what has a luck of its own."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """States on a new board and after each of T actions; L links, R responders.
+
+    Attributes:
+        links: int (T + 1, L).
+        responders: int (T + 1, R).
+        sizes: number of states of each link; one that comes to rest in its highest is pressed.
+    """
+
+    links: np.ndarray
+    responders: np.ndarray
+    sizes: tuple[int, ...]
+
+    def first(self, actions: int) -> "Trace":
+        """What was known after so many actions."""
+        return Trace(self.links[: actions + 1], self.responders[: actions + 1], self.sizes)
+
+
+@dataclass(frozen=True)
+class Explanations:
+    """H of them, on a board with I = L + R inputs: links, then responders.
+
+    Attributes:
+        inputs: bool (H, I).
+        memory: int (H,), which of `MEMORIES`.
+        contexts: int (T + 1, H), on the new board and after each action; equal ones are equal numbers. What `own` adds
+            is left out.
+        own: bool (H,), whether the responder's state before the action is part of the context.
+    """
+
+    inputs: np.ndarray
+    memory: np.ndarray
+    contexts: np.ndarray
+    own: np.ndarray
+
+
+def explanations_of(trace: Trace) -> Explanations:
+    """All explanations: up to two inputs of which at most one is a responder, and up to three links."""
+    late, links = _late_inputs(trace), trace.links.shape[1]
+    count = links + trace.responders.shape[1]
+    since, odd = _presses(trace)
+    found: list[tuple[tuple[int, ...], str, np.ndarray]] = []
+    for inputs in _sets(links, count):
+        delays = DELAYS if len(inputs) < INPUTS and all(one < links for one in inputs) else 1
+        for delay in range(delays if inputs else 0):
+            found.append((inputs, f"late {delay}", _joint(late[delay][:, inputs])))
+        now = _joint(late[0][:, inputs])
+        found.append((inputs, "own and now" if inputs else "own", now))
+        if not inputs:
+            found.append((inputs, "none", now))
+        elif len(inputs) == 1 and inputs[0] < links:
+            found.append((inputs, "odd presses", odd[:, inputs[0]]))
+            found.append((inputs, "since press", since[:, inputs[0]].clip(max=LONGEST)))
+        elif len(inputs) == 2 and inputs[1] < links:
+            found.append((inputs, "last press", np.sign(since[:, inputs[0]] - since[:, inputs[1]])))
+    told = np.zeros((len(found), count), bool)
+    for row, (inputs, _, _) in zip(told, found, strict=True):
+        row[list(inputs)] = True
+    names = [name for _, name, _ in found]
+    return Explanations(
+        told,
+        np.array([MEMORIES.index(name) for name in names]),
+        np.stack([contexts for _, _, contexts in found], axis=1),
+        np.array([name.startswith("own") for name in names]),
+    )
+
+
+def _sets(links: int, count: int) -> list[tuple[int, ...]]:
+    """Numbers of the inputs of each set."""
+    pairs = [pair for pair in combinations(range(count), 2) if pair[0] < links]
+    return [(), *((one,) for one in range(count)), *pairs, *combinations(range(links), INPUTS)]
+
+
+def _late_inputs(trace: Trace) -> list[np.ndarray]:
+    """For each delay, int (T + 1, I): links after, and responders before, the action that was so many actions ago.
+
+    Before the first action everything has rested for long.
+    """
+    responders = np.concatenate([trace.responders[:1], trace.responders[:-1]])
+    rows = np.concatenate([trace.links, responders], axis=1)
+    steps = np.arange(len(rows))
+    return [rows[np.maximum(steps - delay, 0)] for delay in range(DELAYS)]
+
+
+def _presses(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
+    """int (T + 1, L): actions since each link was pressed, `LONGEST` more than there were if it never was; and whether
+    that happened an odd number of times."""
+    pressed = np.zeros(trace.links.shape, bool)
+    pressed[1:] = (trace.links[1:] != trace.links[:-1]) & (trace.links[1:] == np.array(trace.sizes) - 1)
+    steps = np.arange(len(pressed))[:, None]
+    latest = np.maximum.accumulate(np.where(pressed, steps, -LONGEST - 1), axis=0)
+    since = np.where(latest < 0, len(pressed) + LONGEST, steps - latest)
+    return since, np.cumsum(pressed, axis=0) % 2
+
+
+def _joint(states: np.ndarray) -> np.ndarray:
+    """One number for each row of states (T + 1, n)."""
+    return np.asarray(states @ (STATES ** np.arange(states.shape[1])))
+
+
+def evidence_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Tensor:
+    """How well each explanation has done for each responder after so many actions, float32 (R, H, len(after), 10).
+
+    | column | meaning, of the new board and all actions so far |
+    |---|---|
+    | 0, 1 | log probability / 5 that the explanation gave to each state before it showed (Krichevsky & Trofimov 1981, \
+with pseudo-counts `SURE` and `UNSURE`) |
+    | 2 | contexts that were new |
+    | 3 | equal contexts, and never this state before |
+    | 4 | equal contexts, and sometimes this state before |
+    | 5 | equal contexts, and always this state before |
+    | 6 | of these, those that changed the responder |
+    | 7 | of column 2, those that changed the responder |
+    | 8 | changes of the responder |
+    | 9 | actions |
+
+    Columns 2 to 9 are log(1 + number). Luck that several responders have in common is not told here.
+    """
+    shown = torch.from_numpy(np.ascontiguousarray(trace.responders.T))
+    before, now = torch.cat([shown[:, :1], shown[:, :-1]], 1), shown  # a new board has rested for long
+    earlier = _earlier(found, before) @ one_hot(now, STATES).float()[:, None]  # (R, H, T + 1, STATES)
+    total = earlier.sum(-1)
+    agreed = earlier.gather(-1, now[:, None, :, None].expand(*total.shape, 1))[..., 0]
+    ways = (shown.cummax(1).values + 1).clamp(min=2)[:, None]  # states that it is known to have
+    changed = (now != before)[:, None].expand_as(total)
+    fresh, always = total == 0, (total > 0) & (agreed == total)
+    counted = (
+        fresh, (total > 0) & (agreed == 0), (agreed > 0) & ~always, always, always & changed, fresh & changed, changed,
+        torch.ones_like(changed),
+    )  # fmt: skip
+    logs = [torch.log((agreed + few) / (total + few * ways)).cumsum(-1) / 5 for few in (SURE, UNSURE)]
+    numbers = [torch.log1p(each.float().cumsum(-1)) for each in counted]
+    return torch.stack([*logs, *numbers], -1)[:, :, torch.as_tensor(after)]
+
+
+def _earlier(found: Explanations, before: Tensor) -> Tensor:
+    """Which earlier moments had the context of each, float32 (R, H, T + 1, T + 1).
+
+    Args:
+        before: (R, T + 1), the responders' states before each action.
+    """
+    contexts = torch.from_numpy(np.ascontiguousarray(found.contexts.T))
+    steps = contexts.shape[1]
+    equal = (contexts[:, :, None] == contexts[:, None]) & torch.ones(steps, steps, dtype=torch.bool).tril(-1)
+    alike = before[:, None, :, None] == before[:, None, None]  # (R, 1, T + 1, T + 1)
+    own = torch.from_numpy(found.own)[:, None, None]
+    return (equal & (alike | ~own)).float()

@@ -1,0 +1,113 @@
+"""Trains the `mechanism` model with the true parents of simulated boards as labels."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from busybot.common.rng import generator
+from busybot.reason.models.mechanism.config import MechanismConfig
+from busybot.reason.models.mechanism.contexts import Trace
+from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph
+from busybot.reason.pyg import Batch, HeteroData, scatter
+from busybot.training.checkpoint import initialise
+from busybot.training.device import device, repeat_exactly
+from busybot.training.loop import Learner, cosine_rate, descend
+
+JUDGED_AT_ONCE = 16
+JUDGED_AFTER = (4, 10, 22, 30)
+"""Held-out boards are judged after so many actions."""
+
+
+@dataclass(frozen=True)
+class LabelledTrace:
+    """A board's trace and what was true.
+
+    Attributes:
+        parents: bool (T, I, R), the inputs that decided each responder after each action.
+    """
+
+    trace: Trace
+    parents: np.ndarray
+
+    def graph(self, after: Sequence[int]) -> HeteroData:
+        """The board's graph after so many actions each."""
+        return explanation_graph(self.trace, after, self.parents[np.asarray(after) - 1])
+
+
+def loss_of(net: MechanismNet, graph: HeteroData, rough: float) -> Tensor:
+    """Mean negative log probability of the responders' true parent sets, where some explanation reads them.
+
+    Args:
+        rough: weight of the same before messages were passed.
+    """
+    owner = graph["explanation", "explains", "responder"].edge_index[1]
+    right = graph["explanation"].right
+    known = scatter(right.float(), owner, reduce="max") > 0
+
+    def surprise(log_shares: Tensor) -> Tensor:
+        mass = scatter(log_shares.exp() * right, owner, reduce="sum")
+        return -torch.log(mass.clamp(min=1e-6))[known].mean()
+
+    final, first = net(graph)
+    return surprise(final) + rough * surprise(first)
+
+
+class MechanismLearner(Learner):
+    """One thread: sums have one order whatever the machine.
+
+    Args:
+        boards: to train on.
+        held_out: to judge by.
+    """
+
+    name = "mechanism"
+    network: MechanismNet
+
+    def __init__(
+        self, config: MechanismConfig, boards: Sequence[LabelledTrace], held_out: Sequence[LabelledTrace], seed: int
+    ):
+        torch.set_num_threads(1)
+        repeat_exactly()
+        self.config, self.seed, self.iterations = config, seed, config.iterations
+        self.boards, self.held_out = boards, held_out
+        self.network = MechanismNet(config.net)
+        draws = generator(seed, "train", 0, "initial weights/mechanism")
+        initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))))
+        self.network.to(device())
+        self.optimizer = torch.optim.AdamW(
+            self.network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+        )
+
+    def iterate(self, iteration: int) -> tuple[float, float]:
+        """One step of the optimizer."""
+        config, rng = self.config, generator(self.seed, "train", iteration, "reason/mechanism")
+        chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
+        after = self._moments(rng)
+        graphs = Batch.from_data_list([self.boards[number].graph(after) for number in chosen])
+        rate = cosine_rate(config.learning_rate, config.warm_up, iteration, config.iterations)
+        self.network.train()
+        loss = loss_of(self.network, graphs.to(device()), config.rough)
+        descend(self.optimizer, loss, rate, config.clip)
+        return float(loss.detach()), rate
+
+    def _moments(self, rng: np.random.Generator) -> list[int]:
+        """Spread evenly on a logarithmic scale: what to claim is hardest to tell when little was seen."""
+        longest = min(len(board.parents) for board in self.boards)
+        drawn = (longest + 1) ** rng.random(self.config.moments)
+        return [int(each) for each in drawn]
+
+    @torch.no_grad()
+    def judge(self) -> Mapping[str, float]:
+        """Loss on held-out boards."""
+        self.network.eval()
+        total, count = 0.0, 0
+        for start in range(0, len(self.held_out), JUDGED_AT_ONCE):
+            some = self.held_out[start : start + JUDGED_AT_ONCE]
+            batch = Batch.from_data_list([board.graph(JUDGED_AFTER) for board in some])
+            responders = int(batch["responder"].num_nodes)
+            total += float(loss_of(self.network, batch.to(device()), 0.0)) * responders
+            count += responders
+        return {"loss": total / count} if count else {}

@@ -1,0 +1,162 @@
+"""The `mechanism` network: how probable each explanation of each responder is, at any time.
+
+A graph of three kinds of nodes. An *explanation* of a responder (`contexts`) knows what was counted of it; a
+*candidate* is a pair of an input and a responder; edges lead from each explanation to the candidates that it reads. Two
+rounds of messages along them: candidates gather what their explanations say, weighted by how good they look, and hear
+how much other responders seem to need the same input; explanations gather what their candidates say. A softmax over the
+explanations of a responder ends it.
+
+Letters: X explanations and C candidates of R responders of all boards, K moments.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from busybot.reason.models.mechanism.config import MechanismNetConfig
+from busybot.reason.models.mechanism.contexts import (
+    EVIDENCE,
+    INPUTS,
+    MEMORIES,
+    Trace,
+    evidence_of,
+    explanations_of,
+)
+from busybot.reason.models.message_passing import GraphModule
+from busybot.reason.pyg import HeteroData, scatter
+
+IMPOSSIBLE = -1e4
+"""Logit of an explanation that a responder cannot have: one that reads itself."""
+SHARP = 5.0
+"""Column 0 of the evidence times this is a log probability."""
+
+
+def explanation_graph(trace: Trace, after: Sequence[int], parents: np.ndarray | None = None) -> HeteroData:
+    """One board after so many actions each of K moments; R responders, H explanations, I = L + R inputs.
+
+    | nodes and edges | attribute | shape | meaning |
+    |---|---|---|---|
+    | `explanation` | `evidence` | float32 (R * H, K, 10) | `contexts.evidence_of` |
+    | | `kind` | int64 (R * H,) | memory and number of inputs, see `KINDS` |
+    | | `possible` | bool (R * H,) | False where it reads its own responder |
+    | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
+    | `candidate` | `input` | int64 (R * I,) | number of the input, in all boards of a batch |
+    | `responder` | | R | |
+    | `explanation`, `reads`, `candidate` | `edge_index` | int64 (2, E) | |
+    | `explanation`, `explains`, `responder` | `edge_index` | int64 (2, R * H) | |
+    | `candidate`, `moves`, `responder` | `edge_index` | int64 (2, R * I) | |
+
+    Args:
+        parents: bool (K, I, R), the true parents at each moment.
+    """
+    found = explanations_of(trace)
+    (count, inputs), responders = found.inputs.shape, trace.responders.shape[1]
+    links = inputs - responders
+    graph = HeteroData()
+    graph["responder"].num_nodes = responders
+    graph["input"].num_nodes = inputs
+    node = graph["explanation"]
+    node.num_nodes = responders * count
+    node.evidence = evidence_of(trace, found, after).flatten(0, 1)
+    node.kind = torch.from_numpy(found.memory + len(MEMORIES) * found.inputs.sum(1)).repeat(responders)
+    node.possible = torch.from_numpy(~found.inputs[:, links:].T.copy()).flatten()
+    if parents is not None:
+        right = (found.inputs[None, :, :, None] == parents[:, None]).all(2)  # (K, H, R)
+        node.right = torch.from_numpy(right.transpose(2, 1, 0).reshape(responders * count, -1).copy())
+    graph["candidate"].num_nodes = responders * inputs
+    row, read = np.nonzero(found.inputs)
+    each = np.arange(responders)[:, None]
+    reads = np.stack([(row + each * count).ravel(), (read + each * inputs).ravel()])
+    graph["explanation", "reads", "candidate"].edge_index = torch.from_numpy(reads)
+    owner = torch.arange(responders)
+    graph["explanation", "explains", "responder"].edge_index = torch.stack(
+        [torch.arange(responders * count), owner.repeat_interleave(count)]
+    )
+    graph["candidate", "moves", "responder"].edge_index = torch.stack(
+        [torch.arange(responders * inputs), owner.repeat_interleave(inputs)]
+    )
+    graph["candidate", "is", "input"].edge_index = torch.stack(
+        [torch.arange(responders * inputs), torch.arange(inputs).repeat(responders)]
+    )
+    return graph
+
+
+KINDS = len(MEMORIES) * (INPUTS + 1)
+"""Memories by number of inputs."""
+
+
+def mlp(*widths: int) -> nn.Sequential:
+    """Linear layers with ReLU between them."""
+    layers: list[nn.Module] = []
+    for before, after in zip(widths[:-1], widths[1:], strict=True):
+        layers += [nn.Linear(before, after), nn.ReLU()]
+    return nn.Sequential(*layers[:-1])
+
+
+class Gather(GraphModule):
+    """The weighted sum of what the sources of each node's edges say."""
+
+    def forward(self, edges: Tensor, said: Tensor, weights: Tensor, size: tuple[int, int]) -> Tensor:
+        """(target nodes, K, width) of said (source nodes, K, width) and weights (source nodes, K)."""
+        return self.propagate(edges, said=(weights[..., None] * said, None), size=size)
+
+    def message(self, said_j: Tensor) -> Tensor:
+        return said_j
+
+
+class MechanismNet(nn.Module):
+    """Log probabilities of explanations.
+
+    Shapes:
+        input: a batch of `explanation_graph`.
+        output: (X, K), and the same before messages were passed, which training holds near the truth, too.
+    """
+
+    def __init__(self, config: MechanismNetConfig):
+        super().__init__()
+        width = config.width
+        self.kind = nn.Linear(KINDS, width, bias=False)
+        self.evidence = nn.Linear(EVIDENCE, width)
+        self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width))
+        self.rough = nn.Linear(width, 1)
+        self.sharpness = nn.Parameter(torch.tensor(0.6 * SHARP))
+        self.candidate = mlp(2 * width + 2, width, width)
+        self.final = mlp(3 * width, width, 1)
+        self.gather = Gather()
+
+    def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor]:
+        """See above."""
+        node, reads = graph["explanation"], graph["explanation", "reads", "candidate"].edge_index
+        owner = graph["explanation", "explains", "responder"].edge_index[1]
+        of_responder = graph["candidate", "moves", "responder"].edge_index[1]
+        of_input = graph["candidate", "is", "input"].edge_index[1]
+        counts = [graph[name].num_nodes for name in ("explanation", "candidate", "responder", "input")]
+        explanations, candidates, responders, inputs = counts
+        token = self.token(self.evidence(node.evidence) + self.kind.weight.T[node.kind][:, None])  # (X, K, width)
+        first = self._shares(self.rough(token)[..., 0] + self.sharpness * node.evidence[..., 0], node, owner)
+        weight = first.exp()
+        summary = scatter(weight[..., None] * token, owner, dim_size=responders, reduce="sum")  # (R, K, width)
+        size = (explanations, candidates)
+        heard = self.gather(reads, token, weight, size)
+        needed = self.gather(reads, torch.ones_like(token[..., :1]), weight, size)  # (C, K, 1)
+        others = scatter(needed, of_input, dim_size=inputs, reduce="sum")[of_input] - needed
+        told = torch.cat([heard / (needed + 1e-3), summary[of_responder], needed, others], -1)
+        back = self.gather(reads.flip(0), self.candidate(told), needed.new_ones(candidates, 1), size[::-1])
+        back = back / scatter(torch.ones_like(reads[0]), reads[0], dim_size=explanations).clamp(min=1)[:, None, None]
+        logits = first + self.final(torch.cat([token, back, summary[owner]], -1))[..., 0]
+        return self._shares(logits, node, owner), first
+
+    def _shares(self, logits: Tensor, node: HeteroData, owner: Tensor) -> Tensor:
+        """Log softmax over the explanations of each responder."""
+        logits = logits.masked_fill(~node.possible[:, None], IMPOSSIBLE)
+        top = scatter(logits, owner, reduce="max").detach()[owner]
+        total = scatter((logits - top).exp(), owner, reduce="sum")[owner]
+        return logits - top - total.log()
+
+
+def parents_of(log_shares: Tensor, graph: HeteroData) -> Tensor:
+    """Probability that an input is a parent, (C, K) for candidates."""
+    source, target = graph["explanation", "reads", "candidate"].edge_index
+    return scatter(log_shares.exp()[source], target, dim_size=graph["candidate"].num_nodes, reduce="sum")

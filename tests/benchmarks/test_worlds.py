@@ -1,0 +1,92 @@
+"""The table of worlds and its shortcuts: what rows see, what they claim, and that a whole run of a small one works."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.studies import shortcuts
+from benchmarks.studies.bounds import Symbolic, play
+from benchmarks.studies.shortcuts import compared
+from benchmarks.tables import worlds
+from benchmarks.tables.world_rows import ACTIONS, DiscoveryConfig, Samples, detected, granger, pc
+from benchmarks.tables.worlds import Recorded
+from busybot.boards.dynamics import Triggers
+from busybot.common.rng import generator
+from busybot.evaluation.results import read_result
+from busybot.reason.evaluation.causes import law_of
+from busybot.reason.evaluation.ground_truth import trace_of
+
+ABSENT = "causal-learn is not installed: `make extras`"
+
+
+def samples(follows: bool = False) -> Samples:
+    """Two links that move by chance, a responder that follows the first, and one that follows the second one action
+    late; or, where responders may be causes, the first responder."""
+    links = generator(0, "test", 1, "links").integers(0, 2, (201, 2))
+    late = links[:, 0 if follows else 1]
+    return Samples(links, np.stack([links[:, 0], np.concatenate([[0], late[:-1]])], axis=1), follows)
+
+
+def test_causes_come_before_their_effects() -> None:
+    one = samples(follows=True)
+    causes = one.causes(lags=1)
+    assert causes.shape == (200, 2 * 2 + 2)
+    assert np.array_equal(causes[:, :2], one.links[1:]) and np.array_equal(causes[:, 2:4], one.links[:-1])
+    assert np.array_equal(causes[:, 4:], one.shown[:-1])
+    assert samples().causes(lags=0).shape == (200, 2)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["pc", "granger"])
+def test_discovery_finds_what_follows(name: str) -> None:
+    pytest.importorskip("causallearn", reason=ABSENT, exc_type=ImportError)
+    config = DiscoveryConfig(states=True, lags=1, level=0.01, condition=0)
+    found = pc(samples(), config) if name == "pc" else granger(samples(), config) > 0.3
+    assert found.tolist() == [[True, False], [False, True], [False, False], [False, False]]
+    now = config.model_copy(update={"lags": 0})
+    late = pc(samples(follows=True), now) if name == "pc" else granger(samples(follows=True), now) > 0.3
+    assert late[2, 1] and not late[3, 0], "a responder may be a cause where the world says so"
+
+
+def test_all_links_come_in_turn() -> None:
+    board, moved = Symbolic.draw(4, generator(0, "test", 0, "draw")), []
+    act = board.act
+
+    def watched(triggers: Triggers) -> None:
+        moved.extend(np.flatnonzero(np.array(triggers) != np.array(board.triggers)).tolist())
+        act(triggers)
+
+    board.act = watched  # type: ignore[method-assign]
+    play(board, "coverage", (8,), np.random.default_rng(1))
+    assert moved[:4] == moved[4:] and sorted(moved[:4]) == [0, 1, 2, 3]
+
+
+def test_pairs_are_compared_within_their_group() -> None:
+    score, true = np.array([0.9, 0.1, 0.5, 0.5, 0.2, 0.8]), np.array([1, 0, 1, 0, 1, 0], bool)
+    assert compared(score, true, np.array([0, 0, 1, 1, 2, 2])) == (1.5, 3)
+    assert compared(score, true, np.zeros(6, int)) == (5.5, 9)
+
+
+@pytest.mark.long
+def test_a_small_table(tmp_path: Path) -> None:
+    """Two boards of one world: recorded, judged and examined for shortcuts."""
+    data, out = tmp_path / "data", tmp_path / "worlds.json"
+    worlds.record(["--data", str(data), "--only", "gates", "--most", "2"])
+    words = ["--data", str(data), "--only", "gates", "--parts", "rows,exploring", "--greedy", "1", "--out", str(out)]
+    worlds.main([*words, "--assets", "procedural"])
+    told = read_result(out, "worlds")["rows"]["gates"]
+    rows = told["rows"]
+    assert list(rows["observer"]["object"]) == [str(number) for number in ACTIONS]
+    assert rows["observer"]["object"]["30"]["f1"] > rows["persistence"]["object"]["30"]["f1"] == 0
+    assert rows["persistence"]["mechanism_accuracy"] == 0 and rows["observer"]["link"]["30"]["p"] > 0.5
+    assert rows["observer-detected"]["detected"]["responders"] > 0.95
+    assert {name: one["boards"] for name, one in told["exploring"].items()} == {"random": 2, "coverage": 2, "greedy": 1}
+    recorded = Recorded.at(data / "gates" / "validation", "procedural")
+    for seen in recorded.boards():
+        law, trace = law_of(seen.episode, recorded.library), trace_of(seen.episode)
+        assert law is not None and trace is not None
+        links, _ = detected(seen, seen.held, law.links.sizes, 0)
+        assert np.equal(links, trace[0]).mean() > 0.7, "with the true clusters only what no pixel shows is lost"
+    told = shortcuts.actions(seen.sequence)
+    assert told[..., 0].max() <= 30 and not told[~seen.sequence.triggers].any()

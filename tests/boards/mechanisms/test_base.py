@@ -1,0 +1,124 @@
+"""What all mechanisms have in common, the kinds that there are, and those that strangers bring."""
+
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
+from itertools import product
+
+import numpy as np
+import pytest
+
+from busybot.boards.mechanisms import Mechanism, available, mechanism_of, registry
+from busybot.boards.spec import LinkRef, Relation
+from busybot.common.errors import BusybotError
+
+OWN = {
+    *("one-to-one", "one-to-many-effects", "one-to-many-objects", "gate", "delay", "timer", "toggle", "latch"),
+    *("unreliable", "flicker", "clock"),
+}
+DRAWS = 60
+
+
+def drawn(kind: str, novel: bool) -> list[Mechanism]:
+    """Mechanisms of a kind for all numbers of inputs, sizes and stages that it has."""
+    rng = np.random.default_rng(0)
+    cases = [(sizes, stages) for count in range(4) for sizes in product((2, 3), repeat=count) for stages in (2, 3)]
+    found = [available()[kind].draw(sizes, stages, novel, rng) for sizes, stages in cases for _ in range(DRAWS)]
+    return [one for one in found if one is not None]
+
+
+@pytest.fixture
+def registered(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[EntryPoint]]:
+    """Entry points that installed packages register."""
+    points: list[EntryPoint] = []
+    monkeypatch.setattr(registry, "entry_points", lambda group: [one for one in points if one.group == group])
+    available.cache_clear()
+    yield points
+    available.cache_clear()
+
+
+def test_these_kinds_are_there_under_their_names() -> None:
+    assert set(available()) == OWN
+    assert all(kind.kind == name for name, kind in available().items())
+
+
+@pytest.mark.parametrize("kind", sorted(OWN))
+@pytest.mark.parametrize("novel", [False, True])
+def test_what_is_drawn_fits_its_inputs_and_is_written_and_read_again(kind: str, novel: bool) -> None:
+    for one in drawn(kind, novel):
+        least, most = one.arity
+        assert least <= len(one.sizes) <= most and len(one.table) == one.rows(one.sizes)
+        inputs = tuple(LinkRef(object=0, link=f"link_{number}") for number in range(len(one.sizes)))
+        stage = "multi" if max(one.table) == 2 else "single"
+        written = Relation(
+            kind=kind, triggers=inputs, responder=1, stage=stage, states=one.table, parameters=one.parameters()
+        )
+        assert mechanism_of(Relation.model_validate_json(written.model_dump_json()), one.sizes) == one
+        assert one.sentence([ref.link for ref in inputs])
+
+
+@pytest.mark.parametrize("kind", sorted(OWN))
+def test_a_step_is_pure_and_rest_stays_rest(kind: str) -> None:
+    """Equal inputs, memory and luck give equal answers; without luck and without motion nothing changes."""
+    for one in drawn(kind, False) + drawn(kind, True):
+        for inputs in product(*(range(size) for size in one.sizes)):
+            shown, memory = one.start(inputs)
+            assert one.step(inputs, memory, None) == (shown, memory)
+            answers = {one.step(inputs, memory, np.random.default_rng(7)) for _ in range(3)}
+            assert len(answers) == 1 and one.draws == (one.kind in ("unreliable", "flicker", "clock"))
+            assert all(isinstance(number, int) for number in (shown, *memory))
+
+
+def test_training_and_the_split_of_new_mechanisms_have_no_mechanism_of_links_in_common() -> None:
+    for kind in OWN - {"flicker", "clock"}:
+        functions = [{(one.table, one.sizes, *one.parameters().items()) for one in drawn(kind, n)} for n in (0, 1)]
+        if kind == "unreliable":  # whose probabilities are drawn from a range
+            functions = [{(table, sizes) for table, sizes, _ in one} for one in functions]
+        assert not functions[0] & functions[1], kind
+        assert functions[0] or functions[1]
+    assert drawn("flicker", False) == drawn("flicker", True) != []
+
+
+@pytest.mark.parametrize(
+    ("kind", "states", "parameters", "message"),
+    [
+        ("sorcery", (0, 1), {}, "unknown kind 'sorcery'"),
+        ("one-to-one", (0, 1, 0), {}, "3 states are listed, its inputs have 2"),
+        ("gate", (0, 1), {"function": "and"}, "2 to 3 inputs, not 1"),
+        ("delay", (0, 1), {"actions": 9}, "actions"),
+        ("delay", (0, 1), {}, "actions"),
+        ("delay", (0, 1), {"actions": 1, "colour": "red"}, "colour"),
+        ("delay", (0, 1), {"actions": 1, "sizes": [2]}, "sizes"),
+        ("unreliable", (0, 1), {"probability": float("nan")}, "probability"),
+    ],
+)
+def test_a_relation_that_is_no_mechanism_is_refused_by_name(
+    kind: str, states: tuple[int, ...], parameters: dict[str, object], message: str
+) -> None:
+    ref = LinkRef(object=0, link="a")
+    relation = Relation(kind=kind, triggers=(ref,), responder=1, stage="single", states=states, parameters=parameters)
+    with pytest.raises(BusybotError, match=message) as error:
+        mechanism_of(relation, (2,))
+    assert kind in error.value.what and error.value.hint
+
+
+def test_packages_bring_kinds_of_their_own(registered: list[EntryPoint]) -> None:
+    registered.append(EntryPoint("echo", "tests.boards.mechanisms.strange:Echo", registry.GROUP))
+    assert set(available()) == OWN | {"echo"}
+    one = available()["echo"].draw((2,), 2, False, np.random.default_rng(0))
+    assert one is not None and one.step((1,), (0,), None) == (0, (1,))
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("tests.boards.mechanisms.strange:NOTHING", "is no Mechanism"),
+        ("tests.boards.mechanisms.strange:Taken", "'toggle', which is there already"),
+        ("tests.boards.mechanisms.strange:Absent", "cannot be loaded"),
+        ("tests.boards.mechanisms.no_such_module:Echo", "cannot be loaded"),
+    ],
+)
+def test_packages_that_bring_something_else_are_named(registered: list[EntryPoint], value: str, message: str) -> None:
+    registered.append(EntryPoint("strange", value, registry.GROUP))
+    with pytest.raises(BusybotError, match=message) as error:
+        available()
+    assert value in error.value.what and error.value.hint

@@ -1,0 +1,76 @@
+"""Bounds, intervals and tests against values computed by hand."""
+
+import numpy as np
+import pytest
+
+from busybot.common.rng import generator
+from busybot.evaluation.bootstrap import two_level_interval
+from busybot.evaluation.exact import FLIPS, binomial_interval, mcnemar_test, sign_flip_test
+
+
+def rng(name: str = "test") -> np.random.Generator:
+    return generator(0, "train", 0, name)
+
+
+def test_nothing_and_everything_hit_have_bounds() -> None:
+    """Of 10 trials without a hit the upper bound is 1 - .025^(1/10)."""
+    assert binomial_interval(0, 10) == (0.0, pytest.approx(1 - 0.025 ** (1 / 10)))
+    assert binomial_interval(10, 10) == (pytest.approx(0.025 ** (1 / 10)), 1.0)
+    assert binomial_interval(0, 0) is None
+
+
+def test_the_binomial_bounds_leave_out_what_they_promise() -> None:
+    """At the lower bound 5 or more of 10 hits are as rare as 2.5 %: the binomial sum itself."""
+    found = binomial_interval(5, 10)
+    assert found is not None and found == (pytest.approx(0.18709, abs=1e-5), pytest.approx(0.81291, abs=1e-5))
+    ways = np.array([252, 210, 120, 45, 10, 1])
+    low = found[0]
+    assert sum(ways * low ** np.arange(5, 11) * (1 - low) ** np.arange(5, -1, -1)) == pytest.approx(0.025)
+
+
+def test_five_equal_differences_are_as_rare_as_two_in_32() -> None:
+    assert sign_flip_test(np.full(5, 0.3), rng()) == 2 / 32
+    assert sign_flip_test(np.array([0.5, -0.5]), rng()) == 1.0
+    assert sign_flip_test(np.zeros(4), rng()) == 1.0
+    assert sign_flip_test(np.zeros(0), rng()) is None
+
+
+def test_a_partial_sum_counts_every_sign_that_reaches_it() -> None:
+    """Of |+-1 +-1 +-2| the values 4, 2, 2, 0, 0, 2, 2, 4: what was seen is 2."""
+    assert sign_flip_test(np.array([-1.0, 1.0, 2.0]), rng()) == 6 / 8
+
+
+def test_drawn_signs_are_near_the_exact_ones_and_never_say_impossible() -> None:
+    assert sign_flip_test(np.ones(40), rng()) == pytest.approx(1 / (1 + FLIPS))
+    exact = 2 * sum(np.array([1, 14, 91])) / 2**14  # at most 2 of 14 signs are the others
+    assert sign_flip_test(np.array([1.0] * 12 + [-1.0] * 2), rng()) == pytest.approx(exact, abs=0.005)
+
+
+def test_mcnemar_counts_boards_on_which_one_method_alone_succeeds() -> None:
+    """1 and 8 of 9: twice the probability of at most 1 of 9."""
+    first, second = np.array([True] * 8 + [False] + [True] * 20), np.array([False] * 8 + [True] + [True] * 20)
+    assert mcnemar_test(first, second) == pytest.approx(2 * 10 / 2**9)
+    assert mcnemar_test(first, first) == 1.0 and mcnemar_test(first[:0], second[:0]) is None
+    assert mcnemar_test(np.array([True, False]), np.array([False, True])) == 1.0
+
+
+def test_an_interval_over_objects_knows_that_boards_of_one_object_are_alike() -> None:
+    """One object is always right and one never: of two drawn ones, one in four times both are the first."""
+    part, whole = np.repeat([1, 0], 50), np.ones(100, int)
+    groups, boards = ["a"] * 50 + ["b"] * 50, list(range(100))
+    assert two_level_interval(part, whole, groups, boards, rng()) == (0.0, 1.0)
+    over_boards = two_level_interval(part, whole, [""] * 100, boards, rng())
+    assert over_boards is not None and 0.35 < over_boards[0] < 0.45 and 0.55 < over_boards[1] < 0.65
+
+
+def test_what_stands_on_one_board_stays_together() -> None:
+    """Two boards, one all right and one all wrong: the share is 0, 1/2 or 1 however many records they have."""
+    part, whole = np.array([1] * 30 + [0] * 30), np.ones(60, int)
+    assert two_level_interval(part, whole, ["a"] * 60, [0] * 30 + [1] * 30, rng()) == (0.0, 1.0)
+    assert two_level_interval(part[:30], whole[:30], ["a"] * 30, [0] * 30, rng()) == (1.0, 1.0)
+
+
+def test_what_is_undefined_has_no_interval() -> None:
+    nothing = np.zeros(0, int)
+    assert two_level_interval(nothing, nothing, [], [], rng()) is None
+    assert two_level_interval(np.zeros(2), np.zeros(2), ["a", "b"], [0, 1], rng()) is None

@@ -1,0 +1,41 @@
+"""Recordings of each world are judged by both evaluations, with procedural objects and physics."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+import pytest
+
+from busybot.boards.config import BoardConfig
+from busybot.boards.task import shortest_plan
+from busybot.boards.worlds import WORLDS
+from busybot.datasets.create import create_dataset
+from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
+from busybot.reason.evaluation.causes_summary import KEYS
+from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
+from busybot.sim.collect import CollectConfig, collect
+from tests.episodes.symbolic import library_at
+
+AGENTS = ["search", "noop", "random", "oracle"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("world", WORLDS)
+def test_every_world_is_judged(
+    world: str,
+    few_objects: Callable[[int], Path],
+    tmp_path: Path,
+    work_here: Callable[[], AbstractContextManager[None]],
+) -> None:
+    library = library_at(few_objects(0))
+    dataset = create_dataset(tmp_path / "data", BoardConfig(world=world, boards=1, tasks="reach", seed=3), library)
+    with work_here():
+        collect(dataset, library, CollectConfig(policy="scripted", steps=26), workers=1)
+    for model in ("count", "lookup", "persistence", "event"):
+        told = evaluate_dataset(dataset, ReasonEvaluation(model), workers=1)
+        assert told["world"] == world and {name for line in KEYS for name in line.split(", ")} <= told.keys()
+        assert told["bound_boards"] == 1 and 0 <= told["parent_r"] <= 1
+        assert (told["mechanism_accuracy"] is None) == (model == "count"), model
+    played = evaluate_agents(PlanEvaluation(dataset, library, AGENTS, "lookup", "procedural"), workers=1)
+    assert played["least_steps"] == shortest_plan(dataset.boards()[0])
+    assert played["success"].keys() == set(AGENTS) and played["agents"]["noop"]["steps"] == 0

@@ -1,0 +1,279 @@
+"""What is measured in every world, against values computed by hand on boards of two switches and three responders."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from busybot.boards.spec import Relation, Rewiring
+from busybot.episodes.episode import Episode
+from busybot.reason.evaluation.causes import (
+    JudgedCauses,
+    Watched,
+    candidates_of,
+    count_links,
+    judge_causes,
+    matched_links,
+    parents_at,
+    relations_at,
+)
+from busybot.reason.evaluation.causes_summary import KEYS, LEAST_PAIRS, hamming, summarise_causes
+from busybot.reason.evaluation.what_if import HORIZON, TOUR
+from busybot.reason.models.base import Imagining, InferredGraph, InferredLinks, Reasoner, imagine
+from busybot.reason.models.lookup import Persistence
+from tests.reason.worlds import LINKS, Knower, judge_of, play, relation, sequence_of
+
+AND = relation("gate", (0, 3), 1, (0, 0, 0, 1), function="and")
+OR = relation("gate", (0, 3), 1, (0, 1, 1, 1), function="or")
+FOLLOWS = relation("one-to-one", (3,), 2, (0, 1))
+LATE = relation("delay", (3,), 2, (0, 1), actions=2)
+PRESSES = (0, 3, 0, 3, 3, 0, 0, 3) * 3
+"""All combinations of two switches come up."""
+
+
+def claims(*pairs: tuple[int, int], steps: int = len(PRESSES), p: float = 1.0) -> InferredGraph:
+    probabilities = np.zeros((steps, 5, 5))
+    for pair in pairs:
+        probabilities[(slice(None), *pair)] = p
+    return InferredGraph("claimed", probabilities)
+
+
+def watched(episode: Episode, reasoner: Reasoner | None = None, images: int = 17) -> Watched:
+    sequence = sequence_of(episode)
+    everyone = np.array([False, True, True, False, True])
+    return Watched(
+        episode, sequence.actions, sequence.acted, everyone, images, None, sequence, reasoner,
+        None if reasoner is None else judge_of(sequence),
+    )  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _known_links(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The synthetic board's objects are in no library: its links have two states, its responders may have two."""
+    from busybot.reason.evaluation import causes
+
+    monkeypatch.setattr(causes, "law_of", lambda episode, library: causes.Law(LINKS, ((True, False),) * 3))
+
+
+# parents
+
+
+def test_responders_are_candidates_where_one_may_follow_another() -> None:
+    paper = {(0, 1), (0, 2), (0, 4), (3, 1), (3, 2), (3, 4)}
+    among = {(1, 2), (2, 1), (1, 4), (4, 1), (2, 4), (4, 2)}
+    for world, expected in (("gates", paper), ("chain", paper | among), ("mixed", paper | among)):
+        board = play([AND], PRESSES, world).board
+        assert {(int(i), int(j)) for i, j in np.argwhere(candidates_of(board))} == expected
+    follows = play([AND, relation("one-to-one", (1,), 2, (0, 1))], PRESSES).board
+    assert candidates_of(follows)[1, 2], "whatever its world is called"
+
+
+def test_parents_change_with_a_rewiring() -> None:
+    board = play(
+        [AND, FOLLOWS], PRESSES, rewirings=(Rewiring(step=5, relation=relation("one-to-one", (0,), 2, (1, 0))),)
+    ).board
+    assert parents_at(board, 4)[3, 2] and not parents_at(board, 4)[0, 2]
+    assert parents_at(board, 5)[0, 2] and not parents_at(board, 5)[3, 2]
+    assert [one.responder for one in relations_at(board, 5)] == [1, 2]
+    judged = judge_causes(watched(replace(play([AND, FOLLOWS], PRESSES), board=board)), claims((0, 2)))
+    assert judged.true[5][3, 2] and judged.true[6][0, 2], "the sixth action shows it first"
+
+
+def test_distance_counts_what_is_turned_round_once() -> None:
+    true, claimed = np.zeros((2, 4, 4), bool)
+    true[0, 1], true[1, 2], true[2, 3] = True, True, True
+    claimed[0, 1], claimed[2, 1], claimed[0, 3] = True, True, True
+    assert hamming(claimed, true) == 3, "one turned round, one missing, one too much"
+    assert hamming(true, true) == 0
+
+
+def summary(*judged: tuple[Episode, JudgedCauses], pred_a: float | None = None, images: int = 17) -> dict:
+    return summarise_causes([(episode.board, one) for episode, one in judged], images, pred_a, 0)
+
+
+def test_parents_of_two_boards_are_pooled() -> None:
+    """Three true parents on each: two claimed rightly and one wrongly on the first, none on the second."""
+    first, second = play([AND, FOLLOWS], PRESSES), play([AND, FOLLOWS], PRESSES)
+    told = summary(
+        (first, judge_causes(watched(first), claims((0, 1), (3, 1), (0, 4)))),
+        (second, judge_causes(watched(second), claims())),
+    )
+    assert (told["parent_p"], told["parent_r"]) == (pytest.approx(2 / 3), pytest.approx(2 / 6))
+    assert told["parent_f1"] == pytest.approx(2 * 2 / (3 + 6)) and told["shd"] == (2 + 3) / 2
+    assert [one["shd"] for one in told["cause_boards"]] == [2, 3]
+    assert told["parent_f1_bound"] == 1.0 and told["shd_bound"] == 0 and told["bound_boards"] == 2
+    assert told["link_parent_f1"] is told["mechanism_accuracy"] is told["what_if"] is told["gap"] is None
+    assert told["link_parent_f1_bound"] == told["mechanism_bound"] == 1.0
+    assert told["cause_intervals"]["boards"]["parent_r"] == (0.0, pytest.approx(2 / 3))
+    names = {name for line in KEYS for name in line.split(", ")}
+    assert names == set(told), "every figure is explained"
+
+
+def test_who_cannot_claim_that_responders_follow_misses_it() -> None:
+    episode = play([relation("one-to-one", (0,), 1, (0, 1)), relation("one-to-one", (1,), 2, (0, 1))], PRESSES, "chain")
+    blind, seeing = claims((0, 1)), claims((0, 1), (1, 2))
+    assert summary((episode, judge_causes(watched(episode), blind)))["parent_r"] == 0.5
+    assert summary((episode, judge_causes(watched(episode), seeing)))["parent_r"] == 1.0
+    # an ancestor is no parent, and a pair turned round is one step away
+    assert summary((episode, judge_causes(watched(episode), claims((0, 1), (0, 2)))))["shd"] == 2
+    assert summary((episode, judge_causes(watched(episode), claims((0, 1), (2, 1)))))["shd"] == 1
+
+
+def test_discovery_is_followed_action_by_action() -> None:
+    episode = play([AND, FOLLOWS], PRESSES)
+    probabilities = np.zeros((len(PRESSES), 5, 5))
+    probabilities[9:, 0, 1] = probabilities[9:, 3, 1] = probabilities[14:, 3, 2] = 1
+    told = summary((episode, judge_causes(watched(episode), InferredGraph("slow", probabilities))))
+    curve = told["discovery"]
+    assert [point["actions"] for point in curve] == list(range(1, len(PRESSES) + 1))
+    assert curve[8]["parent_f1"] == 0.0 and curve[9]["parent_f1"] == pytest.approx(4 / 5)
+    assert told["actions_until_found"] == 15 and told["actions_until_found_bound"] < 15
+    assert curve[-1]["parent_f1_bound"] == 1.0 and curve[0]["parent_f1_bound"] < 1
+
+
+# links
+
+
+def test_clusters_are_matched_one_to_one() -> None:
+    """Cluster 0 has two actions on link 1 and one on link 0, cluster 1 three on link 1; cluster 2 touched nothing."""
+    clusters, held = np.array([0, 0, 0, 1, 1, 1, 2, -1]), np.array([1, 1, 0, 1, 1, 1, -1, 0])
+    assert matched_links(clusters, held, 3) == {0: 0, 1: 1}
+    assert matched_links(np.full(4, -1), np.zeros(4, int), 2) == {}
+
+
+def test_parents_at_the_level_of_links() -> None:
+    """A cluster that is no link is a parent that is not there; a link without a cluster is missed."""
+    episode = play([AND, FOLLOWS], (0, 3, 0, 3))
+    clusters = np.array([1, -1, 1, 0])  # switch 3 is cluster 0, switch 0 is cluster 1, cluster 2 is nothing
+    probabilities = np.zeros((4, 3, 5))
+    probabilities[1:, 1, 1], probabilities[3:, 0, 2], probabilities[3:, 2, 4] = 1, 1, 1
+    claimed = np.zeros((5, 5, 5), bool)
+    counts = count_links(episode, InferredLinks(clusters, probabilities), 0.5, claimed)
+    assert counts[0].sum(0).tolist() == [0, 0, 3] and counts[2].sum(0).tolist() == [1, 1, 3]
+    assert counts[4].tolist() == [[0, 0, 0], [1, 1, 2], [1, 1, 1], [0, 0, 0], [0, 1, 0]]
+    graph = replace(claims(steps=4), links=InferredLinks(clusters, probabilities))
+    told = summary((episode, judge_causes(watched(episode, images=5), graph)), images=5)
+    assert (told["link_parent_p"], told["link_parent_r"]) == (pytest.approx(2 / 3), pytest.approx(2 / 3))
+
+
+# mechanisms and what if
+
+
+def asked(episode: Episode, reasoner: Reasoner, **more: int) -> JudgedCauses:
+    return judge_causes(watched(episode, reasoner, **more), claims(steps=len(episode.steps)))
+
+
+@pytest.mark.parametrize("second", [FOLLOWS, LATE, relation("toggle", (3,), 2, (0, 1))], ids=lambda one: one.kind)
+def test_who_knows_the_law_answers_everything(second: Relation) -> None:
+    episode = play([AND, second], PRESSES, "mixed")
+    assert isinstance(Knower(episode), Imagining)
+    told = summary((episode, asked(episode, Knower(episode))), pred_a=0.75)
+    assert told["mechanism_accuracy"] == 1.0 and told["gap"] == -0.25
+    assert told["what_if"] == told["what_if_factual"] == told["what_if_left_out"] == 1.0 and told["what_if_pairs"] > 0
+    assert told["mechanism_by_kind"]["none"] == {"accuracy": 1.0, "bound": 1.0, "responders": 1}
+
+
+def test_a_mechanism_is_known_by_what_it_does() -> None:
+    """Who takes AND for OR is wrong about the lamp and right about the door."""
+    episode = play([AND, FOLLOWS], PRESSES)
+    judged = asked(episode, Knower(episode, [OR, FOLLOWS]))
+    assert [(one.responder, one.kind, one.right) for one in judged.mechanisms] == [
+        (1, "gate", False), (2, "one-to-one", True), (4, "none", True),
+    ]  # fmt: skip
+    # a table by another name is the same mechanism
+    named = [relation("gate", (3, 0), 1, (0, 0, 0, 1), function="and"), FOLLOWS]
+    assert all(one.right for one in asked(episode, Knower(episode, named)).mechanisms)
+
+
+def test_a_delay_is_no_mechanism_without_a_memory() -> None:
+    episode = play([AND, LATE], PRESSES, "time")
+    judged = asked(episode, Knower(episode, [AND, FOLLOWS]))
+    assert {one.responder: one.right for one in judged.mechanisms} == {1: True, 2: False, 4: True}
+
+
+def test_who_expects_no_change_knows_what_nothing_moves() -> None:
+    """Its own predictions stand for answers; what had happened without an action it tells, what did happen not."""
+    episode = play([AND, FOLLOWS], PRESSES)
+    judged = asked(episode, Persistence())
+    assert {one.responder: one.right for one in judged.mechanisms} == {1: False, 2: False, 4: True}
+    assert judged.told is not None and not judged.told[:, 0].any()
+    assert summary((episode, judged))["what_if"] == 0.0
+
+
+def test_what_was_never_moved_cannot_be_known() -> None:
+    """The switch 3 was never pressed: nobody asks what the lamp does then, and nobody counts as knowing."""
+    episode = play([AND, FOLLOWS], (0,) * 20)
+    judged = asked(episode, Knower(episode))
+    assert {one.responder: one.right for one in judged.mechanisms} == {1: False, 2: False, 4: True}
+    assert {one.responder: one.bound for one in judged.mechanisms}[2] is False
+
+
+def test_the_observer_is_asked_with_all_that_was_observed_and_no_more() -> None:
+    episode = play([AND, FOLLOWS], PRESSES)
+    known = [asked(episode, Knower(episode), images=images).mechanisms for images in (2, 17)]
+    assert {one.responder: one.bound for one in known[0]}[2] is False and all(one.bound for one in known[1])
+
+
+def test_kinds_and_lags_are_compared_by_name() -> None:
+    episode = play([AND, LATE], PRESSES, "time")
+    graph = replace(claims(), kinds=("", "gate", "one-to-one", "", ""), lags=np.array([-1, 0, 2, -1, -1]))
+    told = summary((episode, judge_causes(watched(episode), graph)))
+    assert told["kind_accuracy"] == pytest.approx(2 / 3) and told["lag_accuracy"] == 1.0
+    silent = summary((episode, judge_causes(watched(episode), claims())))
+    assert silent["kind_accuracy"] is silent["lag_accuracy"] is None
+
+
+def test_a_pair_asks_what_one_action_did() -> None:
+    """The door follows switch 3 two actions later: left out, the next but one state is another one."""
+    episode = play([LATE], (0, 3, 0, 0, 0, 0, 0), "time")
+    right = asked(episode, Knower(episode), images=8).told
+    assert right is not None and right.tolist() == [[True, True]], "switch 0 does nothing"
+    hasty = asked(episode, Knower(episode, [FOLLOWS]), images=8).told
+    assert hasty is not None and hasty.tolist() == [[False, True]]
+
+
+def test_answers_chain_predictions_where_nothing_else_is_there() -> None:
+    episode = play([AND, FOLLOWS], PRESSES)
+    sequence = sequence_of(episode)
+
+    class Counter(Persistence):
+        def predict(self, seen: object, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+            return current + 1
+
+    told = imagine(Counter(), sequence, np.array([0, 4]), np.zeros((2, 3, 6), np.float32), np.full((2, 3), -1))
+    assert told.shape == (2, 3, 5, 256)
+    np.testing.assert_allclose(told[1, 2], sequence.features[4] + 3)
+
+
+# calibration
+
+
+def test_calibration_needs_enough_uncertain_pairs() -> None:
+    """Six pairs a board, of which three are parents, all believed with 0.7: they are off by 0.2."""
+    episode = play([AND, FOLLOWS], PRESSES)
+    pairs: Sequence[tuple[int, int]] = [(i, j) for i in (0, 3) for j in (1, 2, 4)]
+    judged = judge_causes(watched(episode), claims(*pairs, p=0.7))
+    few, many = summary((episode, judged)), summary(*[(episode, judged)] * (LEAST_PAIRS // 6 + 1))
+    assert (few["ece_uncertain"], few["uncertain_pairs"]) == (None, 6)
+    assert many["ece_uncertain"] == pytest.approx(0.2) and many["uncertain_pairs"] == 504
+    told = {point["images"]: point["uncertain_pairs"] for point in many["uncertain_by_images"]}
+    assert told == {4: 504, 8: 504, 12: 504, 16: 504, 22: 504, 30: 0}, "no board has 29 actions"
+
+
+def test_nothing_judged_is_null_and_no_crash() -> None:
+    told = summary()
+    assert told["parent_f1"] is told["shd"] is told["mechanism_bound"] is told["what_if"] is None
+    assert told["discovery"] == [] and told["bound_boards"] == 0
+    assert told["cause_intervals"]["objects"]["parent_f1"] is None
+
+
+def test_a_recording_that_breaks_the_law_has_parents_and_no_bound() -> None:
+    episode = play([AND, FOLLOWS], PRESSES)
+    broken = replace(episode, steps=[replace(step, responder_states_after=(-1, 1, 1, -1, 1)) for step in episode.steps])
+    judged = judge_causes(watched(broken), claims((0, 1)))
+    assert judged.bound is None and judged.mechanisms == () and judged.true[3][0, 1]
+
+
+def test_a_tour_is_longer_than_what_it_has_to_find_out() -> None:
+    assert TOUR >= 4 * 9 and HORIZON >= 4, "nine combinations of two levers; a delay of three actions"

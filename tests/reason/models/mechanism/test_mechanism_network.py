@@ -1,0 +1,142 @@
+"""Explanations of what responders show, what is counted of them, and the network that judges them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from benchmarks.studies.mechanisms import JUDGED_SEED, compare, draw
+from busybot.objects.resolve import find
+from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
+from busybot.reason.models.mechanism.contexts import (
+    EVIDENCE,
+    MEMORIES,
+    SURE,
+    Explanations,
+    Trace,
+    evidence_of,
+    explanations_of,
+)
+from busybot.reason.models.mechanism.learner import JUDGED_AFTER, LabelledTrace, MechanismLearner
+from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, parents_of
+from busybot.reason.pyg import Batch
+from busybot.training.loop import fit
+
+COLUMNS = {"new": 2, "never": 3, "sometimes": 4, "always": 5, "actions": 9}
+
+
+def counted(trace: Trace, after: int) -> tuple[Explanations, np.ndarray]:
+    found = explanations_of(trace)
+    return found, np.expm1(evidence_of(trace, found, [after])[:, :, 0].numpy())
+
+
+def explaining(found: Explanations, inputs: tuple[int, ...], memory: str) -> int:
+    """The row of an explanation."""
+    wanted = np.isin(np.arange(found.inputs.shape[1]), inputs)
+    (row,) = np.flatnonzero((found.inputs == wanted).all(1) & (found.memory == MEMORIES.index(memory)))
+    return int(row)
+
+
+@pytest.fixture(scope="module")
+def gates() -> list[LabelledTrace]:
+    return [board for board, _ in draw("gates", 6, 0, find("procedural"))]
+
+
+def walk(links: int, actions: int) -> np.ndarray:
+    """States of two-state links of which one moves in every action."""
+    rng = np.random.default_rng(0)
+    states = np.zeros((actions + 1, links), int)
+    for before, after, link in zip(states[:-1], states[1:], rng.integers(links, size=actions), strict=True):
+        after[:] = before
+        after[link] = 1 - before[link]
+    return states
+
+
+def test_what_is_right_is_never_contradicted_whatever_it_remembers() -> None:
+    links = walk(3, 40)
+    pressed = np.diff(links, axis=0, prepend=links[:1]) > 0
+    late = np.maximum(np.arange(41) - 2, 0)
+    latched = np.zeros(41, int)
+    for action in range(1, 41):
+        now = pressed[action]
+        latched[action] = 1 if now[0] else 0 if now[2] else latched[action - 1]
+    shown = [links[:, 0] ^ links[:, 1], links[late, 2], np.cumsum(pressed[:, 1]) % 2, latched]
+    trace = Trace(links, np.stack(shown, axis=1), (2, 2, 2))
+    found, told = counted(trace, 40)
+    right = [((0, 1), "late 0"), ((2,), "late 2"), ((1,), "odd presses"), ((0, 2), "last press")]
+    for responder, (inputs, memory) in enumerate(right):
+        row = explaining(found, inputs, memory)
+        assert told[responder, row, [COLUMNS["never"], COLUMNS["sometimes"]]].max() == 0, memory
+        assert told[responder, row, COLUMNS["always"]] > 25
+        likelier = evidence_of(trace, found, [40])[responder, :, 0, 0]
+        simpler = found.inputs.sum(1) <= len(inputs)
+        assert likelier[simpler].max() == likelier[row]
+
+
+def test_what_is_counted_is_what_brute_force_counts(gates: list[LabelledTrace]) -> None:
+    trace = gates[0].trace.first(12)
+    found, told = counted(trace, 12)
+    logs = evidence_of(trace, found, [12])[:, :, 0, 0].numpy()
+    shape = (trace.responders.shape[1], len(found.own))
+    for responder, row in np.random.default_rng(1).integers(shape, size=(40, 2)):
+        states, log = trace.responders[:, responder], 0.0
+        before = np.concatenate([states[:1], states[:-1]])
+        kinds = {"new": 0, "never": 0, "sometimes": 0, "always": 0}
+        for moment in range(13):
+            alike = found.contexts[:moment, row] == found.contexts[moment, row]
+            if found.own[row]:
+                alike &= before[:moment] == before[moment]
+            same, total = int((states[:moment][alike] == states[moment]).sum()), int(alike.sum())
+            log += np.log((same + SURE) / (total + SURE * max(2, states[: moment + 1].max() + 1)))
+            kind = "new" if not total else "always" if same == total else "sometimes" if same else "never"
+            kinds[kind] += 1
+        assert logs[responder, row] == pytest.approx(log / 5, abs=1e-4)
+        assert {name: round(float(told[responder, row, COLUMNS[name]])) for name in kinds} == kinds
+        assert round(float(told[responder, row, COLUMNS["actions"]])) == 13
+
+
+def test_probabilities_are_those_of_one_explanation_each_and_of_no_responder_by_itself(
+    gates: list[LabelledTrace],
+) -> None:
+    net = MechanismNet(MechanismNetConfig())
+    graph = Batch.from_data_list([board.graph([3, 20]) for board in gates[:2]])
+    final, first = net(graph)
+    owner = graph["explanation", "explains", "responder"].edge_index[1]
+    for shares in (final, first):
+        sums = torch.zeros(graph["responder"].num_nodes, 2).index_add(0, owner, shares.exp())
+        assert torch.allclose(sums, torch.ones_like(sums), atol=1e-5)
+    assert final.exp()[~graph["explanation"].possible].max() < 1e-6
+    assert graph["explanation"].evidence.shape[1:] == (2, EVIDENCE)
+    alone = explanation_graph(gates[1].trace, [3, 20])
+    told = parents_of(net(Batch.from_data_list([alone]))[0], alone)
+    assert torch.allclose(told, parents_of(final, graph)[-len(told) :], atol=1e-5), "a batch changes nothing"
+
+
+def test_later_actions_do_not_change_what_was_believed(gates: list[LabelledTrace]) -> None:
+    trace = gates[0].trace
+    net = MechanismNet(MechanismNetConfig())
+    early, late = explanation_graph(trace.first(10), [10]), explanation_graph(trace, [10, 30])
+    one, two = (parents_of(net(Batch.from_data_list([each]))[0], each) for each in (early, late))
+    assert torch.allclose(one[:, 0], two[:, 0], atol=1e-5) and not torch.allclose(two[:, 0], two[:, 1], atol=1e-2)
+
+
+@pytest.mark.long
+def test_it_learns_and_goes_on_where_it_was_stopped(gates: list[LabelledTrace], tmp_path: Path) -> None:
+    def trained(folder: str, iterations: int) -> MechanismLearner:
+        config = MechanismConfig(iterations=30, batch=4)
+        config = config.model_copy(update={"loop": config.loop.model_copy(update={"judge": 10})})
+        learner = MechanismLearner(config, gates[:5], gates[5:], 0)
+        learner.iterations = iterations
+        fit(learner, tmp_path / folder, config.loop)
+        return learner
+
+    whole = trained("whole", 30)
+    trained("parts", 10)
+    parts = trained("parts", 30)
+    for one, two in zip(whole.network.parameters(), parts.network.parameters(), strict=True):
+        assert torch.equal(one, two)
+    judged = list(draw("gates", 2, JUDGED_SEED, find("procedural")))
+    rows = compare(whole.network.eval(), judged, 0)
+    assert set(rows) == {str(after) for after in JUDGED_AFTER}
+    assert rows["30"]["bound"]["share"] > 0.8 and rows["30"]["network"]["share"] > rows["4"]["network"]["share"]

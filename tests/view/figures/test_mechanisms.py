@@ -1,0 +1,78 @@
+"""The figure of a board of another world: graph, words, causes and effects; equal episodes give equal bytes."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from busybot.boards.worlds import WORLDS
+from busybot.episodes.episode import Episode, Link
+from busybot.view.figures.episode import _otherwise, episode_figure
+from busybot.view.figures.mechanisms import mechanism_figure
+from busybot.view.mechanisms import MechanismView
+from busybot.view.palette import ACTION, FACTORS, WRONG
+from tests.episodes.symbolic import library_at, make_world_episode, world_boards
+from tests.episodes.synthetic import make_episode, make_real_episode
+from tests.view.figures.test_episode import has
+
+Objects = Callable[[int], Path]
+
+
+def episode_of(folder: Path, world: str) -> Episode:
+    return make_world_episode(world_boards(folder, world, 1)[0], library_at(folder))
+
+
+def drawn(path: Path, episode: Episode) -> np.ndarray:
+    return cv2.imread(str(mechanism_figure(path, episode)))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("world", WORLDS)
+def test_every_type_has_its_colour(world: str, few_objects: Objects, tmp_path: Path) -> None:
+    episode = episode_of(few_objects(0), world)
+    picture, view = drawn(tmp_path / "f.png", episode), MechanismView(episode)
+    kinds = {factor.kind for step in view.moments for factor in view.factors(step)}
+    assert {kind: has(picture, color) for kind, color in FACTORS.items()} == {kind: kind in kinds for kind in FACTORS}
+    assert has(picture, WRONG) == bool(episode.board.rewirings)
+    assert has(picture, ACTION) == any(change.late for change in view.changes)
+
+
+@pytest.mark.long
+def test_equal_episodes_give_equal_bytes(few_objects: Objects, tmp_path: Path) -> None:
+    first = mechanism_figure(tmp_path / "a" / "1.png", episode_of(few_objects(0), "mixed"))
+    second = mechanism_figure(tmp_path / "2.png", episode_of(few_objects(0), "mixed"))
+    assert first.read_bytes() == second.read_bytes()
+
+
+@pytest.mark.long
+def test_names_that_look_like_formulas_are_names(few_objects: Objects, tmp_path: Path) -> None:
+    """A dollar sign begins a formula in Matplotlib, which a name of a link in a file may hold."""
+    episode = episode_of(few_objects(0), "gates")
+    evil = {"link": "$\\undefined{$"}
+    relations = tuple(
+        one.model_copy(update={"triggers": tuple(ref.model_copy(update=evil) for ref in one.triggers)})
+        for one in episode.board.relations
+    )
+    links = tuple(Link(one.object, evil["link"], one.trigger) if one.trigger else one for one in episode.links)
+    board = episode.board.model_copy(update={"relations": relations})
+    assert drawn(tmp_path / "f.png", replace(episode, board=board, links=links)).std() > 10
+
+
+def test_recordings_that_know_little_are_drawn_too(few_objects: Objects, tmp_path: Path) -> None:
+    real = make_real_episode()
+    assert drawn(tmp_path / "real.png", replace(real, board=real.board.model_copy(update={"world": "gates"}))).size
+    still = episode_of(few_objects(0), "lock")
+    assert drawn(tmp_path / "still.png", replace(still, steps=[], frame_of=[0])).size
+
+
+@pytest.mark.long
+def test_the_strip_of_steps_says_what_came_late_or_by_itself(few_objects: Objects, tmp_path: Path) -> None:
+    for world, word, count in (("time", " (step ", 4), ("chance", " (by itself)", 4), ("rewired", " (rewired)", 12)):
+        boards = world_boards(few_objects(0), world, count)
+        episodes = [make_world_episode(board, library_at(few_objects(0))) for board in boards]
+        assert any(word in told for episode in episodes for told in _otherwise(episode).values()), world
+        assert episode_figure(tmp_path / f"{world}.png", episodes[0]).stat().st_size > 10_000
+    assert _otherwise(make_episode()) == {}

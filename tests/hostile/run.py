@@ -77,7 +77,8 @@ def read(target: Target, folder: Path, file: Path, expected: Any, unchanged: boo
         answer = target.read(folder)
     except BusybotError as error:
         if file.name not in error.what:
-            return "refused", f"the error does not name {file.name}: {error.what[:200]}"
+            said = error.what.replace(str(folder), folder.name)
+            return "refused", f"the error does not name {file.name}: {said[:200]}"
         return "refused", None if len(error.what) < 2000 else "an endless message"
     except BaseException as error:
         return "raised", f"{type(error).__name__}: {str(error)[:200]}"

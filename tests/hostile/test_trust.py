@@ -142,7 +142,7 @@ def test_matrices_that_are_no_camera_s_are_refused(value: float, place: tuple[in
             check_camera(Camera(**{**vars(camera), name: changed}))
 
 
-WRONG = {"seed": "x", "rounds": {}, "data": [1], "versions": {"a": 1}, "validation": [], "licence": 3, "f": 1e999}
+WRONG = {"seed": "x", "rounds": "x", "data": [1], "versions": {"a": 1}, "validation": [], "licence": 3, "f": 1e999}
 
 
 @pytest.mark.parametrize("training", [{name: value} for name, value in WRONG.items()], ids=list(WRONG))

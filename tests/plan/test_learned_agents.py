@@ -262,7 +262,7 @@ def test_a_policy_of_other_features_is_refused(tmp_path: Path) -> None:
         learned("bc", str(tmp_path), Persistence())
     (tmp_path / "weights.safetensors").write_bytes(b"x")
     load_policy.cache_clear()
-    with pytest.raises(BusybotError, match="damaged"):
+    with pytest.raises(BusybotError, match="weights.safetensors: its SHA-256 is"):
         load_policy(tmp_path, "bc")
 
 

@@ -1,5 +1,6 @@
 """A model in its folder, and what it makes of a picture."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -162,6 +163,10 @@ def test_weights_of_other_inputs_are_refused(tmp_path: Path) -> None:
     untrained("rgb").save(tmp_path / "rgb")
     untrained().save(tmp_path / "depth")
     (tmp_path / "rgb" / "position.safetensors").replace(tmp_path / "depth" / "position.safetensors")
+    with pytest.raises(BusybotError, match="its SHA-256 is"):
+        load_model(tmp_path / "depth")
+    card = json.loads((tmp_path / "depth" / "model.json").read_text())
+    (tmp_path / "depth" / "model.json").write_text(json.dumps(card | {"files": {}}))  # as older models have it
     with pytest.raises(BusybotError, match="not the weights of this network"):
         load_model(tmp_path / "depth")
 

@@ -94,7 +94,7 @@ def test_text_is_escaped(block: Block) -> None:
 
 def test_simple_markup_within_escaped_text() -> None:
     assert inline('**a `b<c`** [x](javascript:alert) "') == "<b>a <code>b&lt;c</code></b> [x](javascript:alert) &#34;"
-    assert inline("a \0" + "0\0 `b`") == "a 0 <code>b</code>", "nothing in a text stands for code"
+    assert inline("a \0" + "0\0 `b`") == "a \\x000\\x00 <code>b</code>", "nothing in a text stands for code"
     assert markdown([Text("`a<b` < c")]) == "`a<b` &lt; c\n"
     assert markdown([Text("``<b>`")]) == "``&lt;b>`\n", "two backticks begin code that does not end"
     assert markdown([plain_grid(("h",), [("a|b", ("c|d",))])]).count("\\|") == 2

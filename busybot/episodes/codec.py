@@ -11,7 +11,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, overload
+from typing import Any, Literal, overload
 
 import cv2
 import numpy as np
@@ -20,6 +20,8 @@ from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Image
 
 ImageFormat = Literal["jpeg", "png"]
+Part = Literal["rgb", "depth", "segmentation"]
+"""A picture of an image."""
 
 DEPTH_OFFSET, DEPTH_SCALE = 2.0, 4e-5
 """Board units. The camera is 4 above the board, objects reach up to 1.2: depth lies between 2.0 and 4.62."""
@@ -163,14 +165,51 @@ def encode_image(image: Image, rgb: ImageFormat, scale: DepthScale, links: int) 
     )
 
 
+class LazyImage(Image):
+    """One of `LazyImages`: each of its pictures is decoded when it is first asked for."""
+
+    _images: "LazyImages"
+    _encoded: EncodedImage
+    _position: int
+
+    @classmethod
+    def of(cls, images: "LazyImages", encoded: EncodedImage, position: int = -1) -> "LazyImage":
+        """Image `position` of a file, not decoded yet."""
+        image = cls.__new__(cls)
+        image._images, image._encoded, image._position, image.boxes = images, encoded, position, encoded.boxes
+        return image
+
+    @cached_property
+    def rgb(self) -> np.ndarray:  # type: ignore[override]
+        """uint8 (H, W, 3)."""
+        return self._decoded("rgb")
+
+    @cached_property
+    def depth(self) -> np.ndarray | None:  # type: ignore[override]
+        """float32 (H, W), board units."""
+        return self._decoded("depth")
+
+    @cached_property
+    def segmentation(self) -> np.ndarray | None:  # type: ignore[override]
+        """uint16 (H, W)."""
+        return self._decoded("segmentation")
+
+    def whole(self) -> Image:
+        """The same with all that it has decoded."""
+        return Image(self.rgb, self.depth, self.segmentation, self.boxes)
+
+    def _decoded(self, part: Part) -> Any:
+        return self._images.decode(self._encoded, part, self._position)
+
+
 @dataclass
 class LazyImages(Sequence[Image]):
-    """Behaves like `Episode.images`; keeps the last two images decoded, those before and after a step.
+    """Behaves like `Episode.images`; keeps what was decoded of the last two images, those before and after a step.
 
     Attributes:
         where: the file, for messages.
         links: number of links that the segmentation may name.
-        encoded: what was read; boxes and bytes are there without decoding.
+        encoded: what was read; boxes are there without decoding.
     """
 
     where: str
@@ -178,7 +217,7 @@ class LazyImages(Sequence[Image]):
     height: int
     links: int
     depth_scale: DepthScale
-    encoded: list[EncodedImage]
+    encoded: Sequence[EncodedImage]
     _recent: dict[int, Image] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
@@ -195,7 +234,7 @@ class LazyImages(Sequence[Image]):
             return [self[i] for i in range(*index.indices(len(self)))]
         position = range(len(self))[index]
         if position not in self._recent:
-            image = self._decode(self.encoded[position], position)
+            image = LazyImage.of(self, self.encoded[position], position)
             for old in list(self._recent)[:-1]:
                 del self._recent[old]
             self._recent[position] = image
@@ -204,21 +243,28 @@ class LazyImages(Sequence[Image]):
     def as_stored(self, image: Image) -> Image:
         """Another image as it would come back from this file: through its codecs."""
         png = self.encoded[0].rgb.startswith(PNG_MAGIC) if self.encoded else True
-        return self._decode(encode_image(image, "png" if png else "jpeg", self.depth_scale, self.links))
+        return LazyImage.of(self, encode_image(image, "png" if png else "jpeg", self.depth_scale, self.links)).whole()
 
-    def _decode(self, encoded: EncodedImage, position: int = -1) -> Image:
+    def decode(self, encoded: EncodedImage, part: Part, position: int = -1) -> Any:
+        """One picture of an image, as in `Image`; None if it was not recorded.
+
+        Raises:
+            BusybotError: naming the file and the image, which is `position` there, if it cannot be decoded.
+        """
+        data = getattr(encoded, part)
         try:
-            rgb = decode_rgb(encoded.rgb, self.width, self.height)
-            steps = None if encoded.depth is None else decode_plain(encoded.depth, self.width, self.height)
-            segmentation = self._decode_segmentation(encoded.segmentation)
+            return None if data is None else self._decode(data, part)
         except ValueError as error:
             raise BusybotError(f"{self.where}: image {position}: {error}", "record the episode again") from None
-        depth = None if steps is None else self.depth_scale.restore(steps)
-        return Image(rgb=rgb, depth=depth, segmentation=segmentation, boxes=encoded.boxes)
 
-    def _decode_segmentation(self, data: bytes | None) -> np.ndarray | None:
-        if data is None:
-            return None
+    def _decode(self, data: bytes, part: Part) -> np.ndarray:
+        if part == "rgb":
+            return decode_rgb(data, self.width, self.height)
+        if part == "depth":
+            return self.depth_scale.restore(decode_plain(data, self.width, self.height))
+        return self._decode_segmentation(data)
+
+    def _decode_segmentation(self, data: bytes) -> np.ndarray:
         segmentation = decode_plain(data, self.width, self.height).astype(np.uint16)
         if int(segmentation.max()) > self.links:
             raise ValueError(f"the segmentation names link {int(segmentation.max())} of {self.links}")

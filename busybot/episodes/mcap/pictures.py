@@ -1,0 +1,147 @@
+"""Encoded pictures of recordings, read when they are asked for; those read last are kept, up to `KEPT_BYTES`.
+
+So episodes and datasets of any size can be open at once: what a process holds of all their pictures has one limit.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+
+import numpy as np
+
+from busybot.common.errors import BusybotError
+from busybot.common.limits import MIB
+from busybot.episodes.codec import DepthScale, EncodedImage
+from busybot.episodes.mcap import channels
+from busybot.episodes.mcap.records import Records, read_records, refusing
+
+KEPT_BYTES = 256 * MIB
+"""Of all recordings, in a process: RGB of about 180 episodes of 30 steps, 640 x 480."""
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """The pictures of a topic, and what stored depth means."""
+
+    pictures: list[bytes]
+    scale: DepthScale
+
+
+class Kept:
+    """What was read last, of at most so many bytes."""
+
+    def __init__(self, most: int):
+        self.most, self._bytes = most, 0
+        self._entries: OrderedDict[Hashable, Encoded] = OrderedDict()
+        self._lock = Lock()
+
+    def get(self, key: Hashable, read: Callable[[], Encoded]) -> Encoded:
+        """What is kept under a key, else what reading gives."""
+        with self._lock:
+            if key in self._entries:
+                self._entries.move_to_end(key)
+                return self._entries[key]
+        found = read()
+        with self._lock:
+            if key not in self._entries:
+                self._entries[key] = found
+                self._bytes += _size(found)
+            while self._bytes > self.most:
+                self._bytes -= _size(self._entries.popitem(last=False)[1])
+        return found
+
+
+def _size(encoded: Encoded) -> int:
+    return sum(map(len, encoded.pictures))
+
+
+_KEPT = Kept(KEPT_BYTES)
+
+
+@dataclass(frozen=True)
+class PictureFile:
+    """The pictures of a recording, without holding them.
+
+    Attributes:
+        checksum: of the recording (`Records.checksum`); another one in its place is refused. None for any.
+    """
+
+    path: Path
+    checksum: int | None = None
+
+    def read(self, topic: str) -> Encoded:
+        """The pictures of a topic, from memory if they are kept.
+
+        Raises:
+            BusybotError: the file is damaged, or it is another one than before.
+        """
+        return _KEPT.get((self.path, self.checksum, topic), lambda: self._read(topic))
+
+    def picture(self, topic: str, position: int) -> bytes:
+        """Picture `position` of a topic.
+
+        Raises:
+            BusybotError: there is none.
+        """
+        pictures = self.read(topic).pictures
+        if not 0 <= position < len(pictures):
+            raise BusybotError(f"{self.path}: there is no picture {position} on {topic}, it has {len(pictures)}")
+        return pictures[position]
+
+    def _read(self, topic: str) -> Encoded:
+        records = read_records(self.path)
+        if self.checksum not in (None, records.checksum):
+            what = f"{self.path}: it was recorded again since it was opened, or its tables were made"
+            raise BusybotError(what, "open the dataset again; `busybot collect` mends tables")
+        decode = channels.message_class(channels.SCHEMAS[channels.RGB]).FromString
+        with refusing(str(self.path), "not a recording of this project"):
+            return Encoded([decode(data).data for data in records.payloads.get(topic, ())], depth_scale(records))
+
+
+class StoredImage(EncodedImage):
+    """An image of a recording that is read from its file whenever it is asked for."""
+
+    _file: PictureFile
+    _topics: tuple[str | None, ...]
+    _position: int
+
+    @classmethod
+    def of(cls, file: PictureFile, place: channels.Pictures, position: int, read: EncodedImage) -> "StoredImage":
+        """The same as one that was read: where it lies instead of its pictures."""
+        image = cls.__new__(cls)
+        parts = (read.rgb, read.depth, read.segmentation)
+        topics = tuple(None if part is None else topic for topic, part in zip(place, parts, strict=False))
+        vars(image).update(_file=file, _topics=topics, _position=position, boxes=read.boxes)
+        return image
+
+    @property
+    def rgb(self) -> bytes:
+        """JPEG or PNG."""
+        data = self._part(0)
+        assert data is not None
+        return data
+
+    @property
+    def depth(self) -> bytes | None:
+        """16-bit PNG or None."""
+        return self._part(1)
+
+    @property
+    def segmentation(self) -> bytes | None:
+        """8- or 16-bit PNG or None."""
+        return self._part(2)
+
+    def _part(self, number: int) -> bytes | None:
+        topic = self._topics[number]
+        return None if topic is None else self._file.picture(topic, self._position)
+
+
+def depth_scale(records: Records) -> DepthScale:
+    """What stored depth means; ValueError where it cannot be."""
+    metadata = records.metadata[channels.METADATA]
+    scale = DepthScale(float(metadata["depth_offset"]), float(metadata["depth_scale"]))
+    if not (np.isfinite((scale.offset, scale.scale)).all() and 0 < scale.scale < 1e3 and abs(scale.offset) < 1e6):
+        raise ValueError(f"depth scale {scale}")
+    return scale

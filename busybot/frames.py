@@ -14,7 +14,7 @@ from torch.utils.data import Dataset, Sampler
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset as Recordings
-from busybot.episodes.codec import decode_plain, decode_rgb
+from busybot.episodes.codec import decode_plain, image_size
 from busybot.episodes.mcap.channels import DEPTH, RGB
 from busybot.episodes.mcap.pictures import PictureFile
 
@@ -89,11 +89,13 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
     def _decoded(self, episode: int, image: int, part: str) -> torch.Tensor:
         file, size = self._files[episode], self._size[episode]
         topic = RGB if part == "rgb" else DEPTH
-        data = file.picture(topic, image)
+        data, encoded = file.picture(topic, image), file.read(topic)
         try:
+            if image_size(data) != size:
+                raise ValueError(f"a picture of {image_size(data)} pixels where {size} are expected")
             if part == "rgb":
-                return torch.from_numpy(decode_rgb(data, *size))
-            return torch.from_numpy(file.read(topic).scale.restore(decode_plain(data, *size)))
+                return torch.from_numpy(encoded.rows.decode(data))
+            return torch.from_numpy(encoded.scale.restore(decode_plain(data, *size)))
         except ValueError as error:
             raise BusybotError(f"{file.path}: image {image}: {error}", "record the episode again") from None
 

@@ -57,6 +57,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "waiting": tables.waiting,
         "collection-parts": tables.collection_parts,
         "world-costs": tables.world_costs,
+        "frames-speed": prose.frames_speed,
     },
     "docs/results/reason.md": {
         "features": tables.features,

@@ -137,6 +137,80 @@ def image_size(data: bytes) -> tuple[int, int]:
     raise ValueError("neither a PNG nor a JPEG image")
 
 
+class RowDecoder:
+    """Decodes pictures of one scene: rows of blocks that are as in the first picture are copied, not decoded.
+
+    What it returns is equal to what `decode_rgb` does, for pictures of any kind; those of other encoders take as long.
+
+    Args:
+        first: JPEG or PNG.
+    """
+
+    def __init__(self, first: bytes, width: int, height: int):
+        self._width, self._height = width, height
+        self._shown = decode_rgb(first, width, height)
+        self._head, self._rows = _split(first, width, height) or (b"", [])
+
+    def decode(self, data: bytes) -> np.ndarray:
+        """uint8 (H, W, 3); ValueError as `decode_rgb`."""
+        head, rows = _split(data, self._width, self._height) or (None, [])
+        if head != self._head:
+            return decode_rgb(data, self._width, self._height)
+        image = self._shown.copy()
+        changed = [number for number, (row, first) in enumerate(zip(rows, self._rows, strict=True)) if row != first]
+        if changed:
+            strip = _joined(self._head, [rows[number] for number in changed])
+            decoded = decode_rgb(strip, self._width, JPEG_BLOCK * len(changed))
+            blocks = (-1, JPEG_BLOCK, self._width, 3)
+            image.reshape(blocks)[changed] = decoded.reshape(blocks)
+        return image
+
+
+def _split(data: bytes, width: int, height: int) -> tuple[bytes, list[bytes]] | None:
+    """Header and rows of blocks of a JPEG that begins anew with every row; None of any other picture."""
+    segments = _segments(data)
+    begin = segments.get(_SCAN)
+    each = segments.get(_RESTART)
+    if begin is None or each is None or _BASELINE not in segments or not data.endswith(b"\xff\xd9"):
+        return None
+    if struct.unpack_from(">H", data, each + 4)[0] != -(-width // JPEG_BLOCK):
+        return None
+    position = begin + 2 + struct.unpack_from(">H", data, begin + 2)[0]
+    head, rows = data[:position], []
+    while (end := data.find(_restart(len(rows)), position)) >= 0:
+        rows.append(data[position:end])
+        position = end + 2
+    rows.append(data[position:-2])
+    # with an interval of so many blocks, other samplings of colours than 4:4:4 have fewer rows
+    return (head, rows) if len(rows) * JPEG_BLOCK == height else None
+
+
+def _joined(head: bytes, rows: list[bytes]) -> bytes:
+    """A JPEG of some rows of blocks."""
+    size = _segments(head)[_BASELINE] + 5
+    parts = [head[:size], struct.pack(">H", JPEG_BLOCK * len(rows)), head[size + 2 :]]
+    for number, row in enumerate(rows):
+        parts += [row, _restart(number)]
+    return b"".join([*parts[:-1], b"\xff\xd9"])
+
+
+def _restart(number: int) -> bytes:
+    return bytes((0xFF, 0xD0 + number % 8))
+
+
+_BASELINE, _SCAN, _RESTART = 0xC0, 0xDA, 0xDD
+
+
+def _segments(data: bytes) -> dict[int, int]:
+    """Where a JPEG's segments begin, by their markers, up to its first scan."""
+    found: dict[int, int] = {}
+    position = 2
+    while data[:2] == b"\xff\xd8" and position + 9 <= len(data) and data[position] == 0xFF and _SCAN not in found:
+        found[data[position + 1]] = position
+        position += 2 + struct.unpack_from(">H", data, position + 2)[0]
+    return found
+
+
 @dataclass(frozen=True)
 class EncodedImage:
     """One stored observation as it lies in the file.

@@ -6,19 +6,20 @@ So episodes and datasets of any size can be open at once: what a process holds o
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from threading import Lock
 
 import numpy as np
 
 from busybot.common.errors import BusybotError
-from busybot.common.limits import MIB
-from busybot.episodes.codec import DepthScale, EncodedImage
+from busybot.common.limits import MAX_IMAGE_PIXELS, MIB
+from busybot.episodes.codec import DepthScale, EncodedImage, RowDecoder, image_size
 from busybot.episodes.mcap import channels
 from busybot.episodes.mcap.records import Records, read_records, refusing
 
 KEPT_BYTES = 256 * MIB
-"""Of all recordings, in a process: RGB of about 180 episodes of 30 steps, 640 x 480."""
+"""Of all recordings, in a process: RGB of about 110 episodes of 30 steps, 640 x 480."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,17 @@ class Encoded:
 
     pictures: list[bytes]
     scale: DepthScale
+
+    @cached_property
+    def rows(self) -> RowDecoder:
+        """Decodes RGB as the first picture's size is."""
+        return RowDecoder(self.pictures[0], *image_size(self.pictures[0]))
+
+    @cached_property
+    def bytes(self) -> int:
+        """In memory, with one picture that is decoded."""
+        width, height = image_size(self.pictures[0]) if self.pictures else (0, 0)
+        return sum(map(len, self.pictures)) + 3 * width * height
 
 
 class Kept:
@@ -47,14 +59,10 @@ class Kept:
         with self._lock:
             if key not in self._entries:
                 self._entries[key] = found
-                self._bytes += _size(found)
+                self._bytes += found.bytes
             while self._bytes > self.most:
-                self._bytes -= _size(self._entries.popitem(last=False)[1])
+                self._bytes -= self._entries.popitem(last=False)[1].bytes
         return found
-
-
-def _size(encoded: Encoded) -> int:
-    return sum(map(len, encoded.pictures))
 
 
 _KEPT = Kept(KEPT_BYTES)
@@ -97,7 +105,10 @@ class PictureFile:
             raise BusybotError(what, "open the dataset again; `busybot collect` mends tables")
         decode = channels.message_class(channels.SCHEMAS[channels.RGB]).FromString
         with refusing(str(self.path), "not a recording of this project"):
-            return Encoded([decode(data).data for data in records.payloads.get(topic, ())], depth_scale(records))
+            pictures = [decode(data).data for data in records.payloads.get(topic, ())]
+            if any(w * h > MAX_IMAGE_PIXELS for w, h in map(image_size, pictures)):
+                raise ValueError(f"a picture of more than {MAX_IMAGE_PIXELS} pixels")
+            return Encoded(pictures, depth_scale(records))
 
 
 class StoredImage(EncodedImage):

@@ -14,7 +14,7 @@ from torch.utils.data import Dataset, Sampler
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset as Recordings
-from busybot.episodes.codec import decode_plain, image_size
+from busybot.episodes.codec import decode_plain
 from busybot.episodes.mcap.channels import DEPTH, RGB
 from busybot.episodes.mcap.pictures import PictureFile
 
@@ -88,15 +88,12 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
 
     def _decoded(self, episode: int, image: int, part: str) -> torch.Tensor:
         file, size = self._files[episode], self._size[episode]
-        topic = RGB if part == "rgb" else DEPTH
-        data, encoded = file.picture(topic, image), file.read(topic)
+        encoded = file.read(RGB if part == "rgb" else DEPTH)
         try:
-            if image_size(data) != size:
-                raise ValueError(f"a picture of {image_size(data)} pixels where {size} are expected")
             if part == "rgb":
-                return torch.from_numpy(encoded.rows.decode(data))
-            return torch.from_numpy(encoded.scale.restore(decode_plain(data, *size)))
-        except ValueError as error:
+                return torch.from_numpy(encoded.rgb(image, *size))
+            return torch.from_numpy(encoded.scale.restore(decode_plain(encoded.pictures[image], *size)))
+        except (ValueError, IndexError) as error:
             raise BusybotError(f"{file.path}: image {image}: {error}", "record the episode again") from None
 
 

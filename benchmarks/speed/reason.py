@@ -25,8 +25,8 @@ the smaller graph, too.
 store.
 
 `frames` measures how many pictures a second come in random order from `load_dataset(DATASET).frames()` through a
-`DataLoader` with one worker, in batches of 32: by the clock, and by processor time of both processes. In the first pass
-the worker reads the recordings, later ones have them in memory; `nothing kept` reads a recording for every picture.
+`DataLoader` in batches of 32, by the clock and by processor time, of its worker, too, where it has one. The first pass
+reads the recordings, later ones have them in memory; `nothing kept` reads a recording for every picture.
 """
 
 import argparse
@@ -216,15 +216,16 @@ def features(words: list[str]) -> None:
     print(json.dumps(finish("features-speed", arguments, encoded(arguments), hashes={"data": data}), indent=1))
 
 
-def rates(frames: Frames, passes: int) -> list[dict[str, float]]:
-    """Pictures a second of each pass over all frames, by the clock and by processor time."""
-    batches = DataLoader(frames, 32, shuffle=True, num_workers=1, persistent_workers=True)
+def rates(frames: Frames, passes: int, workers: int = 0, kept: int = pictures.KEPT_BYTES) -> list[dict[str, int]]:
+    """Pictures a second of each pass over all frames, by the clock and by processor time; nothing is kept before."""
+    batches = DataLoader(frames, 32, shuffle=True, num_workers=workers, persistent_workers=workers > 0)
     found, own = [], psutil.Process()
-    for _ in range(passes):
-        began, before = time.monotonic(), _used(own)
-        number = sum(len(frames.pictures) * len(batch["step"]) for batch in batches)
-        seconds, used = time.monotonic() - began, _used(own) - before
-        found.append({"per_second": round(number / seconds), "per_cpu_second": round(number / used)})
+    with mock.patch.object(pictures, "_KEPT", pictures.Kept(kept)):
+        for _ in range(passes):
+            began, before = time.monotonic(), _used(own)
+            number = sum(len(frames.pictures) * len(batch["step"]) for batch in batches)
+            seconds, used = time.monotonic() - began, _used(own) - before
+            found.append({"per_second": round(number / seconds), "per_cpu_second": round(number / used)})
     return found
 
 
@@ -242,9 +243,13 @@ def frames(words: list[str]) -> None:
     load, machine = os.getloadavg()[0], torch_with(1)
     data = load_dataset(arguments.data)
     first, *later = rates(data.frames(), 6)
-    rows = {"RGB, first pass": first, "RGB": sorted(later, key=lambda row: row["per_cpu_second"])[len(later) // 2], "depth": rates(data.frames("depth"), 4)[-1]}
-    with mock.patch.object(pictures, "_KEPT", pictures.Kept(0)):
-        rows["RGB, nothing kept"] = rates(data.frames(), 1)[0]
+    rows = {
+        "RGB, first pass": first,
+        "RGB": sorted(later, key=lambda row: row["per_cpu_second"])[len(later) // 2],
+        "RGB, one worker": rates(data.frames(), 3, workers=1)[-1],
+        "depth": rates(data.frames("depth"), 3)[-1],
+        "RGB, nothing kept": rates(data.frames(), 1, kept=0)[0],
+    }
     info = data.to_pandas("episodes")
     size = {"width": int(info.width[0]), "height": int(info.height[0])}
     figures = {"episodes": len(data), "frames": len(data.frames()), **size, "rows": rows, "load_before": round(load, 2)}

@@ -5,7 +5,7 @@ So episodes and datasets of any size can be open at once: what a process holds o
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from threading import Lock
@@ -14,7 +14,7 @@ import numpy as np
 
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_IMAGE_PIXELS, MIB
-from busybot.episodes.codec import DepthScale, EncodedImage, RowDecoder, image_size
+from busybot.episodes.codec import DepthScale, EncodedImage, RowDecoder, decode_rgb, image_size
 from busybot.episodes.mcap import channels
 from busybot.episodes.mcap.records import Records, read_records, refusing
 
@@ -28,11 +28,15 @@ class Encoded:
 
     pictures: list[bytes]
     scale: DepthScale
+    _rows: list[RowDecoder | None] = field(default_factory=list)
 
-    @cached_property
-    def rows(self) -> RowDecoder:
-        """Decodes RGB as the first picture's size is."""
-        return RowDecoder(self.pictures[0], *image_size(self.pictures[0]))
+    def rgb(self, position: int, width: int, height: int) -> np.ndarray:
+        """RGB picture `position`, uint8 (H, W, 3); ValueError if it is none of that size."""
+        if not self._rows:  # the first picture is decoded as soon as another one is asked for, too
+            self._rows.append(None)
+            return decode_rgb(self.pictures[position], width, height)
+        rows = self._rows[0] = self._rows[0] or RowDecoder(self.pictures[0], width, height)
+        return rows.decode(self.pictures[position])
 
     @cached_property
     def bytes(self) -> int:

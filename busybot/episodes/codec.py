@@ -176,7 +176,8 @@ def _split(data: bytes, width: int, height: int) -> tuple[bytes, list[bytes]] | 
     if struct.unpack_from(">H", data, each + 4)[0] != -(-width // JPEG_BLOCK):
         return None
     position = begin + 2 + struct.unpack_from(">H", data, begin + 2)[0]
-    head, rows = data[:position], []
+    head = data[:position]
+    rows: list[bytes] = []
     while (end := data.find(_restart(len(rows)), position)) >= 0:
         rows.append(data[position:end])
         position = end + 2

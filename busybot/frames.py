@@ -17,6 +17,7 @@ from busybot.datasets.dataset import Dataset as Recordings
 from busybot.episodes.codec import decode_plain
 from busybot.episodes.mcap.channels import DEPTH, RGB
 from busybot.episodes.mcap.pictures import PictureFile
+from busybot.episodes.tables import HINT_TABLES
 
 Picture = Literal["rgb", "depth", "next_rgb", "next_depth"]
 _COLUMNS = {
@@ -62,6 +63,9 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
             key: np.stack([rows[name].to_numpy() for name in names], axis=-1) for key, names in _COLUMNS.items()
         }
         files = dataset.table("episodes", _FILE).to_pylist()
+        if strangers := set(self._values["episode"][:, 0].tolist()) - {row["episode"] for row in files}:
+            what = f"{dataset.path}: table steps has episode {min(strangers)}, table episodes has not"
+            raise BusybotError(what, HINT_TABLES)
         self._size = {row["episode"]: (row["width"], row["height"]) for row in files}
         self._files = {
             row["episode"]: PictureFile(Path(dataset.episode_path(row["episode"])), row["checksum"]) for row in files
@@ -88,12 +92,12 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
 
     def _decoded(self, episode: int, image: int, part: str) -> torch.Tensor:
         file, size = self._files[episode], self._size[episode]
-        encoded = file.read(RGB if part == "rgb" else DEPTH)
+        encoded = file.holding(RGB if part == "rgb" else DEPTH, image)
         try:
             if part == "rgb":
                 return torch.from_numpy(encoded.rgb(image, *size))
             return torch.from_numpy(encoded.scale.restore(decode_plain(encoded.pictures[image], *size)))
-        except (ValueError, IndexError) as error:
+        except ValueError as error:
             raise BusybotError(f"{file.path}: image {image}: {error}", "record the episode again") from None
 
 

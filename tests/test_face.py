@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import torch
 from torch.utils.data import DataLoader
@@ -18,6 +19,7 @@ from busybot.episodes.mcap import pictures
 from busybot.episodes.mcap.pictures import Kept
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
+from busybot.episodes.tables import MADE_OF_KEY, read_shard, write_shard
 from busybot.frames import Shuffled
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
@@ -124,7 +126,7 @@ def test_an_episode_holds_no_pictures_and_knows_its_file_again(folder: Path, mon
     data = busybot.load_dataset(folder)
     episode, frames = data[0], data.frames()
     monkeypatch.setattr(pictures, "_KEPT", Kept(0))
-    assert episode.rgb[0].any() and not pictures._KEPT._entries
+    assert episode.rgb[0].any() and not pictures._KEPT._entries and not episode.images._recent  # type: ignore
     write_episode(data.episode_path(0), make_episode(0, steps=5))
     for ask in (lambda: episode.rgb[4], lambda: frames[0]):
         with pytest.raises(BusybotError, match=r"000000\.mcap: it was recorded again") as error:
@@ -133,6 +135,24 @@ def test_an_episode_holds_no_pictures_and_knows_its_file_again(folder: Path, mon
     assert len(data[0].steps) == 5
     with pytest.raises(BusybotError, match="not made of the episodes"):
         data.frames()
+
+
+def test_tables_that_contradict_themselves_are_refused(folder: Path) -> None:
+    """Whatever they say that they were made of."""
+    data = busybot.load_dataset(folder)
+    for column, value, told in (
+        ("episode", 7, "episode 7"),
+        ("image_before", -1, "picture -1"),
+        ("image_before", 9, "picture 9"),
+    ):
+        place, kept = data.table_path("steps", 0), data.table_path("steps", 0).read_bytes()
+        rows = read_shard(place, "steps")
+        values = pa.array([value, *rows[column].to_pylist()[1:]], rows.schema.field(column).type)
+        changed = rows.set_column(rows.schema.names.index(column), rows.schema.field(column), values)
+        write_shard(place, "steps", [changed], made_of=rows.schema.metadata[MADE_OF_KEY].decode())
+        with pytest.raises(BusybotError, match=told):
+            data.frames()[0]
+        place.write_bytes(kept)
 
 
 def test_what_is_kept_stays_within_its_limit(folder: Path) -> None:

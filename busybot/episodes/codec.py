@@ -285,6 +285,7 @@ class LazyImages(Sequence[Image]):
         where: the file, for messages.
         links: number of links that the segmentation may name.
         encoded: what was read; boxes are there without decoding.
+        keeps: whether the last two images are kept at all.
     """
 
     where: str
@@ -293,6 +294,7 @@ class LazyImages(Sequence[Image]):
     links: int
     depth_scale: DepthScale
     encoded: Sequence[EncodedImage]
+    keeps: bool = True
     _recent: dict[int, Image] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
@@ -310,6 +312,8 @@ class LazyImages(Sequence[Image]):
         position = range(len(self))[index]
         if position not in self._recent:
             image = LazyImage.of(self, self.encoded[position], position)
+            if not self.keeps:
+                return image
             for old in list(self._recent)[:-1]:
                 del self._recent[old]
             self._recent[position] = image

@@ -28,11 +28,11 @@ class Encoded:
 
     pictures: list[bytes]
     scale: DepthScale
-    _rows: list[RowDecoder | None] = field(default_factory=list)
+    _rows: list[RowDecoder | None] = field(default_factory=list, repr=False, compare=False)
 
     def rgb(self, position: int, width: int, height: int) -> np.ndarray:
         """RGB picture `position`, uint8 (H, W, 3); ValueError if it is none of that size."""
-        if not self._rows:  # the first picture is decoded as soon as another one is asked for, too
+        if not self._rows:  # to decode the first picture beside this one pays from the second time on
             self._rows.append(None)
             return decode_rgb(self.pictures[position], width, height)
         rows = self._rows[0] = self._rows[0] or RowDecoder(self.pictures[0], width, height)
@@ -91,16 +91,16 @@ class PictureFile:
         """
         return _KEPT.get((self.path, self.checksum, topic), lambda: self._read(topic))
 
-    def picture(self, topic: str, position: int) -> bytes:
-        """Picture `position` of a topic.
+    def holding(self, topic: str, position: int) -> Encoded:
+        """The pictures of a topic, of which number `position` is one.
 
         Raises:
-            BusybotError: there is none.
+            BusybotError: there is none of that number, or see `read`.
         """
-        pictures = self.read(topic).pictures
-        if not 0 <= position < len(pictures):
-            raise BusybotError(f"{self.path}: there is no picture {position} on {topic}, it has {len(pictures)}")
-        return pictures[position]
+        found = self.read(topic)
+        if not 0 <= position < len(found.pictures):
+            raise BusybotError(f"{self.path}: there is no picture {position} on {topic}, it has {len(found.pictures)}")
+        return found
 
     def _read(self, topic: str) -> Encoded:
         records = read_records(self.path)
@@ -150,7 +150,7 @@ class StoredImage(EncodedImage):
 
     def _part(self, number: int) -> bytes | None:
         topic = self._topics[number]
-        return None if topic is None else self._file.picture(topic, self._position)
+        return None if topic is None else self._file.holding(topic, self._position).pictures[self._position]
 
 
 def depth_scale(records: Records) -> DepthScale:

@@ -1,4 +1,4 @@
-"""Measures the paper's training of relations on this machine (`busybot train reason --model paper`), and features.
+"""Measures the paper's training of relations on this machine (`busybot train reason --variant paper`), and features.
 
     python -m benchmarks.speed.reason [--iterations 3] [--boards 64] [--threads 1] [--out FILE]
     python -m benchmarks.speed.reason message-passing [--iterations 3] [--boards 8] [--out FILE]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import answer, check_file, console, print_json, say, tell
+from busybot.cli.common import answer, check_file, console, episode_progress, print_json, say, tell
 from busybot.cli.options import DeviceOption, JsonOption, SeedOption
 from busybot.common.errors import BusybotError
 
@@ -181,7 +181,8 @@ def sheet(
     from busybot.view.figures.contact_sheet import sheet as draw
 
     check_file("--out", out, "sheet.png")
-    count = draw(out, find(folder), cell, columns)
+    with episode_progress("drawing") as progress:
+        count = draw(out, find(folder), cell, columns, progress)
     answer(json, {"sheet": out, "objects": count}, f"{count} objects in {out}")
 
 

@@ -11,12 +11,13 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from busybot.common.errors import BusybotError, explained
+from busybot.common.errors import BusybotError, UsageError, explained
 from busybot.common.text import plain
 
 if TYPE_CHECKING:
@@ -24,10 +25,23 @@ if TYPE_CHECKING:
 
 JSON_WANTED = "busybot.json"
 CONTEXT = {"help_option_names": ["-h", "--help"]}
+_QUIET = ContextVar("quiet", default=False)
+
+
+def be_quiet(wanted: bool) -> None:
+    """Take `--quiet`: until the command ends, `say` and progress are silent."""
+    if wanted:
+        _QUIET.set(True)
 
 
 def say(message: str) -> None:
-    """A line of progress or explanation, on standard error."""
+    """A line of progress or explanation, on standard error; none with `--quiet`."""
+    if not _QUIET.get():
+        warn(message)
+
+
+def warn(message: str) -> None:
+    """A line on standard error that `--quiet` does not take away: what is wrong or will be."""
     print(plain(message), file=sys.stderr, flush=True)
 
 
@@ -128,10 +142,11 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def report_errors(context: typer.Context) -> Iterator[None]:
-    """Turn faults of input and environment into `error: ...` and exit code 1, Ctrl-C into exit code 130.
+    """Turn faults of input and environment into `error: ...` and exit code 1, wrong usage into 2, Ctrl-C into 130.
 
     `busybot.cli.main` does this around every subcommand.
     """
+    before = _QUIET.set(False)
     try:
         yield
     except BusybotError as error:
@@ -144,10 +159,14 @@ def report_errors(context: typer.Context) -> Iterator[None]:
     except KeyboardInterrupt:
         say("interrupted")
         raise typer.Exit(130) from None
+    finally:
+        _QUIET.reset(before)
 
 
 def _report(context: typer.Context, error: BusybotError) -> NoReturn:
-    say(f"error: {error}")
+    warn(f"error: {error}")
+    if isinstance(error, UsageError):
+        raise typer.Exit(2) from None
     if context.meta.get(JSON_WANTED):
         print_json({"error": error.what, "hint": error.hint})
     raise typer.Exit(1) from None
@@ -180,8 +199,12 @@ def native_output_on_stderr(wanted: bool) -> Iterator[None]:
 def episode_progress(label: str) -> Iterator[Any]:
     """A callback (done, total) that shows progress with rate and time left on standard error.
 
-    On a terminal it is a bar; elsewhere a line is printed every few seconds, so that logs stay short.
+    On a terminal it is a bar; elsewhere a line is printed every few seconds, so that logs stay short. With `--quiet`
+    there is neither.
     """
+    if _QUIET.get():
+        yield lambda done, total: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

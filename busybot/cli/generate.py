@@ -2,27 +2,34 @@
 
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
 from busybot.cli.common import counted, episode_progress, own_name, print_json, say
-from busybot.cli.options import JsonOption
+from busybot.cli.options import JsonOption, offering, worlds
 
 
 def generate(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder to make.", show_default=False)],
     split: Annotated[
-        str | None, typer.Option(help="train (the default), novel-config, novel-object or novel-mechanism.")
+        Literal["train", "novel-config", "novel-object", "novel-mechanism"] | None,
+        typer.Option(help="train (the default), novel-config, novel-object or novel-mechanism."),
     ] = None,
     world: Annotated[
         str | None,
-        typer.Option(help="What decides the responders: paper (the default), gates, time, chance, chain, ..."),
+        typer.Option(
+            help="What decides the responders: paper (the default), gates, time, chance, chain, ...",
+            autocompletion=offering(worlds),
+        ),
     ] = None,
     boards: Annotated[int | None, typer.Option(min=1, help="Number of boards; 100 by default.")] = None,
-    relations: Annotated[str | None, typer.Option(help="any (the default), one-to-one or one-to-many.")] = None,
+    relations: Annotated[
+        Literal["any", "one-to-one", "one-to-many"] | None,
+        typer.Option(help="any (the default), one-to-one or one-to-many."),
+    ] = None,
     tasks: Annotated[
-        str | None,
+        Literal["one-to-one", "one-to-many", "reach"] | None,
         typer.Option(
             help="Give every board a goal to plan for: one-to-one, one-to-many or (other worlds) reach; 50 boards."
         ),
@@ -38,7 +45,11 @@ def generate(
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as lamps=[2,3].")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Draw boards: objects, places, colours and hidden relations. What the same command made before is left alone."""
+    """Draw boards: objects, places, colours and hidden relations.
+
+    What the same command made before is left alone. With more --boards the dataset grows: the rest is drawn, and its
+    episodes stay.
+    """
     from busybot.boards.config import BoardConfig
     from busybot.boards.generate import REASONS, Redraws
     from busybot.boards.spec import PAPER
@@ -75,13 +86,13 @@ def _range(given: str | None) -> tuple[int, int] | None:
     """Least and most, of `3-6` or `4`.
 
     Raises:
-        BusybotError: it is neither.
+        UsageError: it is neither.
     """
     if given is None:
         return None
-    from busybot.common.errors import BusybotError
+    from busybot.common.errors import UsageError
 
     least, _, most = given.partition("-")
     if not (least.isdecimal() and (most or least).isdecimal()):
-        raise BusybotError(f"--links {given!r} is no range", "give the least and the most number, as 3-6")
+        raise UsageError(f"--links {given!r} is no range", "give the least and the most number, as 3-6")
     return int(least), int(most or least)

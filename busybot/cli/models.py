@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import CONTEXT, console, counted, print_json, say, tell
+from busybot.cli.common import CONTEXT, console, counted, print_json, tell, warn
 from busybot.cli.options import JsonOption
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def verify(
     verdicts = [verify_model(folder) for folder in folders]
     for verdict in verdicts:
         for problem in verdict.problems:
-            say(f"{problem}\n  hint: copy the model again, or train it again")
+            warn(f"{problem}\n  hint: copy the model again, or train it again")
     if json:
         entries = [{"ok": verdict.ok, **vars(verdict)} for verdict in verdicts]
         print_json({"ok": all(verdict.ok for verdict in verdicts), "models": entries})

@@ -196,7 +196,7 @@ def collect_command(path: Path, info: DatasetInfo) -> str:
     if collect.policy not in ("random", "learned", "scripted"):
         return f"repeat the command that began {shlex.quote(str(path))}; its policy was {collect.policy!r}"
     command += f" --steps {collect.steps} --policy {collect.policy}"
-    command += f" --images {collect.images}" if collect.images != "jpeg" else ""
+    command += f" --image-format {collect.images}" if collect.images != "jpeg" else ""
     command += f" --seed {collect.seed}" if collect.seed != info.seed else ""
     command += " --strict" if collect.strict else ""
     command += f" --set interaction.delta={collect.delta}" if collect.delta != 500 else ""

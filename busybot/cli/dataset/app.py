@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from busybot.cli.common import answer, counted, episode_progress, print_json, processes, say, tell
+from busybot.cli.common import answer, counted, episode_progress, print_json, processes, say, tell, warn
 from busybot.cli.dataset import printing
 from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, WorkersOption
 from busybot.common.errors import BusybotError
@@ -55,7 +55,7 @@ def verify(
     with episode_progress("verifying") as progress:
         report = verify_dataset(dataset, processes(workers), progress, assets)
     for problem in report.problems:
-        say(f"{problem.file}: {problem.what}\n  hint: {problem.hint}")
+        warn(f"{problem.file}: {problem.what}\n  hint: {problem.hint}")
     if json:
         print_json({"ok": report.ok, **vars(report)})
     else:

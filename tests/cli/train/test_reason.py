@@ -93,14 +93,14 @@ def test_groups_that_look_alike_are_held_out_as_a_whole(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--model", "clever"], "there is no model 'clever' of relations to train"),
+        (["--variant", "clever"], "'clever' is not one of"),
         (["--set", "net.depth=3"], "net.depth"),
         (["--encoder", "clever"], "clever"),
     ],
 )
 def test_what_cannot_be_is_told(tmp_path: Path, data: Path, words: list[str], message: str) -> None:
     result = run(*arguments(tmp_path / "run", data), *words)
-    assert result.exit_code == 1 and message in result.stderr
+    assert result.exit_code == 2 and message in result.stderr
 
 
 def test_a_dataset_without_episodes_is_refused(tmp_path: Path) -> None:

@@ -37,6 +37,13 @@ def generate(
     links: Annotated[str | None, typer.Option(help="Trigger links on a board, as 3-6; more than 6 on request.")] = None,
     assets: Annotated[str, typer.Option(help="`procedural`, or a folder of annotated objects.")] = "procedural",
     uniform: Annotated[bool, typer.Option("--uniform", help="Draw all objects of a category equally often.")] = False,
+    include: Annotated[
+        list[str] | None, typer.Option(metavar="KEY", help="An object that stands on every board; repeatable.")
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY", help="Of its category draw this object alone, as Lamp/lantern-01; repeatable."),
+    ] = None,
     group_size: Annotated[
         int | None, typer.Option(min=1, help="Consecutive boards that look alike and differ in relations; 20.")
     ] = None,
@@ -65,6 +72,7 @@ def generate(
         "group_size": group_size,
     }
     options |= {"world": world, "links": _range(links), "seed": seed, "uniform": uniform or None}
+    options |= {"include": include or None, "only": only or None}
     parameters = build(BoardConfig, config, set_ or [], options)
     redraws = Redraws()
     library = find(assets)

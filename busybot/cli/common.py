@@ -9,7 +9,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -22,6 +22,7 @@ from busybot.common.text import plain
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 JSON_WANTED = "busybot.json"
 CONTEXT = {"help_option_names": ["-h", "--help"]}
@@ -51,14 +52,75 @@ def tell(message: object) -> None:
 
 
 def console() -> "Console":
-    """Where tables are printed: names in them are text, never markup, links or commands to the terminal."""
+    """Where tables are printed: names in them are text, never markup, links or commands to the terminal.
+
+    No table is cut. Where one needs more columns than a terminal has, it is printed in parts, one below the other; in
+    files and pipes it is as wide as it needs.
+    """
     from rich.console import Console
+    from rich.table import Table
 
     class Plain(Console):
         def render_str(self, text: str, **how: Any) -> Any:
             return super().render_str(plain(text), **how)
 
+        def print(self, *objects: Any, **how: Any) -> None:
+            if len(objects) != 1 or not isinstance(objects[0], Table):
+                super().print(*objects, **how)
+            elif self.is_terminal:
+                for part in _parts(self, objects[0]):
+                    super().print(part, **how)
+            else:
+                usual, self.width = self.width, max(self.width, _width(self, objects[0]))
+                super().print(*objects, **how)
+                self.width = usual
+
     return Plain(markup=False, emoji=False)
+
+
+def _width(screen: "Console", table: "Table", chosen: Sequence[int] | None = None) -> int:
+    """How wide a screen must be for a table, or some of its columns, so that nothing is cut."""
+    from rich.measure import Measurement
+
+    wide, width = screen.options.update(width=10_000, max_width=10_000), 1
+    for number in range(len(table.columns)) if chosen is None else chosen:
+        found = Measurement.get(screen, wide, _with_columns(table, [number]))
+        width += (found.maximum if table.columns[number].no_wrap else found.minimum) - 1  # columns share their borders
+    return width
+
+
+def _parts(screen: "Console", table: "Table") -> list["Table"]:
+    """The table, or as many as are needed for none to be wider than the screen; each has the first column."""
+    if len(table.columns) < 2 or _width(screen, table) <= screen.width:
+        return [table]
+    if _width(screen, table, [0]) > screen.width // 2:
+        table.columns[0].no_wrap, table.columns[0].overflow = False, "fold"
+    groups = [[0, 1]]
+    for number in range(2, len(table.columns)):
+        if _width(screen, table, [*groups[-1], number]) > screen.width:
+            groups.append([0])
+        groups[-1].append(number)
+    parts = [_with_columns(table, group) for group in groups]
+    for part in parts:
+        part.title, part.caption = part.title if part is parts[0] else None, part.caption if part is parts[-1] else None
+        if _width(screen, part) > screen.width:  # one cell alone is too long: it is broken
+            for column in part.columns:
+                column.no_wrap, column.overflow = False, "fold"
+    return parts
+
+
+def _with_columns(table: "Table", chosen: list[int]) -> "Table":
+    from rich.table import Table
+
+    columns = [table.columns[number] for number in chosen]
+    part = Table(
+        title=table.title, caption=table.caption, title_justify=table.title_justify, show_header=table.show_header
+    )
+    for column in columns:
+        part.add_column(column.header, justify=column.justify, no_wrap=column.no_wrap, overflow=column.overflow)
+    for row, cells in zip(table.rows, zip(*(column.cells for column in columns), strict=True), strict=True):
+        part.add_row(*cells, style=row.style, end_section=row.end_section)
+    return part
 
 
 def processes(wanted: int | None) -> int:

@@ -20,7 +20,9 @@ RENAMED = {
     "eval reason": {"--model": "--reasoner"},
     "eval plan": {"--model": "--reasoner"},
 }
-"""Options that were called otherwise before version 0.2; the old names work until 0.3."""
+"""Options that were called otherwise before version 0.2."""
+UNTIL = "0.3"
+"""The version in which old names work no more."""
 
 
 def with_new_names(parse: Callable[[Any, list[str]], Any], renamed: dict[str, str]) -> Callable[[Any, list[str]], Any]:
@@ -31,7 +33,7 @@ def with_new_names(parse: Callable[[Any, list[str]], Any], renamed: dict[str, st
         for place, word in enumerate(words[:end]):
             old, separator, value = word.partition("=")
             if old in renamed:
-                warn(f"{old} is called {renamed[old]} now; the old name works until version 0.3")
+                warn(f"{old} is called {renamed[old]} now; the old name works until version {UNTIL}")
                 words[place] = f"{renamed[old]}{separator}{value}"
         return parse(context, words)
 

@@ -96,7 +96,9 @@ def _interaction(
 def reason(
     out: OutOption,
     data: Annotated[list[Path], typer.Option(help="Dataset with episodes to train on; repeatable.")],
-    variant: Annotated[Literal["event", "paper"], typer.Option(help="Networks: event or paper.")] = "event",
+    variant: Annotated[
+        Literal["event", "mechanism", "paper"], typer.Option(help="Networks: event, mechanism or paper.")
+    ] = "event",
     encoder: Annotated[
         str | None,
         typer.Option(
@@ -107,12 +109,15 @@ def reason(
     workers: WorkersOption = None,
     device: DeviceOption = "auto",
     config: Annotated[
-        Path | None, typer.Option(help="YAML file with parameters (EventConfig, PaperReasonConfig).")
+        Path | None, typer.Option(help="YAML file with parameters (EventConfig, MechanismConfig, PaperReasonConfig).")
     ] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as net.width=64.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Learn relations and effects from recorded episodes, without ever being told either."""
+    """Learn relations and effects from recorded episodes, without ever being told either.
+
+    The model `mechanism` is told: its labels are the true parents of the boards that it is trained on.
+    """
     from busybot.common.config import build
     from busybot.reason.train import CONFIGS, train_reason
 

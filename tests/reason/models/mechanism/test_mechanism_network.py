@@ -18,7 +18,8 @@ from busybot.reason.models.mechanism.contexts import (
     evidence_of,
     explanations_of,
 )
-from busybot.reason.models.mechanism.learner import JUDGED_AFTER, LabelledTrace, MechanismLearner
+from busybot.reason.models.mechanism.labelled import LabelledTrace
+from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, parents_of
 from busybot.reason.pyg import Batch
 from busybot.training.loop import fit
@@ -64,7 +65,7 @@ def test_what_is_right_is_never_contradicted_whatever_it_remembers() -> None:
     shown = [links[:, 0] ^ links[:, 1], links[late, 2], np.cumsum(pressed[:, 1]) % 2, latched]
     trace = Trace(links, np.stack(shown, axis=1), (2, 2, 2))
     found, told = counted(trace, 40)
-    right = [((0, 1), "late 0"), ((2,), "late 2"), ((1,), "odd presses"), ((0, 2), "last press")]
+    right = [((0, 1), "late 0"), ((2,), "late 2"), ((1,), "odd presses up"), ((0, 2), "last press up, up")]
     for responder, (inputs, memory) in enumerate(right):
         row = explaining(found, inputs, memory)
         assert told[responder, row, [COLUMNS["never"], COLUMNS["sometimes"]]].max() == 0, memory

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from busybot.cli.common import CONTEXT, console, counted, print_json, tell, warn
-from busybot.cli.options import JsonOption
+from busybot.cli.options import JsonOption, offering
+from busybot.cli.options import models as shipped_names
 
 if TYPE_CHECKING:
     from busybot.models import ModelDescription, ModelVerdict
@@ -19,7 +20,13 @@ app = typer.Typer(
 )
 
 ModelArgument = Annotated[
-    str, typer.Argument(metavar="MODEL", help="A shipped model's name, or a folder.", show_default=False)
+    str,
+    typer.Argument(
+        metavar="MODEL",
+        help="A shipped model's name, or a folder.",
+        show_default=False,
+        autocompletion=offering(shipped_names),
+    ),
 ]
 
 
@@ -62,7 +69,12 @@ def info(model: ModelArgument, json: JsonOption = False) -> None:
 @app.command()
 def verify(
     models: Annotated[
-        list[str] | None, typer.Argument(metavar="[MODEL]...", help="Names or folders; all shipped models by default.")
+        list[str] | None,
+        typer.Argument(
+            metavar="[MODEL]...",
+            help="Names or folders; all shipped models by default.",
+            autocompletion=offering(shipped_names),
+        ),
     ] = None,
     json: JsonOption = False,
 ) -> None:

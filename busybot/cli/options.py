@@ -92,6 +92,11 @@ def reasoners() -> list[str]:
     return [*_shipped("reason"), *REASONERS, *GRAPHS]
 
 
+def models() -> list[str]:
+    """Names of all shipped models."""
+    return [*_shipped("interact"), *_shipped("reason")]
+
+
 def _shipped(skill: str) -> list[str]:
     from busybot.models import shipped_models
 

@@ -136,6 +136,7 @@ def test_an_option_has_one_meaning_in_all_commands() -> None:
         ("eval reason --reasoner ", ["event", "lookup", "persistence", "count", "pc"], "procedural"),
         ("train interact --variant ", ["fast", "paper"], ""),
         ("collect --device c", ["cpu"], "auto"),
+        ("models info ", ["procedural", "event"], "lookup"),
         ("gene", ["generate"], "collect"),
     ],
 )

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from busybot.cli.common import answer, counted, episode_progress, print_json, processes, say, tell
+from busybot.cli.common import answer, counted, episode_progress, kept_in, print_json, processes, say, tell
 from busybot.cli.dataset import printing
 from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, WorkersOption
 from busybot.common.errors import BusybotError
@@ -182,23 +182,46 @@ def regenerate(
 def export(
     dataset: DatasetArgument,
     out: Annotated[Path, typer.Option(help="Folder to make.", show_default=False)],
-    format: Annotated[
-        Literal["causal"], typer.Option(help="`causal`: states, interventions and the true graph as Parquet tables.")
+    to: Annotated[
+        Literal["causal", "lerobot", "hf", "parquet", "croissant", "images"],
+        typer.Option("--to", "--format", help="Format, see above."),
     ] = "causal",
+    privileged: Annotated[
+        bool, typer.Option("--privileged", help="Also what only the simulator knows, under names that say so.")
+    ] = False,
     assets: AssetsOption = None,
     workers: WorkersOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Write a dataset in another form, for people who use other tools."""
+    """Write a dataset in another form, for people who use other tools. A call that was cut is repeated and goes on.
+
+    `lerobot`: LeRobot 3.0, lossless pictures. `parquet`: tables with pictures in them; `hf`: with a card for Hugging
+    Face; `croissant`: with a description in Croissant 1.1. `images`: JPEG, PNG and CSV. `causal`: states, interventions
+    and the true graph as tables without pictures, all of it privileged.
+    """
     from busybot.datasets.bundled_assets import library_of
     from busybot.datasets.dataset import Dataset
     from busybot.datasets.exporting.causal import export_causal
+    from busybot.datasets.exporting.folder import unfinished_place
+    from busybot.datasets.exporting.targets import export_recordings
 
     source = Dataset.open(dataset)
     with episode_progress("exporting") as progress:
-        done = export_causal(source, library_of(source, assets), out, processes(workers), progress)
-    rows = ", ".join(f"{count} rows of {name}" for name, count in done.rows.items())
-    answer(json, {"format": format, **vars(done)}, f"{out}: {counted(done.boards, 'board')}; {rows}")
+        if to == "causal":
+            tables = export_causal(source, library_of(source, assets), out, processes(workers), progress)
+        else:
+            with kept_in(unfinished_place(out)):
+                done = export_recordings(source, to, out, privileged, processes(workers), progress)
+    if to == "causal":
+        rows = ", ".join(f"{count} rows of {name}" for name, count in tables.rows.items())
+        answer(json, {"format": to, **vars(tables)}, f"{out}: {counted(tables.boards, 'board')}; {rows}")
+    else:
+        size = f"{counted(done.files, 'file')}, {done.bytes / 1e6:.1f} MB"
+        answer(
+            json,
+            {"format": to, **vars(done)},
+            f"{out}: {counted(done.episodes, 'episode')}, {done.frames} frames; {size}",
+        )
 
 
 @app.command()

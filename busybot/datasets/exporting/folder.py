@@ -7,7 +7,7 @@ into which file is written down before the first one, so that this goes on, too.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from itertools import accumulate
 from pathlib import Path
@@ -36,8 +36,9 @@ from busybot.common.limits import MAX_TABLE_BYTES
 from busybot.common.process_pool import Progress, share
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.exporting.frames import EPISODES_FOLDER
-from busybot.datasets.info import DatasetInfo, collect_command
+from busybot.datasets.info import DatasetInfo, collect_command, is_frozen, read_manifest
 from busybot.episodes.digests import Digests
+from busybot.episodes.mcap.records import fingerprint
 
 VERSION = 1
 """Of the layout of all targets: a cut export is not continued by another one."""
@@ -49,9 +50,9 @@ ROW_GROUP_EACH = ("frames.parquet", "privileged_frames.parquet", "data.parquet")
 """Tables with a row group per episode, so that one can be read alone; others are small."""
 MARKER, PLAN = ".export.json", ".plan.json"
 
-
 Row = dict[str, Any]
-"""Of the dataset's table `episodes`; with `place` among those that are exported, and `first`, its first frame of all."""
+"""Of the dataset's table `episodes`; with `place` among the exported ones, and `first`, its first frame of all."""
+
 
 @dataclass(frozen=True)
 class Source:
@@ -60,12 +61,14 @@ class Source:
     Attributes:
         rows: of the dataset's table `episodes`, one per recording, in order.
         privileged: whether what only the simulator knows is exported, too.
+        licence: of a frozen dataset whose objects have all the same: an SPDX identifier.
     """
 
     info: DatasetInfo
     rows: list[Row]
     hashes: Digests
     privileged: bool
+    licence: str | None
 
 
 WriteEpisode = Callable[[Path, Row, bool, Path], None]
@@ -75,33 +78,46 @@ Finish = Callable[[Path, Source], None]
 Complete = Callable[[str, pa.Table, int], pa.Table]
 
 
+def _take_all(source: Source) -> None:
+    """Most formats hold everything."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A format.
+
+    Attributes:
+        write: importable by name.
+        check: refuses a dataset that the format cannot hold.
+    """
+
+    name: str
+    write: WriteEpisode
+    finish: Finish
+    check: Callable[[Source], None] = _take_all
+
+
 @dataclass(frozen=True)
 class Exported:
-    """What was written: the folder, how many episodes and frames, and how many episodes an earlier call had written."""
+    """What was written; `continued` is the number of episodes that an earlier call, which was cut, had written."""
 
     out: Path
     episodes: int
     frames: int
     continued: int
     bytes: int
-    files: int = field(default=0)
+    files: int
 
 
 def export_folder(
     dataset: Dataset,
     out: Path,
-    target: str,
-    write: WriteEpisode,
-    finish: Finish,
+    target: Target,
     privileged: bool = False,
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Exported:
     """Export all recordings into a new folder, or go on with what an earlier call began.
-
-    Args:
-        target: name of the format.
-        write, finish: importable by name.
 
     Raises:
         BusybotError: something is at `out`, or beside it an unfinished export of something else; nothing is recorded.
@@ -113,9 +129,11 @@ def export_folder(
     rows = _placed(dataset.episodes_table().to_pylist())
     if not rows:
         raise BusybotError(f"{dataset.path}: no board has an episode", collect_command(dataset.path, dataset.info))
-    source = Source(dataset.info, rows, dataset.hashes(), privileged)
-    folder = place.with_name(f"{place.name}.partial")
-    facts = {"target": target, "version": VERSION, "privileged": privileged, **source.hashes.model_dump()}
+    licence = read_manifest(dataset.path).licence if is_frozen(dataset.path) else None
+    source = Source(dataset.info, rows, dataset.hashes(), privileged, licence)
+    target.check(source)
+    folder = unfinished_place(place)
+    facts = {"target": target.name, "version": VERSION, "privileged": privileged, **source.hashes.model_dump()}
     _refuse_foreign(folder)
     make_folder(folder)
     with one_writer(folder):
@@ -124,8 +142,8 @@ def export_folder(
         elif read_json(folder / MARKER) != facts:
             raise BusybotError(f"{folder}: an unfinished export of something else, or of another kind", _hint(folder))
         remove_leftovers(folder)
-        continued = _write_episodes(dataset, source, folder, write, workers, progress)
-        finish(folder, source)
+        continued = _write_episodes(dataset, source, folder, target.write, workers, progress)
+        target.finish(folder, source)
         found = {name: size for name, size in scan(folder).files.items() if name not in (LOCK_FILE, MARKER, PLAN)}
         refuse_taken(place)
         rename(folder, place)
@@ -135,9 +153,16 @@ def export_folder(
     return Exported(out, len(rows), frames, continued, sum(found.values()), len(found))
 
 
+def unfinished_place(out: Path) -> Path:
+    """Where an export to `out` is until it is complete."""
+    return out.with_name(f"{out.name}.partial")
+
+
 def _placed(rows: list[Row]) -> list[Row]:
     firsts = accumulate((row["steps"] + 1 for row in rows), initial=0)
-    return [row | {"place": place, "first": first} for place, (row, first) in enumerate(zip(rows, firsts))]
+    return [
+        row | {"place": place, "first": first} for place, (row, first) in enumerate(zip(rows, firsts, strict=False))
+    ]
 
 
 def _refuse_foreign(folder: Path) -> None:
@@ -178,6 +203,9 @@ def _name(row: Row) -> str:
 
 def _write_one(folder: Path, write: WriteEpisode, privileged: bool, task: tuple[Path, Row]) -> None:
     recording, row = task
+    found = fingerprint(recording)
+    if found.bytes != row["bytes"] or row["checksum"] not in (None, found.checksum):
+        raise BusybotError(f"{recording}: it changed while it was exported", "repeat the command")
     place = folder / EPISODES_FOLDER
     with unfinished(place, _name(row), folder) as new:
         write(recording, row, privileged, new)

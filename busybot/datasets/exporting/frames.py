@@ -1,12 +1,12 @@
 """An episode as tables that other tools open: a row per frame, with the pictures as they were recorded.
 
 `TABLES` says what there is. The first three hold what a robot has and nothing else; those whose names begin with
-`privileged` hold what only the simulator knows, and are made only for who asks for them. Row `frame` of `frames` is what
-was seen, and the action that was then taken there; after the last action there is a frame more, without an action.
+`privileged` hold what only the simulator knows, and are made only for who asks for them. Row `frame` of `frames` is
+what was seen, and the action that was then taken; after the last action there is a frame more, without an action.
 
 Pictures are columns of the structure (bytes, path) that Hugging Face's `Image` has, the bytes those of the recording:
-JPEG or PNG for colours, a 16-bit PNG for depth. A stored depth v >= 1 is depth_offset + v * depth_scale board units (both
-in table `episodes`), 0 is nothing.
+JPEG or PNG for colours, a 16-bit PNG for depth. A stored depth v >= 1 is depth_offset + v * depth_scale board units
+(both in table `episodes`), 0 is nothing.
 """
 
 import json
@@ -18,7 +18,6 @@ from typing import Any
 
 import pyarrow as pa
 
-from busybot.common.errors import BusybotError
 from busybot.episodes.codec import PNG_MAGIC, LazyImages
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
@@ -73,7 +72,9 @@ TABLES: Mapping[str, tuple[Column, ...]] = MappingProxyType(
         f"{PRIVILEGED}episodes": (
             _EPISODE,
             *_of("episodes", privileged=True),
-            Column("links", pa.string(), "JSON: object, name and whether it is a trigger of each link", privileged=True),
+            Column(
+                "links", pa.string(), "JSON: object, name and whether it is a trigger of each link", privileged=True
+            ),
             Column("board_spec", pa.string(), "JSON: the board with its relations", privileged=True),
         ),
     }
@@ -114,8 +115,6 @@ def episode_tables(path: Path, row: dict[str, Any], privileged: bool) -> dict[st
         BusybotError: the file cannot be read.
     """
     episode = read_episode(path, "lazy")
-    if len(episode.steps) != row["steps"]:
-        raise BusybotError(f"{path}: it changed while it was exported", "repeat the command")
     stored = _stored(episode)
     columns = {"frames": _frames(episode, row["episode"]), "objects": _objects(episode)}
     columns["episodes"] = {

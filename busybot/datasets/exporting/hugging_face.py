@@ -39,7 +39,7 @@ _TEXT = """
 {episodes} recordings of toy boards with {steps} actions, each with the picture before and the picture after it: a robot
 takes hold of one point and pulls in one of 18 directions; what is a switch, and what it switches, is to be found out.
 Split {split}, boards drawn with seed {seed}, actions by the policy {policies}. Made by
-`busybot dataset export DATASET --to {target}`, busybot {version}.
+`busybot dataset export DATASET --to hf`, busybot {version}.
 
     from datasets import load_dataset
     frames = load_dataset("FOLDER", "learner", split="train")
@@ -53,7 +53,8 @@ Split {split}, boards drawn with seed {seed}, actions by the policy {policies}. 
 | trace hash | `{hashes.trace}` |
 | content hash of the recordings | `{hashes.content}` |
 
-Depth is a 16-bit PNG: a value v >= 1 is `depth_offset` + v * `depth_scale` board units (table `episodes`), 0 is nothing.
+Depth is a 16-bit PNG: a value v >= 1 is `depth_offset` + v * `depth_scale` board units (table `episodes`), 0 is
+nothing.
 
 ## Columns
 
@@ -67,7 +68,9 @@ relations, states of links and responders. Nothing that learns may read them; th
 def card(source: Source) -> str:
     """The text of README.md."""
     front = ["---", f"pretty_name: {json.dumps(source.info.name)}", "task_categories:", "- robotics", "tags:"]
-    front += ["- busybot", "- causal-discovery", "- image", "configs:"]
+    front += ["- busybot", "- causal-discovery", "- image"]
+    front += [f"license: {source.licence.lower()}"] if source.licence else []
+    front += ["configs:"]
     for name in table_names(source.privileged):
         front += [f"- config_name: {config_name(name)}", f"  data_files: data/{name}/*.parquet"]
         front += ["  default: true"] if name == "frames" else []
@@ -78,7 +81,6 @@ def card(source: Source) -> str:
         split=_code(source.info.split),
         seed=source.info.seed,
         policies=", ".join(sorted({_code(row["policy"]) for row in source.rows})),
-        target="hf",
         version=__version__,
         privileged=_INCLUDED if source.privileged else _LEFT_OUT,
         hashes=source.hashes,

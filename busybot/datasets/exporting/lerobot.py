@@ -1,15 +1,16 @@
-"""A dataset in the layout of LeRobot, version 3.0, with lossless pictures instead of videos; nothing privileged is in it.
+"""A dataset in LeRobot's layout, version 3.0, with lossless pictures instead of videos; nothing privileged is in it.
 
-A frame is a row of `data/chunk-000/file-000.parquet`, an episode one of `meta/episodes/...`; beside them `meta/info.json`,
-`meta/stats.json` and `meta/tasks.parquet`. What LeRobot leaves open is chosen so:
+A frame is a row of `data/chunk-000/file-000.parquet`, an episode one of `meta/episodes/...`; beside them are
+`meta/info.json`, `meta/stats.json` and `meta/tasks.parquet`. What LeRobot leaves open is chosen so:
 
 - Row t has what was seen before action t, the action, and what came of it. After the last action there is a row more,
-  which shows what it left: its action is all zeros (a direction of length 0 is no direction), and `next.done` is true as after the last action.
+  which shows what it left: its action is all zeros (a direction of length 0 is none), and `next.done` is true there as
+  it is after the last action.
 - `observation.images.rgb` is the recorded JPEG or PNG, `observation.images.depth` a TIFF of float32 in board units,
   which all versions read as numbers; no unit is stated, since a board unit is no metre.
 - Actions have no duration: `fps` is 1.
-- Statistics of pictures are those of at most eight frames an episode and every fourth pixel, as their readers sample,
-  too. Those of the whole are put together from the episodes'; quantiles as their weighted means.
+- Statistics of pictures are those of at most eight frames an episode and every fourth pixel, as its readers sample.
+  Those of the whole are put together from the episodes'; quantiles as their weighted means.
 """
 
 import io
@@ -100,7 +101,7 @@ def _pictures(episode: Episode) -> dict[str, list[dict[str, Any]]]:
     assert isinstance(episode.images, LazyImages)
     rgbs, depths = [one.rgb for one in episode.images.encoded], dict[int, bytes]()
     if episode.images.encoded[0].depth is not None:
-        depths = {number: _tiff(image.depth) for number, image in enumerate(episode.images)}
+        depths = {i: _tiff(image.depth) for i, image in enumerate(episode.images) if image.depth is not None}
     suffix = "png" if rgbs[0].startswith(PNG_MAGIC) else "jpg"
     columns = {RGB: [_picture(rgbs[image], frame, suffix) for frame, image in enumerate(episode.frame_of)]}
     if depths:
@@ -112,7 +113,7 @@ def _picture(data: bytes, frame: int, suffix: str) -> dict[str, Any]:
     return {"bytes": data, "path": f"frame-{frame:06d}.{suffix}"}
 
 
-def _tiff(depth: np.ndarray | None) -> bytes:
+def _tiff(depth: np.ndarray) -> bytes:
     """Float32 (H, W) as a TIFF without loss."""
     file = io.BytesIO()
     Image.fromarray(depth).save(file, "TIFF", compression="tiff_adobe_deflate")
@@ -252,9 +253,9 @@ configs:
 
 # Recordings of toy boards in LeRobot's layout, version 3.0
 
-Row t has what was seen before action t, the action (where a robot takes hold, and in which direction it pulls), and what
-came of it. After the last action of an episode a row more shows what it left; its action is all zeros. Depth is a TIFF of
-float32 in board units. Nothing that only the simulator knows is in it.
+Row t has what was seen before action t, the action (where a robot takes hold, and in which direction it pulls), and
+what came of it. After the last action of an episode a row more shows what it left; its action is all zeros. Depth is a
+TIFF of float32 in board units. Nothing that only the simulator knows is in it.
 
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
     frames = LeRobotDataset("me/boards", root="FOLDER")

@@ -28,6 +28,7 @@ from benchmarks.runner import assets_name, chosen, finish, parser, told_rows
 from busybot.boards.config import BoardConfig
 from busybot.boards.dynamics import Dynamics, Triggers
 from busybot.boards.generate import generate_boards
+from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.spec import BoardSpec
 from busybot.boards.worlds import NOVEL, WORLDS, links_of
 from busybot.common.rng import generator
@@ -35,7 +36,7 @@ from busybot.evaluation.bootstrap import share_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.reason.evaluation.ground_truth import causes_of
-from busybot.reason.evaluation.hypotheses import Hypothesis, Rests, Space, board_space, table_space
+from busybot.reason.evaluation.hypotheses import Hypothesis, Space, board_space, table_space
 from busybot.reason.evaluation.upper_bound import Belief, Observer, greedy
 
 KIND = "bounds"
@@ -119,7 +120,7 @@ class Drawn:
     def truth(self) -> list[Hypothesis]:
         causes = causes_of(self.board, self.links, self.state.tick - 1)
         pairs = [(causes.mechanisms[index], causes.read[index]) for index in self.responders]
-        return [Hypothesis(one or Rests(sizes=(), table=(0,)), read) for one, read in pairs]
+        return [Hypothesis(one or Rest(sizes=(), table=(0,)), read) for one, read in pairs]
 
     def moves(self, link: int) -> list[Triggers]:
         now = self.triggers[link]

@@ -17,7 +17,8 @@ SPLITS: dict[str, Instances] = {"train": "train", "novel-config": "train", "nove
 """Which instances stand on the boards of each split."""
 USUAL_LINKS = 6
 """Boards have up to so many links unless more are asked for."""
-WORLD_LINKS = (3, USUAL_LINKS)
+WORLD_LINKS = (4, USUAL_LINKS)
+"""Fewer would be told apart by counting."""
 TASK_DEFAULTS = {"boards": 50, "group_size": 1}
 """Protocol "Planning": 50 tasks of a kind per split."""
 
@@ -34,7 +35,7 @@ class BoardConfig(FrozenModel):
         tasks: give every board a task of this kind (`boards.task`), `reach` in all worlds but the paper's; None for
             boards without.
         links: inclusive range of the number of trigger links on a board; None for what the switches have, in other
-            worlds than the paper's 3 to 6. Above six, more switches and responders are drawn by default.
+            worlds than the paper's 4 to 6. Above six, more switches and responders are drawn by default.
         depth: least and most number of locks behind each other, in worlds that have them.
         plan: tasks of kind `reach` take at most so many actions.
         switches, lamps, responders, toys: inclusive ranges of counts; `responders` counts lamps and doors together.

@@ -74,7 +74,7 @@ class Relation(FrozenModel):
 
     Attributes:
         kind: of its mechanism, one of `boards.mechanisms.available()`.
-        triggers: the inputs, trigger links and responders (`BODY`); none of what moves by itself.
+        triggers: the inputs, trigger links and responders (`BODY`); none of what moves by itself, or not at all.
         responder: index of the controlled object.
         stage: whether the responder acts as a single-stage (2 states) or multi-stage (3 states) object.
         states: the mechanism's table; of the paper's kinds the responder's state for each trigger state.

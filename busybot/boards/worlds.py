@@ -19,7 +19,8 @@ import numpy as np
 from pydantic import Field
 
 from busybot.boards.dynamics import STAGES, Dynamics, Links
-from busybot.boards.mechanisms import Mechanism, available
+from busybot.boards.mechanisms import Mechanism, available, mechanism_of
+from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.spec import BODY, PAPER, WORLDS_VERSION, BoardSpec, LinkRef, Lock, Relation, Rewiring
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
@@ -37,7 +38,8 @@ MECHANISM_TRIES = 40
 REWIRED_AT = (20, 25)
 """After which action a relation changes, inclusive."""
 INERT = 0.1
-"""Share of responders that nothing controls, beside those that no mechanism fits."""
+"""Share of responders that nothing controls, beside those that no mechanism fits. They show what something that links
+drive would have shown at first: what a board looks like does not tell who is moved."""
 UNUSED_WEIGHT = 4.0
 """A link that controls nothing yet is chosen so many times more often."""
 NOVEL = "novel-mechanism"
@@ -80,11 +82,11 @@ MEMORYLESS = (*PAPERS, "gate")
 WORLDS: dict[str, World] = {
     "gates": World(
         about="an effect is visible only in some contexts",
-        kinds={"gate": 0.8, DIRECT: 0.2}, two=0.8,
+        kinds={"gate": 0.9, DIRECT: 0.1}, two=1.0,
     ),
     "time": World(
         about="an effect comes late, ends, or depends on what was pressed before",
-        kinds={"delay": 0.35, "timer": 0.25, "latch": 0.2, "toggle": 0.2, DIRECT: 0.1}, two=0.25,
+        kinds={"delay": 0.35, "timer": 0.25, "latch": 0.2, "toggle": 0.2, DIRECT: 0.1}, two=0.5,
     ),
     "chance": World(
         about="effects fail and catch up later, responders move by themselves or together, links have no effect",
@@ -96,11 +98,11 @@ WORLDS: dict[str, World] = {
     ),
     "lock": World(
         about="links yield only while a responder is in a state: what cannot be moved now may move later",
-        kinds={DIRECT: 0.8, "gate": 0.2}, two=0.2, locked=1.0,
+        kinds={"gate": 0.6, DIRECT: 0.4}, two=0.6, locked=1.0,
     ),
     "rewired": World(
         about="a mechanism changes after action 20 to 25: what was learned is no longer true",
-        kinds={DIRECT: 0.5, "gate": 0.5}, two=0.5, rewired=1.0,
+        kinds={"gate": 0.7, DIRECT: 0.3}, two=0.7, rewired=1.0,
     ),
     "mixed": World(
         about="all of it, drawn per responder",
@@ -240,7 +242,7 @@ class _Draw:
         return tuple(self._reference(n) for n in range(len(self.links.sizes)) if n not in self.active)
 
     def relations(self) -> tuple[Relation, ...] | None:
-        """Relations of responders, but for those that nothing fits; None if some link has nothing to do."""
+        """Relations of responders; None if some link has nothing to do."""
         world, rng = self.world, self.rng
         responders = [int(i) for i in rng.permutation([i for i, model in enumerate(self.models) if model.effect])]
         found: dict[int, Relation] = {}
@@ -251,11 +253,10 @@ class _Draw:
         for responder in responders:
             if responder in found:
                 continue
-            if rng.random() < INERT:
-                continue
-            relation = self._spontaneous(responder) or self._following(responder, found) or self._driven(responder)
-            if relation is not None:
-                found[responder] = relation
+            relation = None
+            if rng.random() >= INERT:
+                relation = self._spontaneous(responder) or self._following(responder, found) or self._driven(responder)
+            found[responder] = relation or self._resting(responder)
         chained = sum(any(ref.link == BODY for ref in one.triggers) for one in found.values())
         of_the_world = not set(world.kinds).isdisjoint(one.kind for one in found.values() if one.kind not in PAPERS)
         if chained < world.followers or (not of_the_world and self._own_kinds()):
@@ -342,6 +343,20 @@ class _Draw:
                 self.used.update(numbers)
                 return _relation(_paper_kind(mechanism), tuple(map(self._reference, numbers)), responder, chosen)
         return None
+
+    def _resting(self, responder: int) -> Relation:
+        """What nothing moves: it shows what links would have made of it, had they driven it, from any states."""
+        used = set(self.used)
+        other = self._driven(responder)
+        self.used = used
+        if other is None:
+            stages = 2 if self._stages(responder)[0] else 3
+            stage, state = ("single" if stages == 2 else "multi"), int(self.rng.integers(stages))
+        else:
+            sizes = [self.links.sizes[self.links.names.index((ref.object, ref.link))] for ref in other.triggers]
+            states = tuple(int(self.rng.integers(size)) for size in sizes)
+            stage, (state, _) = other.stage, mechanism_of(other, sizes).start(states)
+        return _relation(Rest(sizes=(), table=(state,)), (), responder, stage)
 
     def _count(self, kind: type[Mechanism]) -> int:
         least, most = kind.arity

@@ -20,6 +20,7 @@ import numpy as np
 from busybot.boards.causal_graph import Change, Period, changes, lag, periods
 from busybot.boards.dynamics import Dynamics, Links
 from busybot.boards.mechanisms import Mechanism, available
+from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.spec import BODY, PAPER, LinkRef, Relation
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
@@ -148,7 +149,8 @@ class MechanismView:
     def factors(self, step: int) -> list[Factor]:
         """The graph's typed edges at a step."""
         holding = [period for period in periods(self.board) if period.holds(step)]
-        found = [self._factor(period) for period in holding if period.relation.triggers or not _stream(period.relation)]
+        shown = [one for one in holding if one.relation.kind != Rest.kind]
+        found = [self._factor(period) for period in shown if period.relation.triggers or not _stream(period.relation)]
         for stream in sorted({_stream(period.relation) for period in holding} - {""}):
             moved = tuple(self._effect(p.relation) for p in holding if _stream(p.relation) == stream)
             found.append(Factor(f"clock {stream}", "clock", "hidden clock", (), moved))

@@ -119,7 +119,7 @@ def test_worlds_have_what_their_shares_say() -> None:
     made = {world: boards(library, world, boards=150) for world in ("chance", "chain", "mixed")}
     count = {world: Counter(one.kind for spec in found for one in spec.relations) for world, found in made.items()}
     clocked = [sum(one.kind == "clock" for one in spec.relations) for spec in made["chance"]]
-    assert set(clocked) == {0, 2, 3} and 0.5 < np.mean(np.array(clocked) > 0) < 0.85
+    assert set(clocked) == {0, 2, 3} and 0.4 < np.mean(np.array(clocked) > 0) < 0.85
     for spec in made["chance"]:
         streams = [one.parameters for one in spec.relations if one.kind == "clock"]
         assert len({(one["stream"], one["probability"]) for one in streams}) <= 1
@@ -219,7 +219,7 @@ def test_more_links_on_request() -> None:
 @pytest.mark.parametrize(("world", "split"), [("latch", "train"), ("toggle", NOVEL), ("unreliable", NOVEL)])
 def test_a_mechanisms_name_is_a_world_in_which_it_is_the_only_one(world: str, split: str) -> None:
     for spec in boards(find("procedural"), world, split=split, boards=10):
-        assert {one.kind for one in spec.relations} == {world} and spec.world == world
+        assert {one.kind for one in spec.relations} - {"rest"} == {world} and spec.world == world
 
 
 @pytest.mark.parametrize(
@@ -241,7 +241,7 @@ def test_deeper_locks_need_more_links() -> None:
     with pytest.raises(ValueError, match="8 locks behind each other need 9 links.*give --links 9-12"):
         BoardConfig(world="lock", depth=(8, 8))
     assert BoardConfig(world="lock", depth=(8, 8), links=(3, 12)).least_links == 9
-    assert BoardConfig(world="lock").least_links == BoardConfig(world="gates", depth=(5, 8)).least_links == 3
+    assert BoardConfig(world="lock").least_links == BoardConfig(world="gates", depth=(5, 8)).least_links == 4
 
 
 def test_kinds_of_the_worlds_are_there() -> None:

@@ -47,12 +47,12 @@ def rebuilt(tables: Tables) -> pd.DataFrame:
     """States of all responders from the graph and the links' states, by the specifications of the kinds."""
     steps, found = len(tables.data), tables.data.copy()
     for (child, since), edges in tables.graph.groupby(["child", "since"]):
+        first = edges.sort_values("input").iloc[0]
         edges = edges[edges.input.notna()].sort_values("input")
-        first = edges.iloc[0]
         until = steps if pd.isna(first.until) else int(first.until)
         inputs = [list(tables.data[parent]) for parent in edges.parent]
         states = decided(
-            first, inputs, [int(tables.sizes[p]) for p in edges.parent], list(edges.lag), int(since), until
+            first, inputs, [int(tables.sizes[p]) for p in edges.parent], list(map(int, edges.lag)), int(since), until
         )
         found.loc[since : until - 1, child] = np.array(states, np.int8)
     return found
@@ -127,7 +127,8 @@ def test_interventions_are_the_moves_of_single_links(few_objects: Objects, tmp_p
 def test_what_luck_and_clocks_decide_is_named(few_objects: Objects, tmp_path: Path) -> None:
     folder = exported(tmp_path, few_objects(0), "chance")
     graph, variables = (pd.read_parquet(folder / f"{name}.parquet") for name in ("graph", "variables"))
-    assert graph.chance.all() and set(graph.kind) <= {"unreliable", "flicker", "clock"}
+    assert {"unreliable", "clock"} <= set(graph[graph.chance].kind) <= {"unreliable", "flicker", "clock"}
+    assert set(graph[~graph.chance].kind) <= {"rest"}
     clocked = graph[graph.clock.notna()]
     assert (clocked.parent == "clock").all() and clocked.groupby("board").size().between(2, 3).all()
     assert set(variables[variables.role == "clock"].board) == set(clocked.board) and len(clocked)

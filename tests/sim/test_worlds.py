@@ -93,7 +93,7 @@ def test_what_is_recorded_is_the_law_of_the_board(
         there = {n for n, s in enumerate(step.trigger_states_after) if s != step.trigger_states_before[n]}
         assert len(there) == step.success and not any(law.locked(n, state.shown) for n in there)
         moved += len(there)
-    assert moved > 4
+    assert moved > 2
 
 
 @pytest.mark.parametrize(("world", "split"), CASES)
@@ -285,18 +285,14 @@ def test_a_lock_holds_its_joint_and_lets_it_go(small_simulator: Simulator, monke
             held += 1
         saved = scene.save()
         walk = [triggers for _, triggers, _ in reachable(law, start_states(spec), 30, most=50_000)]
-        opened = next(t for t in walk if not any(law.locked(law.number(lock.link), law.start(t).shown)
-                                                 for lock in spec.locks))  # fmt: skip
-        for number, state in enumerate(opened):
-            scene.set_trigger(number, state)
-        image = scene.observe()
         for lock in spec.locks:
             number = law.number(lock.link)
-            now = scene.save()
-            step, _ = act(scene, image, number)
+            opened = next(there for there in walk if not law.locked(number, law.start(there).shown))
+            for link, state in enumerate(opened):
+                scene.set_trigger(link, state)
+            step, _ = act(scene, scene.observe(), number)
             assert step.success, lock
-            scene.restore(now)
-        scene.restore(saved)
+            scene.restore(saved)
     assert held > 2
 
 
@@ -307,8 +303,9 @@ def test_without_responders_nothing_shows_and_nothing_holds(small_simulator: Sim
         episode = record_episode(blind, spec, builtin_factory("scripted"), 8, CONFIG, seed=1)
         shown = {step.responder_states_after for step in episode.steps}
         assert len(shown) == 1 and max(next(iter(shown))) == 0 and not shows_effects(episode, blind.library)
-        assert all(step.success == (len(set(step.joint_positions_after) ^ set(step.joint_positions_before)) > 0)
-                   for step in episode.steps)  # fmt: skip
+        assert all(
+            step.success == (step.joint_positions_after != step.joint_positions_before) for step in episode.steps
+        )
         replay = EpisodeReplay(blind, episode)
         assert all(replay.compare(step).holds for step in range(9))
     scene = blind.board(spec)

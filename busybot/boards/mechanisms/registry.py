@@ -14,6 +14,7 @@ from busybot.boards.mechanisms.delay import Delay
 from busybot.boards.mechanisms.direct import ManyEffects, ManyObjects, OneToOne
 from busybot.boards.mechanisms.gate import Gate
 from busybot.boards.mechanisms.latch import Latch
+from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.mechanisms.timer import Timer
 from busybot.boards.mechanisms.toggle import Toggle
 from busybot.boards.spec import Relation
@@ -33,7 +34,7 @@ def available() -> dict[str, type[Mechanism]]:
     Raises:
         BusybotError: a package cannot be loaded, or brings something else, or a name that is taken.
     """
-    own = (OneToOne, ManyEffects, ManyObjects, Gate, Delay, Timer, Toggle, Latch, Unreliable, Flicker, Clock)
+    own = (OneToOne, ManyEffects, ManyObjects, Gate, Delay, Timer, Toggle, Latch, Unreliable, Flicker, Clock, Rest)
     kinds: dict[str, type[Mechanism]] = {one.kind: one for one in own}
     for point in entry_points(group=GROUP):
         where = f"entry point {point.value!r} of the group {GROUP}"

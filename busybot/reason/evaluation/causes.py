@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from busybot.boards.dynamics import Dynamics, DynamicState, Links
+from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.spec import BODY, PAPER, BoardSpec, LinkRef, Relation
 from busybot.boards.worlds import DIRECT, WORLDS, links_of
 from busybot.common.errors import BusybotError
@@ -24,7 +25,7 @@ from busybot.episodes.episode import Episode
 from busybot.objects.library import Library
 from busybot.reason.evaluation.decoders import StateReadout
 from busybot.reason.evaluation.ground_truth import CauseTruth, causes_of, trace_of
-from busybot.reason.evaluation.hypotheses import NOTHING, Hypothesis, Rests, Stages, board_space, lag_of
+from busybot.reason.evaluation.hypotheses import NOTHING, Hypothesis, Stages, board_space, lag_of
 from busybot.reason.evaluation.upper_bound import Belief, Observer
 from busybot.reason.evaluation.what_if import Questions, contacts_of, pairs, told_rightly, tour
 from busybot.reason.inputs.sequence import BoardSequence
@@ -42,7 +43,7 @@ class JudgedMechanism:
 
     Attributes:
         responder: index of the object.
-        kind: of its mechanism, "none" if nothing moves it; the paper's kinds are one.
+        kind: of its mechanism, "rest" if nothing moves it; the paper's kinds are one.
         driven: whether it has inputs.
         right, bound: whether the model, and the exact observer, foretell it on the whole tour.
         kind_right, kind_bound, lag_right, lag_bound: whether they name its kind and its lag.
@@ -403,7 +404,7 @@ def _with_mechanisms(
 
 
 def _hypothesis(truth: CauseTruth, index: int) -> Hypothesis:
-    return Hypothesis(truth.mechanisms[index] or Rests(sizes=(), table=(0,)), truth.read[index])
+    return Hypothesis(truth.mechanisms[index] or Rest(sizes=(), table=(0,)), truth.read[index])
 
 
 def _varied(walk: Questions, read: Sequence[int], replayed: _Replayed) -> bool:

@@ -14,6 +14,7 @@ from busybot.evaluation.bootstrap import Interval, two_level_interval
 from busybot.evaluation.exact import binomial_interval
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation.causes import JudgedCauses, JudgedMechanism
+from busybot.reason.evaluation.hypotheses import NOTHING
 
 CALIBRATED = (4, 8, 12, 16, 22, 30)
 """Numbers of images after which probabilities are judged."""
@@ -204,7 +205,7 @@ def _intervals(
     for number, (board, one) in enumerate(zip(boards, causes, strict=True)):
         place, kinds = _at(one, steps), {each.responder: each.kind for each in one.mechanisms}
         for index, counted in enumerate(_columns(one.claimed[place], one.true[place])):
-            named, counts = (board.objects[index].key, kinds.get(index, "none"), number), _of(counted)
+            named, counts = (board.objects[index].key, kinds.get(index, NOTHING), number), _of(counted)
             for name, (part, whole) in PARENTS.items():
                 records[f"parent_{name}"].append((counts[part], counts[whole], *named))
         for each in one.mechanisms:

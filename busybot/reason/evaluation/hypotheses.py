@@ -25,25 +25,19 @@ from busybot.boards.mechanisms.base import Inputs
 from busybot.boards.mechanisms.delay import Delay
 from busybot.boards.mechanisms.direct import OneToOne
 from busybot.boards.mechanisms.latch import Latch
+from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.spec import PAPER, BoardSpec
 from busybot.boards.worlds import CLOCKED, DIRECT, INERT, NOVEL, REWIRED_AT, World, world_named
 from busybot.common.errors import BusybotError
 
 LEVELS = 5
 """A probability that is drawn from an interval is taken for one of so many in it."""
-NOTHING, CLOCK, UNRELIABLE = "none", "clock", "unreliable"
+NOTHING, CLOCK, UNRELIABLE = Rest.kind, "clock", "unreliable"
 STEPS = tuple(range(REWIRED_AT[0], REWIRED_AT[1] + 1))
 """Numbers of the actions after which a rewiring may show first."""
 Result = TypeVar("Result")
 Stages = tuple[bool, bool]
 """Whether a responder can have two states, and whether three."""
-
-
-class Rests(OneToOne):
-    """A responder that nothing moves: it shows the table's only state."""
-
-    kind: ClassVar[str] = NOTHING
-    arity: ClassVar[tuple[int, int]] = (0, 0)
 
 
 class Tabled(OneToOne):
@@ -453,7 +447,22 @@ def _alone(
             for weight, one, stages, _ in column.values():
                 found.add(rest * share * weight / total, one.mechanism, one.inputs, stages)
             rest *= 1 - share
-    found.add(INERT + rest, Rests(sizes=(), table=(0,)), (), 2)
+    resting = _resting(driven, able)
+    total = sum(weight for weight, *_ in resting.values())
+    for weight, one, stages, _ in resting.values():
+        found.add((INERT + rest) * weight / total, one.mechanism, one.inputs, stages)
+    return found.found
+
+
+def _resting(driven: Weighted, able: Stages) -> Weighted:
+    """What nothing moves: it shows what something that links drive would have shown at first, from any states."""
+    found = _Collected()
+    for weight, one, stages, _ in driven.values():
+        starts = [one.mechanism.start(states)[0] for states in product(*map(range, one.mechanism.sizes))]
+        for state in starts:
+            found.add(weight / len(starts), Rest(sizes=(), table=(state,)), (), stages)
+    for state in () if driven else range(2 if able[0] else 3):
+        found.add(1.0, Rest(sizes=(), table=(state,)), (), 2 if able[0] else 3)
     return found.found
 
 
@@ -531,7 +540,7 @@ def table_space(links: int, responders: int) -> Space:
     or two actions late, and latches. One of these six families is as probable as another."""
     family = {name: _Collected() for name in ("nothing", "one", "one late", "two", "two late", "latch")}
     for state in (0, 1):
-        family["nothing"].add(1.0, Rests(sizes=(), table=(state,)), (), 2)
+        family["nothing"].add(1.0, Rest(sizes=(), table=(state,)), (), 2)
     for link, table in product(range(links), ((0, 1), (1, 0))):
         family["one"].add(1.0, OneToOne(sizes=(2,), table=table), (link,), 2)
         for late in (1, 2):

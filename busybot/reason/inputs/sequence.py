@@ -34,6 +34,8 @@ class BoardSequence:
         acted: int64 (T,), index of the trigger acted on as far as boxes tell (`acted_objects`), -1 for none.
         triggers: bool (N,).
         responders: bool (N,).
+        looked: bool (T,), whether the camera looked again after each action, because anything had changed; None where
+            nobody knows.
     """
 
     features: np.ndarray
@@ -42,6 +44,12 @@ class BoardSequence:
     acted: np.ndarray
     triggers: np.ndarray
     responders: np.ndarray
+    looked: np.ndarray | None = None
+
+    @property
+    def anything_new(self) -> np.ndarray:
+        """bool (T,), whether anything may have changed with each action."""
+        return np.ones(self.steps, bool) if self.looked is None else self.looked
 
     @property
     def steps(self) -> int:
@@ -57,7 +65,7 @@ class BoardSequence:
         """The same board watched for at most `images` frames (so many minus one actions)."""
         steps = max(0, images - 1)
         known = {"features": self.features[: steps + 1], "actions": self.actions[:steps], "acted": self.acted[:steps]}
-        return replace(self, **known)
+        return replace(self, looked=None if self.looked is None else self.looked[:steps], **known)
 
 
 def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSequence:
@@ -85,6 +93,7 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
         acted=acted_objects(observed).astype(np.int64),
         triggers=roles == "trigger",
         responders=roles == "responder",
+        looked=np.diff(observed.image_of) != 0,
     )
 
 

@@ -12,6 +12,7 @@ from busybot.boards.spec import LinkRef, Relation
 from busybot.common.errors import BusybotError
 
 OWN = {
+    "rest",
     *("one-to-one", "one-to-many-effects", "one-to-many-objects", "gate", "delay", "timer", "toggle", "latch"),
     *("unreliable", "flicker", "clock"),
 }
@@ -69,7 +70,7 @@ def test_a_step_is_pure_and_rest_stays_rest(kind: str) -> None:
 
 
 def test_training_and_the_split_of_new_mechanisms_have_no_mechanism_of_links_in_common() -> None:
-    for kind in OWN - {"flicker", "clock"}:
+    for kind in OWN - {"flicker", "clock", "rest"}:
         functions = [{(one.table, one.sizes, *one.parameters().items()) for one in drawn(kind, n)} for n in (0, 1)]
         if kind == "unreliable":  # whose probabilities are drawn from a range
             functions = [{(table, sizes) for table, sizes, _ in one} for one in functions]

@@ -68,7 +68,7 @@ def board_of(space: Space, causes: Sequence[Hypothesis], streams: dict[int, str]
     relations = tuple(
         relation_of(space, number, one, (streams or {}).get(number))
         for number, one in enumerate(causes)
-        if one.inputs or one.mechanism.draws
+        if one.inputs or one.mechanism.draws or any(one.mechanism.table)
     )
     return BoardSpec(
         index=0, seed=0, split="train", appearance_group=0, texture="wood", color=(1, 1, 1),
@@ -409,7 +409,7 @@ def test_a_rewiring_is_what_brute_force_says() -> None:
     """Over all that two responders may be, which of them is rewired, after which action, and what comes of it."""
     space = space_of("rewired", False, (2, 2), (SINGLE,) * 2)
     rng = np.random.default_rng(2)
-    triggers = walk(space.sizes, 25, rng)
+    triggers = walk(space.sizes, 40, rng)
     known = {(one.kind, one.inputs, one.mechanism.table): one for one in space.hypotheses}
     follows = known["one-to-one", (0,), (0, 1)]
     gate = next(one for one in space.hypotheses if one.kind == "gate")
@@ -436,7 +436,7 @@ def test_a_rewiring_is_what_brute_force_says() -> None:
                     now = later if responder == who and step < actions else one
                     posterior[space.hypotheses.index(now), responder] += weight
         np.testing.assert_allclose(beliefs[actions].now, posterior / posterior.sum(0), atol=1e-10)
-    found, _ = beliefs[25].mechanisms()
+    found, _ = beliefs[40].mechanisms()
     assert found[1].inputs == (1,)
 
 

@@ -171,7 +171,7 @@ def test_who_knows_the_law_answers_everything(second: Relation) -> None:
     told = summary((episode, asked(episode, Knower(episode))), pred_a=0.75)
     assert told["mechanism_accuracy"] == 1.0 and told["gap"] == -0.25
     assert told["what_if"] == told["what_if_factual"] == told["what_if_left_out"] == 1.0 and told["what_if_pairs"] > 0
-    assert told["mechanism_by_kind"]["none"] == {"accuracy": 1.0, "bound": 1.0, "responders": 1}
+    assert told["mechanism_by_kind"]["rest"] == {"accuracy": 1.0, "bound": 1.0, "responders": 1}
 
 
 def test_a_mechanism_is_known_by_what_it_does() -> None:
@@ -179,7 +179,7 @@ def test_a_mechanism_is_known_by_what_it_does() -> None:
     episode = play([AND, FOLLOWS], PRESSES)
     judged = asked(episode, Knower(episode, [OR, FOLLOWS]))
     assert [(one.responder, one.kind, one.right) for one in judged.mechanisms] == [
-        (1, "gate", False), (2, "one-to-one", True), (4, "none", True),
+        (1, "gate", False), (2, "one-to-one", True), (4, "rest", True),
     ]  # fmt: skip
     # a table by another name is the same mechanism
     named = [relation("gate", (3, 0), 1, (0, 0, 0, 1), function="and"), FOLLOWS]

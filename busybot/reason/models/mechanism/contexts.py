@@ -12,7 +12,7 @@ actions compare H T^2 pairs of contexts.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import torch
@@ -27,11 +27,14 @@ LONGEST = 5
 """A press so many actions ago is long ago."""
 INPUTS = 3
 """An explanation has so many inputs at most."""
+WAYS = ("up", "down")
 MEMORIES = (
     "none", "own", *(f"late {late}" for late in range(DELAYS)), "own and now",
-    "odd presses", "since press", "last press",
+    *(f"{what} {way}" for what in ("odd presses", "since press") for way in WAYS),
+    *(f"last press {one}, {two}" for one in WAYS for two in WAYS),
 )  # fmt: skip
-"""What explanations remember. `own` is the responder's state before the action, which is what luck leaves in place."""
+"""What explanations remember. `own` is the responder's state before the action, which is what luck leaves in place. A
+link is pressed up when it comes to rest in its highest state, down in its lowest: pictures do not tell which is on."""
 EVIDENCE = 10
 """Numbers that are counted of an explanation, see `evidence_of`."""
 SURE, UNSURE = 0.03, 0.4
@@ -45,7 +48,7 @@ class Trace:
     Attributes:
         links: int (T + 1, L).
         responders: int (T + 1, R).
-        sizes: number of states of each link; one that comes to rest in its highest is pressed.
+        sizes: number of states of each link.
     """
 
     links: np.ndarray
@@ -79,7 +82,7 @@ def explanations_of(trace: Trace) -> Explanations:
     """All explanations: up to two inputs of which at most one is a responder, and up to three links."""
     late, links = _late_inputs(trace), trace.links.shape[1]
     count = links + trace.responders.shape[1]
-    since, odd = _presses(trace)
+    since, odd = _presses(trace)  # each int (2, T + 1, L), up and down
     found: list[tuple[tuple[int, ...], str, np.ndarray]] = []
     for inputs in _sets(links, count):
         delays = DELAYS if len(inputs) < INPUTS and all(one < links for one in inputs) else 1
@@ -90,10 +93,13 @@ def explanations_of(trace: Trace) -> Explanations:
         if not inputs:
             found.append((inputs, "none", now))
         elif len(inputs) == 1 and inputs[0] < links:
-            found.append((inputs, "odd presses", odd[:, inputs[0]]))
-            found.append((inputs, "since press", since[:, inputs[0]].clip(max=LONGEST)))
+            for way, name in enumerate(WAYS):
+                found.append((inputs, f"odd presses {name}", odd[way, :, inputs[0]]))
+                found.append((inputs, f"since press {name}", since[way, :, inputs[0]].clip(max=LONGEST)))
         elif len(inputs) == 2 and inputs[1] < links:
-            found.append((inputs, "last press", np.sign(since[:, inputs[0]] - since[:, inputs[1]])))
+            for (way, name), (other, its) in product(enumerate(WAYS), repeat=2):
+                order = np.sign(since[way, :, inputs[0]] - since[other, :, inputs[1]])
+                found.append((inputs, f"last press {name}, {its}", order))
     told = np.zeros((len(found), count), bool)
     for row, (inputs, _, _) in zip(told, found, strict=True):
         row[list(inputs)] = True
@@ -124,14 +130,15 @@ def _late_inputs(trace: Trace) -> list[np.ndarray]:
 
 
 def _presses(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
-    """int (T + 1, L): actions since each link was pressed, `LONGEST` more than there were if it never was; and whether
-    that happened an odd number of times."""
-    pressed = np.zeros(trace.links.shape, bool)
-    pressed[1:] = (trace.links[1:] != trace.links[:-1]) & (trace.links[1:] == np.array(trace.sizes) - 1)
-    steps = np.arange(len(pressed))[:, None]
-    latest = np.maximum.accumulate(np.where(pressed, steps, -LONGEST - 1), axis=0)
-    since = np.where(latest < 0, len(pressed) + LONGEST, steps - latest)
-    return since, np.cumsum(pressed, axis=0) % 2
+    """int (2, T + 1, L), of `WAYS`: actions since each link was pressed, `LONGEST` more than there were if it never was;
+    and whether that happened an odd number of times."""
+    ends = np.stack([np.array(trace.sizes) - 1, np.zeros(len(trace.sizes), int)])
+    pressed = np.zeros((len(WAYS), *trace.links.shape), bool)
+    pressed[:, 1:] = (trace.links[1:] != trace.links[:-1]) & (trace.links[1:] == ends[:, None])
+    steps = np.arange(len(trace.links))[:, None]
+    latest = np.maximum.accumulate(np.where(pressed, steps, -LONGEST - 1), axis=1)
+    since = np.where(latest < 0, len(steps) + LONGEST, steps - latest)
+    return since, np.cumsum(pressed, axis=1) % 2
 
 
 def _joint(states: np.ndarray) -> np.ndarray:

@@ -64,7 +64,7 @@ def test_what_is_right_is_never_contradicted_whatever_it_remembers() -> None:
     shown = [links[:, 0] ^ links[:, 1], links[late, 2], np.cumsum(pressed[:, 1]) % 2, latched]
     trace = Trace(links, np.stack(shown, axis=1), (2, 2, 2))
     found, told = counted(trace, 40)
-    right = [((0, 1), "late 0"), ((2,), "late 2"), ((1,), "odd presses"), ((0, 2), "last press")]
+    right = [((0, 1), "late 0"), ((2,), "late 2"), ((1,), "odd presses up"), ((0, 2), "last press up, up")]
     for responder, (inputs, memory) in enumerate(right):
         row = explaining(found, inputs, memory)
         assert told[responder, row, [COLUMNS["never"], COLUMNS["sometimes"]]].max() == 0, memory

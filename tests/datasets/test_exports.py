@@ -423,9 +423,10 @@ def test_the_guides_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
             done = busybot(*command.split(), "--workers", "1")
             assert done.returncode == 0, done.stderr
             assert "3 episodes, 21 frames" in done.stderr
-    assert {path.name for path in tmp_path.iterdir()} == {"DATASET", *(command.split()[6] for command in commands)} - {
-        "tables"
-    }
+    made = {command.split()[6] for command in commands} - {"tables"}
+    assert {path.name for path in tmp_path.iterdir()} == {"DATASET", *made}
+    back = re.findall(r"^    busybot (dataset import .*)$", GUIDE.read_text(), re.MULTILINE)
+    assert len(back) == 1 and busybot(*back[0].split()).returncode == 0 and Dataset.open(Path("again")).info.boards == 3
 
 
 def test_an_unknown_format_is_wrong_usage(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`busybot dataset`: look at a dataset, check, mend, freeze, compare, make again, export, share it."""
+"""`busybot dataset`: look at a dataset, check, mend, freeze, compare, make again, export, import, share it."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="Look at a dataset, check, mend, freeze, compare, export, share it.",
+    help="Look at a dataset, check, mend, freeze, compare, export, import, share it.",
 )
 
 DatasetArgument = Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.", show_default=False)]
@@ -222,6 +222,24 @@ def export(
             {"format": to, **vars(done)},
             f"{out}: {counted(done.episodes, 'episode')}, {done.frames} frames; {size}",
         )
+
+
+@app.command("import")
+def import_(
+    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="Folder with pictures and tables.")],
+    out: Annotated[Path, typer.Option(help="Folder for the dataset.", show_default=False)],
+    json: JsonOption = False,
+) -> None:
+    """Make a dataset of a folder of pictures and CSV tables, as `export --to images` writes it.
+
+    States, relations and whatever else such a folder does not hold are missing in the dataset, too.
+    """
+    from busybot.datasets.importing.images import import_images
+
+    with episode_progress("importing") as progress:
+        made = import_images(source, out, progress)
+    facts = {"dataset": out, "episodes": made.info.boards}
+    answer(json, facts, f"{out}: {counted(made.info.boards, 'episode')}, without states and relations")
 
 
 @app.command()

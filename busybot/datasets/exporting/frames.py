@@ -60,7 +60,7 @@ TABLES: Mapping[str, tuple[Column, ...]] = MappingProxyType(
             *_of("episodes", privileged=False),
             Column("depth_offset", pa.float64(), "depth of a stored value v >= 1 is offset + v * scale", "board unit"),
             Column("depth_scale", pa.float64(), "see there", "board unit"),
-            _image("goal", "what the board shows in the goal of its task, null without one"),
+            _image("goal", "the board in colours in the goal of its task, null without one"),
         ),
         f"{PRIVILEGED}frames": (
             _EPISODE,
@@ -87,15 +87,10 @@ def table_names(privileged: bool) -> list[str]:
     return [name for name in TABLES if privileged or not name.startswith(PRIVILEGED)]
 
 
-def pictures(columns: Mapping[str, tuple[Column, ...]] | None = None) -> dict[str, list[str]]:
-    """Names of the columns that are pictures, by table."""
-    known = TABLES if columns is None else columns
-    return {table: [column.name for column in listed if column.type == IMAGE] for table, listed in known.items()}
-
-
 def arrow_schema(table: str) -> pa.Schema:
     """Schema of a table; its metadata tell Hugging Face's readers which columns are pictures."""
-    metadata = image_features(pictures()[table]) | {"busybot_schema_version": SCHEMA_VERSION, "busybot_table": table}
+    pictures = [column.name for column in TABLES[table] if column.type == IMAGE]
+    metadata = image_features(pictures) | {"busybot_schema_version": SCHEMA_VERSION, "busybot_table": table}
     return pa.schema([column.field() for column in TABLES[table]], metadata=metadata)
 
 

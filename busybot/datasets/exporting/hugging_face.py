@@ -11,7 +11,7 @@ from typing import Any
 from busybot import __version__
 from busybot.common.atomic_io import write_atomically
 from busybot.datasets.exporting.folder import Source, merge, write_table
-from busybot.datasets.exporting.frames import PRIVILEGED, TABLES, episode_tables, table_names
+from busybot.datasets.exporting.frames import IMAGE, PRIVILEGED, TABLES, episode_tables, table_names
 from busybot.datasets.info import CARD_FILE, markdown_text
 
 
@@ -95,14 +95,11 @@ def config_name(table: str) -> str:
 
 def _columns(table: str) -> str:
     rows = [
-        f"| `{column.name}` | {'picture' if column.name in _PICTURES else column.type} | {column.description} |"
+        f"| `{column.name}` | {'picture' if column.type == IMAGE else column.type} | {column.description} |"
         for column in TABLES[table]
     ]
     kept = ", for judging alone" if table.startswith(PRIVILEGED) else ""
     return f"### {config_name(table)}{kept}\n\n| column | type | meaning |\n|---|---|---|\n" + "\n".join(rows)
-
-
-_PICTURES = {"rgb", "depth", "segmentation", "goal"}
 
 
 def _code(text: str) -> str:

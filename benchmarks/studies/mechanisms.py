@@ -29,7 +29,8 @@ from busybot.objects.resolve import find
 from busybot.reason.evaluation.upper_bound import Observer
 from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.learner import JUDGED_AFTER, LabelledTrace, MechanismLearner
+from busybot.reason.models.mechanism.labelled import LabelledTrace
+from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner
 from busybot.reason.models.mechanism.networks import MechanismNet, parents_of
 from busybot.reason.pyg import Batch
 from busybot.training.loop import fit

@@ -88,7 +88,7 @@ def _interaction(
 def reason(
     out: OutOption,
     data: Annotated[list[Path], typer.Option(help="Dataset with episodes to train on; repeatable.")],
-    model: Annotated[str, typer.Option(help="Which kind of networks: event or paper.")] = "event",
+    model: Annotated[str, typer.Option(help="Which kind of networks: event, mechanism or paper.")] = "event",
     encoder: Annotated[
         str | None, typer.Option(help="Features to read: embedded (default), resnet50 or random.")
     ] = None,
@@ -96,17 +96,20 @@ def reason(
     workers: WorkersOption = None,
     device: DeviceOption = "auto",
     config: Annotated[
-        Path | None, typer.Option(help="YAML file with parameters (EventConfig, PaperReasonConfig).")
+        Path | None, typer.Option(help="YAML file with parameters (EventConfig, MechanismConfig, PaperReasonConfig).")
     ] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as net.width=64.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Learn relations and effects from recorded episodes, without ever being told either."""
+    """Learn relations and effects from recorded episodes, without ever being told either.
+
+    The model `mechanism` is told: its labels are the true parents of the boards that it is trained on.
+    """
     from busybot.common.config import build
     from busybot.reason.train import CONFIGS, train_reason
 
     if model not in CONFIGS:
-        raise BusybotError(f"there is no model {model!r} of relations to train", f"choose {' or '.join(CONFIGS)}")
+        raise BusybotError(f"there is no model {model!r} of relations to train", f"choose one of {', '.join(CONFIGS)}")
     parameters = build(CONFIGS[model], config, set_ or [], {"encoder": encoder})
     with kept_in(out):
         trained = train_reason(out, parameters, tuple(data), seed, episode_progress, workers)

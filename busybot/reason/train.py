@@ -8,7 +8,8 @@ metrics.csv, metrics.json   losses, and figures on boards of appearance groups t
 training.png                the same as a picture
 checkpoints/, metrics/      to go on from where a killed training stopped
 
-Relations, states and what the gripper truly held are never read (`observed`).
+Relations, states and what the gripper truly held are never read (`observed`), but by the model `mechanism`: the labels
+that it learns from are the true parents of the boards that it is trained on.
 """
 
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from busybot.datasets.summary import origin_of
 from busybot.reason.inputs.board_dataset import RecordedBoards, held_apart
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.event.config import EventConfig
+from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.registry import ReasonerInfo
 from busybot.training.checkpoint import save_model
@@ -28,8 +30,12 @@ from busybot.training.loop import Learner, fit
 from busybot.training.model_cards import INFO_FILE, read_info
 from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, losses, read_metrics
 
-Config = EventConfig | PaperReasonConfig
-CONFIGS: dict[str, type[EventConfig] | type[PaperReasonConfig]] = {"event": EventConfig, "paper": PaperReasonConfig}
+Config = EventConfig | PaperReasonConfig | MechanismConfig
+CONFIGS: dict[str, type[EventConfig] | type[PaperReasonConfig] | type[MechanismConfig]] = {
+    "event": EventConfig,
+    "mechanism": MechanismConfig,
+    "paper": PaperReasonConfig,
+}
 """Parameters by model."""
 
 SHOWN = {
@@ -77,6 +83,7 @@ def train_reason(
             "data": origin,
             "features": features[0].key,
             "oracle": any(found.oracle for found in features),
+            **({"labels": "true parents"} if config.model == "mechanism" else {}),
             "boards": len(boards),
             "boards_held_out": len(held_out),
             **figures,
@@ -93,6 +100,10 @@ def make_learner(config: Config, boards: RecordedBoards, held_out: RecordedBoard
         from busybot.reason.models.paper.learner import PaperLearner
 
         return PaperLearner(config, boards, held_out, seed)
+    if isinstance(config, MechanismConfig):
+        from busybot.reason.models.mechanism.learner import learner_of
+
+        return learner_of(config, boards, held_out, seed)
     from busybot.reason.models.event.learner import EventLearner
 
     return EventLearner(config, boards, held_out, seed)

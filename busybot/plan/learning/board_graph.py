@@ -105,7 +105,7 @@ class ExploredBoard:
 def save_explored(path: Path, board: ExploredBoard) -> None:
     """Write a board as safetensors."""
     briefing = board.briefing
-    arrays = {f"history.{name}": value for name, value in vars(briefing.history).items()}
+    arrays = {f"history.{name}": value for name, value in briefing.history.arrays.items()}
     arrays |= {name: getattr(briefing, name) for name in ("pixels", "worked", "goal")}
     arrays |= {f"graph.{field.name}": getattr(board.graph, field.name) for field in fields(BoardGraph)}
     values = {"group": board.group, "cpu_s": board.cpu_s, "threshold": briefing.threshold, "steps": briefing.steps}
@@ -119,7 +119,7 @@ def load_explored(path: Path) -> ExploredBoard:
         BusybotError: the file is absent or damaged.
     """
     saved = load_tensors(path)
-    arrays: dict[str, dict[str, np.ndarray]] = {"history": {}, "graph": {}, "": {}}
+    arrays: dict[str, dict[str, Any]] = {"history": {}, "graph": {}, "": {}}
     for name, tensor in saved.tensors.items():
         part, _, field = name.rpartition(".")
         arrays[part][field] = tensor.numpy()

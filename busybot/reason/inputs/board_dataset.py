@@ -19,6 +19,7 @@ from busybot.training.loop import groups_apart
 
 if TYPE_CHECKING:
     from busybot.datasets.dataset import Dataset as Recordings
+    from busybot.episodes.episode import Episode
     from busybot.reason.inputs.feature_store import Features
 
 
@@ -40,6 +41,11 @@ class RecordedBoards(Sequence[BoardSequence]):
     def __getitem__(self, index: Any) -> Any:
         dataset, episode = self.places[index]
         return self.features[dataset].sequence(episode)
+
+    def episode(self, index: int) -> "Episode":
+        """The recording itself, with what is privileged; pictures are decoded when asked for."""
+        dataset, episode = self.places[index]
+        return self.features[dataset].episode(episode)
 
 
 def held_apart(

@@ -33,6 +33,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.process_pool import Progress, default_workers, share
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
+from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.cache import cache_folder
 from busybot.reason.encoders.registry import DEFAULT, make_extractor
@@ -83,8 +84,11 @@ class Features(Mapping[int, np.ndarray]):
 
     def sequence(self, episode: int) -> BoardSequence:
         """What models of relations see of the board; no picture is decoded."""
-        recorded = read_episode(self._dataset.episode_path(episode), "lazy")
-        return sequence_of(observe_episode(recorded), self[episode])
+        return sequence_of(observe_episode(self.episode(episode)), self[episode])
+
+    def episode(self, episode: int) -> Episode:
+        """The recording, whose pictures are decoded when asked for."""
+        return read_episode(self._dataset.episode_path(episode), "lazy")
 
 
 def features_of(

@@ -8,7 +8,9 @@ threshold, which is fixed once on training objects: between the distances of loo
 front) and those of different states.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +19,7 @@ from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.reason.inputs.observation import ObservedEpisode
+    from busybot.reason.inputs.trigger_links import ObservedLinks
 
 CHANNELS = 256
 """Numbers per object and frame (paper section 3.2)."""
@@ -34,8 +37,7 @@ class BoardSequence:
         acted: int64 (T,), index of the trigger acted on as far as boxes tell (`acted_objects`), -1 for none.
         triggers: bool (N,).
         responders: bool (N,).
-        looked: bool (T,), whether the camera looked again after each action, because anything had changed; None where
-            nobody knows.
+        watch: tells what pictures show of the trigger links in the first so many actions; None without pictures.
     """
 
     features: np.ndarray
@@ -44,12 +46,23 @@ class BoardSequence:
     acted: np.ndarray
     triggers: np.ndarray
     responders: np.ndarray
-    looked: np.ndarray | None = None
+    watch: "Callable[[int], ObservedLinks] | None" = None
 
     @property
-    def anything_new(self) -> np.ndarray:
-        """bool (T,), whether anything may have changed with each action."""
-        return np.ones(self.steps, bool) if self.looked is None else self.looked
+    def links(self) -> "ObservedLinks":
+        """What pictures show of the trigger links.
+
+        Raises:
+            BusybotError: there are no pictures.
+        """
+        if self.watch is None:
+            raise BusybotError("what was recorded without pictures tells nothing of links", "record it with pictures")
+        return self.watch(self.steps)
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All but `watch`, by name."""
+        return {name: value for name, value in vars(self).items() if name != "watch"}
 
     @property
     def steps(self) -> int:
@@ -64,8 +77,9 @@ class BoardSequence:
     def first(self, images: int) -> "BoardSequence":
         """The same board watched for at most `images` frames (so many minus one actions)."""
         steps = max(0, images - 1)
-        known = {"features": self.features[: steps + 1], "actions": self.actions[:steps], "acted": self.acted[:steps]}
-        return replace(self, looked=None if self.looked is None else self.looked[:steps], **known)
+        return replace(
+            self, features=self.features[: steps + 1], actions=self.actions[:steps], acted=self.acted[:steps]
+        )
 
 
 def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSequence:
@@ -79,6 +93,7 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
         BusybotError: the features are not those of so many frames and objects.
     """
     from busybot.reason.inputs.observation import acted_objects  # decodes pictures; what trains does without
+    from busybot.reason.inputs.trigger_links import observe_links
 
     roles = np.array(observed.roles, str)
     expected = (len(observed.image_of), len(roles), CHANNELS)
@@ -93,7 +108,7 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
         acted=acted_objects(observed).astype(np.int64),
         triggers=roles == "trigger",
         responders=roles == "responder",
-        looked=np.diff(observed.image_of) != 0,
+        watch=lru_cache(maxsize=2)(lambda steps: observe_links(observed.first(steps + 1))),
     )
 
 

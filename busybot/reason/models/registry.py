@@ -33,7 +33,7 @@ class ReasonerInfo(ModelCard):
         config: of the training; the networks' part tells their size.
     """
 
-    model: Literal["event", "paper"]
+    model: Literal["event", "mechanism", "paper"]
     encoder: str
     config: dict[str, Any]
 
@@ -68,6 +68,13 @@ def _trained(info: ReasonerInfo, tensors: "dict[str, Tensor]", file: Path) -> Re
         event = EventConfig.model_validate(info.config)
         net = network_with(lambda: EventNet(event.net), tensors, file)
         return EventReasoner(net, info.encoder, event.loss.blur)
+    if info.model == "mechanism":
+        from busybot.reason.models.mechanism.config import MechanismConfig
+        from busybot.reason.models.mechanism.networks import MechanismNet
+        from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+
+        mechanism = MechanismConfig.model_validate(info.config)
+        return MechanismReasoner(network_with(lambda: MechanismNet(mechanism.net), tensors, file), info.encoder)
     from busybot.reason.models.paper.config import PaperReasonConfig
     from busybot.reason.models.paper.networks import PaperReasoner, network_of
     from busybot.training.device import device

@@ -10,6 +10,7 @@ from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, goal_of, observe_episode
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.registry import infer
 from tests.episodes.synthetic import make_episode, make_task_episode
 from tests.reason.scenes import Scene
@@ -81,6 +82,8 @@ def same(one: object, other: object) -> bool:
         return np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
     if isinstance(one, list | tuple):
         return isinstance(other, list | tuple) and len(one) == len(other) and all(map(same, one, other))
+    if isinstance(one, BoardSequence) and isinstance(other, BoardSequence):
+        return all(map(same, one.arrays.values(), other.arrays.values())) and same(one.links, other.links)
     if hasattr(one, "__dataclass_fields__"):
         return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))  # type: ignore[arg-type]
     return one == other

@@ -1,6 +1,6 @@
 """Constants of the `mechanism` model and its training."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat
 
@@ -22,6 +22,11 @@ class MechanismConfig(FrozenModel):
     """Training the `mechanism` model with true parents as labels (amortised inference: Lorenz & others, AVICI, 2022).
 
     Attributes:
+        encoder: which features it reads of responders.
+        drawn: boards of each world of the recordings that are drawn and moved without a simulator, to train on beside
+            the recordings.
+        actions: random ones on each of these.
+        confused: share of these whose link is taken for another one, as pictures get some wrong.
         iterations: at most so many.
         batch: boards per iteration.
         moments: numbers of actions after which each board is judged in one iteration; drawn, small ones more often.
@@ -31,6 +36,11 @@ class MechanismConfig(FrozenModel):
         rough: weight of the loss before messages were passed.
     """
 
+    model: Literal["mechanism"] = "mechanism"
+    encoder: str = "embedded"
+    drawn: Annotated[int, Field(ge=0)] = 200
+    actions: Annotated[int, Field(ge=1)] = 30
+    confused: Annotated[float, Field(ge=0, le=1)] = 0.02
     iterations: Annotated[int, Field(ge=0)] = 3000
     batch: Annotated[int, Field(ge=1)] = 8
     moments: Annotated[int, Field(ge=1)] = 3

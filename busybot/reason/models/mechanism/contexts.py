@@ -130,8 +130,8 @@ def _late_inputs(trace: Trace) -> list[np.ndarray]:
 
 
 def _presses(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
-    """int (2, T + 1, L), of `WAYS`: actions since each link was pressed, `LONGEST` more than there were if it never was;
-    and whether that happened an odd number of times."""
+    """int (2, T + 1, L), of `WAYS`: actions since each link was pressed, `LONGEST` more than there were if it never
+    was; and whether that happened an odd number of times."""
     ends = np.stack([np.array(trace.sizes) - 1, np.zeros(len(trace.sizes), int)])
     pressed = np.zeros((len(WAYS), *trace.links.shape), bool)
     pressed[:, 1:] = (trace.links[1:] != trace.links[:-1]) & (trace.links[1:] == ends[:, None])

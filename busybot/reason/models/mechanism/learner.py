@@ -1,16 +1,18 @@
 """Trains the `mechanism` model with the true parents of simulated boards as labels."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from busybot.common.rng import generator
+from busybot.objects.resolve import find
+from busybot.reason.inputs.board_dataset import RecordedBoards
 from busybot.reason.models.mechanism.config import MechanismConfig
-from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph
+from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, labelled
+from busybot.reason.models.mechanism.networks import MechanismNet
+from busybot.reason.models.mechanism.perception import perceive
 from busybot.reason.pyg import Batch, HeteroData, scatter
 from busybot.training.checkpoint import initialise
 from busybot.training.device import device, repeat_exactly
@@ -19,22 +21,6 @@ from busybot.training.loop import Learner, cosine_rate, descend
 JUDGED_AT_ONCE = 16
 JUDGED_AFTER = (4, 10, 22, 30)
 """Held-out boards are judged after so many actions."""
-
-
-@dataclass(frozen=True)
-class LabelledTrace:
-    """A board's trace and what was true.
-
-    Attributes:
-        parents: bool (T, I, R), the inputs that decided each responder after each action.
-    """
-
-    trace: Trace
-    parents: np.ndarray
-
-    def graph(self, after: Sequence[int]) -> HeteroData:
-        """The board's graph after so many actions each."""
-        return explanation_graph(self.trace, after, self.parents[np.asarray(after) - 1])
 
 
 def loss_of(net: MechanismNet, graph: HeteroData, rough: float) -> Tensor:
@@ -111,3 +97,20 @@ class MechanismLearner(Learner):
             total += float(loss_of(self.network, batch.to(device()), 0.0)) * responders
             count += responders
         return {"loss": total / count} if count else {}
+
+
+def learner_of(
+    config: MechanismConfig, boards: RecordedBoards, held_out: RecordedBoards, seed: int
+) -> MechanismLearner:
+    """A learner from recordings, with as many drawn boards of their worlds as the configuration asks for."""
+    worlds = sorted({boards.episode(number).board.world for number in range(len(boards))})
+    library, traces = find("procedural"), [_labelled(boards, number, config.encoder) for number in range(len(boards))]
+    for world in worlds:
+        drawn = draw_boards(world, config.drawn, seed, library, config.actions, config.confused) if config.drawn else ()
+        traces += [trace for _, trace in drawn]
+    judged = [_labelled(held_out, number, config.encoder) for number in range(len(held_out))]
+    return MechanismLearner(config, traces, judged, seed)
+
+
+def _labelled(boards: RecordedBoards, number: int, encoder: str) -> LabelledTrace:
+    return labelled(boards.episode(number), perceive(boards[number], encoder))

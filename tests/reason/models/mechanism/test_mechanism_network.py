@@ -18,7 +18,8 @@ from busybot.reason.models.mechanism.contexts import (
     evidence_of,
     explanations_of,
 )
-from busybot.reason.models.mechanism.learner import JUDGED_AFTER, LabelledTrace, MechanismLearner
+from busybot.reason.models.mechanism.labelled import LabelledTrace
+from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, parents_of
 from busybot.reason.pyg import Batch
 from busybot.training.loop import fit

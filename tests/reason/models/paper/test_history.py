@@ -32,7 +32,7 @@ def test_a_prediction_depends_on_all_that_was_seen_and_on_its_own_step(network: 
     seen = watched(steps=7)
     before = predicted(network, seen)
     for step in range(7):
-        other = BoardSequence(**{name: value.copy() for name, value in vars(seen).items()})
+        other = BoardSequence(**{name: value.copy() for name, value in seen.arrays.items()})
         changed = getattr(other, what)
         changed[step] = 1 - changed[step]
         moved = (predicted(network, other) - before).abs().amax((0, 2)) > 0

@@ -184,7 +184,7 @@ def test_the_first_23_images_infer_and_the_steps_after_them_are_predicted() -> N
 
 def test_inference_knows_nothing_of_what_follows_the_23_images() -> None:
     network, seen = PaperNetwork(SMALL).eval(), watched(steps=30)
-    other = BoardSequence(**{name: value.copy() for name, value in vars(seen).items()})
+    other = BoardSequence(**{name: value.copy() for name, value in seen.arrays.items()})
     other.features[23:], other.actions[22:], other.acted[22:] = 7, 7, 1
     first, second = (network(boards_of([each], SMALL), 23)[1].logits for each in (seen, other))
     assert torch.equal(first, second)

@@ -1,0 +1,123 @@
+"""Labelled traces: recorded boards as pictures show them, and boards that are drawn and moved without a simulator.
+
+Labels are the true parents of boards of the training split (amortised inference). Nothing else that is privileged is
+read, and nothing at all when boards are judged.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from busybot.boards.causal_graph import periods
+from busybot.boards.config import BoardConfig
+from busybot.boards.dynamics import Dynamics
+from busybot.boards.generate import generate_boards
+from busybot.boards.spec import BODY, BoardSpec
+from busybot.boards.worlds import links_of
+from busybot.common.rng import generator
+from busybot.episodes.episode import Episode
+from busybot.objects.library import Library
+from busybot.reason.models.mechanism.contexts import Trace
+from busybot.reason.models.mechanism.networks import explanation_graph
+from busybot.reason.models.mechanism.perception import Perceived
+from busybot.reason.pyg import HeteroData
+
+Named = tuple[int, str]
+"""Object and link; a responder is its `BODY`."""
+
+
+@dataclass(frozen=True)
+class LabelledTrace:
+    """A board's trace and what was true.
+
+    Attributes:
+        parents: bool (T, I, R), the inputs that decided each responder after each action.
+    """
+
+    trace: Trace
+    parents: np.ndarray
+
+    def graph(self, after: Sequence[int]) -> HeteroData:
+        """The board's graph after so many actions each."""
+        return explanation_graph(self.trace, after, self.parents[np.asarray(after) - 1])
+
+
+FAILED = 0.03
+"""Share of actions on drawn boards that move nothing."""
+
+
+def labelled(episode: Episode, seen: Perceived) -> LabelledTrace:
+    """A recorded board. A link that was seen is the true one that most of its actions held."""
+    held = [(step.acted_object, step.acted_link) for step in episode.steps]
+    inputs: list[Named] = []
+    for link in range(len(seen.links.owners)):
+        own = [held[step] for step in np.flatnonzero(seen.links.clusters == link)]
+        inputs.append(max(sorted(set(own)), key=own.count))
+    inputs += [(int(index), BODY) for index in seen.responders]
+    return LabelledTrace(seen.trace, true_parents(episode.board, inputs, seen.responders, len(episode.steps)))
+
+
+def true_parents(
+    board: BoardSpec, inputs: Sequence[Named], responders: Sequence[int] | np.ndarray, actions: int
+) -> np.ndarray:
+    """bool (T, I, R), as of `LabelledTrace`."""
+    place = {int(index): number for number, index in enumerate(responders)}
+    found = np.zeros((actions, len(inputs), len(place)), bool)
+    for period in periods(board):
+        read = {(ref.object, ref.link) for ref in period.relation.triggers}
+        rows = [row for row, one in enumerate(inputs) if one in read]
+        for action in range(actions):
+            if period.holds(action + 1) and period.relation.responder in place:
+                found[action, rows, place[period.relation.responder]] = True
+    return found
+
+
+def draw_boards(
+    world: str, boards: int, seed: int, library: Library, actions: int, confused: float
+) -> Iterator[tuple[BoardSpec, LabelledTrace]]:
+    """Boards of the training split, on which random links were moved, without a simulator or pictures.
+
+    Args:
+        confused: share of actions whose link is taken for another one of the board, as pictures get some wrong.
+    """
+    config = BoardConfig(world=world, boards=boards, seed=seed, group_size=1)
+    for number, board in enumerate(generate_boards(config, library)):
+        rng = generator(seed, world, number, "mechanisms/actions")
+        links = links_of([library.get(placed.key) for placed in board.objects])
+        responders = [index for index, placed in enumerate(board.objects) if placed.role == "responder"]
+        law = Dynamics(board, links)
+        true = [state for placed in board.objects for state in placed.states]
+        seen, state = list(true), law.start(tuple(true))
+        rows, shown = [list(seen)], [[state.shown[index] for index in responders]]
+        for _ in range(actions):
+            link = int(rng.integers(len(true)))
+            there = [one for one in (true[link] - 1, true[link] + 1) if 0 <= one < links.sizes[link]]
+            after = there[int(rng.integers(len(there)))]
+            fails, mistaken = rng.random(2) < (FAILED, confused)
+            if not fails and not law.locked(link, state.shown):
+                true[link] = after
+                other = int(rng.integers(len(true)))
+                if mistaken and other != link:
+                    seen[other] = (seen[other] + 1) % links.sizes[other]
+                else:
+                    seen[link] = after
+            state = law.step(tuple(true), state)
+            rows.append(list(seen))
+            shown.append([state.shown[index] for index in responders])
+        trace = Trace(np.array(rows), np.array(shown), links.sizes)
+        inputs = [*links.names, *((index, BODY) for index in responders)]
+        yield board, LabelledTrace(as_pictured(trace), true_parents(board, inputs, responders, actions))
+
+
+def as_pictured(trace: Trace) -> Trace:
+    """The same with states numbered as pictures number them: as they appear, but for the middle one of three links'."""
+    top = np.array(trace.sizes) - 1
+    links = np.where(trace.links[:1] > top / 2, top - trace.links, trace.links)
+    responders = np.stack([_as_they_appear(column) for column in trace.responders.T], axis=1)
+    return Trace(links, responders, trace.sizes)
+
+
+def _as_they_appear(states: np.ndarray) -> np.ndarray:
+    order = list(dict.fromkeys(states.tolist()))
+    return np.array([order.index(state) for state in states.tolist()])

@@ -558,6 +558,7 @@ def bounds_worlds() -> str:
 WORLD_ROWS = {
     "observer": "exact observer, truth",
     "observer-detected": "exact observer, detected",
+    "mechanism": "mechanism network, pictures",
     "count": "counting",
     "lookup": "lookup",
     "pc": "PC",
@@ -571,7 +572,7 @@ def worlds() -> str:
     """For every world and row: parents at both levels, mechanisms, predictions and calibration."""
     lines = []
     for world, parts in result("worlds")["rows"].items():
-        rows = {**parts["rows"], **parts.get("discovery", {})}
+        rows = {**parts["rows"], **parts.get("discovery", {}), **parts.get("learned", {})}
         for name, words in WORLD_ROWS.items():
             if name in rows:
                 row = rows[name]

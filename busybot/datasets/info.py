@@ -20,6 +20,7 @@ from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.process_pool import share
 from busybot.episodes.digests import Digests, Sha256
 from busybot.episodes.schema import SCHEMA_VERSION
+from busybot.objects.license import UNKNOWN
 
 MANIFEST_FILE, CARD_FILE = "manifest.json", "README.md"
 MANIFEST_VERSION = "1.0"
@@ -29,6 +30,7 @@ FILES_AT_ONCE = 500
 """That a worker hashes before it answers: small files take less time than an answer."""
 HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
 
+_SPDX = re.compile(r"^[A-Za-z0-9.+-]+$")
 _FILE_NAME = re.compile(r"^(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*$")
 
 Version = Annotated[str, Field(pattern=r"^\d+\.\d+$")]
@@ -175,6 +177,13 @@ class Manifest(FrozenModel):
     assets: dict[str, AssetEntry]
     frozen_with: dict[str, str]
     files: dict[str, FileEntry]
+
+    @property
+    def licence(self) -> str | None:
+        """SPDX identifier of the licence that all objects have, None where they have several or an unknown one."""
+        found = {entry.licence for entry in self.assets.values()}
+        only = found.pop() if len(found) == 1 else UNKNOWN
+        return only if only != UNKNOWN and _SPDX.match(only) else None
 
     @field_validator("files")
     @classmethod

@@ -122,13 +122,13 @@ def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, data: 
 def test_the_mechanism_model_learns_from_true_parents_and_says_so(tmp_path: Path, data: Path) -> None:
     out, small = tmp_path / "run", ("iterations=4", "batch=2", "drawn=2", "net.width=8", "loop.judge=2")
     settings = [word for setting in small for word in ("--set", setting)]
-    command = ["train", "reason", "--model", "mechanism", "--out", str(out), "--data", str(data), *settings]
+    command = ["train", "reason", "--variant", "mechanism", "--out", str(out), "--data", str(data), *settings]
     result = run(*command, "--workers", "1", "--json")
     assert result.exit_code == 0, result.stderr
     told = json.loads(result.stdout)["training"]
     assert (told["iterations"], told["labels"]) == (4, "true parents")
     assert load_reasoner(out).name == "mechanism"
-    judged = run("eval", "reason", str(data), "--model", str(out), "--images", "4", "--workers", "1", "--json")
+    judged = run("eval", "reason", str(data), "--reasoner", str(out), "--images", "4", "--workers", "1", "--json")
     assert judged.exit_code == 0, judged.stderr
     assert json.loads(judged.stdout)["model"] == "mechanism"
     listed = run("models", "info", str(out))

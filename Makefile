@@ -6,7 +6,7 @@ WORKERS ?= auto
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 4 --dist worksteal
 PROFILE ?= smoke
 
-.PHONY: help setup demo test test-all lint reproduce dvc extras lock check-resolve clean
+.PHONY: help setup demo test test-all lint reproduce dvc extras lock check-resolve check-exports clean
 
 help:
 	@echo "make demo           set up and run the demo: boards, recordings, relations, a report and pictures"
@@ -19,6 +19,7 @@ help:
 	@echo "make setup          only set up: .venv, pinned packages, a Vulkan driver"
 	@echo "make extras         install the optional packages: Ray, causal-learn, Stable-Baselines3"
 	@echo "make lock           write the locks in requirements/ anew from pyproject.toml (needs the registry)"
+	@echo "make check-exports  open exports of the tiny dataset in the real tools (needs the registry, installs 3 GB)"
 	@echo "make check-resolve  do the pins resolve for every supported Python? (needs the registry)"
 
 setup:
@@ -74,6 +75,10 @@ check-resolve: setup
 			echo "Python $$version: $$input: $$(wc -l < .resolved.txt) packages resolve"; \
 		done; \
 	done; rm -f .resolved.txt
+
+# The tools' packages would fight ours: they live in environments of their own.
+check-exports: setup
+	@$(BIN)/python tools/check_exports.py --environments .tools/exports
 
 clean:
 	rm -rf .venv build *.egg-info .setup.log .pytest_cache .mypy_cache .ruff_cache

@@ -126,7 +126,7 @@ def main() -> None:
     shutil.rmtree(run / "tables", ignore_errors=True)
     command = f"python -m pipelines.tables {run.as_posix() if not run.is_absolute() else 'RUN'}"
     for name, rows in tables.items():
-        figures = {"assets": ", ".join(sorted(assets)), "rows": rows}
+        figures = {"profile": run.name, "assets": ", ".join(sorted(assets)), "rows": rows}
         write_result(run / "tables" / f"{name}.json", {**stamp(name, command=command), **figures})
     stages = {name: note.model_dump(include={"seconds", "cpu_seconds", "done"}) for name, note in notes(run)}
     write_result(run / "tables" / "stages.json", {**stamp("stages", command=command), "stages": stages})

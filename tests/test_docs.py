@@ -9,10 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from busybot import __version__
 from busybot.cli.main import load_command
+from busybot.cli.options import RENAMED, UNTIL
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "benchmarks" / "README.md"]
+PAGES = [
+    *sorted((ROOT / "docs").rglob("*.md")),
+    *(ROOT / name for name in ("benchmarks/README.md", "CHANGELOG.md", "CONTRIBUTING.md")),
+]
 PLACES = {page: page.relative_to(ROOT).as_posix() for page in PAGES}
 TEXTS = {place: page.read_text(encoding="utf-8") for page, place in PLACES.items()}
 CODE = [
@@ -90,6 +95,28 @@ def test_the_contents_name_every_page() -> None:
     contents = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     pages = [place.removeprefix("docs/") for place in TEXTS if place.startswith("docs/") and place != "docs/index.md"]
     assert [page for page in pages if f"]({page})" not in contents] == []
+
+
+def test_the_changes_name_this_version_and_options_with_old_names() -> None:
+    text = TEXTS["CHANGELOG.md"]
+    versions = re.findall(r"^## (\d+\.\d+\.\d+)(.*)$", text, re.MULTILINE)
+    released = [version for version, words in versions if "not released" not in words]
+    assert released[0] == __version__ and len(versions) - len(released) <= 1
+    numbers = [tuple(map(int, version.split("."))) for version, _ in versions]
+    assert numbers == sorted(numbers, reverse=True)
+    flat = " ".join(text.split())
+    for renamed in RENAMED.values():
+        for old, new in renamed.items():
+            assert re.search(rf"{old}` is `{new}`", flat), f"{old} to {new}"
+    assert f"until version {UNTIL} and say so" in flat and f"until version {UNTIL} and say so" in " ".join(
+        TEXTS["docs/reference/commands.md"].split()
+    )
+
+
+def test_targets_that_contributors_are_told_exist() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    told = re.findall(r"(?:`|^    )make ([a-z-]+)", "\n".join(TEXTS.values()), re.MULTILINE)
+    assert len(told) > 3 and [name for name in told if f"\n{name}:" not in makefile] == []
 
 
 def test_the_picture_is_that_of_its_script(tmp_path: Path) -> None:

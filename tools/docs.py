@@ -26,7 +26,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "benchmarks/README.md": {"costs": prose.costs, "relations": prose.relations},
     "datasets/worlds/README.md": {"sets": tables.world_sets},
     "docs/guides/camera.md": {"real-camera": tables.real_camera},
-    "docs/guides/reproduce.md": {"laptop": prose.laptop},
+    "docs/guides/reproduce.md": {"reproduced": tables.reproduced, "laptop": prose.laptop},
     "docs/guides/worlds.md": {
         "worlds": reference_pages.worlds,
         "mechanisms": reference_pages.mechanisms,
@@ -55,6 +55,7 @@ PAGES: dict[str, dict[str, Part]] = {
     },
     "docs/results/speed.md": {
         "waiting": tables.waiting,
+        "hardware": tables.hardware,
         "collection-parts": tables.collection_parts,
         "world-costs": tables.world_costs,
         "frames-speed": prose.frames_speed,

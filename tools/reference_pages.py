@@ -16,7 +16,7 @@ from busybot.plan import metrics as plan_metrics
 from busybot.reason.evaluation import causes_summary
 from busybot.view.report.page import Block, Heading, Text, markdown, plain_grid
 
-COMMON = ("--help", "--json", "--seed", "--workers", "--config", "--set")
+COMMON = ("--help", "--json", "--quiet", "--seed", "--workers", "--config", "--set")
 """Options that the page explains once."""
 VALUES = """\
 Where each value is stored, which hash it enters, and what `dataset diff` calls a difference in it. What enters no hash

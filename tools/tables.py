@@ -230,6 +230,41 @@ def waiting() -> str:
     return markdown([plain_grid([*heads, "ratio"], rows, told["unit"]), Text(words)])
 
 
+def hardware() -> str:
+    """Pictures, interactions and iterations of training a second, by number of workers."""
+    told, blocks = result("hardware"), []
+    workers = sorted({number for one in told["frames"].values() for number in one}, key=int)
+    rows = []
+    for what, one in told["frames"].items():
+        cells = [f"{one[n]['per_second']:.0f} ({one[n]['megapixels']:.1f})" if n in one else "-" for n in workers]
+        rows.append((f"pictures, {what} (megapixels)", cells))
+    for what, one in told["interactions_per_second"].items():
+        rows.append((f"interactions, {what}", [f"{one[n]['per_second']:.1f}" if n in one else "-" for n in workers]))
+    blocks.append(plain_grid([f"{number} worker{'s' * (number != '1')}" for number in workers], rows, "a second"))
+    rows = [(what, [f"{one['seconds']:.3g}"]) for what, one in told["iterations"].items()]
+    blocks.append(plain_grid(["seconds"], rows, "an iteration of training"))
+    hours = told["paper_profile"]["minutes"]["all"] / 60
+    machine = told["machine"]
+    words = (
+        f"{machine['processor']}, {machine['cores']} cores, drawn by {machine['renderer']}, networks on the "
+        f"{machine['device']}. The `paper` profile would take {hours:,.0f} hours there, most of them the training of "
+        "the paper's graph network: it wants a GPU."
+    )
+    return markdown([*blocks, Text(words)])
+
+
+def reproduced() -> str:
+    """What a run of the smoke profile costs, stage by stage."""
+    told = result("reproduce")
+    rows = [(stage, [f"{seconds:.0f}"]) for stage, seconds in told["stages"].items()]
+    words = (
+        f"A run of `{told['profile']}` takes {told['cpu_seconds'] / 60:.1f} CPU-minutes, "
+        f"{told['seconds'] / 60:.1f} minutes "
+        f"on {told['machine']['cores']} cores, with {told['commands']} commands:"
+    )
+    return markdown([Text(words), plain_grid(["seconds"], rows, "stage")])
+
+
 def scale() -> str:
     """What each command costs along each curve, in matrix products, with its slope in words."""
     told = result("scale")
@@ -558,6 +593,7 @@ def bounds_worlds() -> str:
 WORLD_ROWS = {
     "observer": "exact observer, truth",
     "observer-detected": "exact observer, detected",
+    "mechanism": "mechanism network, pictures",
     "count": "counting",
     "lookup": "lookup",
     "pc": "PC",
@@ -571,7 +607,7 @@ def worlds() -> str:
     """For every world and row: parents at both levels, mechanisms, predictions and calibration."""
     lines = []
     for world, parts in result("worlds")["rows"].items():
-        rows = {**parts["rows"], **parts.get("discovery", {})}
+        rows = {**parts["rows"], **parts.get("discovery", {}), **parts.get("learned", {})}
         for name, words in WORLD_ROWS.items():
             if name in rows:
                 row = rows[name]

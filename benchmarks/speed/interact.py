@@ -10,7 +10,7 @@ dataset: the policy of the shipped model beside the scripted one, with everythin
 action. What the dense position network needs for a whole board, its features included, is told for each number of
 threads, by the clock.
 
-With `paper` the paper's training is measured (`train interact --model paper`). The data of the first epoch of every
+With `paper` the paper's training is measured (`train interact --variant paper`). The data of the first epoch of every
 phase are collected at the paper's size (16 boards of 10 actions), with untrained networks and as the schedule has it
 there: random positions until the epsilon of positions falls, all directions until the last phase, whose first direction
 is random. Then each network is trained for so many iterations on these data, with the paper's pictures, batches and

@@ -40,7 +40,7 @@ def run(split: str, policy: str, folder: Path, arguments: argparse.Namespace) ->
         ("collect", str(out), "--policy", policy),
         ("dataset", "verify", str(out)),
         ("dataset", "info", str(out)),
-        ("eval", "reason", str(out), "--model", "count"),
+        ("eval", "reason", str(out), "--reasoner", "count"),
     )
     told, seconds = [], []
     for command in commands:

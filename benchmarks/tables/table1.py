@@ -59,7 +59,7 @@ ROWS = {
     "random": Table1Row(None, model="random"),
     "free-0-delta-1000": Table1Row(None, judge=runner.settings("interaction.delta=1000"), model="free-0"),
     **{f"without-responders-{pixels}": _delta(pixels) for pixels in (100, 500, 1000)},
-    "paper": Table1Row(("--model", "paper")),
+    "paper": Table1Row(("--variant", "paper")),
 }
 ON_REQUEST = ("paper",)
 """Rows that only `--rows` runs: days on a CPU."""

@@ -84,7 +84,7 @@ class Table2Row:
     seeds: int = 1
 
 
-EVENT, PAPER = ("--model", "event"), ("--model", "paper")
+EVENT, PAPER = ("--variant", "event"), ("--variant", "paper")
 SHORT = ("epochs=50", "network.pairs=candidates", "bfloat16=true", "loop.held_out=0.05", "threads=1")
 """What half an hour of a processor can do of the paper's schedule; the best weights on held-out boards are kept."""
 BOARDS = (20, 100, 300)
@@ -128,7 +128,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
             trained.append({**kept, "machine": machine()})
         for split in SPLITS:
             if (data / split).is_dir():
-                commands.append(("eval", "reason", str(data / split), "--model", model, *judging))
+                commands.append(("eval", "reason", str(data / split), "--reasoner", model, *judging))
                 judged.setdefault(split, []).append(_told(commands[-1], arguments.work / f"{name}-{seed}-{split}.json"))
     return {
         "commands": [runner.as_typed(command, places) for command in commands],

@@ -54,7 +54,7 @@ def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -
         ("collect", str(tasks), "--policy", "learned", "--model", model, *seed, *assets),
     ]
     players = [
-        (str(number), ",".join(OURS if number else AGENTS), option("--model", reasoner))
+        (str(number), ",".join(OURS if number else AGENTS), option("--reasoner", reasoner))
         for number, reasoner in enumerate(options.reasoner)
     ]
     players += [("learned", ",".join(options.learned), ())] if options.learned else []

@@ -1,10 +1,9 @@
 """Rows without learning of the table of worlds: what they see of a board, what they claim, and how they are tuned.
 
-All rows see what is told by pictures and contacts: which objects changed by their pixels, looks of responders as
-clusters of features, and links as clusters of contacts (average linkage, over all actions of the board). The exact
+All rows see what pictures tell: which objects changed by their pixels, looks of responders as clusters of features,
+and links by the pixels that their moves change (`inputs.trigger_links`, over all actions of the board). The exact
 observer on what is detected is told states in place of these: an evaluator names clusters and looks by the true link
-and state that they mostly are, and states on the new board. What it is told otherwise comes from pictures: a link of
-two states is in the other one when pixels of its object changed, one of three moves along the direction of the action.
+and state that they mostly are.
 
 PC and Granger are those of causal-learn, from the extra `causal`. Both know which action took hold of which link, that
 nothing causes an action, and that causes do not follow their effects: links, now and some actions ago, and in worlds in
@@ -18,7 +17,6 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.cluster.hierarchy import fcluster, linkage
 
 from busybot.boards.spec import BODY
 from busybot.common.frozen_model import FrozenModel
@@ -36,7 +34,6 @@ from busybot.reason.models.lookup import LookupConfig
 ACTIONS = (10, 22, 30)
 """Rows are judged after so many."""
 ENCODER = "embedded"
-REACHES = (0.06, 0.07, 0.08, 0.09, 0.1, 0.11, 0.12)
 
 
 @dataclass(frozen=True)
@@ -44,8 +41,7 @@ class Seen:
     """One board. T actions, N objects.
 
     Attributes:
-        pixels: int (T, N), changed ones of each object.
-        changed: bool (T, N), whether that is a change.
+        changed: bool (T, N), whether enough pixels of each object changed.
         looks: int (T + 1, N), label-free, 0 at first; 0 throughout for objects without features.
         held: int (T,), the trigger link that was truly held, -1 for none; for evaluators.
         links: how many trigger links there are; for evaluators.
@@ -53,7 +49,6 @@ class Seen:
 
     episode: Episode
     sequence: BoardSequence
-    pixels: np.ndarray
     changed: np.ndarray
     looks: np.ndarray
     held: np.ndarray
@@ -69,27 +64,16 @@ class Seen:
         place = {name: number for number, name in enumerate(names)}
         held = np.array([place.get((step.acted_object, step.acted_link), -1) for step in episode.steps], int)
         changed = pixels > np.maximum(config.least, config.share * area)
-        return Seen(episode, sequence, pixels, changed, looks, held, len(names))
+        return Seen(episode, sequence, changed, looks, held, len(names))
 
     @property
     def responders(self) -> np.ndarray:
         return np.flatnonzero(self.sequence.responders)
 
-    def clusters(self, reach: float) -> np.ndarray:
-        """int (T,), the link that each action took hold of as far as contacts tell, -1 for none.
-
-        Args:
-            reach: greatest mean distance of contacts of one link, board units.
-        """
-        found, count = np.full(self.sequence.steps, -1), 0
-        for trigger in np.flatnonzero(self.sequence.triggers):
-            own = np.flatnonzero(self.sequence.acted == trigger)
-            if len(own):
-                places = self.sequence.actions[own, :2]
-                labels = fcluster(linkage(places, "average"), reach, "distance") if len(own) > 1 else np.ones(1, int)
-                found[own] = count + labels - 1
-                count += labels.max()
-        return found
+    @property
+    def clusters(self) -> np.ndarray:
+        """int (T,), the link that each action took hold of as far as pictures tell, -1 for none."""
+        return self.sequence.links.clusters
 
     def detected_rightly(self, clusters: np.ndarray, told: tuple[np.ndarray, np.ndarray]) -> tuple[float, float, float]:
         """Share of actions whose cluster stands for the link that they held, and of states of links and responders that
@@ -106,14 +90,10 @@ class Tuned(FrozenModel):
     """What was chosen on training boards.
 
     Attributes:
-        reach: see `Seen.clusters`.
-        moved: a link moved when more than so many pixels of its object changed.
         error: probability that a detected state of a responder is wrong, for the exact observer.
         counting, lookup: of these two.
     """
 
-    reach: float = 0.08
-    moved: int = 8
     error: float = 0.01
     counting: CountConfig = CountConfig()
     lookup: LookupConfig = LookupConfig()
@@ -250,28 +230,16 @@ def discovered(
     return InferredGraph(name, graph, threshold, links=InferredLinks(clusters, single))
 
 
-def detected(seen: Seen, clusters: np.ndarray, sizes: Sequence[int], moved: int) -> tuple[np.ndarray, np.ndarray]:
-    """States of trigger links, int (T + 1, L), and of all objects, int (T + 1, N), as far as pictures tell.
-
-    Args:
-        sizes: numbers of states of the links.
-        moved: see `Tuned`.
-    """
+def detected(seen: Seen, clusters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """States of trigger links, int (T + 1, L), and of all objects, int (T + 1, N), as far as pictures tell."""
     trace = trace_of(seen.episode)
     assert trace is not None
     triggers, shown = trace
-    link_of, actions = matched_links(clusters, seen.held, seen.links), seen.sequence.actions
     links = np.repeat(triggers[:1], len(triggers), axis=0)
-    for step, cluster in enumerate(clusters):
-        links[step + 1] = links[step]
-        link, acted = link_of.get(int(cluster), -1), seen.sequence.acted[step]
-        if link < 0 or seen.pixels[step, acted] <= moved:
-            continue
-        own = np.flatnonzero(clusters == cluster)
-        along = np.sign(actions[own, 3:] @ actions[own[0], 3:])
-        upward = np.sign(along @ np.diff(triggers[:, link])[own]) or 1
-        now, sense = links[step, link], int(upward * along[own == step][0])
-        links[step + 1, link] = 1 - now if sizes[link] == 2 else min(max(now + sense, 0), sizes[link] - 1)
+    for cluster, link in matched_links(clusters, seen.held, seen.links).items():
+        own = seen.sequence.links.states[:, cluster]
+        meant = {state: np.bincount(triggers[own == state, link]).argmax() for state in set(own.tolist())}
+        links[:, link] = [meant[state] for state in own.tolist()]
     judged = judged_objects(observe_episode(seen.episode))
     read = NearestState(seen.sequence.features, seen.looks, shown, judged).read(seen.sequence.features)
     return links, np.where(judged, read, shown[:1])
@@ -285,24 +253,9 @@ def f1_of(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
 
 
 def tuned(boards: Sequence[Seen]) -> Tuned:
-    """Constants that do best on training boards: for parents by F1 of objects over `ACTIONS` together, for clusters and
-    moves by agreement with the truth. Methods of discovery, `lookup` and the observer's error are left as they are."""
-    reach = max(REACHES, key=lambda one: sum(_agreeing(seen, one) for seen in boards))
-    moved = max((0, 1, 2, 4, 8, 16), key=lambda one: sum(_moved_rightly(seen, one) for seen in boards))
-    return Tuned(reach=reach, moved=moved, counting=_tuned_count(boards))
-
-
-def _agreeing(seen: Seen, reach: float) -> int:
-    clusters = seen.clusters(reach)
-    match = matched_links(clusters, seen.held, seen.links)
-    return sum(match.get(int(cluster), -1) == link for cluster, link in zip(clusters, seen.held, strict=True))
-
-
-def _moved_rightly(seen: Seen, moved: int) -> int:
-    truth = [step.trigger_states_before != step.trigger_states_after for step in seen.episode.steps]
-    steps = np.flatnonzero(seen.sequence.acted >= 0)
-    told = seen.pixels[steps, seen.sequence.acted[steps]] > moved
-    return int((told == np.array(truth)[steps]).sum())
+    """Constants that do best on training boards: for parents by F1 of objects over `ACTIONS` together. Methods of
+    discovery, `lookup` and the observer's error are left as they are."""
+    return Tuned(counting=_tuned_count(boards))
 
 
 def _tuned_count(boards: Sequence[Seen]) -> CountConfig:
@@ -333,9 +286,9 @@ def _pairs(graph: np.ndarray, seen: Seen, threshold: float) -> list[tuple[np.nda
     ]
 
 
-def tuned_discovery(boards: Sequence[Seen], reach: float, name: str) -> DiscoveryConfig:
+def tuned_discovery(boards: Sequence[Seen], name: str) -> DiscoveryConfig:
     """The constants of `pc` or `granger` that do best on training boards, after 22 actions."""
-    is_pc, clusters = name == "pc", [seen.clusters(reach) for seen in boards]
+    is_pc, clusters = name == "pc", [seen.clusters for seen in boards]
     tests = product((0.05, 0.2), (0, 1)) if is_pc else [(0.0, 0)]
     best: tuple[float, DiscoveryConfig] = (-1, DiscoveryConfig())
     for (level, condition), states, lags in product(tests, (False, True), (0, 2)):

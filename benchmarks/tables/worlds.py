@@ -2,7 +2,7 @@
 
     python -m benchmarks.tables.worlds record --data FOLDER --assets DIR [--only gates,time]
     python -m benchmarks.tables.worlds --data FOLDER --assets DIR --out benchmarks/results/worlds.json
-        [--only gates,time] [--parts rows,discovery,exploring]
+        [--only gates,time] [--parts rows,discovery,exploring,learned] [--model FOLDER] [--boards 100]
 
 `record` makes, for each world, boards of the training split to judge on (`validation`) and others to tune on
 (`training`), and acts on them by the scripted policy: it takes a random link that shows, at a contact and in a
@@ -10,7 +10,8 @@ direction that move it. Pictures are small, everything else is as ever. No test 
 
 The parts are `rows` (counting, lookup, persistence, the exact observer of what is detected, and of the truth),
 `discovery` (two methods of causal-learn, from the extra `causal`; slow, so on the first boards alone) and `exploring`
-(the exact observer after random, coverage-first and greedy choice of links, on the first boards, without a simulator).
+(the exact observer after random, coverage-first and greedy choice of links, on the first boards, without a simulator);
+on request `learned`: a trained model of relations.
 
 All commands resume: `record` where it was stopped, the other after the last world and part that it wrote.
 """
@@ -61,6 +62,8 @@ from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.counting import CountConfig
 from busybot.reason.models.lookup import LookupConfig, Persistence
+from busybot.reason.models.registry import reasoner_of
+from busybot.training.model_cards import file_hashes, find_folder
 
 KIND = "worlds"
 NAMES = (*WORLDS, PAPER)
@@ -129,12 +132,27 @@ def chosen_constants(training: Recorded) -> Tuned:
     return found
 
 
-def rows_of(validation: Recorded, found: Tuned, seed: int) -> dict[str, Any]:
+def learned(validation: Recorded, model: Path, most: int | None, seed: int) -> dict[str, Any]:
+    """Figures of a trained model, under its name."""
+    judging = ReasonEvaluation(str(model), library=validation.library)
+    judged = [judge_episode(seen.episode, judging, seen.sequence.features) for seen in validation.boards(most)]
+    told = summarise_predictions([(one.board, one.forecast) for one in judged if one.forecast is not None])
+    row = figures([(one.board, one.causes) for one in judged if one.causes is not None], seed)
+    return {
+        reasoner_of(str(model)).name: {
+            **row,
+            "pred_a": told["pred_a"],
+            "model": file_hashes(find_folder(model, "reason")),
+        }
+    }
+
+
+def rows_of(validation: Recorded, found: Tuned, most: int | None, seed: int) -> dict[str, Any]:
     """Figures of each row, by its name."""
     judged: dict[str, Judged] = {}
     forecasts: list[tuple[BoardSpec, JudgedPrediction]] = []
     detections = []
-    for number, seen in enumerate(validation.boards()):
+    for number, seen in enumerate(validation.boards(most)):
         board, causes, seen_causes, right = _of_board(validation, seen, found)
         for name, one in causes.items():
             judged.setdefault(name, []).append((board, one))
@@ -157,11 +175,11 @@ def _of_board(
     """Judged causes by row, predictions of `lookup`, and what is detected (`Seen.detected_rightly`)."""
     looked = validation.judge(seen, found.lookup)
     truth = looked.causes
-    clusters = seen.clusters(found.reach)
+    clusters = seen.clusters
     law, states = law_of(seen.episode, validation.library), states_of(seen.episode)
     assert law is not None and states is not None
     observed = observe_episode(seen.episode)
-    told = detected(seen, clusters, law.links.sizes, found.moved)
+    told = detected(seen, clusters)
     visible = judged_objects(observed)
     watched = Watched(
         seen.episode, seen.sequence.actions, seen.sequence.acted, visible, IMAGES, validation.library, seen.sequence,
@@ -251,7 +269,7 @@ def discovery_of(training: Recorded, validation: Recorded, found: Tuned, boards:
     tuning, judged = list(training.boards(TUNING)), list(validation.boards(boards))
     rows: dict[str, Any] = {}
     for name in METHODS:
-        config = tuned_discovery(tuning, found.reach, name)
+        config = tuned_discovery(tuning, name)
         told = [(seen.episode.board, _discovered(validation, seen, found, name, config)) for seen in judged]
         rows[name] = {"tuned": config.model_dump(mode="json"), **figures(told, seed)}
         print(f"{name}: {rows[name]['object']['22']['f1']:.2f}", file=sys.stderr, flush=True)
@@ -259,7 +277,7 @@ def discovery_of(training: Recorded, validation: Recorded, found: Tuned, boards:
 
 
 def _discovered(validation: Recorded, seen: Seen, found: Tuned, name: str, config: DiscoveryConfig) -> JudgedCauses:
-    clusters = seen.clusters(found.reach)
+    clusters = seen.clusters
     graph = discovered(seen, clusters, name, strengths(seen, clusters, name, config), config)
     visible = judged_objects(observe_episode(seen.episode))
     watched = Watched(seen.episode, seen.sequence.actions, seen.sequence.acted, visible, IMAGES)
@@ -286,14 +304,14 @@ def _progress(number: int) -> None:
         print(f"board {number}", file=sys.stderr, flush=True)
 
 
-PARTS = ("rows", "discovery", "exploring")
+PARTS, LEARNED = ("rows", "discovery", "exploring"), "learned"
 
 
 def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The whole result, after each part of each world; what is not asked for is kept from an earlier one."""
     rows = runner.told_rows(arguments.out, KIND)
     worlds = runner.chosen(arguments.only, NAMES) if arguments.only else NAMES
-    for part in runner.chosen(arguments.parts, PARTS):
+    for part in runner.chosen(arguments.parts, (*PARTS, LEARNED)):
         for world in worlds:
             told = rows.setdefault(world, {})
             if part in told and not arguments.again:
@@ -313,12 +331,14 @@ def _part(part: str, world: str, told: dict[str, Any], arguments: argparse.Names
         return exploring(
             world, list(validation.dataset.boards())[:EXPLORED], find(arguments.assets), arguments.greedy, seed
         )
+    if part == LEARNED:
+        return learned(validation, arguments.model, arguments.boards, seed)
     training = Recorded.at(folder / "training", arguments.assets)
     if part == "discovery":
         found = Tuned.model_validate(told["rows"]["tuned"])
         return discovery_of(training, validation, found, arguments.few, seed)
     found = chosen_constants(training)
-    rows = rows_of(validation, found, seed)
+    rows = rows_of(validation, found, arguments.boards, seed)
     sets = {"training": training.dataset, "validation": validation.dataset}
     return {"tuned": found.model_dump(mode="json"), "data": {name: origin(one) for name, one in sets.items()}, **rows}
 
@@ -328,6 +348,8 @@ def main(words: list[str]) -> None:
     options.add_argument("--data", type=Path, required=True, help="what `record` made")
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
     options.add_argument("--parts", default=",".join(PARTS))
+    options.add_argument("--boards", type=int, help="boards that are judged, the first ones; all by default")
+    options.add_argument("--model", type=Path, help="trained model of relations, for the part `learned`")
     options.add_argument("--few", type=int, default=FEW, help="boards of the methods of causal discovery")
     options.add_argument("--greedy", type=int, default=GREEDY, help="boards of greedy choice")
     options.add_argument("--again", action="store_true", help="what is in the result already, too")

@@ -11,6 +11,7 @@ from busybot.common.frozen_model import FrozenModel
 
 Count = Annotated[int, Field(ge=0, le=32)]
 Range = tuple[Count, Count]
+Keys = Annotated[tuple[Annotated[str, Field(pattern=r"^[A-Za-z]+/[A-Za-z0-9_.-]{1,64}$")], ...], Field(max_length=32)]
 
 Instances = Literal["train", "novel"]
 SPLITS: dict[str, Instances] = {"train": "train", "novel-config": "train", "novel-object": "novel", NOVEL: "train"}
@@ -44,6 +45,8 @@ class BoardConfig(FrozenModel):
         group_size: consecutive boards that share their appearance and differ in their relations (paper section 3.2);
             1 by default with tasks, so that every task has its own board.
         uniform: draw every instance with the same probability instead of by the library's weights.
+        include: keys of objects that stand on every board.
+        only: keys of objects beside which no other ones of their categories are drawn.
         margin: free space around an object's footprint, object units (scaled with the object).
     """
 
@@ -60,6 +63,8 @@ class BoardConfig(FrozenModel):
     max_objects: Annotated[int, Field(ge=2, le=32)] = 10
     group_size: Annotated[int, Field(ge=1, le=10_000)] = 20
     uniform: bool = False
+    include: Keys = ()
+    only: Keys = ()
     margin: Annotated[float, Field(ge=0, le=2)] = 0.2
     links: Range | None = None
     depth: Range = (1, 8)
@@ -68,7 +73,8 @@ class BoardConfig(FrozenModel):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """JSON without keys that say nothing: as before there were worlds."""
-        return without(handler(self), {"world": PAPER, "links": None, "depth": [1, 8], "plan": 8})
+        silent = {"world": PAPER, "links": None, "depth": [1, 8], "plan": 8, "include": [], "only": []}
+        return without(handler(self), silent)
 
     @model_validator(mode="before")
     @classmethod

@@ -53,6 +53,8 @@ def _pools(config: BoardConfig, library: Library) -> Pools:
         entries = library.weights(SPLITS[config.split], category)
         if config.relations == "one-to-one" and category == "Switch":
             entries = [(key, weight) for key, weight in entries if _is_plain(library.get(key))]
+        _refuse_strangers(config, library, category, [key for key, _ in entries])
+        entries = [entry for entry in entries if entry[0] in config.only] or entries
         if not entries and most > 0:
             raise BusybotError(
                 f"{library.name}: no {category} for the split {config.split!r} (relations {config.relations!r}), "
@@ -62,6 +64,15 @@ def _pools(config: BoardConfig, library: Library) -> Pools:
         weights = np.array([1.0 if config.uniform else weight for _, weight in entries])
         pools[category] = [key for key, _ in entries], weights / weights.sum() if len(weights) else weights
     return pools
+
+
+def _refuse_strangers(config: BoardConfig, library: Library, category: str, keys: list[str]) -> None:
+    """Refuse objects that are asked for by name, but that boards of this kind cannot have."""
+    for key in (*config.include, *config.only):
+        library.get(key)
+        if key.startswith(f"{category}/") and key not in keys:
+            what = f"{key} is none of the objects for the split {config.split!r} (relations {config.relations!r})"
+            raise BusybotError(f"{library.name}: {what}", "`busybot assets list` shows the splits and kinds of links")
 
 
 def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redraws: Redraws) -> Iterator[BoardSpec]:
@@ -151,6 +162,9 @@ def _draw_models(
     for category in rng.permutation(wanted):
         keys, probabilities = pools[str(category)]
         models.append(library.get(keys[rng.choice(len(keys), p=probabilities)]))
+    if not _put_in(models, [library.get(key) for key in config.include]):
+        redraws["kinds"] += 1
+        return None
     links = sum(len(model.trigger_links) for model in models)
     if config.links and not config.least_links <= links <= config.links[1]:
         redraws["kinds"] += 1
@@ -159,6 +173,18 @@ def _draw_models(
         redraws["kinds"] += 1
         return None
     return models
+
+
+def _put_in(models: list[ObjectModel], wanted: list[ObjectModel]) -> bool:
+    """Let objects take the places of others of their categories; False if there are too few of these."""
+    for model in wanted:
+        places = [place for place, other in enumerate(models) if other.category == model.category]
+        free = [place for place in places if models[place] not in wanted]
+        if model not in models and not free:
+            return False
+        if model not in models:
+            models[free[0]] = model
+    return True
 
 
 def _is_plain(model: ObjectModel) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import answer, check_file, console, print_json, say, tell
+from busybot.cli.common import answer, check_file, console, counted, episode_progress, print_json, say, tell
 from busybot.cli.options import DeviceOption, JsonOption, SeedOption
 from busybot.common.errors import BusybotError
 
@@ -59,19 +59,26 @@ def check(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="A library, one object's folder, or raw objects.")],
     json: JsonOption = False,
 ) -> None:
-    """Say what is wrong with each object, and which are raw. Exits with 1 if any is bad or raw."""
+    """Say what is wrong with each object, what its import doubted, and which are raw.
+
+    Exits with 1 if any is bad or raw.
+    """
     from busybot.objects.partnet.check import check_objects
 
     findings = check_objects(folder)
     bad = [finding for finding in findings if not finding.ok]
+    asked = [finding for finding in findings if finding.question]
     checked = len({finding.name for finding in findings})
     if json:
-        print_json({"ok": not bad, "checked": checked, "problems": bad})
+        print_json({"ok": not bad, "checked": checked, "problems": bad, "questions": asked})
     else:
+        for finding in asked:
+            tell(f"{finding.name}: question: {finding.question} (hint: {finding.hint})")
         for finding in bad:
             tell(f"{finding.name}: {finding.problem} (hint: {finding.hint or 'see the documentation'})")
         names = len({finding.name for finding in bad})
-        tell(f"{folder}: {checked} checked, {f'{names} bad' if bad else 'nothing is wrong'}")
+        doubts = f", {counted(len(asked), 'question')}" if asked else ""
+        tell(f"{folder}: {checked} checked, {f'{names} bad' if bad else 'nothing is wrong'}{doubts}")
     if bad:
         raise typer.Exit(1)
 
@@ -106,7 +113,7 @@ def import_raw(
         say(f"{outcome.name}: {outcome.done}{f' as {outcome.key}' if outcome.key else ''}{_reason(outcome)}")
         outcomes.append(outcome)
     if review is not None:
-        proposals = {outcome.name: (outcome.choices, outcome.notes) for outcome in outcomes if outcome.choices}
+        proposals = {one.name: (one.choices, one.notes, one.questions) for one in outcomes if one.choices}
         write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
     refused = any(outcome.problem for outcome in outcomes)
     facts = {"folder": out, "review": review, "objects": outcomes, "unused": _unused(given, folders)}
@@ -114,6 +121,26 @@ def import_raw(
     answer(json, {"ok": not refused, **facts}, *hints)
     if refused:
         raise typer.Exit(1)
+
+
+@app.command()
+def merge(
+    libraries: Annotated[list[str], typer.Argument(metavar="DIR...", help="Libraries' folders, or `procedural`.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to make; it must not exist or be empty.")],
+    json: JsonOption = False,
+) -> None:
+    """Put the objects of several libraries into a new one; each keeps its split and weight."""
+    from busybot.objects.merge import merge_libraries
+    from busybot.objects.resolve import find, load_and_remember
+
+    merge_libraries([find(name) for name in libraries], out)
+    library = load_and_remember(out)
+    answer(
+        json,
+        {"folder": out, "sha256": library.sha256, "objects": list(library.objects)},
+        f"{len(library.objects)} objects in {out} (sha256 {library.sha256[:12]})",
+        f"next: busybot assets list {out}; busybot generate OUT --assets {out}",
+    )
 
 
 def _unused(given: "Overrides | None", folders: list[Path]) -> list[str]:
@@ -162,7 +189,7 @@ def _token() -> str:
 def _reason(outcome: "ImportOutcome") -> str:
     if outcome.problem:
         return f": {outcome.problem}{f' (hint: {outcome.hint})' if outcome.hint else ''}"
-    return "".join(f"\n  {note}" for note in outcome.notes)
+    return "".join(f"\n  {line}" for line in (*outcome.notes, *(f"question: {one}" for one in outcome.questions)))
 
 
 @app.command()
@@ -181,7 +208,8 @@ def sheet(
     from busybot.view.figures.contact_sheet import sheet as draw
 
     check_file("--out", out, "sheet.png")
-    count = draw(out, find(folder), cell, columns)
+    with episode_progress("drawing") as progress:
+        count = draw(out, find(folder), cell, columns, progress)
     answer(json, {"sheet": out, "objects": count}, f"{count} objects in {out}")
 
 

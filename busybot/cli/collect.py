@@ -2,13 +2,21 @@
 
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from busybot.cli.common import answer, episode_progress, own_name, processes, say
-from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, StrictOption, WorkersOption
-from busybot.common.errors import BusybotError
+from busybot.cli.options import (
+    AssetsOption,
+    DeviceOption,
+    JsonOption,
+    StrictOption,
+    WorkersOption,
+    interaction_models,
+    offering,
+)
+from busybot.common.errors import UsageError
 
 if TYPE_CHECKING:
     from busybot.common.process_pool import Engine
@@ -19,25 +27,33 @@ def collect(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder made by `busybot generate`.")],
     steps: Annotated[int | None, typer.Option(min=0, help="Actions on each board; 30 by default.")] = None,
     policy: Annotated[
-        str | None,
+        Literal["random", "learned", "scripted"] | None,
         typer.Option(
             help="random (the default; learned with tasks), learned, or scripted (an oracle that knows the joints)."
         ),
     ] = None,
     model: Annotated[
-        str | None, typer.Option(help="With --policy learned: a shipped model's name or a folder.")
+        str | None,
+        typer.Option(
+            help="With --policy learned: a shipped model's name or a folder.",
+            autocompletion=offering(interaction_models),
+        ),
     ] = None,
     strict: StrictOption = False,
     camera: Annotated[
-        str | None,
+        Literal["clean", "real"] | None,
         typer.Option(help="clean (the default), or real: noise, blur, drift, shake, shadows, hands, lossy depth."),
     ] = None,
-    images: Annotated[str | None, typer.Option(help="Store pictures as jpeg (the default) or png.")] = None,
+    image_format: Annotated[
+        Literal["jpeg", "png"] | None, typer.Option(help="Store pictures as jpeg (the default) or png.")
+    ] = None,
     assets: AssetsOption = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Seed of the policy; the dataset's by default.")] = None,
     workers: WorkersOption = None,
     device: DeviceOption = "auto",
-    engine: Annotated[str, typer.Option(help="local, or ray for the machines of a cluster.")] = "local",
+    engine: Annotated[
+        Literal["local", "ray"], typer.Option(help="local, or ray for the machines of a cluster.")
+    ] = "local",
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters (CollectConfig).")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as interaction.delta=1000.")] = None,
     json: JsonOption = False,
@@ -52,7 +68,7 @@ def collect(
     options: dict[str, Any] = {
         "steps": steps,
         "policy": policy,
-        "images": images,
+        "images": image_format,
         "seed": seed,
         "interaction.strict": strict or None,
     }
@@ -81,8 +97,6 @@ def _camera_terms(camera: str | None) -> dict[str, Any]:
     """Strengths that the terms of a camera have unless others are named, by dotted names."""
     from busybot.sim.scene.real_camera import REAL
 
-    if camera not in (None, "clean", "real"):
-        raise BusybotError(f"there is no camera {camera!r}", "choose one of clean, real")
     return {f"render.camera.{term}": value for term, value in REAL.items()} if camera == "real" else {}
 
 
@@ -90,10 +104,7 @@ def _engine(name: str) -> "Engine":
     """Who runs the workers."""
     from busybot.common.process_pool import run_on_ray, run_tasks
 
-    engines: dict[str, Engine] = {"local": run_tasks, "ray": run_on_ray}
-    if name not in engines:
-        raise BusybotError(f"there is no engine {name!r}", f"choose one of {', '.join(engines)}")
-    return engines[name]
+    return run_on_ray if name == "ray" else run_tasks
 
 
 def _policy_factory(
@@ -103,10 +114,10 @@ def _policy_factory(
     if policy != "learned":
         hint = "leave it out, or say --policy learned"
         if model is not None:
-            raise BusybotError(f"--model {model} goes with --policy learned, not with {policy}", hint)
+            raise UsageError(f"--model {model} goes with --policy learned, not with {policy}", hint)
         if learned:
             what = f"--set learned.{next(iter(learned))} goes with --policy learned, not with {policy}"
-            raise BusybotError(what, hint)
+            raise UsageError(what, hint)
         return None, None
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory
 

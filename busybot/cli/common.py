@@ -9,25 +9,40 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from busybot.common.errors import BusybotError, explained
+from busybot.common.errors import BusybotError, UsageError, explained
 from busybot.common.text import plain
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 JSON_WANTED = "busybot.json"
 CONTEXT = {"help_option_names": ["-h", "--help"]}
+_QUIET = ContextVar("quiet", default=False)
+
+
+def be_quiet(wanted: bool) -> None:
+    """Take `--quiet`: until the command ends, `say` and progress are silent."""
+    if wanted:
+        _QUIET.set(True)
 
 
 def say(message: str) -> None:
-    """A line of progress or explanation, on standard error."""
+    """A line of progress or explanation, on standard error; none with `--quiet`."""
+    if not _QUIET.get():
+        warn(message)
+
+
+def warn(message: str) -> None:
+    """A line on standard error that `--quiet` does not take away: what is wrong or will be."""
     print(plain(message), file=sys.stderr, flush=True)
 
 
@@ -37,14 +52,75 @@ def tell(message: object) -> None:
 
 
 def console() -> "Console":
-    """Where tables are printed: names in them are text, never markup, links or commands to the terminal."""
+    """Where tables are printed: names in them are text, never markup, links or commands to the terminal.
+
+    No table is cut. Where one needs more columns than a terminal has, it is printed in parts, one below the other; in
+    files and pipes it is as wide as it needs.
+    """
     from rich.console import Console
+    from rich.table import Table
 
     class Plain(Console):
         def render_str(self, text: str, **how: Any) -> Any:
             return super().render_str(plain(text), **how)
 
+        def print(self, *objects: Any, **how: Any) -> None:
+            if len(objects) != 1 or not isinstance(objects[0], Table):
+                super().print(*objects, **how)
+            elif self.is_terminal:
+                for part in _parts(self, objects[0]):
+                    super().print(part, **how)
+            else:
+                usual, self.width = self.width, max(self.width, _width(self, objects[0]))
+                super().print(*objects, **how)
+                self.width = usual
+
     return Plain(markup=False, emoji=False)
+
+
+def _width(screen: "Console", table: "Table", chosen: Sequence[int] | None = None) -> int:
+    """How wide a screen must be for a table, or some of its columns, so that nothing is cut."""
+    from rich.measure import Measurement
+
+    wide, width = screen.options.update(width=10_000, max_width=10_000), 1
+    for number in range(len(table.columns)) if chosen is None else chosen:
+        found = Measurement.get(screen, wide, _with_columns(table, [number]))
+        width += (found.maximum if table.columns[number].no_wrap else found.minimum) - 1  # columns share their borders
+    return width
+
+
+def _parts(screen: "Console", table: "Table") -> list["Table"]:
+    """The table, or as many as are needed for none to be wider than the screen; each has the first column."""
+    if len(table.columns) < 2 or _width(screen, table) <= screen.width:
+        return [table]
+    if _width(screen, table, [0]) > screen.width // 2:
+        table.columns[0].no_wrap, table.columns[0].overflow = False, "fold"
+    groups = [[0, 1]]
+    for number in range(2, len(table.columns)):
+        if _width(screen, table, [*groups[-1], number]) > screen.width:
+            groups.append([0])
+        groups[-1].append(number)
+    parts = [_with_columns(table, group) for group in groups]
+    for part in parts:
+        part.title, part.caption = part.title if part is parts[0] else None, part.caption if part is parts[-1] else None
+        if _width(screen, part) > screen.width:  # one cell alone is too long: it is broken
+            for column in part.columns:
+                column.no_wrap, column.overflow = False, "fold"
+    return parts
+
+
+def _with_columns(table: "Table", chosen: list[int]) -> "Table":
+    from rich.table import Table
+
+    columns = [table.columns[number] for number in chosen]
+    part = Table(
+        title=table.title, caption=table.caption, title_justify=table.title_justify, show_header=table.show_header
+    )
+    for column in columns:
+        part.add_column(column.header, justify=column.justify, no_wrap=column.no_wrap, overflow=column.overflow)
+    for row, cells in zip(table.rows, zip(*(column.cells for column in columns), strict=True), strict=True):
+        part.add_row(*cells, style=row.style, end_section=row.end_section)
+    return part
 
 
 def processes(wanted: int | None) -> int:
@@ -128,10 +204,11 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def report_errors(context: typer.Context) -> Iterator[None]:
-    """Turn faults of input and environment into `error: ...` and exit code 1, Ctrl-C into exit code 130.
+    """Turn faults of input and environment into `error: ...` and exit code 1, wrong usage into 2, Ctrl-C into 130.
 
     `busybot.cli.main` does this around every subcommand.
     """
+    before = _QUIET.set(False)
     try:
         yield
     except BusybotError as error:
@@ -144,10 +221,14 @@ def report_errors(context: typer.Context) -> Iterator[None]:
     except KeyboardInterrupt:
         say("interrupted")
         raise typer.Exit(130) from None
+    finally:
+        _QUIET.reset(before)
 
 
 def _report(context: typer.Context, error: BusybotError) -> NoReturn:
-    say(f"error: {error}")
+    warn(f"error: {error}")
+    if isinstance(error, UsageError):
+        raise typer.Exit(2) from None
     if context.meta.get(JSON_WANTED):
         print_json({"error": error.what, "hint": error.hint})
     raise typer.Exit(1) from None
@@ -180,8 +261,12 @@ def native_output_on_stderr(wanted: bool) -> Iterator[None]:
 def episode_progress(label: str) -> Iterator[Any]:
     """A callback (done, total) that shows progress with rate and time left on standard error.
 
-    On a terminal it is a bar; elsewhere a line is printed every few seconds, so that logs stay short.
+    On a terminal it is a bar; elsewhere a line is printed every few seconds, so that logs stay short. With `--quiet`
+    there is neither.
     """
+    if _QUIET.get():
+        yield lambda done, total: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

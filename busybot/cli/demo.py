@@ -6,14 +6,18 @@ from typing import Annotated
 import typer
 
 from busybot.cli.common import own_name, print_json, processes, say, tell
-from busybot.cli.options import DeviceOption, JsonOption, SeedOption, WorkersOption
+from busybot.cli.options import DeviceOption, JsonOption, SeedOption, WorkersOption, interaction_models, offering
 
 
 def demo(
     out: Annotated[Path | None, typer.Option(help="Folder to make; `demo`, or the next free `demo-2`.")] = None,
     assets: Annotated[str, typer.Option(help="`procedural`, or a folder of annotated objects.")] = "procedural",
     model: Annotated[
-        str, typer.Option(help="Who acts: a shipped model's name or a folder. `procedural` knows procedural objects.")
+        str,
+        typer.Option(
+            help="Who acts: a shipped model's name or a folder. `procedural` knows procedural objects.",
+            autocompletion=offering(interaction_models),
+        ),
     ] = "procedural",
     seed: SeedOption = 0,
     workers: WorkersOption = None,

@@ -15,10 +15,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
-from busybot.cli.common import console, print_json
+from busybot.cli.common import console, print_json, tell
 from busybot.cli.options import JsonOption
 from busybot.common.device import CHOICE
 
@@ -41,9 +42,27 @@ class Check:
     hint: str | None = None
 
 
-def doctor(as_json: JsonOption = False) -> None:
+def doctor(
+    report: Annotated[
+        bool,
+        typer.Option(
+            "--report",
+            help="Print a text for a bug report instead: versions and checks, without names, paths, secrets.",
+        ),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
     """Show what this machine offers; for each failure the command that mends it."""
     checks = examine()
+    if report:
+        from busybot.cli.bug_report import report as about
+
+        found = about(checks)
+        if as_json:
+            print_json(found)
+        else:
+            tell(found["text"])
+        return
     ok = all(check.ok for check in checks)
     if as_json:
         print_json({"ok": ok, "checks": checks})

@@ -7,13 +7,17 @@ from typing import Annotated
 import typer
 
 from busybot.cli.common import check_file, episode_progress, print_json, say
-from busybot.cli.options import DeviceOption, JsonOption, WorkersOption
+from busybot.cli.options import DeviceOption, JsonOption, WorkersOption, encoders, offering
 
 
 def features(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
     encoder: Annotated[
-        str, typer.Option(help="embedded, resnet50 or random; with -box or -mask (an oracle) behind it.")
+        str,
+        typer.Option(
+            help="embedded, resnet50 or random; with -box or -mask (an oracle) behind it.",
+            autocompletion=offering(encoders),
+        ),
     ] = "embedded",
     weights: Annotated[
         Path | None, typer.Option(help="Of resnet50: a file of torchvision's; by default the official one.")

@@ -16,6 +16,7 @@ from typer.main import get_command as command_of
 from typer.main import get_group as group_of
 
 from busybot.cli.common import CONTEXT, native_output_on_stderr, report_errors
+from busybot.cli.options import RENAMED, quiet_option, with_new_names
 
 COMMANDS = (
     "doctor",
@@ -67,19 +68,27 @@ def load_command(name: str) -> Any:
     if hasattr(module, "app"):
         group = group_of(module.app)
         group.name = name
-        return _joined(group)
+        return _finished(group, name)
     single = typer.Typer(add_completion=False, context_settings=CONTEXT)
     single.command(name)(getattr(module, name))
-    return _joined(command_of(single))
+    return _finished(command_of(single), name)
 
 
-def _joined(command: Any) -> Any:
-    """The command with every paragraph of its help on one line: terminals break lines where they need to."""
+def _finished(command: Any, words: str) -> Any:
+    """What all commands have: `--quiet`, old names of options, and every paragraph of the help on one line.
+
+    Terminals break lines where they need to.
+    """
     if command.help:
         paragraphs = inspect.cleandoc(command.help).split("\n\n")
         command.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
-    for inner in getattr(command, "commands", {}).values():
-        _joined(inner)
+    if hasattr(command, "commands"):
+        for name, inner in command.commands.items():
+            _finished(inner, f"{words} {name}")
+        return command
+    command.params.append(quiet_option())
+    if words in RENAMED:
+        command.parse_args = with_new_names(command.parse_args, RENAMED[words])
     return command
 
 

@@ -5,8 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import CONTEXT, console, counted, print_json, say, tell
-from busybot.cli.options import JsonOption
+from busybot.cli.common import CONTEXT, console, counted, print_json, tell, warn
+from busybot.cli.options import JsonOption, offering
+from busybot.cli.options import models as shipped_names
 
 if TYPE_CHECKING:
     from busybot.models import ModelDescription, ModelVerdict
@@ -19,7 +20,13 @@ app = typer.Typer(
 )
 
 ModelArgument = Annotated[
-    str, typer.Argument(metavar="MODEL", help="A shipped model's name, or a folder.", show_default=False)
+    str,
+    typer.Argument(
+        metavar="MODEL",
+        help="A shipped model's name, or a folder.",
+        show_default=False,
+        autocompletion=offering(shipped_names),
+    ),
 ]
 
 
@@ -62,7 +69,12 @@ def info(model: ModelArgument, json: JsonOption = False) -> None:
 @app.command()
 def verify(
     models: Annotated[
-        list[str] | None, typer.Argument(metavar="[MODEL]...", help="Names or folders; all shipped models by default.")
+        list[str] | None,
+        typer.Argument(
+            metavar="[MODEL]...",
+            help="Names or folders; all shipped models by default.",
+            autocompletion=offering(shipped_names),
+        ),
     ] = None,
     json: JsonOption = False,
 ) -> None:
@@ -74,7 +86,7 @@ def verify(
     verdicts = [verify_model(folder) for folder in folders]
     for verdict in verdicts:
         for problem in verdict.problems:
-            say(f"{problem}\n  hint: copy the model again, or train it again")
+            warn(f"{problem}\n  hint: copy the model again, or train it again")
     if json:
         entries = [{"ok": verdict.ok, **vars(verdict)} for verdict in verdicts]
         print_json({"ok": all(verdict.ok for verdict in verdicts), "models": entries})

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from busybot.cli.common import print_json, say, tell
-from busybot.cli.options import DeviceOption, JsonOption
+from busybot.cli.options import DeviceOption, JsonOption, interaction_models, offering, reasoners
 
 
 def report(
@@ -18,9 +18,17 @@ def report(
     episode: Annotated[
         Path | None, typer.Option(help="An episode's .mcap file: draw affordances and the growing graph of it.")
     ] = None,
-    model: Annotated[str | None, typer.Option(help="With --episode: interaction model, a name or a folder.")] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="With --episode: interaction model, a name or a folder.", autocompletion=offering(interaction_models)
+        ),
+    ] = None,
     reasoner: Annotated[
-        str, typer.Option(help="With --episode: who infers relations, as in `eval reason --model`.")
+        str,
+        typer.Option(
+            help="With --episode: who infers relations, as in `eval reason`.", autocompletion=offering(reasoners)
+        ),
     ] = "count",
     device: DeviceOption = "auto",
     json: JsonOption = False,

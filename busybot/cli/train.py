@@ -2,13 +2,23 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from busybot.cli.common import CONTEXT, answer, episode_progress, kept_in, processes, say
-from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, SeedOption, StrictOption, WorkersOption
-from busybot.common.errors import BusybotError
+from busybot.cli.options import (
+    AssetsOption,
+    DeviceOption,
+    JsonOption,
+    SeedOption,
+    StrictOption,
+    WorkersOption,
+    encoders,
+    interaction_models,
+    offering,
+)
+from busybot.common.errors import BusybotError, UsageError
 
 if TYPE_CHECKING:
     from busybot.interact.training.fast import Training
@@ -22,8 +32,8 @@ OutOption = Annotated[Path, typer.Option(help="Folder of the training; the same 
 @app.command()
 def interact(
     out: OutOption,
-    model: Annotated[
-        str | None, typer.Option(help="Variant of networks and schedule: fast (default) or paper.")
+    variant: Annotated[
+        Literal["fast", "paper"] | None, typer.Option(help="Networks and schedule: fast (default) or paper.")
     ] = None,
     assets: Annotated[str | None, typer.Option(help="Objects to act on: procedural, or a folder.")] = None,
     data: Annotated[
@@ -42,8 +52,8 @@ def interact(
     if offline and not data and not (out / "rounds").is_dir():
         raise BusybotError(f"{out}: it has no folder `rounds` to train on", "collect first: leave --offline out")
     if assets and (offline or data):
-        raise BusybotError(f"--assets {assets}: nothing is collected", "leave it out, or --offline and --data")
-    options = {"variant": model, "interaction.strict": strict or None}
+        raise UsageError(f"--assets {assets}: nothing is collected", "leave it out, or --offline and --data")
+    options = {"variant": variant, "interaction.strict": strict or None}
     objects = None if offline or data else assets or "procedural"
     training = _interaction(out, (config, set_ or [], options), objects, tuple(data or ()), seed, processes(workers))
     with kept_in(out):
@@ -68,8 +78,6 @@ def _interaction(
     from busybot.objects.resolve import find
 
     variant = parameters[2]["variant"]
-    if variant not in (None, "fast", "paper"):
-        raise BusybotError(f"there is no variant {variant!r} of the interaction networks", "choose fast or paper")
     told = RoundProgress(say, episode_progress)
 
     def recorder(config: RecordConfig) -> Recorder:
@@ -88,9 +96,14 @@ def _interaction(
 def reason(
     out: OutOption,
     data: Annotated[list[Path], typer.Option(help="Dataset with episodes to train on; repeatable.")],
-    model: Annotated[str, typer.Option(help="Which kind of networks: event, mechanism or paper.")] = "event",
+    variant: Annotated[
+        Literal["event", "mechanism", "paper"], typer.Option(help="Networks: event, mechanism or paper.")
+    ] = "event",
     encoder: Annotated[
-        str | None, typer.Option(help="Features to read: embedded (default), resnet50 or random.")
+        str | None,
+        typer.Option(
+            help="Features to read: embedded (default), resnet50 or random.", autocompletion=offering(encoders)
+        ),
     ] = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
@@ -108,9 +121,7 @@ def reason(
     from busybot.common.config import build
     from busybot.reason.train import CONFIGS, train_reason
 
-    if model not in CONFIGS:
-        raise BusybotError(f"there is no model {model!r} of relations to train", f"choose one of {', '.join(CONFIGS)}")
-    parameters = build(CONFIGS[model], config, set_ or [], {"encoder": encoder})
+    parameters = build(CONFIGS[variant], config, set_ or [], {"encoder": encoder})
     with kept_in(out):
         trained = train_reason(out, parameters, tuple(data), seed, episode_progress, workers)
     _tell(json, out, "reason", trained.training)
@@ -118,7 +129,7 @@ def reason(
 
 def _tell(json: bool, out: Path, skill: str, training: Any) -> None:
     facts = {"out": out, "model": out / "model", "training": training}
-    hint = f"next: busybot eval {skill} DATASET --model {out}"
+    hint = f"next: busybot eval {skill} DATASET --{'reasoner' if skill == 'reason' else 'model'} {out}"
     answer(json, facts, f"the model is in {out / 'model'}", hint)
 
 
@@ -134,7 +145,8 @@ def _planner(agent: str, about: str) -> Callable[..., None]:
         policy_model: Annotated[
             str | None,
             typer.Option(
-                help="Interaction model that proposes candidates: a shipped one (`procedural` by default) or a folder."
+                help="Interaction model that proposes candidates: a shipped one (`procedural` by default) or a folder.",
+                autocompletion=offering(interaction_models),
             ),
         ] = None,
         explored: Annotated[

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from busybot.cli.common import print_json, say, tell
-from busybot.cli.options import DeviceOption, JsonOption
+from busybot.cli.options import DeviceOption, JsonOption, interaction_models, offering, reasoners
 
 
 def view(
@@ -27,10 +27,18 @@ def view(
     step: Annotated[int | None, typer.Option(min=0, help="Step to show, 0 is the start; the last by default.")] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve to browsers on this machine, until Ctrl-C.")] = False,
     model: Annotated[
-        str | None, typer.Option(help="Show what this interaction model believes: name or folder.")
+        str | None,
+        typer.Option(
+            help="Show what this interaction model believes: name or folder.",
+            autocompletion=offering(interaction_models),
+        ),
     ] = None,
     reasoner: Annotated[
-        str | None, typer.Option(help="Show what this model of relations believes and expects: lookup, or a folder.")
+        str | None,
+        typer.Option(
+            help="Show what this model of relations believes and expects: lookup, or a folder.",
+            autocompletion=offering(reasoners),
+        ),
     ] = None,
     replay: Annotated[
         bool, typer.Option("--replay", help="Put every step back into the simulator and show its picture, too.")

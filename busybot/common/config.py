@@ -3,6 +3,7 @@
 YAML that others wrote: plain values, nothing that takes long to parse, no short text for a huge one.
 """
 
+import re
 from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,7 +13,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from busybot.common.atomic_io import read_text
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 
 Config = TypeVar("Config", bound=BaseModel)
 Key = TypeVar("Key", int, str)
@@ -44,7 +45,8 @@ def build(
         usual: fields, by dotted names, whose default differs here from the model's.
 
     Raises:
-        BusybotError: naming the file or setting, the parameter and what is wrong with it.
+        UsageError: naming the setting or option, the parameter and what is wrong with it.
+        BusybotError: the same of the file.
     """
     values = parse_yaml(read_text(file, MAX_BYTES, "name a YAML file"), str(file)) if file else {}
     if not isinstance(values, dict):
@@ -52,21 +54,37 @@ def build(
     for name, value in (usual or {}).items():
         _assign_default(values, name.split("."), value)
     for setting in settings:
-        path, separator, text = setting.partition("=")
-        if not separator or not path:
-            raise BusybotError(
-                f"--set {setting}: not of the form name=value", "for example --set interaction.delta=1000"
-            )
-        _assign(values, path.split("."), parse_yaml(text, f"--set {setting}"), setting)
+        _set(values, setting)
     for name, value in options.items():
         if value is not None:
             _assign(values, name.split("."), value, name)
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        where = f"{file}: " if file else ""
-        what, hint = _explained(model, error.errors()[0], options)
-        raise BusybotError(f"{where}{what}", hint) from None
+        first = error.errors()[0]
+        what, hint = _explained(model, first, options)
+        if file is None or _typed(first["loc"], settings, options):
+            raise UsageError(what, hint) from None
+        raise BusybotError(f"{file}: {what}", hint) from None
+
+
+def _set(values: dict[str, Any], setting: str) -> None:
+    """Take one `--set`."""
+    path, separator, text = setting.partition("=")
+    if not separator or not path:
+        raise UsageError(f"--set {setting}: not of the form name=value", "for example --set interaction.delta=1000")
+    try:
+        _assign(values, path.split("."), parse_yaml(text, f"--set {setting}"), setting)
+    except BusybotError as error:
+        raise UsageError(error.what, error.hint) from None
+
+
+def _typed(place: tuple[Any, ...], settings: list[str], options: dict[str, Any]) -> bool:
+    """Whether the value there was typed, not read from the file."""
+    words = [str(part) for part in place]
+    names = [setting.partition("=")[0] for setting in settings]
+    names += [name for name, value in options.items() if value is not None]
+    return any(words[: name.count(".") + 1] == name.split(".") for name in names)
 
 
 def flat(values: dict[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -91,7 +109,8 @@ def _explained(model: type[BaseModel], first: Any, options: dict[str, Any]) -> t
     if first["type"] == "extra_forbidden":
         return f"parameter {place}: {message}", _known(group, str(first["loc"][-1]))
     if field is None:
-        return f"parameter {place or model.__name__}: {message}", _known(model)
+        what, _, own = message.partition("; ")
+        return f"parameter {place}: {what}" if place else what, own or _defaults_of(model, what) or _known(model)
     given = repr(first["input"]) if isinstance(first["input"], str | int | float) else ""
     if options.get(place) is not None:
         given = f"--{place.replace('_', '-').split('.')[-1]} {given}"
@@ -105,6 +124,16 @@ def _explained(model: type[BaseModel], first: Any, options: dict[str, Any]) -> t
         return what, _known(type(default))
     shown = list(default) if isinstance(default, tuple) else default
     return what, f"the default is {shown}"
+
+
+def _defaults_of(model: type[BaseModel], message: str) -> str:
+    """The defaults of the parameters that a message is about; nothing if they have none."""
+    named = [name for name in re.findall(r"[a-z_]+", message) if name in model.model_fields]
+    fields = {name: model.model_fields[name] for name in named if not model.model_fields[name].is_required()}
+    defaults = {name: field.get_default(call_default_factory=True) for name, field in fields.items()}
+    told = {name: value for name, value in defaults.items() if value is not None}
+    shown = (f"{name} {list(value) if isinstance(value, tuple) else value}" for name, value in told.items())
+    return f"the defaults are {', '.join(shown)}" if told else ""
 
 
 def _field(model: type[BaseModel], path: list[str]) -> tuple[type[BaseModel], Any]:

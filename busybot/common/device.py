@@ -10,7 +10,7 @@ import os
 import re
 from functools import cache
 
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 
 CHOICE = "BUSYBOT_DEVICE"
 WORKER = "BUSYBOT_WORKER"
@@ -54,7 +54,7 @@ def chosen() -> str:
 def check(name: str) -> None:
     """Raise as `choose` does."""
     if not re.fullmatch(r"auto|cpu|cuda|cuda:\d{1,3}", name):
-        raise BusybotError(f"there is no device {name!r}", "choose auto, cpu, cuda or cuda:N, the first being cuda:0")
+        raise UsageError(f"there is no device {name!r}", "choose auto, cpu, cuda or cuda:N, the first being cuda:0")
     if name.startswith("cuda") and int(name.partition(":")[2] or 0) >= (count := gpus()):
         found = f"the GPUs here are cuda:0 to cuda:{count - 1}" if count else "no NVIDIA GPU is found"
         raise BusybotError(

@@ -31,6 +31,17 @@ def _readable(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST * 2 // 3]} ... {text[-LONGEST // 4 :]}"
 
 
+class UsageError(BusybotError):
+    """What was typed can never be right, whatever the files and the machine are: the command line exits with 2."""
+
+
+def needs_extra(package: str, extra: str) -> BusybotError:
+    """The error of a command whose optional package is absent; a name on a package index may be somebody else's."""
+    return BusybotError(
+        f"{package} is not installed", f"in busybot's own folder: make extras, or pip install '.[{extra}]'"
+    )
+
+
 @contextmanager
 def naming(place: object) -> Iterator[None]:
     """Put the file or folder in front of messages that do not name it."""

@@ -37,6 +37,8 @@ MAX_WEIGHTS_BYTES = 2048 * MIB
 """Of a file of weights."""
 MAX_PICTURE_BYTES = 64 * MIB
 """Of a picture that a report shows."""
+MAX_PICTURE_PIXELS = 64_000_000
+"""Of one that a report makes smaller."""
 MAX_HASHED_BYTES = 8192 * MIB
 """Of any file whose SHA-256 is asked for."""
 

@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from busybot.common.device import CHOICE, WORKER
-from busybot.common.errors import BusybotError, explained
+from busybot.common.errors import BusybotError, explained, needs_extra
 
 TASK_SECONDS = 300.0
 """A task that takes longer is killed and tried again."""
@@ -342,6 +342,5 @@ def _imported_ray() -> Any:
     try:
         import ray
     except ImportError:
-        hint = "pip install 'busybot[cluster]', or leave --engine ray out"
-        raise BusybotError("Ray is not installed", hint) from None
+        raise needs_extra("Ray", "cluster") from None
     return ray

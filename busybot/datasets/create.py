@@ -11,7 +11,7 @@ from busybot.boards.spec import BoardSpec
 from busybot.common.config import changes
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
-from busybot.datasets.dataset import INFO_FILE, Dataset
+from busybot.datasets.dataset import HINT_OTHER, INFO_FILE, Dataset
 from busybot.datasets.info import AssetsInfo, DatasetInfo, GeneratorInfo, refuse_frozen
 from busybot.objects.library import Library
 
@@ -27,7 +27,8 @@ def create_dataset(
 ) -> Dataset:
     """Draw the boards and write the dataset; it records the objects that stand on them, with their hashes.
 
-    A dataset that was made from the same configuration and objects is left as it is, with its episodes.
+    A dataset that was made from the same configuration and objects is left as it is, with its episodes; if it was to
+    have fewer boards, it grows: the rest is drawn, and all is as if it had been drawn at once.
 
     Args:
         progress: told after each board: drawn ones and all.
@@ -35,8 +36,9 @@ def create_dataset(
     Raises:
         BusybotError: the folder holds something else, or the configuration cannot be met (with the numbers).
     """
-    if (path / INFO_FILE).is_file():
-        return _same(Dataset.open(path), config, library)
+    before = _same(Dataset.open(path), config, library) if (path / INFO_FILE).is_file() else None
+    if before is not None and before.info.boards == config.boards:
+        return before
     used: set[str] = set()
 
     def drawn() -> Iterator[BoardSpec]:
@@ -60,14 +62,15 @@ def create_dataset(
             ),
         )
 
-    return Dataset.create(path, info, drawn())
+    return Dataset.create(path, info, drawn()) if before is None else before.grow(info, drawn())
 
 
 def _same(dataset: Dataset, config: BoardConfig, library: Library) -> Dataset:
-    """The dataset, if it was made from this; its recorded objects must be the library's."""
-    info, wanted = dataset.info, config.model_dump(mode="json")
-    recorded = info.generator.config
-    differing = [f"{name} differs (was {was!r}, now {now!r})" for name, (was, now) in changes(recorded, wanted).items()]
+    """The dataset, if it was made from this, or with fewer boards; its recorded objects must be the library's."""
+    info, changed = dataset.info, changes(dataset.info.generator.config, config.model_dump(mode="json"))
+    if info.boards < config.boards and changed.get("boards") == (info.boards, config.boards):
+        del changed["boards"]
+    differing = [f"{name} differs (was {was!r}, now {now!r})" for name, (was, now) in changed.items()]
     if info.generator.version != GENERATOR_VERSION:
         differing.append(f"version of the generator differs (was {info.generator.version}, now {GENERATOR_VERSION})")
     hashes = {key: model.sha256 for key, model in library.objects.items()}
@@ -75,7 +78,7 @@ def _same(dataset: Dataset, config: BoardConfig, library: Library) -> Dataset:
         differing.append("other objects")
     if differing:
         what = f"{dataset.path}: another dataset is there: {'; '.join(differing)}"
-        raise BusybotError(what, "name another folder, or remove it")
+        raise BusybotError(what, HINT_OTHER)
     return dataset
 
 
@@ -89,7 +92,7 @@ def continue_or_create(path: Path, info: DatasetInfo, boards: Sequence[BoardSpec
         return Dataset.create(path, info, boards)
     dataset = Dataset.open(path)
     if dataset.info != info or [board.digest() for board in dataset.boards()] != [b.digest() for b in boards]:
-        raise BusybotError(f"{path}: it is there and another dataset", "name another folder, or remove it")
+        raise BusybotError(f"{path}: it is there and another dataset", HINT_OTHER)
     refuse_frozen(path)
     return dataset
 

@@ -74,6 +74,7 @@ OBJECTS_FOLDER, DAMAGED_FOLDER = "objects", "damaged"
 HASHED = ["episode", "board_digest", "trace_digest", "content_digest"]
 """Columns of table `episodes` from which a dataset's hashes are made."""
 HINT_GENERATE = "generate the dataset again"
+HINT_OTHER = "name another folder, or remove it"
 
 _EPISODE_NAME = re.compile(r"^(\d{6,9})\.mcap$")
 _SHARD_NAME = re.compile(r"^part-(\d{5})\.parquet$")
@@ -144,6 +145,33 @@ class Dataset:
             return cls(path, DatasetInfo.model_validate(values))
         except ValidationError as error:
             raise BusybotError(f"{file}: {first_fault(error)}", HINT_GENERATE) from None
+
+    def grow(self, info: Callable[[], DatasetInfo], boards: Iterable[BoardSpec]) -> "Dataset":
+        """Add boards; those that are there must be the first of `boards`, and episodes stay.
+
+        `dataset.json` is written last: a killed call is simply repeated.
+
+        Args:
+            info: tells how many boards there are and what stands on them when the last one is drawn.
+
+        Raises:
+            BusybotError: the dataset is frozen, another process writes into it, or its boards are others.
+        """
+        place = self.path.absolute()
+        remove_abandoned(place.parent, place.name)
+        with self.locked(), unfinished(place.parent, place.name) as folder:
+            recorded = Dataset.open(self.path).info
+            make_folder(folder / "boards")
+            written, kept = _write_boards(folder, self.path, iter(boards)), -(-recorded.boards // BOARDS_PER_SHARD)
+            for name in map(_boards_name, range(kept)):
+                before = read_regular(inside(self.path, name), MAX_LINES_BYTES, HINT_GENERATE)
+                if not read_regular(folder / name, MAX_LINES_BYTES).startswith(before):
+                    raise BusybotError(f"{self.path / name}: its boards would be drawn otherwise today", HINT_OTHER)
+            for shard in reversed(range(max(kept - 1, 0), -(-written // BOARDS_PER_SHARD))):
+                rename(folder / _boards_name(shard), place / _boards_name(shard), place.parent)
+            grown = info().model_copy(update={"name": recorded.name, "collect": recorded.collect})
+            write_json(inside(self.path, INFO_FILE), grown.model_dump(mode="json"))
+        return Dataset(self.path, grown)
 
     def boards(self) -> list[BoardSpec]:
         """All boards in order."""

@@ -6,7 +6,6 @@ or frozen and perhaps not yet read-only. Freezing it again continues.
 """
 
 import json
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -35,10 +34,8 @@ from busybot.datasets.info import (
 from busybot.datasets.verify import is_partial, verify
 from busybot.episodes.schema import TABLES, public_columns
 from busybot.objects.library import Library
-from busybot.objects.license import UNKNOWN
 
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
-_SPDX = re.compile(r"^[A-Za-z0-9.+-]+$")
 _TEXT = """
 # {manifest.name}
 
@@ -104,9 +101,7 @@ def _objects(manifest: Manifest) -> str:
 
 
 def _front_matter(manifest: Manifest) -> str:
-    licences = {entry.licence for entry in manifest.assets.values()}
-    only = next(iter(licences)) if len(licences) == 1 else UNKNOWN
-    licence = only.lower() if only != UNKNOWN and _SPDX.match(only) else "other"
+    licence = manifest.licence.lower() if manifest.licence else "other"
     size = next((name for limit, name in _SIZES if manifest.boards < limit), "n>1M")
     lines = ["---", f"pretty_name: {json.dumps(manifest.name)}"]
     lines += [f"license: {licence}", "task_categories:", "- robotics", "- reinforcement-learning", "tags:"]

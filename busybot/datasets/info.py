@@ -20,6 +20,7 @@ from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.process_pool import share
 from busybot.episodes.digests import Digests, Sha256
 from busybot.episodes.schema import SCHEMA_VERSION
+from busybot.objects.license import UNKNOWN
 
 MANIFEST_FILE, CARD_FILE = "manifest.json", "README.md"
 MANIFEST_VERSION = "1.0"
@@ -29,6 +30,7 @@ FILES_AT_ONCE = 500
 """That a worker hashes before it answers: small files take less time than an answer."""
 HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
 
+_SPDX = re.compile(r"^[A-Za-z0-9.+-]+$")
 _FILE_NAME = re.compile(r"^(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*$")
 
 Version = Annotated[str, Field(pattern=r"^\d+\.\d+$")]
@@ -176,6 +178,13 @@ class Manifest(FrozenModel):
     frozen_with: dict[str, str]
     files: dict[str, FileEntry]
 
+    @property
+    def licence(self) -> str | None:
+        """SPDX identifier of the licence that all objects have, None where they have several or an unknown one."""
+        found = {entry.licence for entry in self.assets.values()}
+        only = found.pop() if len(found) == 1 else UNKNOWN
+        return only if only != UNKNOWN and _SPDX.match(only) else None
+
     @field_validator("files")
     @classmethod
     def _inside(cls, files: dict[str, FileEntry]) -> dict[str, FileEntry]:
@@ -196,7 +205,7 @@ def collect_command(path: Path, info: DatasetInfo) -> str:
     if collect.policy not in ("random", "learned", "scripted"):
         return f"repeat the command that began {shlex.quote(str(path))}; its policy was {collect.policy!r}"
     command += f" --steps {collect.steps} --policy {collect.policy}"
-    command += f" --images {collect.images}" if collect.images != "jpeg" else ""
+    command += f" --image-format {collect.images}" if collect.images != "jpeg" else ""
     command += f" --seed {collect.seed}" if collect.seed != info.seed else ""
     command += " --strict" if collect.strict else ""
     command += f" --set interaction.delta={collect.delta}" if collect.delta != 500 else ""

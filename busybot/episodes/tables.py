@@ -49,7 +49,7 @@ def episode_rows(path: Path, index: int, data: bytes | None = None) -> dict[str,
     episode = decode_episode(records, str(path), "lazy")
     row = {**_episode(episode), **_facts(records)}
     columns = {"episodes": {name: [value] for name, value in row.items()}}
-    columns |= {"steps": _steps(episode), "objects": _objects(episode)}
+    columns |= {"steps": step_columns(episode), "objects": object_columns(episode)}
     tables = {}
     for name, values in columns.items():
         count = len(next(iter(values.values())))
@@ -110,8 +110,8 @@ def _encoded(episode: Episode) -> Sequence[EncodedImage]:
     return episode.images.encoded
 
 
-def _steps(episode: Episode) -> dict[str, list[Any]]:
-    """The columns of the field list, null where a value is unknown."""
+def step_columns(episode: Episode) -> dict[str, list[Any]]:
+    """Columns of table `steps` but the episode's index, by name: those of the field list, null where unknown."""
     rows = [episode.values(k) for k in range(len(episode.steps))]
     for row in rows:
         row["direction_vector"] = DIRECTIONS[row["direction"]]
@@ -130,8 +130,8 @@ def _steps(episode: Episode) -> dict[str, list[Any]]:
     return columns
 
 
-def _objects(episode: Episode) -> dict[str, Any]:
-    """A row per frame and object, frame by frame."""
+def object_columns(episode: Episode) -> dict[str, Any]:
+    """Columns of table `objects` but the episode's index, by name: a row per frame and object, frame by frame."""
     placed, encoded = episode.board.objects, _encoded(episode)
     frames, count = len(episode.frame_of), len(placed)
     columns: dict[str, Any] = {

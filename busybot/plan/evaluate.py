@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.boards.task import MAX_STEPS, shortest_plan, task_of
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
@@ -71,7 +71,7 @@ def evaluate_agents(
         kind_of(agent)
     names = [name_of(agent) for agent in evaluation.agents]
     if len(set(names)) < len(names):
-        raise BusybotError("an agent is named twice", "evaluate its models one after the other")
+        raise UsageError("an agent is named twice", "evaluate its models one after the other")
     tasks = _tasks(dataset, evaluation.config)
     settings = _settings(evaluation)
     features_of(dataset, reasoner_of(evaluation.reasoner).encoder, episodes=tasks, workers=workers)

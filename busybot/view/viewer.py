@@ -144,8 +144,9 @@ def episode_file(source: Path, number: int | None = None) -> Path:
     if number is None:
         number = min(finished)
     elif number not in finished:
-        hint = f"{collect_command(source, dataset.info)}, or another number"
-        raise BusybotError(f"{source}: episode {number} is not there", hint)
+        there = f"its episodes are {min(finished)} to {max(finished)}"
+        hint = f"{collect_command(source, dataset.info)}, or another number: {there}"
+        raise BusybotError(f"{source}: episode {number} is not there", hint if number < dataset.info.boards else there)
     return dataset.episode_path(number)
 
 

@@ -63,7 +63,10 @@ def viewer_binary() -> Path:
     for candidate in (folder / "Rerun.app" / "Contents" / "MacOS" / "Rerun", folder / "rerun"):
         if package and candidate.is_file():
             return candidate
-    raise BusybotError(f"{folder / 'rerun'}: Rerun's viewer is not there", "pip install --force-reinstall rerun-sdk")
+    raise BusybotError(
+        f"{folder / 'rerun'}: Rerun's viewer is not there",
+        "install the package rerun-sdk again; in busybot's own folder: make setup",
+    )
 
 
 def free_port() -> int:

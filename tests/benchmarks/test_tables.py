@@ -44,7 +44,7 @@ def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.
     assert len(asked) == 1 and asked[0][:2] == ("eval", "reason")
     row = json.loads(out.read_text())["rows"]["lookup"]
     assert row["splits"]["novel-object"]["mean"]["pred_a"] == 0.5
-    assert row["commands"] == ["busybot eval reason DATA/novel-object --model lookup --decoders DATA/train"]
+    assert row["commands"] == ["busybot eval reason DATA/novel-object --reasoner lookup --decoders DATA/train"]
     assert told_rows(out, "table2")["lookup"] == row and told_rows(tmp_path / "none.json", "table2") == {}
 
 
@@ -96,7 +96,7 @@ def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch:
     words = ["--work", f"{tmp_path}/w", "--out", f"{tmp_path}/o", "--boards", "2"]
     *_, result = table3.measured(table3.parsed(words, policy_model="procedural", reasoner=["event"]))
     assert len(asked) == 3 * 6 and "--boards 2" in result["commands"][0]
-    assert "--model event --policy-model procedural" in result["commands"][2], "what ships is told by its name"
+    assert "--reasoner event --policy-model procedural" in result["commands"][2], "what ships is told by its name"
     assert "WORK/judged-novel-object-one-to-one-0" in result["commands"][2]
     assert result["rows"]["search"]["splits"]["train"]["one-to-one"]["success"] == pytest.approx(0.65)
     assert result["origins"]["train, one-to-many"]["hashes"]["tasks"] == {"one-to-many": "train"}

@@ -199,3 +199,40 @@ def test_unknown_relation_kinds_survive_the_schema(library: Library) -> None:
     gate = gate.model_copy(update={"triggers": gate.triggers * 2})
     again = BoardSpec.model_validate_json(board.model_copy(update={"relations": (gate,)}).model_dump_json())
     assert again.relations[0].kind == "and-gate" and again.relations[0].parameters == {"delay": 2}
+
+
+def key_of(library: Library, category: str, split: str = "train") -> str:
+    return library.weights(split, category)[-1][0]
+
+
+def test_objects_that_are_asked_for_stand_on_every_board(library: Library) -> None:
+    wanted = [key_of(library, category) for category in ("Switch", "Lamp", "Toy")]
+    for board in boards(library, boards=40, include=wanted, group_size=1):
+        count = Counter(placed.category for placed in board.objects)
+        assert set(wanted) <= {placed.key for placed in board.objects}
+        assert 2 <= count["Switch"] <= 3 and count["Toy"] == 1 and 5 <= count["Lamp"] + count["Door"] <= 6
+    for board in boards(library, boards=20, include=[key_of(library, "Door")], group_size=1):
+        assert key_of(library, "Door") in {placed.key for placed in board.objects}
+
+
+def test_no_other_object_of_its_category_is_drawn(library: Library) -> None:
+    lamps = [key for key, _ in library.weights("train", "Lamp")][:2]
+    for board in boards(library, boards=40, only=lamps):
+        assert {placed.key for placed in board.objects if placed.category == "Lamp"} <= set(lamps)
+    usual = {placed.key for board in boards(library, boards=40) for placed in board.objects}
+    assert len({key for key in usual if key.startswith("Lamp/")} - set(lamps)) >= 1
+
+
+def test_objects_that_there_are_not_or_not_in_the_split_are_refused(library: Library) -> None:
+    for option in ("include", "only"):
+        with pytest.raises(BusybotError, match="has no object 'Lamp/none'"):
+            boards(library, **{option: ["Lamp/none"]})
+        novel = key_of(library, "Lamp", "novel")
+        with pytest.raises(BusybotError, match=f"{novel} is none of the objects for the split 'train'"):
+            boards(library, **{option: [novel]})
+
+
+def test_what_is_not_asked_for_leaves_the_configuration_as_it_was() -> None:
+    assert not {"include", "only"} & set(BoardConfig().model_dump(mode="json"))
+    assert BoardConfig(only=["Lamp/a"]).model_dump(mode="json")["only"] == ["Lamp/a"]
+    assert BoardConfig.model_validate(BoardConfig(only=["Lamp/a"]).model_dump(mode="json")).only == ("Lamp/a",)

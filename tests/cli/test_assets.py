@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -14,8 +15,11 @@ from typer.testing import CliRunner
 
 from busybot.cli.main import app
 from busybot.datasets.dataset import Dataset
+from busybot.objects.importing.auto_annotation import FACING, STANDING
+from busybot.objects.library import Library
+from busybot.objects.partnet.annotation import CauseEntry, EffectEntry, ObjectAnnotation
 from tests.conftest import ROOT
-from tests.objects.raw_objects import DRAWER, LEAF, ROCKER, make_raw
+from tests.objects.raw_objects import DRAWER, GROUND, LEAF, ROCKER, STICK, make_raw
 
 
 def run(*arguments: str) -> tuple[int, str, str]:
@@ -148,6 +152,65 @@ def test_import_review_edit_import(tmp_path: Path) -> None:
     code, _, err = run("import", str(raw), "--review", str(review))
     assert code == 1 and "hint:" in err and review.read_text().startswith(edited), "a reviewed file is not overwritten"
     assert run("import", str(raw))[0] == run("import", str(raw), "--out", "x", "--split", "test")[0] == 2
+
+
+def test_a_doubtful_orientation_is_asked_about_until_it_is_answered(tmp_path: Path) -> None:
+    raw, out, review = tmp_path / "raw", tmp_path / "library", tmp_path / "review.yaml"
+    make_raw(raw / "77", "Switch", STICK, body=GROUND)
+    make_raw(raw / "78", "Switch", ROCKER)
+    code, _, err = run("import", str(raw), "--review", str(review), "--out", str(out))
+    assert code == 0 and err.count("question: which side faces the camera?") == 1
+    assert review.read_text().count("# QUESTION: which side faces the camera?") == 1
+    code, text, _ = run("check", str(out))
+    assert code == 0 and "Switch/77: question: which side" in text and "nothing is wrong, 1 question" in text
+    told = json.loads(run("check", str(out), "--json")[1])
+    assert told["ok"] and told["checked"] == 2 and [one["name"] for one in told["questions"]] == ["Switch/77"]
+    first, second = review.read_text().split("'78':")
+    review.write_text(first.replace(str(list(FACING)), str(list(STANDING))) + "'78':" + second)
+    assert run("import", str(raw), "--overrides", str(review), "--out", str(out), "--replace")[0] == 0
+    assert json.loads((out / "Switch/77/object_meta_info.json").read_text())["Orientation"] == list(STANDING)
+    assert "question" not in run("check", str(out))[1]
+
+
+def test_libraries_are_merged(made: Path, tmp_path: Path) -> None:
+    own, out = tmp_path / "own", tmp_path / "both"
+    make_raw(tmp_path / "raw" / "77", "Switch", ROCKER)
+    assert run("import", str(tmp_path / "raw"), "--out", str(own), "--split", "novel")[0] == 0
+    shutil.copytree(made / "Lamp/globe-01", own / "Lamp/globe-01")
+    lists = json.loads((own / "data.json").read_text())
+    procedural = json.loads((made / "data.json").read_text())["Reason"]["Lamp"]
+    weight = {split: procedural[split].count("globe-01") for split in procedural}
+    lists["Reason"]["Lamp"] = {split: ["globe-01"] * count for split, count in weight.items()}
+    (own / "data.json").write_text(json.dumps(lists))
+    code, text, _ = run("merge", str(made), str(own), "--out", str(out), "--json")
+    keys = json.loads(text)["objects"]
+    assert code == 0 and "Switch/77" in keys and keys.count("Lamp/globe-01") == 1
+    assert run("check", str(out))[0] == 0
+    both, parts = Library.load(out), [Library.load(made), Library.load(own)]
+    assert both.hashes() == dict(sorted((parts[0].hashes() | parts[1].hashes()).items()))
+    assert both.splits["novel"] == parts[0].splits["novel"] | parts[1].splits["novel"]
+    assert both.splits["train"] == parts[0].splits["train"]
+    assert run("merge", str(made), "--out", str(out))[0] == 1, "it is there"
+    lists["Reason"]["Lamp"] = {"train": ["globe-01"] * 7, "test": []}
+    (own / "data.json").write_text(json.dumps(lists))
+    code, _, err = run("merge", str(made), str(own), "--out", str(tmp_path / "other"))
+    assert code == 1 and "Lamp/globe-01 has another split or weight" in err
+    info = own / "Lamp/globe-01/object_meta_info.json"
+    info.write_text(info.read_text().replace('"Scale": 0', '"Scale": 1', 1))
+    code, _, err = run("merge", str(made), str(own), "--out", str(tmp_path / "other"))
+    assert code == 1 and "Lamp/globe-01 differs in" in err and "hint:" in err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["both", "own", "raw"]
+
+
+def test_every_key_of_an_annotation_is_explained(made: Path) -> None:
+    text = (ROOT / "docs/extending/add-an-object.md").read_text()
+    keys = [*ObjectAnnotation.model_fields, "Import"]
+    keys += [f"Cause.{name}" for name in CauseEntry.model_fields]
+    keys += [f"Effect.{name}" for name in EffectEntry.model_fields]
+    explained = set(re.findall(r"`([A-Z][A-Za-z_.]+)`", "".join(re.findall(r"^\| (`[^|]+)\|", text, re.MULTILINE))))
+    assert explained == set(keys)
+    written = json.loads((made / "Switch/rocker-01/object_meta_info.json").read_text())
+    assert set(written) <= set(keys)
 
 
 def test_an_imported_library_gives_boards(made: Path, tmp_path: Path) -> None:

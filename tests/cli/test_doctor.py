@@ -2,6 +2,7 @@
 
 import json
 import os
+import platform
 import subprocess
 import sys
 import time
@@ -11,8 +12,10 @@ from typing import Any
 import pytest
 
 from busybot.cli import doctor
+from busybot.cli.bug_report import nameless
 from busybot.sim import vulkan_check as probe
 from tests.cli.commands import busybot
+from tests.conftest import ROOT
 
 # A package of this name that comes first on the path and fails like a missing shared library.
 BROKEN = "raise ImportError('libGL.so.1: cannot open shared object file')"
@@ -81,6 +84,54 @@ def test_the_device_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         *_, check = doctor.gpu()
         assert check.name == "device" and check.ok is ok and check.value.startswith(words)
         assert (check.hint is None) is ok
+
+
+@pytest.mark.long
+def test_a_report_for_a_bug_tells_the_machine_but_not_whose_it_is(tmp_path: Path) -> None:
+    home = tmp_path / "home of" / "ada-lovelace"
+    (home / "secret-project").mkdir(parents=True)
+    environment = {
+        "HOME": str(home),
+        "USER": "ada-lovelace",
+        "LOGNAME": "ada-lovelace",
+        "HF_TOKEN": "hf_abcdefgh12345",
+        "BUSYBOT_PARTNET_DIR": str(home / "secret-project"),
+        "BUSYBOT_CACHE": str(home / "cache of mine"),
+    }
+    command = [sys.executable, "-m", "busybot", "doctor", "--report"]
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        env=os.environ | environment | {"PYTHONPATH": path},
+        cwd=home / "secret-project",
+    )
+    assert done.returncode == 0, done.stderr
+    for words in ("ada", "secret-project", "home of", "of mine", "hf_abc", str(tmp_path), sys.prefix, str(ROOT)):
+        assert words not in done.stdout, words
+    for words in ("| busybot | 0.1.0", platform.python_version(), "numpy ", "BUSYBOT_PARTNET_DIR", "What I did"):
+        assert words in done.stdout
+    assert "FAIL | PartNet-Mobility objects" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("HOME/data/a.mcap is damaged", "(a path) is damaged"),
+        ("cache HOME: full", "cache (a path): full"),
+        ("C:\\Users\\ada\\x.mcap", "(a path)"),
+        ("/data/clients/acme,/usr/share/vulkan/icd.d/a.json", "(a path),/usr/share/vulkan/icd.d/a.json"),
+        ("s3 https://ada:pw1234@host/x", "s3 https://***@host/x"),
+        ("token tok-123456 of grace-hopper.", "token *** of (the user)."),
+        ("and/or, 3/4, cuda:0, 1e-5", "and/or, 3/4, cuda:0, 1e-5"),
+    ],
+)
+def test_places_names_and_secrets_are_taken_out(text: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", "/home/grace-hopper")
+    monkeypatch.setenv("LOGNAME", "grace-hopper")
+    monkeypatch.setenv("MY_API_KEY", "tok-123456")
+    assert nameless()(text.replace("HOME", "/home/grace-hopper")) == told
 
 
 def test_packages_that_differ_have_a_row_each(monkeypatch: pytest.MonkeyPatch) -> None:

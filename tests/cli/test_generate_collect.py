@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import pytest
 
+from busybot.common.atomic_io import LOCK_FILE
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
 from busybot.episodes.mcap.reader import read_episode
@@ -43,9 +44,9 @@ def test_the_real_camera_is_asked_for_by_name_and_its_terms_by_theirs(tmp_path: 
     out = str(tmp_path / "data")
     busybot("generate", out, "--boards", "1")
     unknown = busybot("collect", out, "--camera", "best")
-    assert unknown.returncode == 1 and "choose one of clean, real" in unknown.stderr
+    assert unknown.returncode == 2 and "'best' is not one of" in unknown.stderr
     wrong = busybot("collect", out, "--camera", "real", "--set", "render.camera.hand=2")
-    assert wrong.returncode == 1 and "render.camera.hand" in wrong.stderr
+    assert wrong.returncode == 2 and "render.camera.hand" in wrong.stderr
     few = ("--policy", "random", "--workers", "1", *SMALL)
     terms = ("--set", "render.camera.noise=0.02", "--set", "render.camera.blur=0", "--set", "render.randomise.fov=0.1")
     done = busybot("collect", out, "--camera", "real", *terms, *few)
@@ -66,7 +67,7 @@ def test_the_real_camera_is_asked_for_by_name_and_its_terms_by_theirs(tmp_path: 
 def test_tasks_are_recorded_with_their_goals_by_the_learned_policy(tmp_path: Path) -> None:
     out = str(tmp_path / "tasks")
     refused = busybot("generate", out, "--tasks", "one-to-many", "--relations", "one-to-one")
-    assert refused.returncode == 1 and "leave relations out" in refused.stderr and not Path(out).exists()
+    assert refused.returncode == 2 and "leave relations out" in refused.stderr and not Path(out).exists()
     made = busybot("generate", out, "--tasks", "one-to-many", "--boards", "1")
     assert made.returncode == 0 and "1 board with one-to-many tasks" in made.stderr, made.stderr
     collected = busybot("collect", out, "--steps", "0", "--workers", "1", *SMALL[:4], "--json")
@@ -115,7 +116,7 @@ def test_a_world_is_generated_collected_replayed_and_verified(tmp_path: Path) ->
 )
 def test_worlds_and_links_that_there_are_not_are_told(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
     result = busybot("generate", str(tmp_path / "out"), *arguments)
-    assert result.returncode == 1 and message in result.stderr and "hint:" in result.stderr, result.stderr
+    assert result.returncode == 2 and message in result.stderr and "hint:" in result.stderr, result.stderr
     assert "Traceback" not in result.stderr and not (tmp_path / "out").exists()
 
 
@@ -168,7 +169,6 @@ def test_faults_name_the_place_and_the_hint(tmp_path: Path) -> None:
     (full / "file").touch()
     for arguments, message in (
         (("generate", str(full)), "not an empty folder"),
-        (("generate", str(tmp_path / "a"), "--split", "nowhere"), "parameter split"),
         (("generate", str(tmp_path / "b"), "--assets", str(tmp_path / "none")), "not a folder"),
         (("collect", str(tmp_path / "none")), "no such folder"),
         (("collect", str(full)), "not a dataset"),
@@ -176,7 +176,19 @@ def test_faults_name_the_place_and_the_hint(tmp_path: Path) -> None:
         result = busybot(*arguments)
         assert result.returncode == 1, arguments
         assert message in result.stderr and "hint:" in result.stderr and "Traceback" not in result.stderr
-    assert not (tmp_path / "a").exists() and not (tmp_path / "b").exists()
+    assert not (tmp_path / "b").exists()
+
+
+def test_what_is_wrong_in_a_file_is_no_wrong_usage(tmp_path: Path) -> None:
+    file, out = tmp_path / "boards.yaml", tmp_path / "out"
+    file.write_text("lamps: [12, 13]")
+    by_file = busybot("generate", out, "--config", file)
+    assert by_file.returncode == 1 and f"{file}: lamps: at least 12 do not fit" in by_file.stderr
+    typed = busybot("generate", out, "--set", "lamps=[12,13]")
+    assert typed.returncode == 2 and "the defaults are lamps [3, 5], responders [5, 6]" in typed.stderr
+    file.write_text("lamps: [3, 4]")
+    mixed = busybot("generate", out, "--config", file, "--set", "boards=0")
+    assert mixed.returncode == 2 and "parameter boards" in mixed.stderr and not out.exists()
 
 
 def test_wrong_usage_exits_with_2() -> None:
@@ -206,7 +218,7 @@ def test_views_that_show_nothing_are_refused(tmp_path: Path) -> None:
         ("interaction.delta=many", "interaction.delta"),
     ):
         result = busybot("collect", str(tmp_path / "d"), "--set", setting)
-        assert result.returncode == 1 and message in result.stderr and "Traceback" not in result.stderr, result.stderr
+        assert result.returncode == 2 and message in result.stderr and "Traceback" not in result.stderr, result.stderr
 
 
 def test_generating_again_changes_nothing_and_refuses_anything_else(tmp_path: Path) -> None:
@@ -218,6 +230,61 @@ def test_generating_again_changes_nothing_and_refuses_anything_else(tmp_path: Pa
     assert before == {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     other = busybot("generate", str(folder), "--boards", "2", "--seed", "1")
     assert other.returncode == 1 and "seed differ" in other.stderr and "hint:" in other.stderr
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    found = (path for path in folder.rglob("*") if path.is_file() and path.name != LOCK_FILE)
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}
+
+
+def test_a_dataset_grows_as_if_it_had_been_drawn_at_once(tmp_path: Path) -> None:
+    grown, once = tmp_path / "grown" / "boards", tmp_path / "once" / "boards"
+    words = ("--seed", "3", "--group-size", "4", "--split", "novel-object")
+    assert busybot("generate", grown, "--boards", "6", *words).returncode == 0
+    first = files_of(grown)
+    for wrong, message in (
+        (("--boards", "11", *words, "--uniform"), "uniform differs (was False, now True)"),
+        (("--boards", "5", *words), "boards differs (was 6, now 5)"),
+        (("--boards", "11", "--seed", "4", *words[2:]), "seed differs (was 3, now 4)"),
+    ):
+        refused = busybot("generate", grown, *wrong)
+        assert refused.returncode == 1 and message in refused.stderr and files_of(grown) == first
+    assert json.loads(busybot("generate", grown, "--boards", "11", *words, "--json").stdout)["boards"] == 11
+    assert busybot("generate", once, "--boards", "11", *words).returncode == 0
+    assert files_of(grown) == files_of(once) != first
+
+
+def test_boards_that_a_killed_growth_left_are_no_obstacle_and_other_boards_are_kept(tmp_path: Path) -> None:
+    folder, more = tmp_path / "a" / "boards", tmp_path / "b" / "boards"
+    assert busybot("generate", folder, "--boards", "2").returncode == 0
+    assert busybot("generate", more, "--boards", "5").returncode == 0
+    shard = "boards/boards-00000.jsonl"
+    (folder / shard).write_bytes((more / shard).read_bytes())  # killed before it wrote dataset.json
+    assert busybot("generate", folder, "--boards", "5").returncode == 0
+    assert files_of(folder) == files_of(more)
+    (more / shard).write_text((more / shard).read_text().replace('"seed":0', '"seed":1', 1))
+    edited = files_of(more)
+    refused = busybot("generate", more, "--boards", "6")
+    assert refused.returncode == 1 and "drawn otherwise today" in refused.stderr and files_of(more) == edited
+    assert sorted(path.name for path in tmp_path.glob("*/*")) == ["boards", "boards"]
+
+
+@pytest.mark.long
+def test_a_dataset_with_episodes_grows_and_is_collected_further_unless_it_is_frozen(tmp_path: Path) -> None:
+    grown, once = tmp_path / "grown" / "boards", tmp_path / "once" / "boards"
+    few = ("--policy", "scripted", "--workers", "1", *SMALL)
+    for folder, boards in ((grown, 1), (once, 3), (grown, 3)):
+        assert busybot("generate", folder, "--boards", boards).returncode == 0
+        collected = busybot("collect", folder, *few)
+        assert collected.returncode == 0, collected.stderr
+    assert busybot("dataset", "diff", grown, once).stdout.strip().endswith("are equal")
+    told = [json.loads(busybot("dataset", "info", folder, "--json").stdout) for folder in (grown, once)]
+    assert told[0] == told[1] and told[0]["episodes"] == 3
+    assert busybot("dataset", "verify", grown).returncode == 0
+    assert busybot("dataset", "freeze", grown, "--workers", "1").returncode == 0
+    assert busybot("generate", grown, "--boards", "3").returncode == 0
+    refused = busybot("generate", grown, "--boards", "4")
+    assert refused.returncode == 1 and "the dataset is frozen" in refused.stderr
 
 
 def test_a_killed_generate_is_made_again_but_nothing_else_is_overwritten(tmp_path: Path) -> None:

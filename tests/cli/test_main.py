@@ -1,6 +1,7 @@
 """The command line's frame: lazy subcommands, exit codes, one JSON object."""
 
 import json
+import os
 import subprocess
 import sys
 import types
@@ -12,9 +13,9 @@ import typer
 from typer.testing import CliRunner
 
 from busybot.cli import main
-from busybot.cli.common import print_json
-from busybot.cli.options import JsonOption
-from busybot.common.errors import BusybotError
+from busybot.cli.common import episode_progress, print_json, say
+from busybot.cli.options import RENAMED, JsonOption
+from busybot.common.errors import BusybotError, UsageError
 
 RUNNER = CliRunner()
 HEAVY = ("sapien", "torch", "rerun", "numpy", "pandas", "pyarrow", "cv2", "rich")
@@ -24,6 +25,11 @@ def doctor(as_json: JsonOption = False, how: str = "well") -> None:
     """A stand-in subcommand."""
     if how == "badly":
         raise BusybotError("board 7: no lamp", "add a lamp")
+    if how == "wrongly":
+        raise UsageError("there is no such how", "say well")
+    say("this goes on")
+    with episode_progress("working") as progress:
+        progress(1, 1)
     if how == "interrupted":
         raise KeyboardInterrupt
     if as_json:
@@ -58,6 +64,88 @@ def test_fault_with_json_is_one_object_too(stand_in: None) -> None:
     result = invoke("doctor", "--json", "--how", "badly")
     assert result.exit_code == 1
     assert json.loads(result.stdout) == {"error": "board 7: no lamp", "hint": "add a lamp"}
+
+
+def test_what_can_never_be_right_is_2_and_leaves_no_json(stand_in: None) -> None:
+    result = invoke("doctor", "--json", "--how", "wrongly")
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert result.stderr == "error: there is no such how\n  hint: say well\n"
+
+
+def test_quiet_leaves_answers_and_faults_alone(stand_in: None) -> None:
+    assert "this goes on" in invoke("doctor").stderr and "working: 1 of 1" in invoke("doctor").stderr
+    for words in (("--quiet", "--json"), ("--json", "-q")):
+        quiet = invoke("doctor", *words)
+        assert (quiet.stderr, json.loads(quiet.stdout)) == ("", {"how": "well"})
+    assert "error: board 7: no lamp" in invoke("doctor", "--quiet", "--how", "badly").stderr
+    assert "this goes on" in invoke("doctor").stderr, "it ends with the command"
+
+
+def test_every_command_can_be_quiet() -> None:
+    for name in main.COMMANDS:
+        command = main.load_command(name)
+        for one in getattr(command, "commands", {"": command}).values():
+            assert [parameter.name for parameter in one.params].count("quiet") == 1
+
+
+OLD_NAMES = [(words, old, new) for words, names in RENAMED.items() for old, new in names.items()]
+
+
+@pytest.mark.parametrize(("words", "old", "new"), OLD_NAMES, ids=[f"{words} {old}" for words, old, _ in OLD_NAMES])
+def test_an_old_name_works_for_a_version_and_says_so(words: str, old: str, new: str) -> None:
+    name, *inner = words.split()
+    command: Any = main.load_command(name)
+    for one in inner:
+        command = command.commands[one]
+    options = {option: one for one in command.params for option in one.opts}
+    assert new in options and old not in options
+    value = "png" if old == "--images" else "paper"
+    for typed in ([old, value], [f"{old}={value}"]):
+        result = invoke(name, *inner, *typed, "--help")
+        assert result.exit_code == 0 and f"{old} is called {new} now" in result.stderr
+        assert f"{old} " not in result.stdout
+
+
+MODELS = {
+    "--model": {"collect", "eval interact", "view", "report", "demo"},
+    "--reasoner": {"eval reason", "eval plan", "view", "report"},
+    "--variant": {"train interact", "train reason"},
+    "--images": {"eval reason"},
+    "--image-format": {"collect"},
+}
+
+
+def test_an_option_has_one_meaning_in_all_commands() -> None:
+    found: dict[str, set[str]] = {option: set() for option in MODELS}
+    for name in main.COMMANDS:
+        command = main.load_command(name)
+        for inner, one in getattr(command, "commands", {"": command}).items():
+            for option in (option for parameter in one.params for option in parameter.opts if option in found):
+                found[option].add(f"{name} {inner}".strip())
+    assert found == MODELS
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered", "not_offered"),
+    [
+        ("generate --split nov", ["novel-config", "novel-object", "novel-mechanism"], "train"),
+        ("generate --relations one", ["one-to-one", "one-to-many"], "any"),
+        ("generate --world ", ["paper", "gates", "toggle"], "clock"),
+        ("collect --policy ", ["random", "learned", "scripted"], ""),
+        ("collect --model pro", ["procedural"], ""),
+        ("eval reason --reasoner ", ["event", "lookup", "persistence", "count", "pc"], "procedural"),
+        ("train interact --variant ", ["fast", "paper"], ""),
+        ("collect --device c", ["cpu"], "auto"),
+        ("models info ", ["procedural", "event"], "lookup"),
+        ("gene", ["generate"], "collect"),
+    ],
+)
+def test_shells_complete_choices(typed: str, offered: list[str], not_offered: str) -> None:
+    words = {"COMP_WORDS": f"busybot {typed}", "COMP_CWORD": str(len(typed.split(" ")))}
+    asked = {**os.environ, **words, "_BUSYBOT_COMPLETE": "complete_bash"}
+    done = subprocess.run([sys.executable, "-m", "busybot"], capture_output=True, text=True, env=asked)
+    answers = done.stdout.split()
+    assert set(offered) <= set(answers) and not_offered not in answers and done.stderr == ""
 
 
 def test_ctrl_c_is_130(stand_in: None) -> None:
@@ -186,6 +274,11 @@ def test_commands_that_draw_or_compute_take_a_device() -> None:
             if any(parameter.name == "device" for parameter in one.params):
                 found.add(f"{name} {inner}".strip())
     assert found == DRAWS_OR_COMPUTES
+
+
+def test_a_device_of_no_kind_is_wrong_usage() -> None:
+    done = RUNNER.invoke(main.app, ["collect", "no-such-dataset", "--device", "abacus", "--json"])
+    assert (done.exit_code, done.stdout) == (2, "") and "there is no device 'abacus'" in done.stderr
 
 
 @pytest.mark.parametrize("order", [("--device", "cuda:99", "--json"), ("--json", "--device", "cuda:99")])

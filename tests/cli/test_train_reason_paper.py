@@ -1,4 +1,4 @@
-"""`busybot train reason --model paper`, as a user runs it, with networks too small to learn anything."""
+"""`busybot train reason --variant paper`, as a user runs it, with networks too small to learn anything."""
 
 import json
 from pathlib import Path
@@ -18,7 +18,7 @@ SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
 @pytest.mark.parametrize(("words", "name"), [([], "paper"), (["--set", "inference=false"], "paper without inference")])
 def test_a_training_leaves_a_model_that_can_be_loaded(tmp_path: Path, words: list[str], name: str) -> None:
     data, out = make_dataset(tmp_path / "toys").path, tmp_path / "run"
-    command = ["train", "reason", "--model", "paper", "--data", str(data), "--out", str(out), "--workers", "1"]
+    command = ["train", "reason", "--variant", "paper", "--data", str(data), "--out", str(out), "--workers", "1"]
     result = CliRunner().invoke(app, [*command, *SETTINGS, *words, "--json"])
     assert result.exit_code == 0, result.stderr
     told = json.loads(result.stdout)["training"]

@@ -68,6 +68,7 @@ def test_episodes_are_chosen_by_number_or_by_file(dataset: Path, tmp_path: Path)
     [
         (["nowhere"], "no such file or folder"),
         (["toys", "--episode", "0"], "episode 0 is not there"),
+        (["toys", "--episode", "77"], "hint: its episodes are 1 to "),
         (["toys/episodes/000001.mcap", "--episode", "0"], "a file holds one episode"),
         (["toys", "--save", "e.rrd", "--screenshot", "e.png", "--step", "7"], "no step 7"),
         (["toys/dataset.json", "--save", "e.rrd"], "dataset.json"),

@@ -18,6 +18,7 @@ from busybot.common.errors import BusybotError
 from busybot.datasets.create import continue_or_create, create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.dvc_remote import pull
+from busybot.datasets.exporting.targets import export_recordings
 from busybot.datasets.freeze import freeze
 from busybot.datasets.repair import repair
 from busybot.datasets.verify import verify
@@ -54,6 +55,7 @@ COMMANDS: dict[str, Callable[[Path], object]] = {
     "verify": verify,
     "tables": lambda path: Dataset.open(path).write_tables(),
     "copy": lambda path: repair(path, path.with_name("copy")),
+    "export": lambda path: export_recordings(Dataset.open(path), "parquet", path.with_name("exported")),
 }
 
 

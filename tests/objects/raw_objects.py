@@ -30,6 +30,10 @@ KNOB = Link("knob", ((-0.2, -0.2, -0.2), (-0.1, 0.2, 0.2)), "continuous", (1, 0,
 LEAF = Link("rotation_door", ((-0.15, -0.45, -0.55), (-0.1, 0.45, 0.55)), axis=(0, 0, 1), origin=(-0.1, -0.45, 0))
 DRAWER = Link("drawer", ((-0.15, -0.45, -0.5), (-0.1, 0.45, 0.5)), "prismatic", (-1, 0, 0), (0.0, 0.5))
 
+STICK = Link("lever", ((-0.03, -0.03, 0.1), (0.03, 0.03, 0.6)), axis=(0, 1, 0), limits=(-0.5, 0.5), origin=(0, 0, 0.1))
+GROUND = ((-0.2, -0.2, 0.0), (0.2, 0.2, 0.1))
+"""A foot on the ground: the lever on it stands upright."""
+
 
 def make_raw(folder: Path, category: str | None, *links: Link, body: Box = BODY, **changes: Any) -> Path:
     """Write a raw object; link k is `link_k` with joint `joint_k`, the body is `body`."""

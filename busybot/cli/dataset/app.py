@@ -1,11 +1,11 @@
-"""`busybot dataset`: look at a dataset, check, mend, freeze, compare, make again, export, share it."""
+"""`busybot dataset`: look at a dataset, check, mend, freeze, compare, make again, export, import, share it."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from busybot.cli.common import answer, counted, episode_progress, print_json, processes, say, tell
+from busybot.cli.common import answer, counted, episode_progress, kept_in, print_json, processes, say, tell, warn
 from busybot.cli.dataset import printing
 from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, WorkersOption
 from busybot.common.errors import BusybotError
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="Look at a dataset, check, mend, freeze, compare, export, share it.",
+    help="Look at a dataset, check, mend, freeze, compare, export, import, share it.",
 )
 
 DatasetArgument = Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of the dataset.", show_default=False)]
@@ -55,7 +55,7 @@ def verify(
     with episode_progress("verifying") as progress:
         report = verify_dataset(dataset, processes(workers), progress, assets)
     for problem in report.problems:
-        say(f"{problem.file}: {problem.what}\n  hint: {problem.hint}")
+        warn(f"{problem.file}: {problem.what}\n  hint: {problem.hint}")
     if json:
         print_json({"ok": report.ok, **vars(report)})
     else:
@@ -182,23 +182,64 @@ def regenerate(
 def export(
     dataset: DatasetArgument,
     out: Annotated[Path, typer.Option(help="Folder to make.", show_default=False)],
-    format: Annotated[
-        Literal["causal"], typer.Option(help="`causal`: states, interventions and the true graph as Parquet tables.")
+    to: Annotated[
+        Literal["causal", "lerobot", "hf", "parquet", "croissant", "images"],
+        typer.Option("--to", "--format", help="Format, see above."),
     ] = "causal",
+    privileged: Annotated[
+        bool, typer.Option("--privileged", help="Also what only the simulator knows, under names that say so.")
+    ] = False,
     assets: AssetsOption = None,
     workers: WorkersOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Write a dataset in another form, for people who use other tools."""
+    """Write a dataset in another form, for people who use other tools. A call that was cut is repeated and goes on.
+
+    `lerobot`: LeRobot 3.0, lossless pictures. `parquet`: tables with pictures in them; `hf`: with a card for Hugging
+    Face; `croissant`: with a description in Croissant 1.1. `images`: JPEG, PNG and CSV. `causal`: states, interventions
+    and the true graph as tables without pictures, all of it privileged.
+    """
     from busybot.datasets.bundled_assets import library_of
     from busybot.datasets.dataset import Dataset
     from busybot.datasets.exporting.causal import export_causal
+    from busybot.datasets.exporting.folder import unfinished_place
+    from busybot.datasets.exporting.targets import export_recordings
 
     source = Dataset.open(dataset)
     with episode_progress("exporting") as progress:
-        done = export_causal(source, library_of(source, assets), out, processes(workers), progress)
-    rows = ", ".join(f"{count} rows of {name}" for name, count in done.rows.items())
-    answer(json, {"format": format, **vars(done)}, f"{out}: {counted(done.boards, 'board')}; {rows}")
+        if to == "causal":
+            tables = export_causal(source, library_of(source, assets), out, processes(workers), progress)
+        else:
+            with kept_in(unfinished_place(out)):
+                done = export_recordings(source, to, out, privileged, processes(workers), progress)
+    if to == "causal":
+        rows = ", ".join(f"{count} rows of {name}" for name, count in tables.rows.items())
+        answer(json, {"format": to, **vars(tables)}, f"{out}: {counted(tables.boards, 'board')}; {rows}")
+    else:
+        size = f"{counted(done.files, 'file')}, {done.bytes / 1e6:.1f} MB"
+        answer(
+            json,
+            {"format": to, **vars(done)},
+            f"{out}: {counted(done.episodes, 'episode')}, {done.frames} frames; {size}",
+        )
+
+
+@app.command("import")
+def import_(
+    source: Annotated[Path, typer.Argument(metavar="SOURCE", help="Folder with pictures and tables.")],
+    out: Annotated[Path, typer.Option(help="Folder for the dataset.", show_default=False)],
+    json: JsonOption = False,
+) -> None:
+    """Make a dataset of a folder of pictures and CSV tables, as `export --to images` writes it.
+
+    States, relations and whatever else such a folder does not hold are missing in the dataset, too.
+    """
+    from busybot.datasets.importing.images import import_images
+
+    with episode_progress("importing") as progress:
+        made = import_images(source, out, progress)
+    facts = {"dataset": out, "episodes": made.info.boards}
+    answer(json, facts, f"{out}: {counted(made.info.boards, 'episode')}, without states and relations")
 
 
 @app.command()

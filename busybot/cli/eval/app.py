@@ -2,14 +2,24 @@
 
 import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from busybot.cli.common import CONTEXT, check_file, episode_progress, print_json, processes, say
 from busybot.cli.eval import printing
-from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, SeedOption, StrictOption, WorkersOption
-from busybot.common.errors import BusybotError
+from busybot.cli.options import (
+    AssetsOption,
+    DeviceOption,
+    JsonOption,
+    SeedOption,
+    StrictOption,
+    WorkersOption,
+    interaction_models,
+    offering,
+    reasoners,
+)
+from busybot.common.errors import UsageError
 
 if TYPE_CHECKING:
     from busybot.interact.evaluate import InteractEvaluation
@@ -26,8 +36,12 @@ BUILT_IN = ("random", "scripted")
 @app.command()
 def reason(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
-    model: Annotated[
-        str, typer.Option(help="Who infers relations: count, pc, lookup, persistence, or a trained model.")
+    reasoner: Annotated[
+        str,
+        typer.Option(
+            help="Who infers relations: count, pc, lookup, persistence, or a trained model.",
+            autocompletion=offering(reasoners),
+        ),
     ] = "event",
     images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
     decoders: Annotated[
@@ -58,11 +72,11 @@ def reason(
 
     check_file("--out", out, "reason.json")
     check_file("--figure", figure, "reason.png")
-    asked = ReasonEvaluation(model, images, build(config_class(model), config, set_ or [], {}))
+    asked = ReasonEvaluation(reasoner, images, build(config_class(reasoner), config, set_ or [], {}))
     training = Dataset.open(decoders) if decoders else None
     with episode_progress("inferring") as progress:
         result = evaluate_dataset(Dataset.open(dataset), asked, training, assets, seed, workers, progress)
-    given = {"model": model, "images": images, "seed": seed, "decoders": decoders}
+    given = {"reasoner": reasoner, "images": images, "seed": seed, "decoders": decoders}
     result["command"] = _command_again("reason", dataset, set_, config, **given)
     if out is not None:
         write_result(out, result)
@@ -82,10 +96,13 @@ def interact(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset; only its boards are used.")],
     model: Annotated[
         str | None,
-        typer.Option(help="Shipped model (by default procedural) or folder; or random, scripted (an oracle)."),
+        typer.Option(
+            help="Shipped model (by default procedural) or folder; or random, scripted (an oracle).",
+            autocompletion=offering(lambda: [*interaction_models(), *BUILT_IN]),
+        ),
     ] = None,
     mode: Annotated[
-        str | None,
+        Literal["evaluate", "greedy", "ucb", "collect"] | None,
         typer.Option(help="How a model chooses: evaluate, greedy, ucb or collect; evaluate, for paper models ucb."),
     ] = None,
     boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones; by default all.")] = None,
@@ -138,7 +155,7 @@ def _policy(model: str | None, mode: str | None, learned: dict[str, Any]) -> "tu
     if model in BUILT_IN:
         if mode or learned:
             unused = f"--mode {mode}" if mode else f"--set learned.{next(iter(learned))}"
-            raise BusybotError(f"{unused} is about a trained model's policy, {model} has none", "leave it out")
+            raise UsageError(f"{unused} is about a trained model's policy, {model} has none", "leave it out")
         return builtin_factory(model), {"model": {"name": model}}
     named = model or DEFAULT_MODEL
     factory = LearnedPolicyFactory(named, mode_named(mode) if mode else usual_mode(named), learned)
@@ -150,9 +167,9 @@ def _check_figures(figures: int, model: str | None, out: Path | None, record: Pa
     if not figures:
         return
     if out is None or record is None:
-        raise BusybotError("--figures draws recorded boards into the results", "give --out and --record, too")
+        raise UsageError("--figures draws recorded boards into the results", "give --out and --record, too")
     if model in BUILT_IN:
-        raise BusybotError(f"--figures shows a model's affordances, {model} has none", "leave --figures out")
+        raise UsageError(f"--figures shows a model's affordances, {model} has none", "leave --figures out")
 
 
 def _draw_figures(folder: Path, record: Path, model: str | None, config: "InteractEvaluation", count: int) -> None:
@@ -182,11 +199,17 @@ def plan(
             show_default="all that need no folder and are told nothing, and oracle",
         ),
     ] = "search,busybot,predictive,relation,random,noop,oracle",
-    model: Annotated[str, typer.Option(help="Who infers and predicts: lookup, or a trained reasoner.")] = "event",
+    reasoner: Annotated[
+        str,
+        typer.Option(
+            help="Who infers and predicts: lookup, or a trained reasoner.", autocompletion=offering(reasoners)
+        ),
+    ] = "event",
     policy_model: Annotated[
         str | None,
         typer.Option(
-            help="Interaction model that proposes candidates: a shipped one (by default procedural) or a folder."
+            help="Interaction model that proposes candidates: a shipped one (by default procedural) or a folder.",
+            autocompletion=offering(interaction_models),
         ),
     ] = None,
     boards: Annotated[int | None, typer.Option(min=1, help="Only the first so many tasks; by default all.")] = None,
@@ -219,9 +242,9 @@ def plan(
     with episode_progress("planning") as progress:
         target = Dataset.open(dataset)
         library, proposer = library_of(target, assets), policy_model or DEFAULT_MODEL
-        evaluation = PlanEvaluation(target, library, names, model, proposer, parameters, seed, record)
+        evaluation = PlanEvaluation(target, library, names, reasoner, proposer, parameters, seed, record)
         result = evaluate_agents(evaluation, processes(workers), progress, out)
-    given = {"agents": agents, "model": model, "policy-model": policy_model, "seed": seed, "boards": boards}
+    given = {"agents": agents, "reasoner": reasoner, "policy-model": policy_model, "seed": seed, "boards": boards}
     result["command"] = _command_again("plan", dataset, set_, config, **given)
     _write(out, result)
     if json:

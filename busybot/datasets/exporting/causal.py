@@ -304,7 +304,7 @@ _TEXT = """
 # {name}: tables for causal discovery
 
 {boards} boards of the world {worlds} (split {split}, drawn with seed {seed}), {steps} recorded steps. Made by
-`busybot dataset export DATASET --format causal --out DIR`, busybot {version}.
+`busybot dataset export DATASET --to causal --out DIR`, busybot {version}.
 
     import pandas as pd
     states, graph = pd.read_parquet("states.parquet"), pd.read_parquet("graph.parquet")

@@ -117,7 +117,7 @@ class Fingerprint(NamedTuple):
     written_ns: int
 
 
-def fingerprint(name: str, folder: int) -> Fingerprint:
+def fingerprint(name: str | Path, folder: int | None = None) -> Fingerprint:
     """Fingerprint of a regular file in a folder that is open: two small reads at its end; nothing is compared here.
 
     The checksum is -1 where the file has none, as one that was cut off.

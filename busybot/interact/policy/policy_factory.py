@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from busybot.common.errors import BusybotError
+from busybot.common.errors import UsageError
 from busybot.episodes.camera import Rays
 from busybot.interact.policy.config import AffordanceInfo, PolicyConfig, without_fixed
 from busybot.interact.policy.exploration import ExplorationConfig, GuidedExplorer, UnguidedExplorer
@@ -66,13 +66,13 @@ class LearnedPolicyFactory:
         """The policy's constants.
 
         Raises:
-            BusybotError: an override names no constant, has no allowed value, or one that this mode does not read.
+            UsageError: an override names no constant, has no allowed value, or one that this mode does not read.
         """
         info = card_of(self.model)
         config = policy_config(info, self.overrides)
         more, of_which = ({"blur", "prior"}, " of the paper's model") if self._acts_as_paper(info) else (set(), "")
         for name in sorted((_NOT_READ[self.mode] | more).intersection(self.overrides)):
-            raise BusybotError(f"learned.{name} changes nothing in mode {self.mode}{of_which}", "leave it out")
+            raise UsageError(f"learned.{name} changes nothing in mode {self.mode}{of_which}", "leave it out")
         return config
 
     def _acts_as_paper(self, info: AffordanceInfo) -> bool:
@@ -136,9 +136,9 @@ def policy_config(info: AffordanceInfo, overrides: dict[str, Any]) -> PolicyConf
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         known = f"the learned policy's parameters are {', '.join(PolicyConfig.model_fields)}"
-        raise BusybotError(f"parameter {place} of the learned policy: {first['msg']}", known) from None
+        raise UsageError(f"parameter {place} of the learned policy: {first['msg']}", known) from None
     except ValueError as error:
-        raise BusybotError(f"parameter {error}", "leave it out") from None
+        raise UsageError(f"parameter {error}", "leave it out") from None
 
 
 def fingerprint(name_or_path: str) -> dict[str, Any]:

@@ -96,7 +96,7 @@ MAX_BYTES = 1 << 20
 _HINT = "compare with what `busybot assets import RAW --review FILE` writes"
 _HEADER = """\
 # How `busybot assets import` would annotate these objects. Edit, then import them with --overrides and this file.
-# A field that you delete is left to the rules; `use: false` leaves an object out.
+# A field that you delete is left to the rules; `use: false` leaves an object out. Answer each QUESTION by its field.
 # scale: object units to board units (the board is 4 x 4). orientation: quaternion x, y, z, w.
 # links: two-state or multi-direction.
 # effect: colours in 0..1, or joint positions: radians, of sliding joints board units.
@@ -205,12 +205,13 @@ def _lines(path: Path, root: yaml.Node | None) -> dict[tuple[str, ...], int]:
 
 
 def write_review(
-    path: Path, proposals: Mapping[str, tuple[Choices, Sequence[str]]], refused: Mapping[str, str]
+    path: Path, proposals: Mapping[str, tuple[Choices, Sequence[str], Sequence[str]]], refused: Mapping[str, str]
 ) -> None:
-    """Write a proposal: by object id the choices and, as comments, why; refused objects are comments alone."""
+    """Write a proposal: by object id the choices, with comments: why, and questions; refused objects are comments."""
     parts = [_HEADER, "objects:\n" if proposals else "objects: {}\n"]
-    for instance, (choices, notes) in proposals.items():
+    for instance, (choices, notes, questions) in proposals.items():
         parts += [f"  # {_one_line(note)}\n" for note in notes]
+        parts += [f"  # QUESTION: {_one_line(question)}\n" for question in questions]
         value = choices.model_dump(mode="json", exclude_none=True)
         text = yaml.safe_dump({instance: value}, sort_keys=False, default_flow_style=None, width=110)
         parts += [f"  {line}\n" for line in text.splitlines()]

@@ -14,7 +14,8 @@ quarter turn, `loader.UNLIMITED_RANGE`; a sliding one without limits does not co
   largest face is less than 0.6 of the object's. What rides on a moving link that is no control (a handle) is none |
 | role | a Switch is a trigger, the rest are responders |
 | upright pose | a Lamp or Toy stands on the board; a Switch or Door turns its front to the camera; an object of
-  another category its front, or its top if the links that it uses are nearer to that by 0.25 half heights |
+  another category its front, or its top if the links that it uses are nearer to that by 0.25 half heights; where
+  neither is plain, the reviewer is asked |
 | scale | by the upright footprint: side of the square of equal area 0.29 (Switch), 0.42 (Lamp), 0.57 (Toy) board
   units, longer side 0.71 (Door); at most 1.8 high |
 | movable links | of a Switch all that move, of another category its controls; the 4 largest if there are more |
@@ -51,7 +52,8 @@ from busybot.objects.partnet.loader import limits
 from busybot.objects.partnet.urdf import Joint, bounds, flatter_first, link_vertices, rotation
 
 FLAT = 0.02
-"""A hinge whose link leaves the plane by less than this share of its travel turns about the line of sight."""
+"""A hinge whose link leaves the plane by less than this share of its travel turns about the line of sight; a leaf that
+comes nearer or goes away by less opens sideways."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +158,17 @@ Quaternion = tuple[float, float, float, float]
 TOP_LEAD = 0.25
 STANDING: Quaternion = (0.0, 0.0, 0.0, 1.0)
 FACING: Quaternion = (0.0, 0.7071068, 0.0, 0.7071068)
+POSES: dict[str, Quaternion] = {
+    "top": STANDING,
+    "-x": FACING,
+    "+x": (0.7071068, 0.0, 0.7071068, 0.0),
+    "-y": (-0.5, 0.5, -0.5, 0.5),
+    "+y": (0.5, 0.5, 0.5, 0.5),
+}
+"""Orientation by the side of the URDF that faces the camera."""
+PLATE, AHEAD, ON_TOP = 0.6, 0.15, 0.5
+"""A front is plain if the object is less deep than this share of its face, or if the links that it uses are nearer to
+the front than to the top by so many half sizes; a top if they are so many half heights above its middle."""
 OFF = (0.0, 0.0, 0.0)
 PALETTE = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0))
 
@@ -168,12 +181,14 @@ class AutoAnnotation:
         choices: every field that the object's role needs is set.
         low, high: box at rest in the upright frame before scaling.
         notes: why, for the reviewer.
+        questions: what the rules doubt, with the answers to choose from.
     """
 
     choices: Choices
     low: tuple[float, ...]
     high: tuple[float, ...]
     notes: tuple[str, ...]
+    questions: tuple[str, ...] = ()
 
 
 def decide(raw: RawObject, given: Choices | None = None) -> AutoAnnotation:
@@ -189,13 +204,14 @@ class _Rules:
     """One object on its way to a decision."""
 
     def __init__(self, raw: RawObject, given: Choices):
-        self.raw, self.given, self.notes = raw, given, [*raw.notes]
+        self.raw, self.given, self.notes, self.questions = raw, given, [*raw.notes], list[str]()
         self.low, self.high = bounds(shown(raw))
         self.moving = moving_links(raw)
 
     def decide(self) -> AutoAnnotation:
         category = self.category()
         used = self.used(category)
+        self.tell_left_out(category, used)
         orientation = self.orientation(category, used)
         turn = _turn(orientation)
         low, high = bounds({link: points @ turn.T for link, points in shown(self.raw).items()})
@@ -211,7 +227,8 @@ class _Rules:
         choices = Choices(
             category=category, scale=scale, orientation=orientation, links=links, directions=directions, effect=effect
         )
-        return AutoAnnotation(choices, tuple(low.tolist()), tuple(high.tolist()), tuple(self.notes))
+        told = tuple(self.notes), tuple(self.questions)
+        return AutoAnnotation(choices, tuple(low.tolist()), tuple(high.tolist()), *told)
 
     def category(self) -> Category:
         told = self.given.category or self.raw.category
@@ -253,19 +270,41 @@ class _Rules:
             used = [moving for moving in largest[:2] if moving.face >= SECOND_LEAF * largest[0].face]
         return used[-1:] if category == "Toy" else used
 
+    def tell_left_out(self, category: Category, used: list[Moving]) -> None:
+        """Name the links with a joint that the annotation does not use."""
+        kept = {moving.link for moving in used}
+        left = [joint.child for joint in self.raw.urdf.joints if joint.type != "fixed" and joint.child not in kept]
+        if left and category != "Lamp":
+            named = (f"{link} ({name})" if (name := self.raw.names.get(link)) else link for link in left)
+            self.notes.append(f"left out, so that nobody moves them: {', '.join(named)}")
+
     def orientation(self, category: Category, used: list[Moving]) -> Quaternion:
         if self.given.orientation:
             return self.given.orientation
         if category in ("Lamp", "Toy"):
             return STANDING
-        if self.raw.category in ("Switch", "Door"):
-            return FACING
-        middle, half = (self.low + self.high) / 2, np.maximum(self.high - self.low, 1e-6) / 2
+        size = np.maximum(self.high - self.low, 1e-6)
         centres = [(moving.low.min(axis=0) + moving.low.max(axis=0)) / 2 for moving in used]
-        offset = (np.mean(centres, axis=0) - middle) / half
-        facing = offset[2] + offset[0] <= TOP_LEAD
-        self.notes.append(f"its {'front' if facing else 'top'} faces the camera: what it uses is there")
+        offset = (np.mean(centres, axis=0) - (self.low + self.high) / 2) / (size / 2)
+        known, lead = self.raw.category in ("Switch", "Door"), offset[2] + offset[0]
+        facing = known or bool(lead <= TOP_LEAD)
+        if not known:
+            self.notes.append(f"its {'front' if facing else 'top'} faces the camera: what it uses is there")
+        if not self.plain(facing, used):
+            others = "; ".join(f"{side}: {list(pose)}" for side, pose in POSES.items())
+            chosen = "-x, its front in PartNet," if facing else "its top"
+            what = f"which side faces the camera? The rules chose {chosen} in doubt"
+            self.questions.append(f"{what}. Orientation by side: {others}")
         return FACING if facing else STANDING
+
+    def plain(self, facing: bool, used: list[Moving]) -> bool:
+        """Whether the front, or the top, is where the object at rest has what it uses, and nothing else comes near."""
+        visible, size = shown(self.raw), np.maximum(self.high - self.low, 1e-6)
+        boxes = [(visible[moving.link].min(axis=0) + visible[moving.link].max(axis=0)) / 2 for moving in used]
+        offset = (np.mean(boxes, axis=0) - (self.low + self.high) / 2) / (size / 2)
+        if not facing:
+            return bool(offset[2] >= ON_TOP)
+        return bool(size[0] <= PLATE * size[1:].min() or offset[2] + offset[0] <= -AHEAD)
 
     def effect(self, category: Category, used: list[Moving], orientation: Quaternion, scale: float) -> EffectChoice:
         if category == "Lamp":
@@ -282,7 +321,8 @@ class _Rules:
         x, y, z, w = orientation
         raw, joints = self.raw, [moving.joint for moving in used]
         ends = [flatter_first(raw.urdf, raw.meshes, (w, x, y, z), joint, limits(joint)) for joint in joints]
-        if (used[0].high - used[0].low).mean(axis=0) @ _turn(orientation)[2] * (ends[0][1] - ends[0][0]) < 0:
+        motion = (used[0].high - used[0].low).mean(axis=0) * np.sign(ends[0][1] - ends[0][0])
+        if motion @ _turn(orientation)[2] < -FLAT * np.linalg.norm(motion):
             self.notes.append("it opens away from the camera, into the board")
         closed = tuple(shut * unit for (shut, _), unit in zip(ends, units, strict=True))
         opened = tuple(wide * unit for (_, wide), unit in zip(ends, units, strict=True))

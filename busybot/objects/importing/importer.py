@@ -45,6 +45,7 @@ class ImportOutcome:
         key: the object's name in the library; None when it cannot be used or was left out.
         choices: how it is annotated; None when it cannot be used.
         notes: why the rules decided so.
+        questions: what they doubt.
         split: where it was put; None when nothing was written.
         done: `imported`, `unchanged`, `proposed`, `left out` or `refused`.
         problem, hint: why it is refused.
@@ -55,6 +56,7 @@ class ImportOutcome:
     key: str | None = None
     choices: Choices | None = None
     notes: tuple[str, ...] = ()
+    questions: tuple[str, ...] = ()
     split: str | None = None
     problem: str | None = None
     hint: str | None = None
@@ -140,11 +142,11 @@ def _import(folder: Path, out: Path | None, overrides: Overrides, split: Split |
         overrides.check_names(folder.name, [moving.link for moving in moving_links(raw)], raw.urdf)
     decision = decide(raw, given)
     annotated, model = annotate(raw, decision, given)
+    told = (model.key, decision.choices, decision.notes, decision.questions)
     if out is None:
-        return ImportOutcome(folder.name, "proposed", model.key, decision.choices, decision.notes)
+        return ImportOutcome(folder.name, "proposed", *told)
     new, chosen = _place(annotated, out, model, replace, split)
-    done = "imported" if new else "unchanged"
-    return ImportOutcome(folder.name, done, model.key, decision.choices, decision.notes, chosen)
+    return ImportOutcome(folder.name, "imported" if new else "unchanged", *told, chosen)
 
 
 def annotate(raw: RawObject, decision: AutoAnnotation, given: Choices | None = None) -> tuple[Snapshot, ObjectModel]:

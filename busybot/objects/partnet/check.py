@@ -8,11 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
+from busybot.objects.importing.annotation_edits import Choices
+from busybot.objects.importing.auto_annotation import decide
 from busybot.objects.importing.raw import is_raw, read_raw
 from busybot.objects.library import SPLIT_FILE, load_as, object_folders, read_split_file, read_splits
 from busybot.objects.model import CATEGORIES
-from busybot.objects.partnet.annotation import FILE_NAME, annotation_faults
+from busybot.objects.partnet.annotation import FILE_NAME, MAX_BYTES, annotation_faults
 from busybot.objects.partnet.folder_snapshot import read_snapshot
 from busybot.objects.partnet.loader import load_object
 from busybot.objects.partnet.meshes import check_meshes
@@ -25,12 +28,13 @@ _IMPORT = "busybot assets import {} --out LIBRARY"
 class Finding:
     """A verdict on one object, or on the library's split file: `problem` is None when nothing is wrong.
 
-    A bad object has a finding for each of its problems.
+    A bad object has a finding for each of its problems. `question` is what its import doubted and nobody answered.
     """
 
     name: str
     problem: str | None = None
     hint: str | None = None
+    question: str | None = None
 
     @property
     def ok(self) -> bool:
@@ -80,7 +84,25 @@ def _verdict(name: str, key: str | None, folder: Path) -> list[Finding]:
     except BusybotError as error:
         others = {fault.what: fault for fault in _faults(folder) if fault.what != error.what}
         return [Finding(name, fault.what, fault.hint) for fault in (error, *others.values())]
-    return [Finding(name)]
+    return _questions(name, folder) or [Finding(name)]
+
+
+def _questions(name: str, folder: Path) -> list[Finding]:
+    """What the rules doubted when they annotated the object, if it still is as they chose."""
+    value = read_json(folder / FILE_NAME, MAX_BYTES)
+    told = value.get("Import")
+    if not isinstance(told, dict) or "orientation" in (told.get("overrides") or ()):
+        return []
+    links = {link: "two-state" for link in value["Movable_link"]} if value.get("Cause") else None
+    given = Choices.model_validate({"category": value["Category"], "links": links or None})
+    try:
+        decision = decide(read_raw(folder), given)
+    except BusybotError:  # of files that an import reads and a board does not
+        return []
+    if decision.choices.orientation != tuple(value["Orientation"]):
+        return []
+    hint = "answer it in the file of `busybot assets import RAW --review`, and import with --overrides and --replace"
+    return [Finding(name, question=question, hint=hint) for question in decision.questions]
 
 
 def _faults(folder: Path) -> Iterator[BusybotError]:

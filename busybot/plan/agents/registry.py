@@ -12,7 +12,7 @@ from typing import get_args
 import torch
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 from busybot.plan.agents.paper import NO_CANDIDATE, BusyBotAgent, NoopAgent, PredictiveAgent, RandomAgent, RelationAgent
 from busybot.plan.agents.search import SearchAgent
 from busybot.plan.interfaces import Act, Agent, DecisionState, Stop, TaskContext
@@ -130,10 +130,10 @@ def kind_of(agent: str) -> AgentSpec:
     if trained := next((one for one in TRAINED if one == name), None):
         if not model:
             what = f"agent {name} plays a trained policy, none was named"
-            raise BusybotError(what, f"--agents {name}=DIR; `busybot train {name} --out DIR` makes one")
+            raise UsageError(what, f"--agents {name}=DIR; `busybot train {name} --out DIR` makes one")
         load_policy(model, trained)
         return AgentSpec(partial(learned, trained, model))
     if name not in AGENTS or given:
         known = ", ".join([*AGENTS, *(f"{trained}=DIR" for trained in TRAINED)])
-        raise BusybotError(f"there is no agent {agent!r}", f"choose from {known}")
+        raise UsageError(f"there is no agent {agent!r}", f"choose from {known}")
     return AGENTS[name]

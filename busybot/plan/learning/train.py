@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from busybot.common.atomic_io import read_json, write_json
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, needs_extra
 from busybot.common.process_pool import Progress
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
@@ -77,7 +77,7 @@ def train_policy(
         BusybotError: the folder holds another training, a dataset cannot be trained on, or sb3-contrib is missing.
     """
     if config.agent == "ppo" and find_spec("sb3_contrib") is None:
-        raise BusybotError("sb3-contrib is not installed", "pip install 'busybot[baselines]'")
+        raise needs_extra("sb3-contrib", "baselines")
     datasets = [_of_training(Dataset.open(path)) for path in source.data]
     provenance: dict[str, Any] = {
         "data": [origin_of(dataset) for dataset in datasets],

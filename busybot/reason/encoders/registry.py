@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 from busybot.episodes.episode import Episode
 from busybot.reason.inputs.appearances import Appearance, appearances_of
 from busybot.reason.inputs.object_masks import MaskConfig, ObjectMasks, OracleMasks
@@ -98,9 +98,9 @@ def make_extractor(name: str = DEFAULT, weights: Path | None = None) -> FeatureE
     pixels = pixels or "own"
     if base not in ENCODERS or pixels not in PIXELS or name.endswith("-"):
         what = f"choose one of {', '.join(ENCODERS)}, also with -box or -mask behind it"
-        raise BusybotError(f"there is no encoder {name!r}", what)
+        raise UsageError(f"there is no encoder {name!r}", what)
     if weights is not None and base != "resnet50":
-        raise BusybotError(f"{weights}: {base} takes no weights", "they go with `--encoder resnet50`")
+        raise UsageError(f"{weights}: {base} takes no weights", "they go with `--encoder resnet50`")
     encoder = _make(base, weights)
     facts = f"{base} {encoder.key} {pixels} {MaskConfig().model_dump_json()}"
     return FeatureExtractor(name, f"{name}-{hashlib.sha256(facts.encode()).hexdigest()[:8]}", pixels, encoder)

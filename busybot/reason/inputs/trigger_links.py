@@ -6,6 +6,7 @@ changed nothing on its trigger belongs to the link that was taken hold of neares
 state is "on", nor that there is a link that never moved.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -64,7 +65,9 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
     """Watch the links of a recording."""
     config, acted = config or ChangeConfig(), acted_objects(observed)
     pixels, contacts = ObjectMasks(observed, config), np.array([one.position for one in observed.actions], float)
-    moves = _moves(observed, acted, pixels, config)
+    pictures = [observed.frame(observed.image_of.index(one)).rgb for one in sorted(set(observed.image_of))]
+    frames = np.unique(observed.image_of, return_inverse=True)[1]  # the picture of each frame
+    moves = _moves(observed, acted, pixels, pictures, frames, config)
     clusters = np.full(len(acted), -1)
     places: list[np.ndarray] = []
     owners: list[int] = []
@@ -74,7 +77,7 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
         own = [move for move in moves if move.owner == trigger]
         for group in _together(own):
             steps = np.array([move.step for move in group])
-            seen = _states(observed, pixels.regions[int(trigger)], group)
+            seen = _states(pictures, pixels.regions[int(trigger)], group)[frames]
             moved = seen[steps] != seen[steps + 1]
             if not moved.any():
                 continue
@@ -88,14 +91,21 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
     return ObservedLinks(clusters, told, np.array(owners, int), np.array(places).reshape(-1, 2), tuple(directions))
 
 
-def _moves(observed: ObservedEpisode, acted: np.ndarray, pixels: ObjectMasks, config: ChangeConfig) -> list[_Move]:
+def _moves(
+    observed: ObservedEpisode,
+    acted: np.ndarray,
+    pixels: ObjectMasks,
+    pictures: Sequence[np.ndarray],
+    frames: np.ndarray,
+    config: ChangeConfig,
+) -> list[_Move]:
     """The actions that changed pixels of their trigger."""
     found = []
     for step, owner in enumerate(acted.tolist()):
-        if owner not in pixels.regions or observed.image_of[step] == observed.image_of[step + 1]:
+        if owner not in pixels.regions or frames[step] == frames[step + 1]:
             continue
         region = pixels.regions[owner]
-        before, after = (observed.frame(number).rgb[region.rows, region.columns] for number in (step, step + 1))
+        before, after = (pictures[frames[number]][region.rows, region.columns] for number in (step, step + 1))
         changed = cv2.inRange(cv2.absdiff(before, after), (0, 0, 0), (config.tolerance,) * 3) == 0
         if changed.any():
             masks = [pixels.masks(owner, number) for number in (step, step + 1)]
@@ -118,23 +128,18 @@ def _together(moves: list[_Move]) -> list[list[_Move]]:
     return [[move for move, label in zip(moves, labels, strict=True) if label == each] for each in sorted(set(labels))]
 
 
-def _states(observed: ObservedEpisode, region: Region, moves: list[_Move]) -> np.ndarray:
-    """State of a link in each frame, int (T + 1,): looks of the pixels that its moves changed."""
+def _states(pictures: Sequence[np.ndarray], region: Region, moves: list[_Move]) -> np.ndarray:
+    """State of a link in each picture, int: looks of the pixels that its moves changed."""
     from scipy.cluster.hierarchy import fcluster, linkage
 
     often = sum(move.changed.astype(int) for move in moves)
     where = often >= max(1, 0.3 * len(moves))
-    different = sorted(set(observed.image_of))
-    frames = {picture: observed.image_of.index(picture) for picture in different}
-    looks = np.array(
-        [observed.frame(frames[one]).rgb[region.rows, region.columns][where].ravel() for one in different], np.float32
-    )
+    looks = np.array([one[region.rows, region.columns][where].ravel() for one in pictures], np.float32)
     tree = linkage(looks, "average", "cityblock")
     labels = fcluster(tree, ALIKE * tree[:, 2].max(), "distance")
     if len(set(labels)) > STATES:
         labels = fcluster(tree, STATES, "maxclust")
-    of = dict(zip(different, labels.tolist(), strict=True))
-    return _numbered(np.array([of[picture] for picture in observed.image_of]))
+    return _numbered(labels)
 
 
 def _numbered(labels: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ import numpy as np
 from pydantic import Field, PositiveFloat
 from scipy.special import betaln, softmax
 
-from busybot.common.errors import BusybotError
+from busybot.common.errors import needs_extra
 from busybot.common.frozen_model import FrozenModel
 from busybot.reason.inputs.object_masks import ChangeConfig, changes
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
@@ -188,7 +188,7 @@ def _pc(data: np.ndarray, exogenous: np.ndarray, config: PcConfig) -> np.ndarray
         from causallearn.search.ConstraintBased.PC import pc
         from causallearn.utils.PCUtils.BackgroundKnowledge import BackgroundKnowledge
     except ImportError:
-        raise BusybotError("causal-learn is not installed", "pip install 'busybot[causal]'") from None
+        raise needs_extra("causal-learn", "causal") from None
     names = [f"v{number}" for number in range(data.shape[1])]
     nodes, knowledge = [GraphNode(name) for name in names], BackgroundKnowledge()
     for effect in np.flatnonzero(exogenous):

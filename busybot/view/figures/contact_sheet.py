@@ -1,6 +1,7 @@
 """A contact sheet of a library: a portrait of every object, by category and split, with small captions."""
 
 import io
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -34,13 +35,20 @@ def groups(library: Library) -> list[Group]:
     return found
 
 
-def sheet(path: Path, library: Library, cell: int = 150, columns: int = COLUMNS) -> int:
+def sheet(
+    path: Path,
+    library: Library,
+    cell: int = 150,
+    columns: int = COLUMNS,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> int:
     """Render the whole library into one picture.
 
     Args:
         path: PNG, JPEG or WebP, by its ending.
         cell: side of a portrait, pixels.
         columns: portraits in a row.
+        progress: told after each portrait: drawn ones and all.
 
     Returns:
         the number of objects shown.
@@ -53,7 +61,10 @@ def sheet(path: Path, library: Library, cell: int = 150, columns: int = COLUMNS)
         raise BusybotError(what, "end the name in .png or .jpg")
     shown = groups(library)
     keys = [key for _, _, of_group in shown for key in of_group]
-    pictures = dict(zip(keys, thumbnails(library, keys, cell), strict=True))
+    pictures: dict[str, np.ndarray] = {}
+    for key, picture in zip(keys, thumbnails(library, keys, cell), strict=True):
+        pictures[key] = picture
+        progress(len(pictures), len(keys))
     for category in CATEGORIES:
         _trim(pictures, [key for key in keys if key.startswith(f"{category}/")])
     image = _Page(cell, columns, shown, pictures).draw(f"{library.name}: {len(keys)} objects")

@@ -6,21 +6,27 @@ that nothing from a result file becomes markup. How HTML looks is said in `templ
 
 import base64
 import html
+import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
+from PIL import Image
 
 from busybot.common.atomic_io import read_regular
-from busybot.common.limits import MAX_PICTURE_BYTES
+from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_PICTURE_BYTES, MAX_PICTURE_PIXELS
 from busybot.common.text import plain
 
 Tone = Literal["", "reached", "missed", "missing", "reference"]
 MARKS = {"reached": " ✓", "missed": " ✗"}
+SIZES, QUALITY = (1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05), 80
+"""Of pictures that are made smaller: shares of their sides that are tried, and of JPEG."""
 
 
 @dataclass(frozen=True)
@@ -157,10 +163,16 @@ def share(value: float | None) -> str:
     return "-" if value is None else number(100 * value)
 
 
-def document(title: str, blocks: Sequence[Block]) -> str:
-    """The page as one HTML file: styles and pictures are inside, and everything that is text is escaped."""
+def document(title: str, blocks: Sequence[Block], most_bytes: int | None = None) -> str:
+    """The page as one HTML file: styles and pictures are inside, and everything that is text is escaped.
+
+    Args:
+        most_bytes: of all pictures, as they stand in the page; those that take more than their part are made smaller.
+    """
     engine = _engine(autoescape=True)
-    engine.filters |= {"kind": lambda block: type(block).__name__, "inline": inline, "anchor": anchor, "data": data_url}
+    pictures = sum(isinstance(block, Picture) for block in blocks)
+    data = data_url if most_bytes is None else partial(data_url, most_bytes=most_bytes // max(1, pictures))
+    engine.filters |= {"kind": lambda block: type(block).__name__, "inline": inline, "anchor": anchor, "data": data}
     return engine.get_template("template.html").render(title=title, blocks=blocks, marks=MARKS) + "\n"
 
 
@@ -181,10 +193,30 @@ def anchor(text: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
 
 
-def data_url(path: Path) -> str:
-    """A picture's file as it stands within a page."""
-    kind = "png" if path.suffix.lower() == ".png" else "jpeg"
-    return f"data:image/{kind};base64,{base64.b64encode(read_regular(path, MAX_PICTURE_BYTES)).decode()}"
+def data_url(path: Path, most_bytes: int | None = None) -> str:
+    """A picture's file as it stands within a page, made smaller if it would take more bytes there."""
+    data, kind = read_regular(path, MAX_PICTURE_BYTES), "png" if path.suffix.lower() == ".png" else "jpeg"
+    if most_bytes is not None and 4 * len(data) // 3 > most_bytes:
+        data, kind = _smaller(path, data, 3 * most_bytes // 4 - 64), "jpeg"
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _smaller(path: Path, data: bytes, most: int) -> bytes:
+    """The picture as JPEG, as large as the bytes allow."""
+    try:
+        with Image.open(io.BytesIO(data)) as opened:
+            if opened.width * opened.height > MAX_PICTURE_PIXELS:
+                raise BusybotError(f"{path}: more than {MAX_PICTURE_PIXELS} pixels", "leave it out")
+            picture = opened.convert("RGB")
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):
+        raise BusybotError(f"{path}: not a picture that can be read", "leave it out") from None
+    for part in SIZES:
+        buffer = io.BytesIO()
+        size = (max(1, round(part * picture.width)), max(1, round(part * picture.height)))
+        picture.resize(size, Image.Resampling.LANCZOS).save(buffer, "JPEG", quality=QUALITY, optimize=True)
+        if buffer.tell() <= most:
+            break
+    return buffer.getvalue()
 
 
 def inline(text: str) -> Markup:

@@ -37,9 +37,17 @@ NO_TABLES = "The paper's three tables and the gates: none of their rows was give
 WRITTEN = f"Written by busybot {__version__} from the files [at the end](#files)."
 LEAD = (
     "Agents that learn to interact, to reason about cause and effect and to plan on toy boards, beside the paper "
-    "BusyBot (Liu, Xu, Song; CoRL 2022). Every number is measured by the commands beneath its table; a gate is the "
-    f"least that is asked of us. {WRITTEN}"
+    "BusyBot (Liu, Xu, Song; CoRL 2022). Every number is measured by the commands beneath its table. A gate is the "
+    "least value that a number must have for the paper's claim to count as reproduced: it is reached (✓), missed (✗), "
+    f"or nothing was measured. {WRITTEN}"
 )
+TRIAL = (
+    "**These numbers mean nothing.** The profile `smoke` only tries whether everything runs: few boards, and networks "
+    "that hardly learned. That gates are missed here is no fault. `make reproduce PROFILE=laptop` measures something. "
+    "Pictures may be reduced on this page; the folder `figures` beside it has them in full."
+)
+TRIAL_PICTURES_BYTES = 1_800_000
+"""Of all pictures within the page of a trial, which is to be sent around."""
 LEAD_SINGLES = f"Single evaluations, beside the paper BusyBot (Liu, Xu, Song; CoRL 2022). {WRITTEN}"
 MOST_COURSES = 12
 """Panels of a figure."""
@@ -104,9 +112,15 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     make_folder(figures, out)
     blocks: list[Block] = [Heading(TITLE, 1), *_measured(results, judged, figures)]
     files = tuple(f"`{name}`, SHA-256 `{digest}`" for name, digest in results.files.items())
-    blocks += [*sequence_blocks(paths, figures), *_pictures(results, figures, shown), Heading("Files"), Items(files)]
+    looks = [*sequence_blocks(paths, figures), *_pictures(results, figures, shown)]
+    if results.trial:
+        blocks = [blocks[0], Text(TRIAL), *looks, Heading("Numbers"), *blocks[1:]]
+    else:
+        blocks += looks
+    blocks += [Heading("Files"), Items(files)]
     write_atomically(out / MARKDOWN, markdown(blocks, out).encode())
-    write_atomically(out / HTML, document(TITLE, blocks).encode())
+    most = TRIAL_PICTURES_BYTES if results.trial else None
+    write_atomically(out / HTML, document(TITLE, blocks, most).encode())
     drawn = tuple(block.path for block in blocks if isinstance(block, Picture))
     return Report(out / MARKDOWN, out / HTML, drawn, tuple(judged))
 

@@ -214,7 +214,7 @@ class Results:
 
     Attributes:
         tables: rows by name, by the table's number.
-        about: assets, machine and commands of each table's file as a whole.
+        about: assets, machine, commands and profile of each table's file as a whole.
         singles: single evaluations of acting and reasoning by file.
         plans: those of planning.
         robustness, stages: the last ones given.
@@ -232,6 +232,11 @@ class Results:
     pictures: list[Path] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
     without_kind: int = 0
+
+    @property
+    def trial(self) -> bool:
+        """Whether these are of the profile `smoke`, which only tries whether everything runs."""
+        return any(about.get("profile") == "smoke" for about in self.about.values())
 
     def row(self, table: Table, name: str) -> RowFound | None:
         """A row of a table, if it was run."""
@@ -307,7 +312,7 @@ def _take(results: Results, file: Path, value: dict[str, Any]) -> bool:
         case "table1" | "table2" | "table3" as kind:
             number = int(kind.removeprefix("table"))
             results.tables.setdefault(number, {}).update(rows_of(number, value.get("rows") or {}))
-            results.about[number] = {key: value.get(key) for key in ("assets", "machine", "commands")}
+            results.about[number] = {key: value.get(key) for key in ("assets", "machine", "commands", "profile")}
         case _:
             return False
     return True

@@ -26,7 +26,7 @@ def run(*arguments: object) -> Result:
 
 
 def test_json_is_one_object_with_the_metrics(dataset: Path) -> None:
-    result = run(dataset, "--model", "count", "--json")
+    result = run(dataset, "--reasoner", "count", "--json")
     assert result.exit_code == 0
     values = json.loads(result.stdout)
     assert set(values) >= KEYS
@@ -42,14 +42,14 @@ def test_out_gets_the_same_object(dataset: Path, tmp_path: Path) -> None:
 
 
 def test_people_see_the_trivial_graphs_beside_it(dataset: Path) -> None:
-    result = run(dataset, "--model", "count")
+    result = run(dataset, "--reasoner", "count")
     assert result.exit_code == 0
     for text in ("count", "empty graph", "all-ones graph", "random trigger", "Edge-P", "100.0", "one-to-one (6)"):
         assert text in result.stdout
 
 
 def test_parameters_can_be_set(dataset: Path) -> None:
-    values = json.loads(run(dataset, "--model", "count", "--json", "--set", "change.tolerance=254").stdout)
+    values = json.loads(run(dataset, "--reasoner", "count", "--json", "--set", "change.tolerance=254").stdout)
     assert values["config"]["change"]["tolerance"] == 254
     assert (values["edge_p"], values["edge_r"]) == (None, 0.0)
 
@@ -57,8 +57,8 @@ def test_parameters_can_be_set(dataset: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("--model", "oracle"), 1, "oracle: no model of that name"),
-        (("--set", "noise=3"), 1, "parameter noise"),
+        (("--reasoner", "oracle"), 1, "oracle: no model of that name"),
+        (("--set", "noise=3"), 2, "parameter noise"),
         (("--images", "1"), 2, "--images"),
     ],
 )
@@ -77,7 +77,7 @@ def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:
 def test_a_reasoner_predicts_and_its_table_shows_it(dataset: Path, tmp_path: Path) -> None:
     """Three later steps on each board, the last of which takes hold of nothing."""
     picture = tmp_path / "curve.png"
-    result = run(dataset, "--model", "persistence", "--images", "4", "--workers", "1", "--figure", picture)
+    result = run(dataset, "--reasoner", "persistence", "--images", "4", "--workers", "1", "--figure", picture)
     assert result.exit_code == 0
     for text in ("persistence", "Pred-A: 9 later steps on 3 boards", "33.3", "bound, failures known", "nothing held"):
         assert text in result.stdout
@@ -85,14 +85,14 @@ def test_a_reasoner_predicts_and_its_table_shows_it(dataset: Path, tmp_path: Pat
 
 
 def test_the_command_names_everything_that_decided_the_result(dataset: Path) -> None:
-    told = json.loads(run(dataset, "--model", "lookup", "--images", "7", "--set", "reach=0.3", "--json").stdout)
-    assert told["command"].endswith("--model lookup --images 7 --seed 0 --set reach=0.3")
+    told = json.loads(run(dataset, "--reasoner", "lookup", "--images", "7", "--set", "reach=0.3", "--json").stdout)
+    assert told["command"].endswith("--reasoner lookup --images 7 --seed 0 --set reach=0.3")
     assert told["config"]["reach"] == 0.3 and told["encoder"] == "embedded"
 
 
 def test_a_folder_for_a_file_is_refused_before_the_work(dataset: Path, tmp_path: Path) -> None:
     for option in ("--out", "--figure"):
-        result = run(dataset, "--model", "count", option, tmp_path)
+        result = run(dataset, "--reasoner", "count", option, tmp_path)
         assert result.exit_code == 1
         assert f"{option} names a file" in result.stderr
         assert "inferring" not in result.stderr
@@ -100,7 +100,7 @@ def test_a_folder_for_a_file_is_refused_before_the_work(dataset: Path, tmp_path:
 
 def test_images_that_no_recording_has_are_told(dataset: Path, tmp_path: Path) -> None:
     file = tmp_path / "reason.json"
-    shown = run(dataset, "--model", "count", "--images", 500, "--out", file).stdout
+    shown = run(dataset, "--reasoner", "count", "--images", 500, "--out", file).stdout
     used = json.loads(file.read_text())["images_used"]
     assert 2 <= used < 500
     assert f"{used} of 500" in " ".join(shown.split())
@@ -109,4 +109,4 @@ def test_images_that_no_recording_has_are_told(dataset: Path, tmp_path: Path) ->
 
 @pytest.mark.parametrize(("model", "message"), [("procedural", "an interaction model"), ("nix", "no model of that")])
 def test_a_model_of_another_skill_is_not_called_unknown(dataset: Path, model: str, message: str) -> None:
-    assert message in run(dataset, "--model", model).stderr
+    assert message in run(dataset, "--reasoner", model).stderr

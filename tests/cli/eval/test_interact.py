@@ -74,8 +74,7 @@ def test_the_table_names_policy_and_causes(dataset: Path) -> None:
 
 def test_mistakes_are_told(dataset: Path, model: Path) -> None:
     for arguments, words in (
-        (("--model", "nonsense"), "no model of that name"),
-        (("--model", model, "--mode", "clever"), "no mode 'clever'"),
+        (("--model", model, "--mode", "clever"), "'clever' is not one of"),
         (("--model", model, "--figures", "1"), "give --out and --record"),
         (("--model", model, "--set", "learned.explor=1"), "parameter explor of the learned policy"),
         (
@@ -87,7 +86,9 @@ def test_mistakes_are_told(dataset: Path, model: Path) -> None:
         (("--model", "scripted", "--set", "learned.explore=1"), "--set learned.explore is about a trained"),
     ):
         result = run("eval", "interact", dataset, *arguments, "--workers", "1")
-        assert result.exit_code == 1 and words in result.output
+        assert result.exit_code == 2 and words in result.output
+    result = run("eval", "interact", dataset, "--model", "nonsense", "--workers", "1")
+    assert result.exit_code == 1 and "no model of that name" in result.output
 
 
 def test_a_model_collects_and_another_is_refused(dataset: Path, model: Path, tmp_path: Path) -> None:
@@ -103,4 +104,4 @@ def test_a_model_collects_and_another_is_refused(dataset: Path, model: Path, tmp
     assert result.exit_code == 1 and "begun with other settings" in result.output
     for unused in (("--model", model), ("--set", "learned.explore=1")):
         result = run("collect", dataset, "--policy", "random", *unused)
-        assert result.exit_code == 1 and "goes with --policy learned" in result.output
+        assert result.exit_code == 2 and "goes with --policy learned" in result.output

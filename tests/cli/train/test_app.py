@@ -93,7 +93,7 @@ def test_what_no_network_reads_is_refused(tmp_path: Path, rounds: list[Path]) ->
         ("position.direction_weight=1", "position.direction_weight: only the direction network has it"),
     ):
         result = run(*arguments(tmp_path / "run", rounds, "--set", wrong))
-        assert result.exit_code == 1 and message in " ".join(result.stderr.split())
+        assert result.exit_code == 2 and message in " ".join(result.stderr.split())
         assert not (tmp_path / "run").exists()
 
 
@@ -165,7 +165,7 @@ def test_a_dataset_without_episodes_is_refused_before_anything_is_written(tmp_pa
     made = run("generate", str(tmp_path / "empty"), "--boards", "2", "--assets", "procedural")
     assert made.exit_code == 0, made.stderr
     epochs = ("--set", "epochs=1") if model == "paper" else ()
-    words = ("--model", model, "--out", str(tmp_path / "run"), "--data", str(tmp_path / "empty"), *epochs)
+    words = ("--variant", model, "--out", str(tmp_path / "run"), "--data", str(tmp_path / "empty"), *epochs)
     result = run("train", "interact", *words)
     assert result.exit_code == 1 and "0 of 2 episodes" in result.stderr
     assert not (tmp_path / "run").exists()
@@ -173,7 +173,7 @@ def test_a_dataset_without_episodes_is_refused_before_anything_is_written(tmp_pa
 
 def test_objects_are_refused_where_nothing_is_collected(tmp_path: Path, rounds: list[Path]) -> None:
     result = run(*arguments(tmp_path / "run", rounds, "--assets", "procedural"))
-    assert result.exit_code == 1 and "--assets procedural: nothing is collected" in result.stderr
+    assert result.exit_code == 2 and "--assets procedural: nothing is collected" in result.stderr
 
 
 def test_more_datasets_than_rounds_are_refused(tmp_path: Path, rounds: list[Path]) -> None:
@@ -196,8 +196,8 @@ def test_a_file_in_place_of_the_folder_is_named(tmp_path: Path) -> None:
 
 
 def test_variants_are_known_by_name(tmp_path: Path) -> None:
-    result = run("train", "interact", "--out", str(tmp_path / "run"), "--model", "slow")
-    assert result.exit_code == 1 and "no variant 'slow'" in result.stderr and "fast or paper" in result.stderr
+    result = run("train", "interact", "--out", str(tmp_path / "run"), "--variant", "slow")
+    assert result.exit_code == 2 and "'slow' is not one of" in result.stderr
     assert not (tmp_path / "run").exists()
 
 
@@ -233,7 +233,7 @@ def test_the_paper_variant_collects_trains_is_judged_and_collects_again(
     file.write_text(TINY)
 
     def train(folder: Path) -> Result:
-        return run("train", "interact", "--model", "paper", "--out", str(folder), "--config", str(file))
+        return run("train", "interact", "--variant", "paper", "--out", str(folder), "--config", str(file))
 
     assert train(out).exit_code == 0
     assert len(read_metrics(out / "metrics" / "direction.jsonl")) == 2

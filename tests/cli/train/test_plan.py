@@ -105,4 +105,4 @@ def test_only_training_boards_with_tasks_are_trained_on(tmp_path: Path) -> None:
 def test_without_the_extra_ppo_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sb3_contrib", None)
     result = run("train", "ppo", "--data", tmp_path, "--out", tmp_path / "out", "--json")
-    assert result.exit_code == 1 and "busybot[baselines]" in json.loads(result.stdout)["hint"]
+    assert result.exit_code == 1 and "'.[baselines]'" in json.loads(result.stdout)["hint"]

@@ -93,14 +93,14 @@ def test_groups_that_look_alike_are_held_out_as_a_whole(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--model", "clever"], "there is no model 'clever' of relations to train"),
+        (["--variant", "clever"], "'clever' is not one of"),
         (["--set", "net.depth=3"], "net.depth"),
         (["--encoder", "clever"], "clever"),
     ],
 )
 def test_what_cannot_be_is_told(tmp_path: Path, data: Path, words: list[str], message: str) -> None:
     result = run(*arguments(tmp_path / "run", data), *words)
-    assert result.exit_code == 1 and message in result.stderr
+    assert result.exit_code == 2 and message in result.stderr
 
 
 def test_a_dataset_without_episodes_is_refused(tmp_path: Path) -> None:
@@ -117,3 +117,19 @@ def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, data: 
     assert not (killed / "model").exists()
     assert run(*arguments(killed, data), "--set", "iterations=60").exit_code == 0
     assert weights(killed) == weights(straight)
+
+
+def test_the_mechanism_model_learns_from_true_parents_and_says_so(tmp_path: Path, data: Path) -> None:
+    out, small = tmp_path / "run", ("iterations=4", "batch=2", "drawn=2", "net.width=8", "loop.judge=2")
+    settings = [word for setting in small for word in ("--set", setting)]
+    command = ["train", "reason", "--variant", "mechanism", "--out", str(out), "--data", str(data), *settings]
+    result = run(*command, "--workers", "1", "--json")
+    assert result.exit_code == 0, result.stderr
+    told = json.loads(result.stdout)["training"]
+    assert (told["iterations"], told["labels"]) == (4, "true parents")
+    assert load_reasoner(out).name == "mechanism"
+    judged = run("eval", "reason", str(data), "--reasoner", str(out), "--images", "4", "--workers", "1", "--json")
+    assert judged.exit_code == 0, judged.stderr
+    assert json.loads(judged.stdout)["model"] == "mechanism"
+    listed = run("models", "info", str(out))
+    assert listed.exit_code == 0 and "mechanism" in listed.stdout

@@ -7,12 +7,13 @@ import pytest
 
 from busybot.common.errors import BusybotError
 from busybot.objects.importing.annotation_edits import Choices
-from busybot.objects.importing.auto_annotation import FACING, STANDING, AutoAnnotation, decide
+from busybot.objects.importing.auto_annotation import FACING, POSES, STANDING, AutoAnnotation, decide
 from busybot.objects.importing.importer import annotate
 from busybot.objects.importing.raw import read_raw
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel
-from tests.objects.raw_objects import DRAWER, KNOB, LEAF, LEVER, ROCKER, Link, make_raw
+from busybot.objects.partnet.urdf import rotation
+from tests.objects.raw_objects import DRAWER, GROUND, KNOB, LEAF, LEVER, ROCKER, STICK, Link, make_raw
 
 DEEP = ((-0.1, -0.5, -0.6), (1.1, 0.5, 0.6))
 """A box of the same front as the plate, but as deep as it is high."""
@@ -187,3 +188,67 @@ def test_the_real_cabinet_opens_its_door_or_its_drawer(partnet_raw: Path) -> Non
     assert model.key == "Door/40147" and decision.choices.orientation == FACING
     assert model.effect is not None and model.effect.joints == ("joint_0", "joint_1")
     assert model.effect.multi == ((0, 0), (pytest.approx(np.pi / 2), 0), (0, pytest.approx(0.6 * model.scale)))
+
+
+@pytest.mark.parametrize("category", ["Switch", None, "Machine"])
+def test_a_lever_that_would_be_laid_on_its_side_is_asked_about(tmp_path: Path, category: str | None) -> None:
+    folder = make_raw(tmp_path / "1", category, STICK, body=GROUND)
+    decision, _ = decided(folder)
+    assert decision.choices.orientation == FACING
+    (question,) = decision.questions
+    assert question.startswith("which side faces the camera?") and "top: [0.0, 0.0, 0.0, 1.0]" in question
+    answered, _ = decided(folder, Choices(orientation=STANDING))
+    assert answered.questions == () and answered.choices.orientation == STANDING
+
+
+def test_a_front_elsewhere_than_in_partnet_is_asked_about_and_a_plain_one_is_not(tmp_path: Path) -> None:
+    box = ((-0.5, -0.5, -0.6), (0.5, 0.5, 0.6))
+    asked = {}
+    for side, (low, high, axis) in {
+        "-x": ((-0.6, -0.1, -0.1), (-0.5, 0.1, 0.1), (-1, 0, 0)),
+        "+x": ((0.5, -0.1, -0.1), (0.6, 0.1, 0.1), (1, 0, 0)),
+        "+y": ((-0.1, 0.5, -0.1), (0.1, 0.6, 0.1), (0, 1, 0)),
+        "top": ((-0.1, -0.1, 0.6), (0.1, 0.1, 0.7), (0, 0, 1)),
+    }.items():
+        button = Link("button", (low, high), "prismatic", axis, (-0.05, 0))
+        asked[side] = bool(decided(make_raw(tmp_path / str(len(asked)), "Machine", button, body=box))[0].questions)
+    assert asked == {"-x": False, "+x": True, "+y": True, "top": False}
+    assert not decided(make_raw(tmp_path / "plate", None, ROCKER))[0].questions
+
+
+def test_poses_turn_their_side_to_the_camera() -> None:
+    sides = {"top": (0, 0, 1), "-x": (-1, 0, 0), "+x": (1, 0, 0), "-y": (0, -1, 0), "+y": (0, 1, 0)}
+    text = (Path(__file__).resolve().parents[3] / "docs/extending/add-an-object.md").read_text()
+    for side, (x, y, z, w) in POSES.items():
+        assert rotation((w, x, y, z)) @ np.array(sides[side]) == pytest.approx((0, 0, 1), abs=1e-6)
+        assert f"`[{x:.8g}, {y:.8g}, {z:.8g}, {w:.8g}]` |" in text
+
+
+@pytest.mark.parametrize(
+    ("axis", "limits", "away"),
+    [
+        ((0, 1, 0), (0, 0.5), False),
+        ((0, -1, 0), (0, 0.5), False),
+        ((-1, 0, 0), (0, 0.5), False),
+        ((1, 0, 0), (0, 0.5), True),
+    ],
+)
+def test_only_what_goes_away_from_the_camera_is_said_to(
+    tmp_path: Path, axis: tuple[float, float, float], limits: tuple[float, float], away: bool
+) -> None:
+    slide = Link("drawer", DRAWER.box, "prismatic", axis, limits)
+    decision, _ = decided(make_raw(tmp_path / "1", "Door", slide))
+    assert ("opens away" in " ".join(decision.notes)) == away
+
+
+def test_links_that_are_left_out_are_named(tmp_path: Path) -> None:
+    buttons = [
+        Link(f"button{k}", ((-0.2, 0.2 * k, -size), (-0.1, 0.2 * k + 0.1, size)), "prismatic", (-1, 0, 0), (0, 0.03))
+        for k, size in enumerate((0.1, 0.2, 0.02, 0.3, 0.15))
+    ]
+    decision, _ = decided(make_raw(tmp_path / "1", "Remote", *buttons))
+    assert any("left out" in note and "link_2 (button2)" in note and "link_0" not in note for note in decision.notes)
+    free = Link("slider", ROCKER.box, "prismatic", (-1, 0, 0), None)
+    decision, _ = decided(make_raw(tmp_path / "2", "Switch", ROCKER, free))
+    assert any("left out" in note and "link_1 (slider)" in note for note in decision.notes)
+    assert "left out" not in " ".join(decided(make_raw(tmp_path / "3", "Switch", ROCKER))[0].notes)

@@ -5,7 +5,9 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from busybot.cli.main import app
@@ -117,6 +119,32 @@ def test_table_1_with_its_missed_gates(first: Report, tmp_path: Path, as_committ
             assert rows[name][split]["dataset"]["board_hash"][:16] in page
     assert "without responders, threshold 1000 (no recorded action succeeded)" in text
     assert "**Missing**: none of its rows was given" in text
+
+
+def test_a_trial_says_so_on_top_has_pictures_first_and_can_be_sent_around(tmp_path: Path) -> None:
+    table = json.loads(TABLE1.read_text()) | {"profile": "smoke"}
+    given, noise = tmp_path / "given", np.random.default_rng(0)
+    write(given / "table1.json", table)
+    for number in range(3):
+        Image.fromarray(noise.integers(0, 256, (700, 1200, 3), np.uint8)).save(given / f"{number}.png")
+    done = write_report([given], tmp_path / "report")
+    for text in (done.markdown.read_text(), done.html.read_text()):
+        assert 0 < text.index("These numbers mean nothing") < 12_000 if "<style>" in text else 200
+        places = [text.index(words) for words in ("mean nothing", "Pictures", "Numbers", "A gate is", "Table 1: ")]
+        assert places == sorted(places) and "least value that a number must have" in text
+    assert 200_000 < done.html.stat().st_size <= 2_000_000 and done.html.read_text().count("data:image/jpeg") == 3
+    assert all(path.stat().st_size > 2_000_000 for path in done.figures if path.name.startswith("given"))
+    del table["profile"]
+    write(given / "table1.json", table)
+    usual = write_report([given], tmp_path / "report")
+    assert usual.html.stat().st_size > 6_000_000 and "mean nothing" not in usual.markdown.read_text()
+
+
+def test_a_trial_refuses_pictures_that_are_none(tmp_path: Path) -> None:
+    write(tmp_path / "given/table1.json", json.loads(TABLE1.read_text()) | {"profile": "smoke"})
+    (tmp_path / "given/a.png").write_bytes(b"\x89PNG" + bytes(3_000_000))
+    with pytest.raises(BusybotError, match=r"given-00\.png: not a picture that can be read"):
+        write_report([tmp_path / "given"], tmp_path / "report")
 
 
 def test_the_html_is_one_file_that_loads_nothing(first: Report) -> None:

@@ -12,7 +12,8 @@ actions compare H T^2 pairs of contexts.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations, product
+from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 import torch
@@ -78,44 +79,67 @@ class Explanations:
     own: np.ndarray
 
 
+@dataclass(frozen=True)
+class _Group:
+    """Explanations that remember the same, of equally many inputs: int (n, inputs), numbers of the inputs of each."""
+
+    memory: str
+    sets: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """All explanations of boards with so many links and responders, group by group."""
+
+    groups: tuple[_Group, ...]
+    inputs: np.ndarray
+    memory: np.ndarray
+    own: np.ndarray
+
+
+@lru_cache(maxsize=64)
+def _layout(links: int, responders: int) -> _Layout:
+    """Up to two inputs of which at most one is a responder, and up to three links; only links have a longer past."""
+    count, late = links + responders, [f"late {delay}" for delay in range(1, DELAYS)]
+    single = [(one,) for one in range(links)]
+    pairs, threes = list(combinations(range(links), 2)), list(combinations(range(links), INPUTS))
+    mixed = [(one, other) for one in range(links) for other in range(links, count)]
+    groups = [_group("none", [()]), _group("own", [()])]
+    for sets in ([(one,) for one in range(count)], [*pairs, *mixed], threes):
+        groups += [_group("late 0", sets), _group("own and now", sets)]
+    groups += [_group(memory, sets) for sets in (single, pairs) for memory in late]
+    groups += [_group(f"{what} {way}", single) for what in ("odd presses", "since press") for way in WAYS]
+    groups += [_group(f"last press {one}, {two}", pairs) for one in WAYS for two in WAYS]
+    groups = [group for group in groups if len(group.sets)]
+    told = np.zeros((sum(len(group.sets) for group in groups), count), bool)
+    for row, inputs in zip(told, (one for group in groups for one in group.sets), strict=True):
+        row[inputs] = True
+    names = [group.memory for group in groups for _ in group.sets]
+    memory = np.array([MEMORIES.index(name) for name in names])
+    return _Layout(tuple(groups), told, memory, np.array([name.startswith("own") for name in names]))
+
+
+def _group(memory: str, sets: Sequence[tuple[int, ...]]) -> _Group:
+    return _Group(memory, np.array(sets, int).reshape(len(sets), -1) if sets else np.zeros((0, 0), int))
+
+
 def explanations_of(trace: Trace) -> Explanations:
-    """All explanations: up to two inputs of which at most one is a responder, and up to three links."""
-    late, links = _late_inputs(trace), trace.links.shape[1]
-    count = links + trace.responders.shape[1]
+    """All explanations of a board, with their contexts."""
+    layout, late = _layout(trace.links.shape[1], trace.responders.shape[1]), _late_inputs(trace)
     since, odd = _presses(trace)  # each int (2, T + 1, L), up and down
-    found: list[tuple[tuple[int, ...], str, np.ndarray]] = []
-    for inputs in _sets(links, count):
-        delays = DELAYS if len(inputs) < INPUTS and all(one < links for one in inputs) else 1
-        for delay in range(delays if inputs else 0):
-            found.append((inputs, f"late {delay}", _joint(late[delay][:, inputs])))
-        now = _joint(late[0][:, inputs])
-        found.append((inputs, "own and now" if inputs else "own", now))
-        if not inputs:
-            found.append((inputs, "none", now))
-        elif len(inputs) == 1 and inputs[0] < links:
-            for way, name in enumerate(WAYS):
-                found.append((inputs, f"odd presses {name}", odd[way, :, inputs[0]]))
-                found.append((inputs, f"since press {name}", since[way, :, inputs[0]].clip(max=LONGEST)))
-        elif len(inputs) == 2 and inputs[1] < links:
-            for (way, name), (other, its) in product(enumerate(WAYS), repeat=2):
-                order = np.sign(since[way, :, inputs[0]] - since[other, :, inputs[1]])
-                found.append((inputs, f"last press {name}, {its}", order))
-    told = np.zeros((len(found), count), bool)
-    for row, (inputs, _, _) in zip(told, found, strict=True):
-        row[list(inputs)] = True
-    names = [name for _, name, _ in found]
-    return Explanations(
-        told,
-        np.array([MEMORIES.index(name) for name in names]),
-        np.stack([contexts for _, _, contexts in found], axis=1),
-        np.array([name.startswith("own") for name in names]),
-    )
-
-
-def _sets(links: int, count: int) -> list[tuple[int, ...]]:
-    """Numbers of the inputs of each set."""
-    pairs = [pair for pair in combinations(range(count), 2) if pair[0] < links]
-    return [(), *((one,) for one in range(count)), *pairs, *combinations(range(links), INPUTS)]
+    found = []
+    for group in layout.groups:
+        what, *rest = group.memory.replace(",", "").split()
+        if what == "odd":
+            found.append(odd[WAYS.index(rest[-1])][:, group.sets[:, 0]])
+        elif what == "since":
+            found.append(since[WAYS.index(rest[-1])][:, group.sets[:, 0]].clip(max=LONGEST))
+        elif what == "last":
+            one, two = (since[WAYS.index(way)][:, group.sets[:, k]] for k, way in enumerate(rest[-2:]))
+            found.append(np.sign(one - two))
+        else:
+            found.append(_joint(late[int(rest[0]) if what == "late" else 0][:, group.sets]))
+    return Explanations(layout.inputs, layout.memory, np.concatenate(found, axis=1), layout.own)
 
 
 def _late_inputs(trace: Trace) -> list[np.ndarray]:
@@ -142,8 +166,8 @@ def _presses(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _joint(states: np.ndarray) -> np.ndarray:
-    """One number for each row of states (T + 1, n)."""
-    return np.asarray(states @ (STATES ** np.arange(states.shape[1])))
+    """One number for each of the last rows of states (..., n)."""
+    return np.asarray(states @ (STATES ** np.arange(states.shape[-1])))
 
 
 def evidence_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Tensor:

@@ -4,6 +4,7 @@ What a responder shows after an action is what it showed in equal contexts, over
 probability. A context that was never seen says that nothing changes.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,7 +35,7 @@ class _Understood:
     """A recording and what explains it; R responders, H explanations, K moments.
 
     Attributes:
-        shares: float (R, H, K), probability of each explanation after 0, 1, ... actions.
+        shares: float (R, H, K), probability of each explanation after so many actions each.
     """
 
     perceived: Perceived
@@ -79,10 +80,11 @@ class MechanismReasoner:
 
     def __init__(self, net: MechanismNet, encoder: str):
         self._net, self.encoder = net.eval(), encoder
+        self._last: tuple[BoardSequence, _Understood] | None = None
 
     def graph(self, seen: BoardSequence) -> InferredGraph:
         """Edge probabilities after each step, at the level of objects and of links, with kinds and lags."""
-        known = self._understand(seen)
+        known = self._explained(seen, range(seen.steps + 1))
         links, objects = known.perceived.links, len(seen.triggers)
         owners = np.concatenate([links.owners, known.perceived.responders]).astype(int)
         of_objects = np.zeros((len(known.found.inputs), objects), bool)
@@ -130,11 +132,20 @@ class MechanismReasoner:
                 told[question, number] = known.perceived.shown(after, seen.features[0])
         return told
 
-    @torch.no_grad()
     def _understand(self, seen: BoardSequence) -> _Understood:
+        """What was asked about last is remembered: evaluators ask several things of one recording."""
+        if self._last is not None:
+            known, understood = self._last
+            if known.watch is seen.watch and known.steps == seen.steps and known.features.base is seen.features.base:
+                return understood
+        self._last = (seen, self._explained(seen, [seen.steps]))
+        return self._last[1]
+
+    @torch.no_grad()
+    def _explained(self, seen: BoardSequence, after: Sequence[int]) -> _Understood:
         perceived = perceive(seen, self.encoder)
         found = explanations_of(perceived.trace)
-        graph = explanation_graph(perceived.trace, range(seen.steps + 1))
+        graph = explanation_graph(perceived.trace, after)
         final, _ = self._net(Batch.from_data_list([graph]))
         shares = final.exp().view(len(perceived.responders), len(found.own), -1).double().numpy()
         return _Understood(perceived, found, shares)

@@ -1,0 +1,299 @@
+"""A folder of pictures and CSV tables, as `dataset export --to images` writes it, to a dataset.
+
+What such a folder holds comes back as it was: pictures, actions and their rewards, the first boxes, the camera. What it
+does not hold is missing in the dataset, too: states, relations, joints, segmentation, boxes of later frames; privileged
+tables are not read. So these recordings are like those of a board without a simulator (`truth` is false). Objects get
+keys of the category `Unknown`. Colours are stored as PNG: what a JPEG decoded to would not survive another JPEG.
+"""
+
+import csv
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import numpy as np
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.boards.spec import BoardSpec, PlacedObject
+from busybot.common.atomic_io import (
+    inside,
+    make_folder,
+    parse_json,
+    read_regular,
+    read_text,
+    refuse_taken,
+    remove_abandoned,
+    rename,
+    unfinished,
+)
+from busybot.common.errors import BusybotError, naming
+from busybot.common.frozen_model import FrozenModel, first_fault
+from busybot.common.limits import MAX_JSON_BYTES, MAX_PICTURE_BYTES, MAX_PIXELS
+from busybot.common.process_pool import Progress
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.exporting.frames import EPISODES_FOLDER
+from busybot.datasets.info import AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo, Seed
+from busybot.episodes.codec import decode_plain, decode_rgb
+from busybot.episodes.episode import Camera, Episode, Image, Step
+from busybot.episodes.mcap.writer import write_episode
+from busybot.episodes.schema import UNKNOWN_PIXEL
+from busybot.episodes.validation import check_camera
+
+HINT = "`busybot dataset export DATASET --to images` writes such a folder"
+_SIDES = ("u0", "v0", "u1", "v1")
+
+
+def _absent(cell: Any) -> Any:
+    return None if cell == "" else cell
+
+
+def _listed(cell: Any) -> Any:
+    return parse_json(cell) if isinstance(cell, str) and cell else cell
+
+
+Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]
+Pixel = Annotated[Annotated[int, Field(ge=-1, le=32767)] | None, BeforeValidator(_absent)]
+Maybe = Annotated[Number | None, BeforeValidator(_absent)]
+Whole = Annotated[int | None, BeforeValidator(_absent)]
+Text = Annotated[str | None, BeforeValidator(_absent)]
+Numbers = Annotated[tuple[Number, ...], BeforeValidator(_listed)]
+
+
+class _Row(FrozenModel):
+    """A line of a table; columns that are not named here are passed over."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class _Frame(_Row):
+    """Of `frames.csv`: a frame, and the action that was taken there; the last has none."""
+
+    frame: int
+    rgb: str
+    depth: Text = None
+    pixel_u: Pixel = None
+    pixel_v: Pixel = None
+    position_x: Maybe = None
+    position_y: Maybe = None
+    position_z: Maybe = None
+    direction: Whole = None
+    executed: Annotated[tuple[int, ...] | None, BeforeValidator(lambda cell: _listed(_absent(cell)))] = None
+    distance: Maybe = None
+    changed_pixels: Whole = None
+    reward: Whole = None
+
+
+class _Object(_Row):
+    """Of `objects.csv`."""
+
+    object: int
+    role: str
+    position_x: Maybe = None
+    position_y: Maybe = None
+    position_z: Maybe = None
+    first_box_u0: Pixel = None
+    first_box_v0: Pixel = None
+    first_box_u1: Pixel = None
+    first_box_v1: Pixel = None
+
+
+class _Episode(_Row):
+    """Of `episodes.csv`, which has one line."""
+
+    seed: Seed = 0
+    split: Annotated[str, Field(min_length=1, max_length=64)] = "imported"
+    appearance_group: Annotated[int, Field(ge=0, lt=2**31)] = 0
+    policy: Annotated[str, Field(min_length=1, max_length=200)] = "unknown"
+    oracle: bool = False
+    width: int
+    height: int
+    camera_matrix: Numbers
+    camera_pose: Numbers
+    depth_offset: Annotated[float, Field(ge=-1e6, le=1e6)] = 0.0
+    depth_scale: Annotated[float, Field(gt=0, le=1e3)] = 1.0
+
+
+Row = TypeVar("Row", bound=_Row)
+
+
+def import_images(source: Path, out: Path, progress: Progress | None = None) -> Dataset:
+    """Make a dataset of the recordings in a folder; it is there whole or not at all.
+
+    Raises:
+        BusybotError: naming file and line, if something is missing or contradicts itself; or something is at `out`.
+    """
+    place = out.absolute()
+    refuse_taken(place)
+    names = sorted(path.name for path in inside(source, EPISODES_FOLDER).glob("*") if path.is_dir())
+    folders = [inside(source, f"{EPISODES_FOLDER}/{name}") for name in names]
+    if not folders:
+        raise BusybotError(f"{source}: it has no folder {EPISODES_FOLDER}/000000 with a recording", HINT)
+    told = [_table(inside(folder, "episodes.csv"), _Episode)[0] for folder in folders]
+    boards = [_board(index, folder, one) for index, (folder, one) in enumerate(zip(folders, told, strict=True))]
+    lengths = [len(_table(inside(folder, "frames.csv"), _Frame)) - 1 for folder in folders]
+    info = _info(source, place.name, told[0], max(lengths), len(boards))
+    make_folder(place.parent)
+    remove_abandoned(place.parent, place.name)
+    with unfinished(place.parent, place.name) as temporary:
+        dataset = Dataset.create(temporary / "dataset", info, boards)
+        for done, (folder, one, board) in enumerate(zip(folders, told, boards, strict=True), start=1):
+            with naming(folder):
+                write_episode(dataset.episode_path(board.index), _episode(folder, one, board), "png", dataset.path)
+            if progress:
+                progress(done, len(boards))
+        dataset.write_tables()
+        refuse_taken(place)
+        rename(dataset.path, place)
+    return Dataset.open(out)
+
+
+def _info(source: Path, name: str, told: _Episode, steps: int, boards: int) -> DatasetInfo:
+    try:
+        return DatasetInfo(
+            name=name[:200],
+            split=told.split,
+            seed=told.seed,
+            boards=boards,
+            generator=GeneratorInfo(version="imported"),
+            assets=AssetsInfo(source="folder", name="unknown"),
+            collect=CollectInfo(policy=told.policy, steps=steps, images="png", seed=told.seed),
+        )
+    except ValidationError as error:
+        raise BusybotError(f"{source}: {first_fault(error)}", HINT) from None
+
+
+def _table(file: Path, model: type[Row]) -> list[Row]:
+    """The lines of a table, at least one."""
+    rows = []
+    lines = csv.DictReader(io.StringIO(read_text(file, MAX_JSON_BYTES, HINT), newline=""), strict=True)
+    try:
+        for line in lines:
+            rows.append(model.model_validate({name: value for name, value in line.items() if value is not None}))
+    except ValidationError as error:
+        raise BusybotError(f"{file}: line {lines.line_num}: {first_fault(error)}", HINT) from None
+    except (csv.Error, ValueError, RecursionError) as error:
+        raise BusybotError(f"{file}: line {lines.line_num}: {error}", HINT) from None
+    if not rows:
+        raise BusybotError(f"{file}: it has no line with values", HINT)
+    return rows
+
+
+def _board(index: int, folder: Path, told: _Episode) -> BoardSpec:
+    """A board of which only is known what can be seen."""
+    file = inside(folder, "objects.csv")
+    try:
+        return BoardSpec(
+            index=index,
+            seed=told.seed,
+            split=told.split,
+            appearance_group=told.appearance_group,
+            texture="unknown",
+            color=(1.0, 1.0, 1.0),
+            objects=tuple(_placed(row) for row in _objects(file)),
+            relations=(),
+        )
+    except ValidationError as error:
+        raise BusybotError(f"{file}: {first_fault(error)}", HINT) from None
+
+
+def _objects(file: Path) -> list[_Object]:
+    rows = _table(file, _Object)
+    if [row.object for row in rows] != list(range(len(rows))):
+        raise BusybotError(f"{file}: its objects are not numbered 0, 1, 2, ...", HINT)
+    return rows
+
+
+def _placed(row: _Object) -> PlacedObject:
+    x, y, z = (0.0 if value is None else value for value in _position(row))
+    values = {"key": f"Unknown/object-{row.object}", "role": row.role, "position": (x, y, z), "yaw": 0, "scale": 1}
+    return PlacedObject.model_validate(values)
+
+
+def _position(row: _Object | _Frame) -> tuple[float | None, float | None, float | None]:
+    return row.position_x, row.position_y, row.position_z
+
+
+def _episode(folder: Path, told: _Episode, board: BoardSpec) -> Episode:
+    file = inside(folder, "frames.csv")
+    frames, objects = _table(file, _Frame), _objects(inside(folder, "objects.csv"))
+    if [row.frame for row in frames] != list(range(len(frames))):
+        raise BusybotError(f"{file}: its frames are not numbered 0, 1, 2, ...", HINT)
+    if (len(told.camera_matrix), len(told.camera_pose)) != (9, 16):
+        raise BusybotError(f"{folder / 'episodes.csv'}: the camera's matrix has 9 numbers, its pose 16", HINT)
+    matrix, pose = np.reshape(told.camera_matrix, (3, 3)), np.reshape(told.camera_pose, (4, 4))
+    camera = Camera(told.width, told.height, matrix, pose)
+    with naming(folder / "episodes.csv"):
+        check_camera(camera)
+    shown, frame_of = _stored(frames)
+    if len(shown) * told.width * told.height > MAX_PIXELS:
+        what = f"{len(shown)} pictures of {told.width} x {told.height} pixels, at most {MAX_PIXELS} in all are read"
+        raise BusybotError(f"{file}: {what}", "shorter recordings, or smaller pictures")
+    return Episode(
+        board=board,
+        camera=camera,
+        links=(),
+        positions=np.array([_position(row) for row in objects], np.float32),
+        images=list(_images(folder, shown, objects, told)),
+        frame_of=frame_of,
+        steps=[_step(row, f"{file}: line {row.frame + 2}") for row in frames[:-1]],
+        policy=told.policy,
+        oracle=told.oracle,
+    )
+
+
+def _stored(frames: list[_Frame]) -> tuple[list[_Frame], list[int]]:
+    """The frames that show something else than the one before, and which of them each frame shows."""
+    shown, frame_of = [frames[0]], [0]
+    for row in frames[1:]:
+        if (row.rgb, row.depth) != (shown[-1].rgb, shown[-1].depth):
+            shown.append(row)
+        frame_of.append(len(shown) - 1)
+    return shown, frame_of
+
+
+def _images(folder: Path, shown: list[_Frame], objects: list[_Object], told: _Episode) -> Iterator[Image]:
+    """Boxes are known of the first picture alone."""
+    known = [[getattr(row, f"first_box_{side}") for side in _SIDES] for row in objects]
+    boxes = np.array([[-1] * 4 if None in box else box for box in known], np.int16)
+    for number, row in enumerate(shown):
+        rgb, depth = _picture(folder, row.rgb), None
+        try:
+            colours = decode_rgb(rgb, told.width, told.height)
+            if row.depth is not None:
+                steps = decode_plain(_picture(folder, row.depth), told.width, told.height)
+                depth = np.where(steps > 0, told.depth_offset + steps * told.depth_scale, 0).astype(np.float32)
+        except ValueError as error:
+            raise BusybotError(f"{folder}: frame {row.frame}: {error}", HINT) from None
+        yield Image(colours, depth, None, boxes if number == 0 else np.full_like(boxes, -1))
+
+
+def _picture(folder: Path, name: str) -> bytes:
+    return read_regular(inside(folder, name), MAX_PICTURE_BYTES, "put the picture there, or correct frames.csv")
+
+
+def _step(row: _Frame, where: str) -> Step:
+    x, y, z = _position(row)
+    if row.direction is None or x is None or y is None or z is None:
+        raise BusybotError(f"{where}: an action needs a position and a direction; only the last frame has none", HINT)
+    if not 0 <= row.direction < len(DIRECTIONS):
+        raise BusybotError(f"{where}: there are {len(DIRECTIONS)} directions, not {row.direction}", HINT)
+    return Step(
+        pixel=UNKNOWN_PIXEL if row.pixel_u is None or row.pixel_v is None else (row.pixel_u, row.pixel_v),
+        position=(float(np.float32(x)), float(np.float32(y)), float(np.float32(z))),
+        direction=row.direction,
+        executed=(row.direction,) if row.executed is None else row.executed,
+        distance=0.0 if row.distance is None else float(np.float32(row.distance)),
+        changed_pixels=row.changed_pixels or 0,
+        reward=row.reward or 0,
+        acted_object=-1,
+        acted_link="",
+        trigger_states_before=(),
+        trigger_states_after=(),
+        responder_states_before=(),
+        responder_states_after=(),
+        joint_positions_before=(),
+        joint_positions_after=(),
+        success=False,
+    )

@@ -1,0 +1,131 @@
+"""Pictures and CSV tables to a dataset: what the folder holds comes back, what is wrong in it is named."""
+
+import csv
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.exporting.targets import export_recordings
+from busybot.datasets.importing.images import import_images
+from busybot.datasets.verify import verify
+from busybot.episodes.codec import ImageFormat
+from busybot.episodes.episode import Step
+from busybot.episodes.mcap.reader import read_episode
+from tests.cli.commands import busybot
+from tests.episodes.folders import make_dataset
+
+
+def public(step: Step) -> tuple:
+    """What an export without `--privileged` has of an action."""
+    distance = float(np.float32(step.distance))
+    values = (step.pixel, step.position, step.direction, step.executed, step.changed_pixels, step.reward)
+    return *values, distance
+
+
+@pytest.mark.parametrize("images", ["jpeg", "png"])
+def test_what_was_exported_comes_back(images: ImageFormat, tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "data", images=images)
+    export_recordings(dataset, "images", tmp_path / "images")
+    made = import_images(tmp_path / "images", tmp_path / "made")
+    assert made.info.boards == 3 and made.finished() == {0, 1, 2}
+    for number, index in enumerate(sorted(dataset.finished())):
+        was, now = read_episode(dataset.episode_path(index)), read_episode(made.episode_path(number))
+        assert now.frame_of == was.frame_of and [*map(public, now.steps)] == [*map(public, was.steps)]
+        for old, new in zip(was.images, now.images, strict=True):
+            assert np.array_equal(old.rgb, new.rgb) and new.segmentation is None
+            assert np.array_equal(old.depth, new.depth)
+        assert np.array_equal(was.images[0].boxes, now.images[0].boxes)
+        assert np.array_equal(was.positions, now.positions, equal_nan=True)
+        assert np.array_equal(was.camera.matrix, now.camera.matrix) and np.array_equal(was.camera.pose, now.camera.pose)
+        assert [one.role for one in now.board.objects] == [one.role for one in was.board.objects]
+        assert not now.board.relations and not now.links and not now.steps[0].trigger_states_before
+    assert verify(tmp_path / "made").ok
+    rows = made.table("episodes").to_pylist()
+    assert not any(row["truth"] or row["segmentation"] for row in rows) and all(row["depth"] for row in rows)
+
+
+def test_a_second_way_out_and_back_changes_nothing(tmp_path: Path) -> None:
+    export_recordings(make_dataset(tmp_path / "data"), "images", tmp_path / "one")
+    export_recordings(import_images(tmp_path / "one", tmp_path / "made"), "images", tmp_path / "two")
+    again = import_images(tmp_path / "two", tmp_path / "again")
+    assert again.hashes() == Dataset.open(tmp_path / "made").hashes()
+
+
+def change(file: str, line: int, **cells: str) -> Callable[[Path], object]:
+    """Other cells in a line of a table, counted as editors do."""
+
+    def changed(folder: Path) -> None:
+        with (folder / file).open(newline="") as text:
+            rows = list(csv.DictReader(text))
+        names = list(rows[0])
+        rows[line - 2].update(cells)
+        with (folder / file).open("w", newline="") as text:
+            writer = csv.DictWriter(text, names)
+            writer.writeheader()
+            writer.writerows(rows)
+
+    return changed
+
+
+FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
+    "no such picture": (change("frames.csv", 3, rgb="rgb/77777.jpg"), "77777.jpg: there is no such file"),
+    "a picture elsewhere": (change("frames.csv", 3, rgb="../../../../secret.png"), "leaves the folder"),
+    "a picture that is none": (change("frames.csv", 2, rgb="frames.csv"), "frame 0: neither a PNG nor a JPEG"),
+    "a frame is missing": (change("frames.csv", 4, frame="7"), "frames.csv: its frames are not numbered"),
+    "no direction": (change("frames.csv", 3, direction=""), "frames.csv: line 3: an action needs"),
+    "unknown direction": (change("frames.csv", 3, direction="18"), "line 3: there are 18 directions"),
+    "no number": (change("frames.csv", 5, position_x="left"), r"frames.csv: line 5: position_x"),
+    "no finite number": (change("frames.csv", 5, position_x="nan"), r"frames.csv: line 5: position_x"),
+    "a pixel outside": (change("frames.csv", 2, pixel_u="160"), "outside of the image"),
+    "a huge box": (change("objects.csv", 2, first_box_u0="70000"), "objects.csv: line 2: first_box_u0"),
+    "two roles": (change("objects.csv", 3, role="trigger, responder"), "objects.csv: role"),
+    "objects in disorder": (change("objects.csv", 3, object="4"), "not numbered"),
+    "another size": (change("episodes.csv", 2, width="161"), "161 x 120 are expected"),
+    "a huge size": (change("episodes.csv", 2, width="90000"), "90000 x 120 pixels"),
+    "no camera": (change("episodes.csv", 2, camera_matrix="[1, 2]"), "the camera's matrix has 9 numbers"),
+    "a camera that is none": (change("episodes.csv", 2, camera_matrix=json.dumps([0] * 9)), "focal lengths"),
+    "no list": (change("episodes.csv", 2, camera_pose="[" * 100_000), "episodes.csv: line 2"),
+    "a negative seed": (change("episodes.csv", 2, seed="-1"), "episodes.csv: line 2: seed"),
+    "a huge seed": (change("episodes.csv", 2, seed=str(2**70)), "episodes.csv: line 2: seed"),
+    "no table": (lambda folder: (folder / "objects.csv").unlink(), "objects.csv: there is no such file"),
+    "an empty table": (lambda folder: (folder / "frames.csv").write_text("frame,rgb\n"), "no line with values"),
+    "no text": (lambda folder: (folder / "frames.csv").write_bytes(b"frame\n\xff\xfe"), "frames.csv: cannot be read"),
+    "an open quote": (lambda folder: (folder / "frames.csv").write_text('frame,rgb\n0,"rgb'), "frames.csv: line"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_is_wrong_is_named_and_nothing_half_written(fault: str, tmp_path: Path) -> None:
+    export_recordings(make_dataset(tmp_path / "data", boards=2, finished=[0, 1]), "images", tmp_path / "images")
+    spoil, message = FAULTS[fault]
+    spoil(tmp_path / "images" / "episodes" / "000001")
+    before = sorted(path.name for path in tmp_path.iterdir())
+    with pytest.raises(BusybotError, match=message) as error:
+        import_images(tmp_path / "images", tmp_path / "made")
+    assert "000001" in error.value.what and error.value.hint
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+
+
+def test_links_out_of_the_folder_are_not_followed(tmp_path: Path) -> None:
+    export_recordings(make_dataset(tmp_path / "data", boards=1, finished=[0]), "images", tmp_path / "images")
+    shutil.move(tmp_path / "images" / "episodes" / "000000", tmp_path / "elsewhere")
+    (tmp_path / "images" / "episodes" / "000000").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(BusybotError, match="leaves the folder"):
+        import_images(tmp_path / "images", tmp_path / "made")
+
+
+def test_the_command(tmp_path: Path) -> None:
+    export_recordings(make_dataset(tmp_path / "data"), "images", tmp_path / "boards-images")
+    out = tmp_path / "made"
+    done = busybot("dataset", "import", tmp_path / "boards-images", "--out", out, "--json")
+    assert done.returncode == 0 and json.loads(done.stdout) == {"dataset": str(out), "episodes": 3}
+    again = busybot("dataset", "import", tmp_path / "boards-images", "--out", out)
+    assert again.returncode == 1 and "not an empty folder" in again.stderr
+    none = busybot("dataset", "import", tmp_path / "data", "--out", tmp_path / "x")
+    assert none.returncode == 1 and "episodes/000000" in none.stderr

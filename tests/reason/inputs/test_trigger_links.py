@@ -1,0 +1,72 @@
+"""Links that pictures show: which there are, which action moved which, and how they stand."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from busybot.reason.inputs.observation import ObservedEpisode
+from busybot.reason.inputs.trigger_links import observe_links
+from tests.reason.scenes import Patch, Scene
+
+PLATE = Patch((20, 20, 60, 60), (200, 200, 200))
+TWO = ((22, 22, 28, 32), (22, 34, 28, 44))
+"""Where a lever with two states stands."""
+THREE = ((40, 24, 48, 30), (40, 34, 48, 40), (40, 44, 48, 50))
+CONTACTS = {"two": (0.1, 0.1, 0.0), "three": (0.6, 0.1, 0.0)}
+
+
+def played(moves: list[str]) -> tuple[ObservedEpisode, np.ndarray]:
+    """A plate with two levers; `two` or `three` moves one of them, with `-` it is only touched. True states beside."""
+    states = [[0, 0]]
+    up = True
+    for move in moves:
+        now = list(states[-1])
+        if move == "two":
+            now[0] = 1 - now[0]
+        elif move == "three":
+            up = now[1] == 0 or (up and now[1] < 2)
+            now[1] += 1 if up else -1
+        states.append(now)
+    frames = [[PLATE, Patch(TWO[a], (200, 20, 20), 0.3), Patch(THREE[b], (20, 20, 200), 0.3)] for a, b in states]
+    lamp = Patch((100, 60, 130, 90), (250, 250, 0))
+    scene = Scene(
+        ("trigger", "responder"), [(20, 20, 60, 60), (100, 60, 130, 90)], [[*one, lamp] for one in frames],
+        pixels=[(25, 30) if "two" in move else (44, 35) for move in moves],
+    )  # fmt: skip
+    observed = scene.observed()
+    actions = tuple(
+        replace(one, position=CONTACTS[move.strip("-")]) for one, move in zip(observed.actions, moves, strict=True)
+    )
+    return replace(observed, actions=actions), np.array(states)
+
+
+MOVES = ["two", "three", "two", "three", "-two", "three", "three", "two", "-three", "three", "two", "two", "three"]
+
+
+def test_moves_that_change_the_same_pixels_are_those_of_one_link() -> None:
+    observed, states = played(MOVES)
+    found = observe_links(observed)
+    assert found.owners.tolist() == [0, 0] and found.sizes == (2, 3)
+    two = int(found.clusters[0])
+    assert found.clusters.tolist() == [two if "two" in move else 1 - two for move in MOVES]
+    np.testing.assert_array_equal(found.states[:, two], states[:, 0])
+    three = found.states[:, 1 - two]
+    assert three.tolist() in (states[:, 1].tolist(), (2 - states[:, 1]).tolist()), "either end is the first"
+    np.testing.assert_allclose(found.places[two], CONTACTS["two"][:2])
+
+
+def test_what_was_never_moved_is_no_link_and_nothing_is_known_before_the_first_action() -> None:
+    observed, _ = played(["-two", "three", "three"])
+    found = observe_links(observed)
+    assert len(found.owners) == 1 and found.clusters[1:].tolist() == [0, 0]
+    nothing = observe_links(observed.first(1))
+    assert nothing.states.shape == (1, 0) and nothing.sizes == () and not len(nothing.clusters)
+
+
+def test_a_responder_that_changes_moves_no_link() -> None:
+    observed, _ = played(["two", "two"])
+    frames = [image.rgb.copy() for image in observed.images]
+    frames[1][60:90, 100:130] = 0
+    changed = replace(observed, images=[replace(i, rgb=f) for i, f in zip(observed.images, frames, strict=True)])
+    one, other = observe_links(observed), observe_links(changed)
+    assert one.clusters.tolist() == other.clusters.tolist() and np.array_equal(one.states, other.states)

@@ -1,0 +1,144 @@
+"""The `mechanism` model as a reasoner: traces as pictures show them, labels, prediction and what might have been."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from busybot.boards.dynamics import Dynamics
+from busybot.boards.worlds import links_of
+from busybot.common.errors import BusybotError
+from busybot.objects.resolve import find
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.inputs.trigger_links import ObservedLinks
+from busybot.reason.models.base import Imagining
+from busybot.reason.models.mechanism.config import MechanismNetConfig
+from busybot.reason.models.mechanism.contexts import MEMORIES, STATES
+from busybot.reason.models.mechanism.labelled import as_pictured, draw_boards, labelled
+from busybot.reason.models.mechanism.networks import MechanismNet
+from busybot.reason.models.mechanism.perception import perceive
+from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+from tests.reason.worlds import SWITCHES, play, relation
+from tests.reason.worlds import sequence_of as symbolic_sequence
+
+XOR = relation("gate", SWITCHES, 1, (0, 1, 1, 0), function="xor")
+FOLLOWS = relation("one-to-one", (3,), 2, (1, 0))
+PRESSES = [0, 3, 0, 3, 3, 0, 0, 3, 0, 3, 3, 0, 3, 0, 0, 3, 0, 3]
+
+
+@pytest.fixture(scope="module")
+def watched() -> BoardSequence:
+    """A board of two switches: their exclusive or decides the lamp 1, the second the door 2, nothing the toy 4."""
+    episode = play([XOR, FOLLOWS], PRESSES)
+    seen = symbolic_sequence(episode)
+    clusters = np.array([SWITCHES.index(pressed) for pressed in PRESSES])
+    states = np.array([episode.steps[0].trigger_states_before, *(one.trigger_states_after for one in episode.steps)])
+    directions = np.zeros((STATES, STATES, 3))
+    directions[0, 1], directions[1, 0] = seen.actions[0, 3:], -seen.actions[0, 3:]
+    places = np.array([seen.actions[clusters == link, :2].mean(0) for link in range(2)])
+
+    def watch(steps: int) -> ObservedLinks:
+        return ObservedLinks(clusters[:steps], states[: steps + 1], np.array(SWITCHES), places, (directions,) * 2)
+
+    values = seen.arrays | {"watch": watch}
+    return BoardSequence(**values)
+
+
+class Right(MechanismNet):
+    """Knows the explanations that are right."""
+
+    def __init__(self) -> None:
+        super().__init__(MechanismNetConfig())
+
+    def forward(self, graph):  # type: ignore[no-untyped-def]
+        count, moments = graph["explanation"].num_nodes // 3, graph["explanation"].evidence.shape[1]
+        found = graph["explanation", "reads", "candidate"].edge_index
+        inputs = torch.zeros(3 * count, 5, dtype=torch.bool)
+        inputs[found[0], found[1] % 5] = True
+        wanted = [([0, 1], "late 0"), ([1], "late 0"), ([], "none")]
+        shares = torch.full((3 * count, moments), math.log(1e-9))
+        kinds = graph["explanation"].kind % len(MEMORIES)
+        for responder, (read, memory) in enumerate(wanted):
+            right = torch.zeros(5, dtype=torch.bool)
+            right[read] = True
+            rows = torch.arange(3 * count) // count == responder
+            [row] = torch.nonzero(rows & (inputs == right).all(1) & (kinds == MEMORIES.index(memory))).tolist()
+            shares[row] = 0.0
+        return shares, shares
+
+
+def test_what_it_understands_is_told_as_a_graph(watched: BoardSequence) -> None:
+    graph = MechanismReasoner(Right(), "embedded").graph(watched)
+    claimed = graph.claimed(len(PRESSES))
+    assert {(int(i), int(j)) for i, j in zip(*np.nonzero(claimed), strict=True)} == {(0, 1), (3, 1), (3, 2)}
+    assert graph.links is not None and graph.kinds is not None and graph.lags is not None
+    assert (graph.links.after(len(PRESSES)) > 0.5).tolist() == [
+        [False, True, False, False, False],
+        [False, True, True, False, False],
+    ]
+    assert (
+        graph.kinds[1:3] == ("gate", "one-to-one") and graph.kinds[4] == "rest" and graph.lags[1:3].tolist() == [0, 0]
+    )
+    assert len(graph.probabilities) == len(PRESSES)
+
+
+def test_it_says_what_follows_and_what_would_have_followed(watched: BoardSequence) -> None:
+    reasoner = MechanismReasoner(Right(), "embedded")
+    assert isinstance(reasoner, Imagining)
+    for known in (12, 15):
+        told = reasoner.predict(
+            watched.first(known + 1),
+            watched.features[known][None],
+            watched.actions[known][None],
+            watched.acted[known][None],
+        )
+        np.testing.assert_allclose(told[0], watched.features[known + 1], atol=1e-5)
+    after = 10
+    asked = slice(after, after + 5)
+    told = reasoner.what_if(watched, np.array([after]), watched.actions[None, asked], watched.acted[None, asked])
+    np.testing.assert_allclose(told[0], watched.features[after + 1 : after + 6], atol=1e-5)
+
+
+def test_an_untrained_network_claims_little_and_nothing_before_anything_was_done(watched: BoardSequence) -> None:
+    torch.manual_seed(0)
+    reasoner = MechanismReasoner(MechanismNet(MechanismNetConfig()), "embedded")
+    graph = reasoner.graph(watched.first(1))
+    assert graph.probabilities.shape == (1, 5, 5) and np.isfinite(graph.probabilities).all()
+    with pytest.raises(BusybotError, match="without pictures"):
+        reasoner.graph(BoardSequence(**watched.arrays))
+
+
+def test_labels_are_the_true_parents_of_links_that_were_seen(watched: BoardSequence) -> None:
+    episode = play([XOR, FOLLOWS], PRESSES)
+    seen = labelled(episode, perceive(watched, "embedded"))
+    assert seen.parents.shape == (len(PRESSES), 5, 3)
+    np.testing.assert_array_equal(seen.parents[-1].T, [[1, 1, 0, 0, 0], [0, 1, 0, 0, 0], [0, 0, 0, 0, 0]])
+
+
+def test_drawn_boards_follow_their_law_as_pictures_would_show_them() -> None:
+    library = find("procedural")
+    for board, seen in draw_boards("gates", 3, 5, library, 25, confused=0.0):
+        links = links_of([library.get(placed.key) for placed in board.objects])
+        assert seen.trace.links.shape == (26, len(links.sizes)) and seen.trace.links[0].max() <= 1
+        first = [placed.states for placed in board.objects if placed.states]
+        true = np.array([state for states in first for state in states])
+        top = np.array(links.sizes) - 1
+        turned = np.where(true > top / 2, top - seen.trace.links, seen.trace.links)  # as the board has them
+        law = Dynamics(board, links)
+        states = law.run(turned.tolist())
+        shown = np.array([[one for one in state.shown if one >= 0] for state in states])
+        for told, column in zip(seen.trace.responders.T, shown.T, strict=True):
+            assert len({*zip(told.tolist(), column.tolist(), strict=True)}) == len(set(told.tolist())), (
+                "names of states"
+            )
+    again = as_pictured(seen.trace)
+    assert np.array_equal(again.links, seen.trace.links) and np.array_equal(again.responders, seen.trace.responders)
+
+
+def test_mistaken_links_are_drawn_where_they_are_asked_for(tmp_path: Path) -> None:
+    library = find("procedural")
+    [(_, right)], [(_, wrong)] = (list(draw_boards("gates", 1, 5, library, 30, share)) for share in (0.0, 0.5))
+    assert np.array_equal(right.trace.responders, wrong.trace.responders)
+    assert not np.array_equal(right.trace.links, wrong.trace.links)

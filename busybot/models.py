@@ -1,13 +1,13 @@
 """Trained models as files: which there are, what their folders say about them, and whether they are whole.
 
 A model is a folder with `model.json` and weights as safetensors, whatever the skill; `interact.affordance.load` and
-`reason.models.model_folder` load them. Here only `verify` needs torch: it loads the weights into the networks.
+`reason.models.model_folder` load them. Here `load_model` and `verify` do, whatever the skill; nothing else needs torch.
 """
 
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict
 from safetensors import SafetensorError, safe_open
@@ -16,6 +16,11 @@ from busybot.common.atomic_io import inside, open_regular, scan, sha256_of
 from busybot.common.errors import BusybotError, without_name
 from busybot.common.limits import MAX_WEIGHTS_BYTES
 from busybot.training.model_cards import INFO_FILE, SHIPPED, Hashes, Training, find_folder, read_info
+
+if TYPE_CHECKING:
+    from busybot.interact.affordance.fast import AffordanceModel
+    from busybot.plan.learning.network import PolicyNetwork
+    from busybot.reason.models.base import Reasoner
 
 CARD_FILE = "README.md"
 WEIGHTS = ".safetensors"
@@ -124,6 +129,21 @@ def find(name_or_path: str) -> Path:
     return find_folder(name_or_path, *SHIPPED)
 
 
+def load_model(name_or_path: str | Path) -> "AffordanceModel | Reasoner | PolicyNetwork":
+    """A trained model of any skill, ready for use.
+
+    Args:
+        name_or_path: a shipped model's name (`procedural` acts, `event` infers relations), or a model's folder; a
+            training's folder stands for its final model.
+
+    Raises:
+        BusybotError: there is no such model, or its files are damaged or do not belong together.
+    """
+    folder = find(str(name_or_path))
+    _, skill, kind = _card(folder)
+    return _loaded(folder, skill, kind)
+
+
 def describe_model(folder: Path) -> ModelDescription:
     """Read what a model's folder says about it.
 
@@ -164,7 +184,7 @@ def verify(folder: Path) -> ModelVerdict:
         problems += [f"{folder / name}: {INFO_FILE} does not record it" for name in strangers]
     loads = True
     try:
-        _load(folder, skill, kind)
+        _loaded(folder, skill, kind)
     except BusybotError as error:
         loads = False
         if not any(problem.startswith(error.what.split(": ")[0]) for problem in problems):
@@ -207,17 +227,16 @@ def _values(file: Path) -> int:
         raise BusybotError(f"{file}: damaged: {error}", "copy the model again") from None
 
 
-def _load(folder: Path, skill: str, kind: Any) -> None:
-    """Load the weights into the networks."""
+def _loaded(folder: Path, skill: str, kind: Any) -> Any:
+    """The model with its weights in the networks."""
     if skill == "interact":
         from busybot.interact.affordance.load import load_model
 
-        load_model(folder)
-    elif skill == "reason":
+        return load_model(folder)
+    if skill == "reason":
         from busybot.reason.models.registry import load_reasoner
 
-        load_reasoner(folder)
-    else:
-        from busybot.plan.learning.network import read_policy
+        return load_reasoner(folder)
+    from busybot.plan.learning.network import read_policy
 
-        read_policy(folder, kind)
+    return read_policy(folder, kind)[1]

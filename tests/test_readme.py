@@ -32,7 +32,7 @@ def test_commands_and_code_run(tmp_path: Path) -> None:
         run([sys.executable, "-m", "busybot", *arguments], tmp_path)
     assert (tmp_path / "out/view.png").stat().st_size > 50_000
     code = blocks("python")
-    assert len(code) == 2
+    assert len(code) == 1
     for block in code:
         run([sys.executable, "-c", block], tmp_path)
 

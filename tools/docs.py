@@ -58,6 +58,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "hardware": tables.hardware,
         "collection-parts": tables.collection_parts,
         "world-costs": tables.world_costs,
+        "frames-speed": prose.frames_speed,
     },
     "docs/results/reason.md": {
         "features": tables.features,

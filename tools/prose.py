@@ -76,6 +76,22 @@ def features_speed() -> str:
     )
 
 
+def frames_speed() -> str:
+    """How many pictures a second a learner gets."""
+    told = result("frames-speed")
+    rate = {name: row["per_cpu_second"] for name, row in told["rows"].items()}
+    holds("a core decodes at least 600 pictures a second", min(rate["RGB"], rate["RGB, first pass"]) >= 600)
+    return _filled(
+        f"In random order, {told['width']} x {told['height']}, through a `DataLoader` of one process, a second of "
+        f"processor time gives {rate['RGB']} RGB pictures or {rate['depth']} of depth once the encoded pictures are in "
+        f"memory, {rate['RGB, first pass']} in the first pass, which reads the recordings, and "
+        f"{rate['RGB, nothing kept']} if nothing is kept and every picture is read from its file alone: then the order "
+        "of `frames.shuffled(seed)` is the one to take, which stays with some episodes for a while. With a worker it "
+        f"is {rate['RGB, one worker']}, both processes counted: batches are handed over in shared memory, whose pages "
+        "the system makes anew for each."
+    )
+
+
 def laptop() -> str:
     """How long the committed run of the profile `laptop` took, and what it reached."""
     run = RESULTS / "laptop"

@@ -1,8 +1,9 @@
-"""Measures the paper's training of relations on this machine (`busybot train reason --variant paper`), and features.
+"""Measures what learning from recordings costs: the paper's training of relations, features, pictures for PyTorch.
 
     python -m benchmarks.speed.reason [--iterations 3] [--boards 64] [--threads 1] [--out FILE]
     python -m benchmarks.speed.reason message-passing [--iterations 3] [--boards 8] [--out FILE]
     python -m benchmarks.speed.reason features --data DATASET [--encoder NAME] [--workers 2] [--out FILE]
+    python -m benchmarks.speed.reason frames --data DATASET [--out FILE]
 
 Iterations of the paper's size (64 boards of 30 steps, 10 objects, 23 images to infer from) are timed in every form of
 the networks: the plain one, which joins receiver, sender and edge for every pair of nodes in every frame; the fast one,
@@ -22,6 +23,10 @@ the smaller graph, too.
 
 `features` measures how many frames a second are turned into features, by the clock and by processor time, into a new
 store.
+
+`frames` measures how many pictures a second come in random order from `load_dataset(DATASET).frames()` through a
+`DataLoader` in batches of 32, by the clock and by processor time, of its worker, too, where it has one. The first pass
+reads the recordings, later ones have them in memory; `nothing kept` reads a recording for every picture.
 """
 
 import argparse
@@ -33,15 +38,22 @@ import time
 from itertools import count
 from pathlib import Path
 from typing import Any, Literal
+from unittest import mock
 
+import cv2
 import numpy as np
+import psutil
 import torch
+from torch.utils.data import DataLoader
 
 from benchmarks.runner import cpu_seconds, finish, load_average, one_of, parser, peak_mb, timed, torch_with
+from busybot.api import load_dataset
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
+from busybot.episodes.mcap import pictures
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.results import package_versions
+from busybot.frames import Frames
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
 from busybot.reason.models.paper.config import PaperNetworkConfig, PaperReasonConfig
@@ -204,5 +216,46 @@ def features(words: list[str]) -> None:
     print(json.dumps(finish("features-speed", arguments, encoded(arguments), hashes={"data": data}), indent=1))
 
 
+def rates(frames: Frames, passes: int, workers: int = 0, kept: int = pictures.KEPT_BYTES) -> list[dict[str, int]]:
+    """Pictures a second of each pass over all frames, by the clock and by processor time; nothing is kept before."""
+    batches = DataLoader(frames, 32, shuffle=True, num_workers=workers, persistent_workers=workers > 0)
+    found, own = [], psutil.Process()
+    with mock.patch.object(pictures, "_KEPT", pictures.Kept(kept)):
+        for _ in range(passes):
+            began, before = time.monotonic(), _used(own)
+            number = sum(len(frames.pictures) * len(batch["step"]) for batch in batches)
+            seconds, used = time.monotonic() - began, _used(own) - before
+            found.append({"per_second": round(number / seconds), "per_cpu_second": round(number / used)})
+    return found
+
+
+def _used(process: psutil.Process) -> float:
+    """Processor seconds of a process and of those below it that run."""
+    times = [one.cpu_times() for one in (process, *process.children(recursive=True))]
+    return sum(one.user + one.system for one in times)
+
+
+def frames(words: list[str]) -> None:
+    options = parser(__doc__, assets=False, out=False)
+    options.add_argument("--data", type=Path, required=True, help="recorded dataset")
+    arguments = options.parse_args(words)
+    cv2.setNumThreads(1)
+    load, machine = os.getloadavg()[0], torch_with(1)
+    data = load_dataset(arguments.data)
+    first, *later = rates(data.frames(), 6)
+    rows = {
+        "RGB, first pass": first,
+        "RGB": sorted(later, key=lambda row: row["per_cpu_second"])[len(later) // 2],
+        "RGB, one worker": rates(data.frames(), 3, workers=1)[-1],
+        "depth": rates(data.frames("depth"), 3)[-1],
+        "RGB, nothing kept": rates(data.frames(), 1, kept=0)[0],
+    }
+    info = data.to_pandas("episodes")
+    size = {"width": int(info.width[0]), "height": int(info.height[0])}
+    figures = {"episodes": len(data), "frames": len(data.frames()), **size, "rows": rows, "load_before": round(load, 2)}
+    hashes = {"data": {arguments.data.name: {"content_hash": data.hashes().content}}}
+    print(json.dumps(finish("frames-speed", arguments, figures, hashes=hashes, machine=machine), indent=1))
+
+
 if __name__ == "__main__":
-    one_of(main, message_passing=message_passing, features=features)
+    one_of(main, message_passing=message_passing, features=features, frames=frames)

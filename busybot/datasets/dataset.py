@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING, Self
 
 import pyarrow as pa
 from pydantic import ValidationError
@@ -49,8 +50,10 @@ from busybot.datasets.info import (
     refuse_unlike_manifest,
 )
 from busybot.episodes.digests import Digests, combine
+from busybot.episodes.episode import Episode
+from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.records import Fingerprint, fingerprint
-from busybot.episodes.schema import SCHEMA_VERSION, TABLES, arrow_schema
+from busybot.episodes.schema import SCHEMA_VERSION, TABLES, arrow_schema, public_columns
 from busybot.episodes.tables import (
     EPISODES_PER_SHARD,
     HINT_TABLES,
@@ -61,6 +64,9 @@ from busybot.episodes.tables import (
     split_by_episode,
     write_shard,
 )
+
+if TYPE_CHECKING:
+    import pandas
 
 BOARDS_PER_SHARD = 1000
 INFO_FILE = "dataset.json"
@@ -93,7 +99,7 @@ class Dataset:
     @classmethod
     def create(
         cls, path: Path, info: DatasetInfo | Callable[[], DatasetInfo], boards: Iterable[BoardSpec] = ()
-    ) -> "Dataset":
+    ) -> Self:
         """Write a new dataset with its boards. It is there whole or not at all: a killed call is simply repeated.
 
         Args:
@@ -120,7 +126,7 @@ class Dataset:
         return cls(Path(path), info)
 
     @classmethod
-    def open(cls, path: Path) -> "Dataset":
+    def open(cls, path: Path) -> Self:
         """Read `dataset.json`.
 
         Raises:
@@ -207,6 +213,29 @@ class Dataset:
         if not 0 <= index < self.info.boards:
             raise BusybotError(f"{self.path}: there is no episode {index} of {self.info.boards}")
         return inside(self.path, f"episodes/{_episode_name(index)}")
+
+    def __len__(self) -> int:
+        """Number of finished episodes."""
+        return len(self.finished())
+
+    def __bool__(self) -> bool:
+        return True  # also without episodes
+
+    def __iter__(self) -> Iterator[Episode]:
+        """The finished episodes in order, each as `self[index]`."""
+        return (self[index] for index in sorted(self.finished()))
+
+    def __getitem__(self, index: int) -> Episode:
+        """The episode of board `index`, from the end if negative; its pictures stay in the file until asked for.
+
+        Raises:
+            BusybotError: there is no such board, it has no episode yet, or its file is damaged.
+        """
+        number = index + self.info.boards if index < 0 else index
+        path = self.episode_path(number)
+        if not _is_file(path):
+            raise BusybotError(f"{self.path}: board {number} has no episode", collect_command(self.path, self.info))
+        return read_episode(path, "stored")
 
     def finished(self) -> set[int]:
         """Indices of episodes that are there under their final names."""
@@ -297,6 +326,16 @@ class Dataset:
         if not self.stored_shards(name):
             raise BusybotError(f"{self.path}: it has no table {name!r} yet", "`busybot collect` makes it")
         return pa.concat_tables(self._believed(name, shard, indices, columns) for shard, indices in shards.items())
+
+    def to_pandas(self, table: str = "steps", privileged: bool = False) -> "pandas.DataFrame":
+        """A table (`episodes`, `steps` or `objects`) with the columns that learners may read, or with all.
+
+        Raises:
+            BusybotError: see `table`, or there is no table of that name.
+        """
+        if table not in TABLES:
+            raise BusybotError(f"there is no table {table!r}", f"choose among {', '.join(TABLES)}")
+        return self.table(table, None if privileged else public_columns(table)).to_pandas()
 
     def _believed(self, name: str, shard: int, indices: list[int], columns: list[str] | None) -> pa.Table:
         """A shard that was made of the episodes which are there now."""

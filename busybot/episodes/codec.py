@@ -11,7 +11,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, overload
+from typing import Any, Literal, overload
 
 import cv2
 import numpy as np
@@ -20,6 +20,8 @@ from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Image
 
 ImageFormat = Literal["jpeg", "png"]
+Part = Literal["rgb", "depth", "segmentation"]
+"""A picture of an image."""
 
 DEPTH_OFFSET, DEPTH_SCALE = 2.0, 4e-5
 """Board units. The camera is 4 above the board, objects reach up to 1.2: depth lies between 2.0 and 4.62."""
@@ -135,6 +137,81 @@ def image_size(data: bytes) -> tuple[int, int]:
     raise ValueError("neither a PNG nor a JPEG image")
 
 
+class RowDecoder:
+    """Decodes pictures of one scene: rows of blocks that are as in the first picture are copied, not decoded.
+
+    What it returns is equal to what `decode_rgb` does, for pictures of any kind; those of other encoders take as long.
+
+    Args:
+        first: JPEG or PNG.
+    """
+
+    def __init__(self, first: bytes, width: int, height: int):
+        self._width, self._height = width, height
+        self._shown = decode_rgb(first, width, height)
+        self._head, self._rows = _split(first, width, height) or (b"", [])
+
+    def decode(self, data: bytes) -> np.ndarray:
+        """uint8 (H, W, 3); ValueError as `decode_rgb`."""
+        head, rows = _split(data, self._width, self._height) or (None, [])
+        if head != self._head:
+            return decode_rgb(data, self._width, self._height)
+        image = self._shown.copy()
+        changed = [number for number, (row, first) in enumerate(zip(rows, self._rows, strict=True)) if row != first]
+        if changed:
+            strip = _joined(self._head, [rows[number] for number in changed])
+            decoded = decode_rgb(strip, self._width, JPEG_BLOCK * len(changed))
+            blocks = (-1, JPEG_BLOCK, self._width, 3)
+            image.reshape(blocks)[changed] = decoded.reshape(blocks)
+        return image
+
+
+def _split(data: bytes, width: int, height: int) -> tuple[bytes, list[bytes]] | None:
+    """Header and rows of blocks of a JPEG that begins anew with every row; None of any other picture."""
+    segments = _segments(data)
+    begin = segments.get(_SCAN)
+    each = segments.get(_RESTART)
+    if begin is None or each is None or _BASELINE not in segments or not data.endswith(b"\xff\xd9"):
+        return None
+    if struct.unpack_from(">H", data, each + 4)[0] != -(-width // JPEG_BLOCK):
+        return None
+    position = begin + 2 + struct.unpack_from(">H", data, begin + 2)[0]
+    head = data[:position]
+    rows: list[bytes] = []
+    while (end := data.find(_restart(len(rows)), position)) >= 0:
+        rows.append(data[position:end])
+        position = end + 2
+    rows.append(data[position:-2])
+    # with an interval of so many blocks, other samplings of colours than 4:4:4 have fewer rows
+    return (head, rows) if len(rows) * JPEG_BLOCK == height else None
+
+
+def _joined(head: bytes, rows: list[bytes]) -> bytes:
+    """A JPEG of some rows of blocks."""
+    size = _segments(head)[_BASELINE] + 5
+    parts = [head[:size], struct.pack(">H", JPEG_BLOCK * len(rows)), head[size + 2 :]]
+    for number, row in enumerate(rows):
+        parts += [row, _restart(number)]
+    return b"".join([*parts[:-1], b"\xff\xd9"])
+
+
+def _restart(number: int) -> bytes:
+    return bytes((0xFF, 0xD0 + number % 8))
+
+
+_BASELINE, _SCAN, _RESTART = 0xC0, 0xDA, 0xDD
+
+
+def _segments(data: bytes) -> dict[int, int]:
+    """Where a JPEG's segments begin, by their markers, up to its first scan."""
+    found: dict[int, int] = {}
+    position = 2
+    while data[:2] == b"\xff\xd8" and position + 9 <= len(data) and data[position] == 0xFF and _SCAN not in found:
+        found[data[position + 1]] = position
+        position += 2 + struct.unpack_from(">H", data, position + 2)[0]
+    return found
+
+
 @dataclass(frozen=True)
 class EncodedImage:
     """One stored observation as it lies in the file.
@@ -163,14 +240,52 @@ def encode_image(image: Image, rgb: ImageFormat, scale: DepthScale, links: int) 
     )
 
 
+class LazyImage(Image):
+    """One of `LazyImages`: each of its pictures is decoded when it is first asked for."""
+
+    _images: "LazyImages"
+    _encoded: EncodedImage
+    _position: int
+
+    @classmethod
+    def of(cls, images: "LazyImages", encoded: EncodedImage, position: int = -1) -> "LazyImage":
+        """Image `position` of a file, not decoded yet."""
+        image = cls.__new__(cls)
+        image._images, image._encoded, image._position, image.boxes = images, encoded, position, encoded.boxes
+        return image
+
+    @cached_property
+    def rgb(self) -> np.ndarray:  # type: ignore[override]
+        """uint8 (H, W, 3)."""
+        return self._decoded("rgb")
+
+    @cached_property
+    def depth(self) -> np.ndarray | None:  # type: ignore[override]
+        """float32 (H, W), board units."""
+        return self._decoded("depth")
+
+    @cached_property
+    def segmentation(self) -> np.ndarray | None:  # type: ignore[override]
+        """uint16 (H, W)."""
+        return self._decoded("segmentation")
+
+    def whole(self) -> Image:
+        """The same with all that it has decoded."""
+        return Image(self.rgb, self.depth, self.segmentation, self.boxes)
+
+    def _decoded(self, part: Part) -> Any:
+        return self._images.decode(self._encoded, part, self._position)
+
+
 @dataclass
 class LazyImages(Sequence[Image]):
-    """Behaves like `Episode.images`; keeps the last two images decoded, those before and after a step.
+    """Behaves like `Episode.images`; keeps what was decoded of the last two images, those before and after a step.
 
     Attributes:
         where: the file, for messages.
         links: number of links that the segmentation may name.
-        encoded: what was read; boxes and bytes are there without decoding.
+        encoded: what was read; boxes are there without decoding.
+        keeps: whether the last two images are kept at all.
     """
 
     where: str
@@ -178,7 +293,8 @@ class LazyImages(Sequence[Image]):
     height: int
     links: int
     depth_scale: DepthScale
-    encoded: list[EncodedImage]
+    encoded: Sequence[EncodedImage]
+    keeps: bool = True
     _recent: dict[int, Image] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
@@ -195,7 +311,9 @@ class LazyImages(Sequence[Image]):
             return [self[i] for i in range(*index.indices(len(self)))]
         position = range(len(self))[index]
         if position not in self._recent:
-            image = self._decode(self.encoded[position], position)
+            image = LazyImage.of(self, self.encoded[position], position)
+            if not self.keeps:
+                return image
             for old in list(self._recent)[:-1]:
                 del self._recent[old]
             self._recent[position] = image
@@ -204,21 +322,28 @@ class LazyImages(Sequence[Image]):
     def as_stored(self, image: Image) -> Image:
         """Another image as it would come back from this file: through its codecs."""
         png = self.encoded[0].rgb.startswith(PNG_MAGIC) if self.encoded else True
-        return self._decode(encode_image(image, "png" if png else "jpeg", self.depth_scale, self.links))
+        return LazyImage.of(self, encode_image(image, "png" if png else "jpeg", self.depth_scale, self.links)).whole()
 
-    def _decode(self, encoded: EncodedImage, position: int = -1) -> Image:
+    def decode(self, encoded: EncodedImage, part: Part, position: int = -1) -> Any:
+        """One picture of an image, as in `Image`; None if it was not recorded.
+
+        Raises:
+            BusybotError: naming the file and the image, which is `position` there, if it cannot be decoded.
+        """
+        data = getattr(encoded, part)
         try:
-            rgb = decode_rgb(encoded.rgb, self.width, self.height)
-            steps = None if encoded.depth is None else decode_plain(encoded.depth, self.width, self.height)
-            segmentation = self._decode_segmentation(encoded.segmentation)
+            return None if data is None else self._decode(data, part)
         except ValueError as error:
             raise BusybotError(f"{self.where}: image {position}: {error}", "record the episode again") from None
-        depth = None if steps is None else self.depth_scale.restore(steps)
-        return Image(rgb=rgb, depth=depth, segmentation=segmentation, boxes=encoded.boxes)
 
-    def _decode_segmentation(self, data: bytes | None) -> np.ndarray | None:
-        if data is None:
-            return None
+    def _decode(self, data: bytes, part: Part) -> np.ndarray:
+        if part == "rgb":
+            return decode_rgb(data, self.width, self.height)
+        if part == "depth":
+            return self.depth_scale.restore(decode_plain(data, self.width, self.height))
+        return self._decode_segmentation(data)
+
+    def _decode_segmentation(self, data: bytes) -> np.ndarray:
         segmentation = decode_plain(data, self.width, self.height).astype(np.uint16)
         if int(segmentation.max()) > self.links:
             raise ValueError(f"the segmentation names link {int(segmentation.max())} of {self.links}")

@@ -9,10 +9,11 @@ stored once: `Episode.frame_of[k]` is the index of the stored image that shows f
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy as np
 
+from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError, naming
 
@@ -153,6 +154,30 @@ class Episode:
     goals: Sequence[Image] = ()
 
     @property
+    def rgb(self) -> "Pictures":
+        """RGB of frames 0..len(steps), uint8 (H, W, 3) each; only what is asked for is decoded."""
+        return Pictures(self, "rgb")
+
+    @property
+    def depth(self) -> "Pictures":
+        """Depth of frames 0..len(steps), float32 (H, W) each, board units; only what is asked for is decoded.
+
+        Asking for one raises BusybotError if the episode was recorded without depth.
+        """
+        return Pictures(self, "depth")
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """Boxes of all objects in frames 0..len(steps), int16 (T + 1, N, 4), as in `Image`; nothing is decoded."""
+        return np.stack([image.boxes for image in self.images])[self.frame_of]
+
+    @property
+    def actions(self) -> np.ndarray:
+        """Where each step acted and the unit vector of its proposed direction, board frame, float32 (T, 6)."""
+        rows = [(*step.position, *DIRECTIONS[step.direction]) for step in self.steps]
+        return np.array(rows, np.float32).reshape(-1, 6)
+
+    @property
     def goal(self) -> Image | None:
         """The goal image, None if there is no goal."""
         return self.goals[0] if len(self.goals) else None
@@ -174,3 +199,28 @@ class Episode:
         """
         with naming(f"board {self.board.index}"):
             return self.image(frame).observation(self.camera)
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures(Sequence[np.ndarray]):
+    """Pictures of one kind, by frame: `pictures[t]` shows frame t, a slice gives a list."""
+
+    episode: Episode
+    part: Literal["rgb", "depth"]
+
+    def __len__(self) -> int:
+        return len(self.episode.frame_of)
+
+    @overload
+    def __getitem__(self, frame: int) -> np.ndarray: ...
+
+    @overload
+    def __getitem__(self, frame: slice) -> list[np.ndarray]: ...
+
+    def __getitem__(self, frame: int | slice) -> np.ndarray | list[np.ndarray]:
+        if isinstance(frame, slice):
+            return [self[one] for one in range(len(self))[frame]]
+        picture: np.ndarray | None = getattr(self.episode.image(frame), self.part)
+        if picture is None:
+            raise BusybotError(f"board {self.episode.board.index}: an image without {self.part}")
+        return picture

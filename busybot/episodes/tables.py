@@ -6,7 +6,7 @@
 import hashlib
 import io
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +105,7 @@ def knows_truth(episode: Episode) -> bool:
     return any(link.trigger for link in episode.links)
 
 
-def _encoded(episode: Episode) -> list[EncodedImage]:
+def _encoded(episode: Episode) -> Sequence[EncodedImage]:
     assert isinstance(episode.images, LazyImages)
     return episode.images.encoded
 

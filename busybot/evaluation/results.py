@@ -69,6 +69,7 @@ KINDS = {
     "reproduce": "python -m benchmarks.speed.waiting reproduce",
     "hardware": "python -m benchmarks.speed.hardware",
     "features-speed": "python -m benchmarks.speed.reason features",
+    "frames-speed": "python -m benchmarks.speed.reason frames",
     "interact-speed": "python -m benchmarks.speed.interact",
     "paper-interact-speed": "python -m benchmarks.speed.interact paper",
     "message-passing": "python -m benchmarks.speed.reason message-passing",

@@ -1,32 +1,39 @@
-"""BusyBoard as a Gymnasium environment (paper section 3), registered by `busybot.sim.registration`.
+"""BusyBoard as a Gymnasium environment (paper section 3); `import busybot` registers it (`sim.registration`).
 
 `PixelActions` and `ImageObservations` give its actions and observations other shapes, as libraries for learning agents
-want them: they wrap the environment, one around the other, and Gymnasium's own wrappers go around them.
+want them: they wrap the environment, one around the other, and Gymnasium's own wrappers go around them. As
+`busybot/BoardPixels-v0` the environment is wrapped in both.
 """
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
+from pydantic import ValidationError
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.rng import generator
+from busybot.episodes import episode as recorded
 from busybot.episodes.camera import Rays, project
 from busybot.episodes.episode import Image, Step
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.sim.interaction import Grasp, InteractionConfig, interact, look
+from busybot.sim.policy import Action, PolicyFactory
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
 from busybot.sim.scene.real_camera import REACH, true_depth
 from busybot.sim.scene.render import RenderConfig
 
 Observation = dict[str, Any]
+Config = TypeVar("Config", bound=FrozenModel)
 Core = dict[str, Any]
 """An action of the environment itself."""
 STEP_TRUTH = ("success", "acted_object", "changed_pixels", "executed", "distance")
@@ -67,7 +74,8 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
 
     ## Arguments
     `assets`: `procedural` or a folder of objects; `boards`: how boards are drawn (`BoardConfig`, its `seed` and number
-    of boards are ignored); `render`, `interaction`: see their classes; `max_steps`. `reset(options={"board": spec})`
+    of boards are ignored); `render`, `interaction`: see their classes; `max_steps`. Each configuration may be a plain
+    dictionary, as `boards={"split": "novel-object"}`. `reset(options={"board": spec})`
     plays a given board, otherwise the seed draws one; `reset(options={"index": i})` takes board i of the seed.
 
     ## Versions
@@ -79,17 +87,17 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
     def __init__(
         self,
         assets: str | Library = "procedural",
-        boards: BoardConfig | None = None,
-        render: RenderConfig | None = None,
-        interaction: InteractionConfig | None = None,
+        boards: BoardConfig | Mapping[str, Any] | None = None,
+        render: RenderConfig | Mapping[str, Any] | None = None,
+        interaction: InteractionConfig | Mapping[str, Any] | None = None,
         max_steps: int = 30,
         render_mode: str | None = None,
     ):
         self.render_mode = render_mode
         self.max_steps = max_steps
-        self._boards = boards or BoardConfig()
-        self._view = render or RenderConfig()
-        self._interaction = interaction or InteractionConfig()
+        self._boards = _config(BoardConfig, "boards", boards)
+        self._view = _config(RenderConfig, "render", render)
+        self._interaction = _config(InteractionConfig, "interaction", interaction)
         self._library = assets if isinstance(assets, Library) else find(assets)
         self._simulator: Simulator | None = None
         self._scene: BoardScene | None = None
@@ -149,6 +157,12 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
             edge = (min(max(column, 0), self._view.width - 1), min(max(row, 0), self._view.height - 1))
             return Grasp(None, position, edge)
         return Grasp(scene.trigger_at(int(self._image.segmentation[row, column])), position, (column, row))
+
+    @property
+    def rays(self) -> Rays:
+        """The camera's viewing rays, and with them the camera."""
+        self._playing()
+        return self._rays
 
     def position_at(self, row: int, column: int) -> np.ndarray:
         """What the camera sees at a pixel, board frame, float32 (3,); the camera's own place where it sees nothing."""
@@ -249,6 +263,54 @@ class ImageObservations(gymnasium.ObservationWrapper[np.ndarray, Any, Observatio
         if self.kind != "rgbd":
             return np.ascontiguousarray(colours if self.kind == "rgb" else depth)
         return np.concatenate([colours.astype(np.float32) / 255, depth])
+
+
+class PolicyAgent:
+    """A policy, as `busybot collect` uses them, as an agent on one board of the environment.
+
+    It is given what any agent sees, and told what the gripper did (`executed`). Make one after each `reset`.
+
+    Args:
+        env: `busybot/Board-v0`, wrapped or not, as long as its observations are those of the environment.
+        factory: of the policy, for example `interact.policy.policy_factory.LearnedPolicyFactory("procedural")`.
+        seed: of what the policy draws.
+    """
+
+    def __init__(self, env: gymnasium.Env[Any, Any], factory: PolicyFactory, seed: int = 0):
+        self._env = _board(env)
+        self._policy = factory.make_policy(self._env.rays)
+        self._rng = generator(seed, "agent", 0, f"policy/{factory.name}")
+        self._seen: recorded.Observation | None = None
+        self._action: Action | None = None
+
+    def act(self, observation: Observation) -> Core | None:
+        """The action of the environment itself that the policy chooses; None if it has nothing more to do."""
+        self._seen = self._seen or self._observed(observation)
+        self._action = self._policy.select_action(self._seen, self._rng)
+        if self._action is None:
+            return None
+        column, row = self._action.pixel
+        return {"position": self._env.position_at(row, column), "direction": self._action.directions[0]}
+
+    def observe(self, observation: Observation, reward: float, executed: tuple[int, ...]) -> None:
+        """Tell what came of the last action, as `step` returned it."""
+        assert self._action is not None, "act first"
+        if self._seen is None or not np.array_equal(observation["rgb"], self._seen.rgb):
+            self._seen = self._observed(observation)  # the same object as long as nothing changes
+        self._policy.observe(self._action, executed, int(reward), self._seen)
+
+    def _observed(self, observation: Observation) -> recorded.Observation:
+        return recorded.Observation(observation["rgb"], observation["depth"], self._env.rays.camera)
+
+
+def _config(kind: type[Config], name: str, given: Config | Mapping[str, Any] | None) -> Config:
+    """A configuration as it is, or of plain values."""
+    if isinstance(given, kind):
+        return given
+    try:
+        return kind.model_validate({} if given is None else given)
+    except ValidationError as error:
+        raise BusybotError(f"{name}: {first_fault(error)}", f"see `{kind.__module__}.{kind.__name__}`") from None
 
 
 def _board(env: gymnasium.Env[Any, Any]) -> BusyBoardEnv:

@@ -1,5 +1,6 @@
 """What images lose on disk, and that nothing else than the image asked for is decoded."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -90,3 +91,64 @@ def test_what_is_no_image_is_refused(data: bytes) -> None:
         codec.image_size(data)
     with pytest.raises(ValueError, match="neither"):
         codec.decode_plain(data, 4, 4)
+
+
+def _scenes(height: int = 96, width: int = 128) -> list[np.ndarray]:
+    """A picture, and the same with changes in some rows of blocks, in all and in none."""
+    rng = np.random.default_rng(2)
+    small = rng.integers(0, 255, (height // 8, width // 8, 3)).astype(np.uint8)
+    first = cv2.resize(small, (width, height), interpolation=cv2.INTER_CUBIC)
+    some, moved = first.copy(), np.roll(first, 3, axis=0)
+    some[20:29, 10:50] = 255 - some[20:29, 10:50]
+    some[-1, -1] = 0
+    return [first, some, moved, first]
+
+
+@pytest.mark.parametrize("image_format", ["jpeg", "png"])
+@pytest.mark.parametrize("size", [(96, 128), (96, 123), (91, 128)])
+def test_rows_that_are_copied_are_those_that_would_be_decoded(size: tuple[int, int], image_format: str) -> None:
+    pictures = [codec.encode_rgb(scene, image_format) for scene in _scenes(*size)]  # type: ignore[arg-type]
+    rows = codec.RowDecoder(pictures[0], size[1], size[0])
+    for data in [*pictures, *pictures[::-1]]:
+        np.testing.assert_array_equal(rows.decode(data), codec.decode_rgb(data, size[1], size[0]))
+    with pytest.raises(ValueError, match="pixels"):
+        rows.decode(codec.encode_rgb(_scenes(48, 64)[0], image_format))  # type: ignore[arg-type]
+
+
+def test_only_rows_that_changed_are_decoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    pictures = [codec.encode_rgb(scene, "jpeg") for scene in _scenes()]
+    rows, decode, heights = codec.RowDecoder(pictures[0], 128, 96), codec.decode_rgb, list[int]()
+
+    def noting(data: bytes, width: int, height: int) -> np.ndarray:
+        heights.append(height)
+        return decode(data, width, height)
+
+    monkeypatch.setattr(codec, "decode_rgb", noting)
+    for data in pictures:
+        rows.decode(data)
+    assert heights == [24, 96], "rows 2, 3 and the last; all; none of the same picture"
+
+
+@pytest.mark.parametrize("sampling", ["411", "420", "422", "440", "444"])
+@pytest.mark.parametrize("interval", [0, 4, 8, 16, 32])
+def test_pictures_of_other_encoders_are_decoded_all_the_same(sampling: str, interval: int) -> None:
+    factor = getattr(cv2, f"IMWRITE_JPEG_SAMPLING_FACTOR_{sampling}")
+    flags = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, factor, cv2.IMWRITE_JPEG_RST_INTERVAL, interval]
+    for more in ([], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1], [cv2.IMWRITE_JPEG_OPTIMIZE, 1]):
+        pictures = [cv2.imencode(".jpg", scene, [*flags, *more])[1].tobytes() for scene in _scenes()]
+        rows = codec.RowDecoder(pictures[0], 128, 96)
+        for data in [*pictures, codec.encode_rgb(_scenes()[1], "jpeg")]:
+            np.testing.assert_array_equal(rows.decode(data), codec.decode_rgb(data, 128, 96))
+
+
+def test_damaged_pictures_are_refused_or_decoded_but_nothing_else_happens() -> None:
+    pictures = [codec.encode_rgb(scene, "jpeg") for scene in _scenes()]
+    rng, rows = np.random.default_rng(3), codec.RowDecoder(pictures[0], 128, 96)
+    for _ in range(300):
+        data = bytearray(pictures[1])
+        for place in rng.integers(0, len(data), rng.integers(1, 4)):
+            data[place] = int(rng.integers(256))
+        try:
+            assert rows.decode(bytes(data[: rng.integers(1, len(data) + 1)])).shape == (96, 128, 3)
+        except ValueError:
+            continue

@@ -1,6 +1,7 @@
 """The Gymnasium environment keeps its contract."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -9,7 +10,8 @@ from gymnasium.utils.env_checker import check_env
 
 from busybot.boards.config import BoardConfig
 from busybot.common.errors import BusybotError
-from busybot.sim.env import BusyBoardEnv
+from busybot.sim.builtin_policies import RandomFactory
+from busybot.sim.env import BusyBoardEnv, PolicyAgent
 from busybot.sim.scene.render import RenderConfig
 
 SMALL = RenderConfig(width=160, height=120)
@@ -109,3 +111,75 @@ def test_a_position_at_the_camera_or_behind_it_holds_nothing(env: BusyBoardEnv) 
     for position in (camera, camera + np.float32([0, 0, 1])):
         assert env.grasp(position).trigger is None
     assert env.step({"position": camera, "direction": 0})[1] == 0
+
+
+def test_configurations_may_be_plain_dictionaries() -> None:
+    boards = {"relations": "one-to-one", "switches": (1, 1)}
+    env = gymnasium.make("busybot/Board-v0", boards=boards, render={"width": 160, "height": 120}, max_steps=1)
+    plain = env.reset(seed=3)[1]["board"]
+    same = BusyBoardEnv(boards=BoardConfig(relations="one-to-one", switches=(1, 1)), render=SMALL)
+    assert plain == same.reset(seed=3)[1]["board"]
+    assert (
+        gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json())).reset(seed=3)[1] is not None
+    )
+    for name, value in (("boards", {"split": "none"}), ("render", {"size": 3}), ("interaction", {"delta": "much"})):
+        with pytest.raises(BusybotError, match=name) as error:
+            BusyBoardEnv(**{name: value})
+        assert error.value.hint
+
+
+def test_pixels_are_flat_spaces_that_stable_baselines_takes() -> None:
+    env: gymnasium.Env[Any, Any] = gymnasium.make("busybot/BoardPixels-v0", max_steps=3)
+    assert env.action_space == gymnasium.spaces.MultiDiscrete([120, 160, 18])
+    assert env.observation_space == gymnasium.spaces.Box(0, 255, (3, 120, 160), np.uint8)
+    observation, _ = env.reset(seed=0)
+    assert observation.any() and env.step(env.action_space.sample())[0].shape == (3, 120, 160)
+    larger = gymnasium.make("busybot/BoardPixels-v0", render={"width": 64, "height": 48})
+    assert larger.observation_space.shape == (3, 48, 64)
+
+
+@pytest.mark.long
+def test_ppo_learns_on_pixels_without_wrappers(recwarn: pytest.WarningsRecorder) -> None:
+    pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: `make extras`")
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.env_checker import check_env
+
+    env = gymnasium.make("busybot/BoardPixels-v0", render={"width": 64, "height": 48}, max_steps=4)
+    recwarn.clear()
+    check_env(env)
+    assert [str(one.message) for one in recwarn] == []
+    model = PPO("CnnPolicy", env, n_steps=8, batch_size=8, n_epochs=1, seed=0).learn(16)
+    assert model.num_timesteps == 16 and env.action_space.contains(model.predict(env.reset(seed=0)[0])[0])
+
+
+def test_a_policy_plays_as_an_agent(env: BusyBoardEnv) -> None:
+    def play() -> list[tuple[object, float]]:
+        observation, _ = env.reset(seed=2)
+        agent, trace = PolicyAgent(env, RandomFactory(), seed=5), []
+        for _ in range(4):
+            action = agent.act(observation)
+            assert action is not None
+            before = observation["rgb"]
+            observation, reward, _, _, info = env.step(action)
+            agent.observe(observation, reward, info["executed"])
+            trace.append((action["position"].tolist(), reward))
+            assert agent._seen is not None and np.array_equal(agent._seen.rgb, observation["rgb"])
+            assert not np.array_equal(before, observation["rgb"]) or not reward
+        return trace
+
+    assert play() == play()
+
+
+@pytest.mark.long
+def test_the_shipped_policy_earns_as_an_agent() -> None:
+    from busybot.interact.policy.policy_factory import LearnedPolicyFactory
+
+    env = gymnasium.make("busybot/Board-v0", max_steps=8)
+    observation, _ = env.reset(seed=1)
+    agent, earned = PolicyAgent(env, LearnedPolicyFactory("procedural")), 0.0
+    for _ in range(8):
+        observation, reward, _, _, info = env.step(agent.act(observation))
+        agent.observe(observation, float(reward), info["executed"])
+        earned += float(reward)
+    env.close()
+    assert earned >= 6

@@ -1,5 +1,6 @@
 """An MCAP file back to an episode, trusting nothing in it."""
 
+from collections.abc import Sequence
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal
@@ -12,9 +13,10 @@ from busybot.common.atomic_io import parse_json
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 from busybot.common.limits import MAX_ATTACHED_BYTES, MAX_DECODED_BYTES
-from busybot.episodes.codec import DepthScale, EncodedImage, LazyImages, image_size
-from busybot.episodes.episode import Camera, Episode, Link, Step
+from busybot.episodes.codec import EncodedImage, LazyImage, LazyImages, image_size
+from busybot.episodes.episode import Camera, Episode, Image, Link, Step
 from busybot.episodes.mcap import channels
+from busybot.episodes.mcap.pictures import PictureFile, StoredImage, depth_scale
 from busybot.episodes.mcap.records import Records, read_records, refusing
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
 from busybot.episodes.validation import check_camera, check_episode
@@ -22,7 +24,7 @@ from busybot.episodes.validation import check_camera, check_episode
 MAX_STEPS = 100_000
 PICTURE = channels.SCHEMAS[channels.RGB]
 
-Decoding = Literal["eager", "lazy"]
+Decoding = Literal["eager", "lazy", "stored"]
 
 _READERS = [
     (field.name, field.privileged, attrgetter(*field.wire_names), field.shape)
@@ -36,13 +38,22 @@ def read_episode(path: Path, images: Decoding = "eager") -> Episode:
     """The episode of a file.
 
     Args:
-        images: `eager` decodes all images; `lazy` decodes an image when it is asked for, boxes never need decoding.
+        images: `eager` decodes all images; `lazy` decodes a picture when it is asked for, boxes never need decoding;
+            `stored` does, too, and holds no pictures: it reads them again (`pictures`).
 
     Raises:
         BusybotError: naming the file and what is wrong with it: truncated, damaged, of another schema version,
             contradicting itself, or claiming sizes beyond reason.
     """
-    return decode_episode(read_records(path), str(path), images)
+    records = read_records(path)
+    episode = decode_episode(records, str(path), images)
+    if images == "stored":
+        file = PictureFile(path, records.checksum)
+        for kept, place in ((episode.images, channels.CAMERA), (episode.goals, channels.GOAL)):
+            assert isinstance(kept, LazyImages)
+            kept.keeps = False
+            kept.encoded = [StoredImage.of(file, place, number, image) for number, image in enumerate(kept.encoded)]
+    return episode
 
 
 def decode_episode(records: Records, where: str, images: Decoding = "eager") -> Episode:
@@ -53,8 +64,13 @@ def decode_episode(records: Records, where: str, images: Decoding = "eager") -> 
         episode = _decode(records, where)
         check_episode(episode)
     if images == "eager":
-        episode.images, episode.goals = list(episode.images), list(episode.goals)
+        episode.images, episode.goals = whole(episode.images), whole(episode.goals)
     return episode
+
+
+def whole(images: Sequence[Image]) -> list[Image]:
+    """Images with all their pictures decoded."""
+    return [image.whole() if isinstance(image, LazyImage) else image for image in images]
 
 
 def _check_version(records: Records) -> None:
@@ -162,16 +178,12 @@ def _step(step: Any, truth: Any) -> Step:
 def _images(
     records: Records, place: channels.Pictures, count: int, where: str, camera: Camera, links: int, objects: int
 ) -> LazyImages:
-    metadata = records.metadata[channels.METADATA]
     rgbs, depths, segmentations = (_pictures(records, topic, count, camera) for topic in place[:3])
     boxes = [np.array(message.corners, np.int16).reshape(objects, 4) for message in _messages(records, place.boxes)]
     encoded = [EncodedImage(*parts) for parts in zip(rgbs, depths, segmentations, boxes, strict=True)]
     if encoded and encoded[0].rgb is None:
         raise ValueError(f"no images on {place.rgb}")
-    scale = DepthScale(float(metadata["depth_offset"]), float(metadata["depth_scale"]))
-    if not (np.isfinite((scale.offset, scale.scale)).all() and 0 < scale.scale < 1e3 and abs(scale.offset) < 1e6):
-        raise ValueError(f"depth scale {scale}")
-    return LazyImages(where, camera.width, camera.height, links, scale, encoded)
+    return LazyImages(where, camera.width, camera.height, links, depth_scale(records), encoded)
 
 
 def _pictures(records: Records, topic: str, count: int, camera: Camera) -> list[Any]:

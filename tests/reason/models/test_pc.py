@@ -44,5 +44,5 @@ def test_without_changes_there_are_no_edges() -> None:
 
 def test_the_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "causallearn.graph.GraphNode", None)
-    with pytest.raises(BusybotError, match="causal-learn is not installed\n.*busybot\\[causal\\]"):
+    with pytest.raises(BusybotError, match=r"causal-learn is not installed\n.*\[causal\]"):
         discover_changes(*twelve_steps(), TRIGGERS, RESPONDERS, PcConfig())

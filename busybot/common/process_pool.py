@@ -32,6 +32,7 @@ TASK_SECONDS = 300.0
 RECYCLE = 300
 """A worker is replaced after so many tasks."""
 TRIES = 3
+NEVER_STARTED = "found no worker that starts"
 PR_SET_PDEATHSIG = 1
 PROCESSORS = Path("/proc/cpuinfo")
 LOOPBACK = "127.0.0.1"
@@ -197,7 +198,9 @@ def _settle(outcome: Outcome, waiting: deque[int], tries: Counter[int]) -> Itera
         raise BusybotError(*value)
     tries[task] += 1
     if tries[task] >= TRIES:
-        raise BusybotError(f"task {task} {value} in each of {TRIES} tries", "busybot doctor")
+        hint = 'in a script, work with several processes stands under `if __name__ == "__main__":`'
+        hint = hint if value == NEVER_STARTED else "busybot doctor"
+        raise BusybotError(f"task {task} {value} in each of {TRIES} tries", hint)
     waiting.appendleft(task)
 
 
@@ -234,10 +237,12 @@ def _staff(
     while len(kept) < min(workers, waiting + busy):
         here, there = context.Pipe()
         number = min(set(range(workers)) - {worker.number for worker in kept})
-        given = (there, os.getpid(), f"{number}/{workers}", make_work, arguments)
-        process = context.Process(target=_main, args=given, daemon=True)
+        process = context.Process(target=_main, args=(there, os.getpid(), f"{number}/{workers}"), daemon=True)
         process.start()
         there.close()
+        # not among the process's own arguments: Python would wait for ever for one that ends before it reads them
+        with contextlib.suppress(OSError):
+            here.send((make_work, arguments))
         kept.append(_Worker(process, here, number))
     return kept
 
@@ -266,7 +271,9 @@ def _collect(worker: _Worker, task_seconds: float) -> Outcome | None:
         return None
     _end(worker)
     worker.task = None
-    return task, "lost", "killed its worker" if dead else f"took more than {task_seconds:.0f} s"
+    if dead:
+        return task, "lost", NEVER_STARTED if worker.process.exitcode == 1 and not worker.done else "killed its worker"
+    return task, "lost", f"took more than {task_seconds:.0f} s"
 
 
 def _end(worker: _Worker) -> None:
@@ -284,7 +291,7 @@ def end_with(parent: int) -> None:
             os._exit(1)
 
 
-def _main(pipe: Connection, parent: int, place: str, make_work: MakeWork, arguments: tuple[Any, ...]) -> None:
+def _main(pipe: Connection, parent: int, place: str) -> None:
     """A worker's life: set up, then one task after the other until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what an interrupt means
     end_with(parent)
@@ -293,9 +300,10 @@ def _main(pipe: Connection, parent: int, place: str, make_work: MakeWork, argume
     os.environ["OMP_NUM_THREADS"] = "1"  # read by PyTorch when it is imported, which a task may do
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)
-    work = _Work(make_work, arguments)
+    work: _Work | None = None
     while True:
         try:
+            work = work or _Work(*pipe.recv())
             task, given = pipe.recv()
         except (EOFError, OSError):
             os._exit(0)

@@ -47,6 +47,22 @@ def slow() -> Callable[[int], int]:
     return work
 
 
+def test_a_script_without_a_guard_is_told_what_it_lacks(tmp_path: Path) -> None:
+    """Its workers end when they import it, before they read what they are given, which is more than a pipe holds."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        textwrap.dedent("""
+            from busybot.common.process_pool import run_tasks
+            from tests.common.test_process_pool import squares
+            list(run_tasks(range(3), squares, (1, b"x" * 1_000_000), 2))
+        """)
+    )
+    environment = dict(os.environ, PYTHONPATH=os.pathsep.join(filter(None, sys.path)))
+    ended = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=100, env=environment)
+    assert ended.returncode == 1 and "BusybotError: task" in ended.stderr
+    assert "found no worker that starts" in ended.stderr and 'if __name__ == "__main__":' in ended.stderr
+
+
 def test_every_task_once_whatever_the_number_of_workers() -> None:
     for workers in (1, 3):
         results = dict(run_tasks(range(20), squares, (1,), workers))

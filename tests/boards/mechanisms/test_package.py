@@ -35,7 +35,7 @@ def test_a_package_brings_a_mechanism_and_its_world(tmp_path: Path) -> None:
         return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300)
 
     unknown = run("generate", "out", "--world", "in-order")
-    assert unknown.returncode == 1 and "no world 'in-order'" in unknown.stderr
+    assert unknown.returncode == 2 and "no world 'in-order'" in unknown.stderr
     offline = ("--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check")
     done = run("install", "-q", *offline, "--target", str(site), str(package), module="pip")
     assert done.returncode == 0, done.stderr

@@ -22,6 +22,8 @@ TOGETHER = 0.7
 a link that goes back changes the same pixels the other way round."""
 REACH = 0.1
 """An action that moved nothing belongs to a link that was taken hold of so near, board units."""
+OFTEN = 0.3
+"""How a link stands is read from pixels that so large a share of its moves changed."""
 ALIKE = 0.45
 """Two pictures of a link show one state if they differ by less than this share of the largest difference."""
 
@@ -133,7 +135,7 @@ def _states(pictures: Sequence[np.ndarray], region: Region, moves: list[_Move]) 
     from scipy.cluster.hierarchy import fcluster, linkage
 
     often = sum(move.changed.astype(int) for move in moves)
-    where = often >= max(1, 0.3 * len(moves))
+    where = often >= min(max(1, OFTEN * len(moves)), often.max())
     looks = np.array([one[region.rows, region.columns][where].ravel() for one in pictures], np.float32)
     tree = linkage(looks, "average", "cityblock")
     labels = fcluster(tree, ALIKE * tree[:, 2].max(), "distance")

@@ -134,7 +134,7 @@ def _states(pictures: Sequence[np.ndarray], region: Region, moves: list[_Move]) 
     """State of a link in each picture, int: looks of the pixels that its moves changed."""
     from scipy.cluster.hierarchy import fcluster, linkage
 
-    often = sum(move.changed.astype(int) for move in moves)
+    often = np.sum([move.changed for move in moves], axis=0)
     where = often >= min(max(1, OFTEN * len(moves)), often.max())
     looks = np.array([one[region.rows, region.columns][where].ravel() for one in pictures], np.float32)
     tree = linkage(looks, "average", "cityblock")

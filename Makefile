@@ -6,20 +6,23 @@ WORKERS ?= auto
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 4 --dist worksteal
 PROFILE ?= smoke
 
-.PHONY: help setup demo test test-all lint reproduce dvc extras lock check-resolve check-exports clean
+.PHONY: help setup demo test test-all lint reproduce dvc site extras lock check-resolve check-exports check-install clean
 
 help:
 	@echo "make demo           set up and run the demo: boards, recordings, relations, a report and pictures"
 	@echo "make test           set up and run the fast tests, in as many processes as there are processors, 4 at most"
 	@echo "                    (WORKERS=N: in N; WORKERS=0: in one, as a debugger needs it)"
-	@echo "make test-all       the linter, the type checker and all tests, with the optional packages and DVC"
+	@echo "make test-all       the linter, the type checker and all tests, the site, with the optional packages and DVC"
 	@echo "make lint           the linter, the type checker, and is the documentation what is generated?"
+	@echo "make site           the documentation as a site in build/site, with an API reference"
 	@echo "make reproduce      run the whole pipeline, PROFILE=smoke by default; what is up to date is not run again"
 	@echo "                    (ASSETS=DIR names the objects of the profiles laptop and paper)"
 	@echo "make setup          only set up: .venv, pinned packages, a Vulkan driver"
-	@echo "make extras         install the optional packages: Ray, causal-learn, Stable-Baselines3"
+	@echo "make extras         install the optional packages: Ray, causal-learn, h5py, Stable-Baselines3, s3fs"
 	@echo "make lock           write the locks in requirements/ anew from pyproject.toml (needs the registry)"
+	@echo "                    (UPGRADE=--upgrade: in newer versions)"
 	@echo "make check-exports  open exports of the tiny dataset in the real tools (needs the registry, installs 3 GB)"
+	@echo "make check-install  install the reading side alone, with the lowest versions, and use it (needs the registry)"
 	@echo "make check-resolve  do the pins resolve for every supported Python? (needs the registry)"
 
 setup:
@@ -31,7 +34,7 @@ demo: setup
 test: setup
 	@$(PYTEST) -m "not long" $(PYTEST_ARGS)
 
-test-all: setup lint dvc extras
+test-all: setup lint dvc site extras
 	@$(PYTEST) --require-extras $(PYTEST_ARGS)
 
 lint: setup
@@ -41,6 +44,12 @@ lint: setup
 
 dvc: setup
 	@$(PYTHON) -m provision.extras dvc
+
+# Whatever MkDocs warns of, a dead link first of all, is an error.
+site: setup
+	@$(PYTHON) -m provision.extras site
+	@NO_MKDOCS_2_WARNING=1 .tools/site/bin/mkdocs build --quiet --strict
+	@echo "the documentation is build/site/index.html"
 
 extras: setup
 	@$(PYTHON) -m provision.extras packages
@@ -52,24 +61,27 @@ reproduce: dvc
 	@.tools/dvc/bin/dvc metrics show --precision 3
 	@.tools/dvc/bin/dvc status
 
-UV_COMPILE := $(BIN)/uv pip compile --quiet --no-emit-index-url --no-annotate
+UV_COMPILE := $(BIN)/uv pip compile --quiet --no-emit-index-url --no-annotate -c requirements/constraints.txt
 TORCHLESS := --excludes requirements/without-cuda.txt --no-emit-package torch
-EXTRAS := --extra cluster --extra causal --extra baselines
+EXTRAS := --extra cluster --extra causal --extra import --extra baselines --extra s3 --extra s3-server
 
-# The lock of the optional packages lists what they need beside the base, and takes the base as it is locked.
+# The lock of the optional packages lists what they need beside the base, and takes the base as it is locked; what the
+# base needs under PyPy alone is not there.
 lock: setup
-	@$(UV_COMPILE) --universal --python-version 3.11 --generate-hashes --upgrade $(TORCHLESS) \
-		--custom-compile-command "make lock" --extra dev -o requirements/lock.txt pyproject.toml
-	@$(UV_COMPILE) --universal --python-version 3.11 --generate-hashes --upgrade $(TORCHLESS) \
-		$$(sed -n 's/^\([a-z0-9._-]*\).*==.*/--no-emit-package \1/p' requirements/lock.txt) \
+	@$(UV_COMPILE) --universal --python-version 3.11 --generate-hashes $(UPGRADE) $(TORCHLESS) \
+		--custom-compile-command "make lock" --extra all --extra dev -o requirements/lock.txt pyproject.toml
+	@$(UV_COMPILE) --universal --python-version 3.11 --generate-hashes $(UPGRADE) $(TORCHLESS) \
+		$$(sed -n '/pypy/d; s/^\([a-z0-9._-]*\).*==.*/--no-emit-package \1/p' requirements/lock.txt) \
 		-c requirements/lock.txt --custom-compile-command "make lock" $(EXTRAS) -o requirements/extras.txt pyproject.toml
-	@echo "dvc[s3]" | $(UV_COMPILE) --universal --python-version 3.11 --generate-hashes --upgrade \
+	@echo "dvc[s3]" | $(UV_COMPILE) --universal --python-version 3.11 --generate-hashes $(UPGRADE) \
 		--custom-compile-command "make lock" -o requirements/dvc.txt -
+	@printf '%s\n' "mkdocs==1.*" mkdocs-material "mkdocstrings[python]" ruff | $(UV_COMPILE) --universal --python-version 3.11 \
+		--generate-hashes $(UPGRADE) --custom-compile-command "make lock" -o requirements/site.txt -
 
 # Built packages only, for the platform that the set-up knows; with and without CUDA, and the extras.
 check-resolve: setup
 	@for version in 3.11 3.12 3.13; do \
-		for input in requirements/lock.txt "pyproject.toml --extra dev $(EXTRAS)"; do \
+		for input in requirements/lock.txt "pyproject.toml --extra all --extra dev $(EXTRAS)"; do \
 			$(UV_COMPILE) --no-header --only-binary :all: --python-version $$version \
 				--python-platform x86_64-manylinux_2_36 $$input > .resolved.txt || exit 1; \
 			echo "Python $$version: $$input: $$(wc -l < .resolved.txt) packages resolve"; \
@@ -79,6 +91,10 @@ check-resolve: setup
 # The tools' packages would fight ours: they live in environments of their own.
 check-exports: setup
 	@$(BIN)/python tools/check_exports.py --environments .tools/exports
+
+# Does an install without simulator and torch read recordings, with the lowest versions, and beside others' packages?
+check-install: setup
+	@$(BIN)/python tools/check_install.py --environments .tools/install
 
 clean:
 	rm -rf .venv build *.egg-info .setup.log .pytest_cache .mypy_cache .ruff_cache

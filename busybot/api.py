@@ -1,8 +1,9 @@
 """The package from Python in a few calls: datasets by their address, boards by their seed."""
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from urllib.parse import unquote, urlsplit
 
 from pydantic import ValidationError
@@ -10,8 +11,9 @@ from pydantic import ValidationError
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, naming_extras
 from busybot.common.frozen_model import first_fault
+from busybot.common.remote import RemotePath
 from busybot.datasets.dataset import Dataset as Recordings
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from busybot.frames import Frames, Picture
     from busybot.reason.inputs.board_dataset import BoardDataset
 
-_SCHEME = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]+)://")
+_SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.:-]+://")
 
 
 class Dataset(Recordings):
@@ -38,7 +40,8 @@ class Dataset(Recordings):
         Raises:
             BusybotError: the tables of the dataset are missing or not those of its episodes.
         """
-        from busybot.frames import Frames
+        with naming_extras():
+            from busybot.frames import Frames
 
         return Frames(self, *(pictures or ("rgb",)))
 
@@ -54,35 +57,42 @@ class Dataset(Recordings):
         Raises:
             BusybotError: no episode is finished, one is damaged, or there is no such encoder.
         """
-        from busybot.reason.inputs.board_dataset import BoardDataset, RecordedBoards
-        from busybot.reason.inputs.feature_store import features_of
-        from busybot.reason.models.event.data import board_graph
+        with naming_extras():
+            from busybot.reason.inputs.board_dataset import BoardDataset, RecordedBoards
+            from busybot.reason.inputs.feature_store import features_of
+            from busybot.reason.models.event.data import board_graph
 
         features = features_of(self, encoder, workers=workers)
         return BoardDataset(RecordedBoards((features,), tuple((0, episode) for episode in features)), board_graph)
 
 
-def load_dataset(address: str | Path) -> Dataset:
+def load_dataset(address: str | Path, storage_options: Mapping[str, Any] | None = None) -> Dataset:
     """Open a dataset, frozen or not.
 
+    What lies elsewhere is only read, and only what is asked for: the list of recordings, tables, a recording or chunks
+    of it at a time. Nothing is kept on the disk.
+
     Args:
-        address: its folder, as a path or as a `file://` address.
+        address: its folder, as a path or as an address that fsspec knows: `file://`, `s3://BUCKET/FOLDER`, `memory://`.
+        storage_options: for the file system of the address, as `{"anon": True}` of S3.
 
     Raises:
-        BusybotError: there is no dataset, or it has another schema version, or the address is not of this machine.
+        BusybotError: there is no dataset, it has another schema version, or the address cannot be read.
     """
-    return Dataset.open(_local(address))
+    return Dataset.open(_place(address, storage_options or {}))
 
 
-def _local(address: str | Path) -> Path:
-    scheme = _SCHEME.match(str(address)) if isinstance(address, str) else None
-    if scheme is None:
+def _place(address: str | Path, options: Mapping[str, Any]) -> Path:
+    if not isinstance(address, str) or _SCHEME.match(address) is None:
         return Path(address)
-    parts = urlsplit(str(address))
-    if scheme[1].lower() != "file" or parts.netloc not in ("", "localhost"):
-        hint = "copy it into a folder first, for example with `fsspec`, or `busybot dataset pull`"
-        raise BusybotError(f"{address}: datasets are read from folders of this machine", hint)
-    return Path(unquote(parts.path))
+    parts = urlsplit(address)
+    if parts.scheme in ("file", "local"):
+        if parts.netloc not in ("", "localhost"):
+            raise BusybotError(f"{address}: a folder of another machine", "write file:///PATH for one of this machine")
+        return Path(unquote(parts.path))
+    remote = RemotePath(address, dict(options))
+    remote.forget()  # what an earlier call listed may have grown
+    return cast(Path, remote)  # it has what reading needs, and refuses all else
 
 
 def make_board(seed: int = 0, assets: str | Library = "procedural", **config: Any) -> BoardSpec:

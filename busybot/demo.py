@@ -63,6 +63,8 @@ AGENT = "search"
 TASK_STEPS, TASKS_SEEN = 3, 20
 """The task takes so many actions at the least, if one of so many does."""
 
+GATES, MECHANISMS = "gates", "mechanism"
+"""A world in which it takes two links for an effect, and the model that finds out which."""
 MIXED, MIXED_SEEN = "mixed", 6
 """The world of the last board, which is the one with the most kinds of mechanisms among so many."""
 
@@ -115,12 +117,16 @@ def run_demo(
     chosen = most_telling([episode.board for episode in episodes])
     inferred = inferred_over_time(episodes[chosen], DEFAULT_REASONER, STEPS + 1)
     rollout, planned = _reach_goal(out, library, seed, say, model)
+    say(f"drawing a board of the world {GATES!r}")
+    gates = _only_episode(_collect(out / GATES, _gates(library, seed), library, 1, say, model))
+    understood = inferred_over_time(gates, MECHANISMS, STEPS + 1)
     say(f"drawing a board of the world {MIXED!r}")
     mixed = _only_episode(_collect(out / MIXED, _mixed(library, seed), library, 1, say, model))
     say("drawing figures")
     thoughts = list(retrace(episodes[chosen], load_once(model), policy))
     pictures = _figures(out / "figures", episodes, chosen, inferred, thoughts)
     pictures["sequence"] = sequence_figure(out / "figures" / "sequence.png", rollout)
+    pictures[GATES] = figures.graph_figure(out / "figures" / "gates.png", gates, understood)
     pictures[MIXED] = mechanism_figure(out / "figures" / "mixed.png", mixed)
     recording = out / f"board-{chosen}.rrd"
     save_rrd(recording, episodes[chosen], [inferred], layers=RecordingLayers(thoughts))
@@ -132,6 +138,7 @@ def run_demo(
     links = {name: path.relative_to(out).as_posix() for name, path in pictures.items()}
     drawn = {"pictures": links, "recording": recording.name, "early": EARLY_STEP, "chosen": chosen}
     story = _story(episodes[chosen], inferred, result, rollout) | _mixed_story(mixed)
+    story |= {"understood": _understood(gates, understood), "understood_steps": len(gates.steps)}
     told = filled("demo.md", boards=BOARDS, info=dataset.info, result=result, planned=planned, **drawn, **story)
     report = out / "report.md"
     write_atomically(report, told.encode())
@@ -167,6 +174,21 @@ def _task(library: Library, seed: int) -> BoardConfig:
         config = BoardConfig(boards=1, group_size=1, seed=draw, tasks="one-to-many")
         board = next(iter(generate_boards(config, library)))
         if least_steps(start_states(board), task_of(board).goal) >= TASK_STEPS:
+            break
+    return config
+
+
+def _gates(library: Library, seed: int) -> BoardConfig:
+    """A board on which two switches light a lamp together: from the seed on, the first one."""
+    for draw in range(seed, seed + TASKS_SEEN):
+        config = BoardConfig(boards=1, group_size=1, seed=draw, world=GATES)
+        board = next(iter(generate_boards(config, library)))
+        if any(
+            one.parameters.get("function") == "and"
+            and len({ref.object for ref in one.triggers}) > 1
+            and board.objects[one.responder].category == "Lamp"
+            for one in board.relations
+        ):
             break
     return config
 
@@ -213,6 +235,17 @@ def _mixed_story(episode: Episode) -> dict[str, Any]:
     counts = {f"mixed_{name}": sum(edge.verdict == name for edge in edges) for name in ("correct", "wrong", "missed")}
     words = [f"- **{markdown_text(who)}** {markdown_text(words)}" for who, words in view.sentences]
     return {**counts, "mechanisms": "\n".join(words), "late": sum(change.late > 0 for change in view.changes)}
+
+
+def _understood(episode: Episode, inferred: InferredGraph) -> str:
+    """What the model says of each responder beside what is true."""
+    names, true = object_names(episode.board), dict(MechanismView(episode).sentences)
+    rows = [
+        (names[index], (markdown_text(named(episode.board, words)), markdown_text(true.get(names[index], ""))))
+        for index, words in enumerate(inferred.words or ())
+        if words
+    ]
+    return markdown([plain_grid(("the model says that it", "in truth it"), rows, "responder")]).strip()
 
 
 def _relation_grid(board: BoardSpec, inferred: InferredGraph) -> Grid:

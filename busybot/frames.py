@@ -3,16 +3,21 @@
 Only the pictures that are asked for are decoded. Nothing privileged is here: what learners may read, and no more.
 """
 
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Literal, get_args
+import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+from weakref import finalize
 
 import numpy as np
 import torch
-from torch.utils.data import Dataset, Sampler
+from torch.utils.data import Dataset, Sampler, default_collate, get_worker_info
 
 from busybot.common.errors import BusybotError
+from busybot.common.remote import is_remote
 from busybot.common.rng import generator
+from busybot.datasets.dataset import REQUESTS_AT_ONCE
 from busybot.datasets.dataset import Dataset as Recordings
 from busybot.episodes.codec import decode_plain
 from busybot.episodes.mcap.channels import DEPTH, RGB
@@ -44,7 +49,8 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
     | `episode`, `step` | int64 () | which step it is; with them `Dataset.to_pandas` tells more |
 
     Encoded pictures that were read last are kept in memory (`episodes.mcap.pictures.KEPT_BYTES` in each process). Of a
-    dataset that is larger, batches come faster in an order that stays with some episodes for a while: `shuffled`.
+    dataset that is larger, batches come faster in an order that stays with some episodes for a while: `shuffled`. With
+    workers, `DataLoader(collate_fn=frames.collate)` hands batches over at half the cost.
 
     Args:
         pictures: keys of those that are wanted; the others are neither read nor decoded.
@@ -66,9 +72,10 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
         if strangers := set(self._values["episode"][:, 0].tolist()) - {row["episode"] for row in files}:
             what = f"{dataset.path}: table steps has episode {min(strangers)}, table episodes has not"
             raise BusybotError(what, HINT_TABLES)
+        self._remote, self._blocks = is_remote(dataset.path), SharedBlocks()
         self._size = {row["episode"]: (row["width"], row["height"]) for row in files}
         self._files = {
-            row["episode"]: PictureFile(Path(dataset.episode_path(row["episode"])), row["checksum"]) for row in files
+            row["episode"]: PictureFile(dataset.episode_path(row["episode"]), row["checksum"]) for row in files
         }
 
     def __len__(self) -> int:
@@ -86,6 +93,24 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
         item["position"] = torch.from_numpy(value["position"].astype(np.float32))
         return item | {name: torch.tensor(int(value[name][0])) for name in ("direction", "reward", "episode", "step")}
 
+    def __getitems__(self, indices: Sequence[int]) -> list[dict[str, torch.Tensor]]:
+        """What a `DataLoader` asks for to make a batch; recordings at an address are fetched several at a time."""
+        if not self._remote:
+            return [self[index] for index in indices]
+        first = {int(self._values["episode"][index, 0]): index for index in reversed(indices)}.values()
+        with ThreadPoolExecutor(REQUESTS_AT_ONCE) as threads:
+            ready = dict(zip(first, threads.map(self.__getitem__, first), strict=True))
+        return [ready[index] if index in ready else self[index] for index in indices]
+
+    def collate(self, items: list[dict[str, torch.Tensor]]) -> dict[str, Any]:
+        """A batch, for `DataLoader(collate_fn=...)`: with workers twice as fast as usual, see `SharedBlocks`."""
+        if get_worker_info() is None:
+            return default_collate(items)
+        small = [{name: value for name, value in item.items() if name not in self.pictures} for item in items]
+        return default_collate(small) | {
+            name: self._blocks.stacked([item[name] for item in items]) for name in self.pictures
+        }
+
     def shuffled(self, seed: int, together: int = 64) -> "Shuffled":
         """A sampler for `DataLoader(sampler=...)`: all steps once, those of `together` episodes at a time mixed."""
         return Shuffled(self._values["episode"][:, 0], seed, together)
@@ -99,6 +124,53 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
             return torch.from_numpy(encoded.scale.restore(decode_plain(encoded.pictures[image], *size)))
         except ValueError as error:
             raise BusybotError(f"{file.path}: image {image}: {error}", "record the episode again") from None
+
+
+class SharedBlocks:
+    """Shared memory in which a worker hands over batches, used again when the receiver needs a batch no more.
+
+    New shared memory for each batch, as PyTorch takes it, costs more than decoding its pictures: the system clears
+    every page of it. The last byte of a block says whether it is lent.
+    """
+
+    def __init__(self) -> None:
+        self._blocks: list[torch.Tensor] = []
+
+    def stacked(self, values: list[torch.Tensor]) -> "Lent":
+        """Tensors of one shape in a block of their own, until the receiver has let go of it."""
+        shape, size = (len(values), *values[0].shape), sum(value.nbytes for value in values)
+        block = next((one for one in self._blocks if len(one) > size and not one[-1]), None)
+        if block is None:
+            block = torch.zeros(size + 1, dtype=torch.uint8).share_memory_()
+            self._blocks.append(block)
+        block[-1] = 1
+        lent = Lent(block, values[0].dtype, shape)
+        torch.stack(values, out=_within(block[:size], lent.dtype, shape))
+        return lent
+
+
+@dataclass(frozen=True)
+class Lent:
+    """A block on its way out of a worker: it arrives as a tensor."""
+
+    block: torch.Tensor
+    dtype: torch.dtype
+    shape: tuple[int, ...]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _received, (self.block, self.dtype, self.shape)
+
+
+def _received(block: torch.Tensor, dtype: torch.dtype, shape: tuple[int, ...]) -> torch.Tensor:
+    """The tensor; when it and all views of it are gone, the block is free again."""
+    shared = block.numpy()
+    own = shared[: math.prod(shape) * dtype.itemsize]  # which the tensor keeps
+    finalize(own, shared.__setitem__, -1, 0).atexit = False
+    return _within(torch.from_numpy(own), dtype, shape)
+
+
+def _within(block: torch.Tensor, dtype: torch.dtype, shape: tuple[int, ...]) -> torch.Tensor:
+    return block.view(dtype).view(shape)
 
 
 class Shuffled(Sampler[int]):

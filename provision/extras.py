@@ -1,9 +1,11 @@
-"""`python3 -m provision.extras dvc|packages`: what only some people need, after the set-up of `python3 -m provision`.
+"""`python3 -m provision.extras dvc|site|packages`: what only some people need, after `python3 -m provision`.
 
 - `dvc`: DVC in an environment of its own, `.tools/dvc`, where `make reproduce` and `busybot dataset push` find it. Its
   packages would fight ours, so it is a tool beside the project, not an import.
-- `packages`: the optional packages of pyproject.toml (`cluster`, `causal`, `baselines`) in `.venv`. Their lock lists
-  only what the base does not have and is installed alone, so that no pinned package of the base changes.
+- `site`: MkDocs, which makes the documentation a site, in `.tools/site`.
+- `packages`: the optional packages of pyproject.toml (`cluster`, `causal`, `import`, `baselines`, `s3`) in `.venv`.
+  Their lock lists only what the base does not have and is installed alone, so that no pinned package of the base
+  changes.
 
 What is there already is left alone.
 """
@@ -13,6 +15,8 @@ from __future__ import annotations
 import hashlib
 import shutil
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from provision.packages import REGISTRY_HINT, STAMP
@@ -20,15 +24,16 @@ from provision.steps import Log, SetupError, say
 
 ROOT = Path(__file__).resolve().parents[1]
 BASE = ROOT / ".venv"
-DVC_FOLDER = ROOT / ".tools" / "dvc"
-DVC_LOCK = ROOT / "requirements" / "dvc.txt"
+TOOLS = {"dvc": ("DVC", "dvc"), "site": ("MkDocs", "mkdocs")}
+"""Name and program of each tool; its folder is `.tools/KEY`, its lock `requirements/KEY.txt`."""
 PACKAGES_LOCK = ROOT / "requirements" / "extras.txt"
 SETUP_FIRST = "Run `make setup` first."
 
 
 def main() -> int:
     """Install what the command line names; the exit code."""
-    ways = {"dvc": install_dvc, "packages": install_packages}
+    ways: dict[str, Callable[[], None]] = {tool: partial(install_tool, tool) for tool in TOOLS}
+    ways["packages"] = install_packages
     unknown = set(sys.argv[1:]) - set(ways)
     if unknown or not sys.argv[1:]:
         print(f"usage: python3 -m provision.extras {'|'.join(ways)}", file=sys.stderr)
@@ -43,19 +48,21 @@ def main() -> int:
     return 0
 
 
-def install_dvc() -> None:
-    """DVC's own environment, made anew when its lock or Python changed."""
-    key, stamp = _key(DVC_LOCK.read_bytes()), DVC_FOLDER / "lock.sha256"
-    if _is(stamp, key) and (DVC_FOLDER / "bin" / "dvc").exists():
+def install_tool(tool: str) -> None:
+    """A tool's own environment, made anew when its lock or Python changed."""
+    (name, program), folder = TOOLS[tool], ROOT / ".tools" / tool
+    lock = ROOT / "requirements" / f"{tool}.txt"
+    key, stamp = _key(lock.read_bytes()), folder / "lock.sha256"
+    if _is(stamp, key) and (folder / "bin" / program).exists():
         return
-    say("installing DVC beside the project, in .tools/dvc")
+    say(f"installing {name} beside the project, in .tools/{tool}")
     log = Log(ROOT / ".setup.log")
-    shutil.rmtree(DVC_FOLDER, ignore_errors=True)
+    shutil.rmtree(folder, ignore_errors=True)
     uv = [str(BASE / "bin" / "python"), "-m", "uv"]
-    made = "the environment for DVC could not be made"
-    log.must([*uv, "venv", "--quiet", "--python", sys.executable, str(DVC_FOLDER)], made, SETUP_FIRST)
-    packages = ["pip", "install", "--python", str(DVC_FOLDER / "bin" / "python"), "--require-hashes"]
-    log.must([*uv, *packages, "-r", str(DVC_LOCK)], "DVC could not be installed", REGISTRY_HINT)
+    made = f"the environment for {name} could not be made"
+    log.must([*uv, "venv", "--quiet", "--python", sys.executable, str(folder)], made, SETUP_FIRST)
+    packages = ["pip", "install", "--python", str(folder / "bin" / "python"), "--require-hashes"]
+    log.must([*uv, *packages, "-r", str(lock)], f"{name} could not be installed", REGISTRY_HINT)
     stamp.write_text(key, encoding="utf-8")
 
 
@@ -68,7 +75,7 @@ def install_packages() -> None:
     key, stamp = _key(PACKAGES_LOCK.read_bytes() + base), BASE / "busybot-extras.sha256"
     if _is(stamp, key):
         return
-    say("installing the optional packages (Ray, causal-learn, Stable-Baselines3)")
+    say("installing the optional packages (Ray, causal-learn, h5py, Stable-Baselines3, s3fs)")
     pip = [str(BASE / "bin" / "python"), "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar", "off"]
     exact = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(PACKAGES_LOCK)]
     Log(ROOT / ".setup.log").must([*pip, *exact], "the optional packages could not be installed", REGISTRY_HINT)

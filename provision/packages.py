@@ -15,6 +15,7 @@ from pathlib import Path
 from provision.steps import Log, SetupError, clean_environment, say
 
 STAMP = "busybot-setup.json"
+CONSTRAINTS = "requirements/constraints.txt"
 REGISTRY_HINT = (
     "Check that the package registry can be reached (`python3 -m pip download six`), then run `make setup` again."
 )
@@ -45,7 +46,7 @@ class Environment:
 
     def key(self) -> str:
         """Changes when anything changes that the installed packages depend on."""
-        files = (self.lock, self.root / "pyproject.toml", Path(__file__))
+        files = (self.lock, self.root / CONSTRAINTS, self.root / "pyproject.toml", Path(__file__))
         parts = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
         parts += [sys.version, str(Path(sys.executable).resolve()), str(self.root), f"gpu={self.gpu}"]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
@@ -73,11 +74,11 @@ def has_nvidia_gpu() -> bool:
     return listed.returncode == 0 and "GPU" in listed.stdout
 
 
-def torch_pin(pyproject: str) -> str:
-    """The exact version of torch that pyproject.toml names (read as text: Python 3.10 has no TOML reader)."""
-    found = re.search(r'"torch==([0-9][^"]*)"', pyproject)
+def torch_pin(constraints: str) -> str:
+    """The exact version of torch that `CONSTRAINTS` names."""
+    found = re.search(r"^torch==([0-9]\S*)$", constraints, re.MULTILINE)
     if found is None:
-        raise SetupError("pyproject.toml does not pin torch with ==", "Restore the line `torch==VERSION` there.")
+        raise SetupError(f"{CONSTRAINTS} does not pin torch with ==", "Restore the line `torch==VERSION` there.")
     return found[1]
 
 
@@ -159,7 +160,7 @@ def install(environment: Environment, log: Log) -> None:
 
 def install_torch(environment: Environment, log: Log) -> None:
     """Install the pinned torch: with CUDA where a GPU is, else a CPU build where one can be had."""
-    version = torch_pin((environment.root / "pyproject.toml").read_text(encoding="utf-8"))
+    version = torch_pin((environment.root / CONSTRAINTS).read_text(encoding="utf-8"))
     here = installed(environment.python)
     have = here.get("torch", "")
     if have.split("+")[0] == version and (not environment.gpu or not have.endswith("+cpu")):

@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -114,6 +115,24 @@ def few_objects(once: Once) -> Callable[[int], Path]:
             build.make_library(folder, seed)
 
     return lambda seed: once(f"few-objects-{seed}", lambda folder: make(folder, seed))
+
+
+@pytest.fixture
+def registered(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[EntryPoint]]:
+    """Entry points that installed packages register."""
+    from busybot.boards.mechanisms import available
+    from busybot.common import plugins
+    from busybot.reason.encoders.registry import make_extractor
+
+    def forget() -> None:
+        for remembered in (available, plugins.load, plugins._points, make_extractor):
+            remembered.cache_clear()  # type: ignore[attr-defined]
+
+    points: list[EntryPoint] = []
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [one for one in points if one.group == group])
+    forget()
+    yield points
+    forget()
 
 
 def run_tasks_here(

@@ -5,10 +5,12 @@ import re
 import shlex
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
+import busybot
 from busybot import __version__
 from busybot.cli.main import load_command
 from busybot.cli.options import RENAMED, UNTIL
@@ -63,6 +65,10 @@ def test_commands_are_there_with_these_options(command: str) -> None:
 def test_code_runs_as_it_stands(code: str, tmp_path: Path) -> None:
     if "stable_baselines3" in code:
         pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: `make extras`")
+    if "rerun.experimental" in code:
+        pytest.importorskip(
+            "datafusion", reason="Rerun's catalogue is absent: it needs a torchvision that fits PyTorch"
+        )
     (tmp_path / "example.py").write_text(code)
     done = subprocess.run(
         [sys.executable, "example.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300, env=dict(os.environ)
@@ -91,10 +97,27 @@ def test_the_tests_that_the_checklist_names_exist() -> None:
         assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8"), f"{file}::{name}"
 
 
+def test_what_departures_names_stands_in_the_file_that_it_links() -> None:
+    links = re.findall(r"\[((?:`[\w.]+`(?:, )?)+)\]\(\.\./\.\./([\w/]+\.py)\)", TEXTS["docs/reference/departures.md"])
+    assert len(links) > 50
+    for names, file in links:
+        for name in re.findall(r"`([\w.]+)`", names):
+            found = (ROOT / file).name if name.endswith(".py") else (ROOT / file).read_text(encoding="utf-8")
+            assert all(part in found for part in ([name] if name.endswith(".py") else name.split("."))), (name, file)
+
+
 def test_the_contents_name_every_page() -> None:
     contents = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     pages = [place.removeprefix("docs/") for place in TEXTS if place.startswith("docs/") and place != "docs/index.md"]
     assert [page for page in pages if f"]({page})" not in contents] == []
+
+
+def test_the_reference_has_what_is_offered_from_python() -> None:
+    named = re.findall(r"^::: (.*)$", TEXTS["docs/reference/api.md"], re.MULTILINE)
+    found = [getattr(import_module(module), name) for module, _, name in (place.rpartition(".") for place in named)]
+    offered = [getattr(busybot, name) for name in busybot.__all__ if not name.startswith("__")]
+    assert [one for one in offered if one not in found] == []
+    assert all(one.__doc__ for one in found)
 
 
 def test_the_changes_name_this_version_and_options_with_old_names() -> None:

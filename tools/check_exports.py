@@ -92,9 +92,9 @@ def environment(place: Path, name: str) -> Path:
     pip = [str(python), "-m", "pip", "install", "--quiet", "--no-warn-conflicts"]
     if name == "lerobot":
         sys.path.insert(0, str(ROOT))
-        from provision.packages import torch_commands, torch_pin
+        from provision.packages import CONSTRAINTS, torch_commands, torch_pin
 
-        version = torch_pin((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+        version = torch_pin((ROOT / CONSTRAINTS).read_text(encoding="utf-8"))
         subprocess.run([*pip, "uv"], check=True)
         ways = [command for _, command in torch_commands(str(python), version, gpu=False, machine=platform.machine())]
         if not any(subprocess.run(command).returncode == 0 for command in ways):

@@ -12,6 +12,7 @@ import difflib
 import re
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from busybot.common.atomic_io import write_atomically
@@ -34,8 +35,13 @@ PAGES: dict[str, dict[str, Part]] = {
     },
     "docs/reference/commands.md": {"commands": reference_pages.commands},
     "docs/reference/dataset-format.md": {"format": reference_pages.dataset_format},
-    "docs/reference/limits.md": {"limits": reference_pages.limits, "hostile": tables.hostile},
+    "docs/reference/limits.md": {
+        "limits": reference_pages.limits,
+        "hostile": tables.hostile,
+        "opening": tables.opening,
+    },
     "docs/reference/measures.md": {"reason": reference_pages.reason_measures, "plan": reference_pages.plan_measures},
+    "docs/results/claims.md": {name: partial(prose.claim, name) for name in prose.CLAIMS},
     "docs/results/interact.md": {
         "table1": tables.table1,
         "further-boards": tables.further_boards,
@@ -59,6 +65,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "collection-parts": tables.collection_parts,
         "world-costs": tables.world_costs,
         "frames-speed": prose.frames_speed,
+        "streaming": prose.streaming,
     },
     "docs/results/reason.md": {
         "features": tables.features,
@@ -71,6 +78,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/worlds.md": {
         "worlds": tables.worlds,
         "exploring": tables.exploring,
+        "world-plans": tables.world_plans,
         "shortcuts": tables.shortcuts,
         "bounds-symbolic": tables.bounds_symbolic,
         "bounds-worlds": tables.bounds_worlds,

@@ -632,6 +632,31 @@ def _whole(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:.0f}"
 
 
+PLANNERS = ("mechanism", "search", "random", "noop", "oracle")
+"""Agents of the table of planning in worlds, in its order."""
+
+
+def world_plans() -> str:
+    """For every world and agent: success, tasks that were solved, and steps over the shortest plan."""
+    lines = []
+    for world, told in result("world-plans")["rows"].items():
+        for name in PLANNERS:
+            row = told["agents"][name]
+            low, high = row["micro_intervals"]["objects"]
+            lowest, highest = row["solved_interval"]
+            over = row["steps_over_shortest"]
+            cells = [
+                str(told["tasks"]),
+                _whole(row["success"]),
+                f"{_whole(row['micro'])} ({_whole(low)}-{_whole(high)})",
+                f"{_whole(row['solved'])} ({_whole(lowest)}-{_whole(highest)})",
+                "-" if over is None else f"{over:.2f}",
+            ]
+            lines.append((f"{world}: {name}", cells))
+    heads = ("tasks", "success", "responders pooled", "tasks solved", "steps over shortest")
+    return markdown([plain_grid(heads, lines, "percent")])
+
+
 def exploring() -> str:
     """What the exact observer knows of links after random, coverage-first and greedy choice."""
     lines = []
@@ -689,6 +714,18 @@ def _times(timings: list[dict[str, Any]], gate: float) -> tuple[Entry, ...]:
         small = f"(95 %: {timing['cpu_ms_p95']:.1f}; model {model:.1f})"
         entries.append(Entry(f"{mean:.1f}", small, "reached" if mean <= gate else "missed"))
     return tuple(entries)
+
+
+def opening() -> str:
+    """Processor time of opening recordings and datasets, before and with the checks."""
+    told = result("opening")
+    rows = []
+    for name, way in told["ways"].items():
+        each = [f"{1000 * way[when]:.1f}" for when in ("before", "after")]
+        rows.append((name, (*each, f"{way['ratio']:.2f}")))
+    return markdown(
+        [plain_grid((f"before (`{told['before']}`), ms", "with the checks, ms", "ratio"), rows, "what is opened")]
+    )
 
 
 def hostile() -> str:

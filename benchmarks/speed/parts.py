@@ -373,6 +373,7 @@ def drawing(words: list[str]) -> None:
     for depth in range(1, 9):
         links = {} if depth < WORLD_LINKS[1] - 1 else {"links": (depth + 1, 12)}
         drawn[f"lock, depth {depth}"] = {"world": "lock", "depth": (depth, depth), **links}
+    drawn["lock, depth 1 to 8"] = {"world": "lock", "depth": (1, 8), "links": (WORLD_LINKS[0], 12)}
     for name, values in drawn.items():
         config = BoardConfig.model_validate({"boards": arguments.boards, "group_size": 1, "seed": SEED, **values})
         redraws = Redraws()

@@ -216,9 +216,13 @@ def features(words: list[str]) -> None:
     print(json.dumps(finish("features-speed", arguments, encoded(arguments), hashes={"data": data}), indent=1))
 
 
-def rates(frames: Frames, passes: int, workers: int = 0, kept: int = pictures.KEPT_BYTES) -> list[dict[str, int]]:
+def rates(
+    frames: Frames, passes: int, workers: int = 0, kept: int = pictures.KEPT_BYTES, collate: Any = None
+) -> list[dict[str, int]]:
     """Pictures a second of each pass over all frames, by the clock and by processor time; nothing is kept before."""
-    batches = DataLoader(frames, 32, shuffle=True, num_workers=workers, persistent_workers=workers > 0)
+    batches = DataLoader(
+        frames, 32, shuffle=True, num_workers=workers, persistent_workers=workers > 0, collate_fn=collate
+    )
     found, own = [], psutil.Process()
     with mock.patch.object(pictures, "_KEPT", pictures.Kept(kept)):
         for _ in range(passes):
@@ -227,6 +231,11 @@ def rates(frames: Frames, passes: int, workers: int = 0, kept: int = pictures.KE
             seconds, used = time.monotonic() - began, _used(own) - before
             found.append({"per_second": round(number / seconds), "per_cpu_second": round(number / used)})
     return found
+
+
+def median(passes: list[dict[str, int]]) -> dict[str, int]:
+    """The pass in the middle by processor time."""
+    return sorted(passes, key=lambda row: row["per_cpu_second"])[len(passes) // 2]
 
 
 def _used(process: psutil.Process) -> float:
@@ -245,8 +254,9 @@ def frames(words: list[str]) -> None:
     first, *later = rates(data.frames(), 6)
     rows = {
         "RGB, first pass": first,
-        "RGB": sorted(later, key=lambda row: row["per_cpu_second"])[len(later) // 2],
-        "RGB, one worker": rates(data.frames(), 3, workers=1)[-1],
+        "RGB": median(later),
+        "RGB, one worker": median(rates(data.frames(), 6, workers=1)[1:]),
+        "RGB, one worker, frames.collate": median(rates(shared := data.frames(), 6, 1, collate=shared.collate)[1:]),
         "depth": rates(data.frames("depth"), 3)[-1],
         "RGB, nothing kept": rates(data.frames(), 1, kept=0)[0],
     }

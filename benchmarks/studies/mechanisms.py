@@ -18,18 +18,17 @@ import numpy as np
 import torch
 
 from benchmarks.runner import chosen, finish, parser
-from benchmarks.studies.bounds import CLAIMED, DRAWS, WORKS, Drawn
-from busybot.boards.config import BoardConfig
-from busybot.boards.generate import generate_boards
+from benchmarks.studies.bounds import CLAIMED, DRAWS, Drawn
 from busybot.boards.worlds import WORLDS
 from busybot.common.rng import generator
 from busybot.evaluation.bootstrap import share_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
+from busybot.reason.evaluation.hypotheses import Space
 from busybot.reason.evaluation.upper_bound import Observer
 from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.labelled import LabelledTrace
+from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards
 from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner
 from busybot.reason.models.mechanism.networks import MechanismNet, parents_of
 from busybot.reason.pyg import Batch
@@ -48,32 +47,19 @@ def draw(world: str, boards: int, seed: int, library: Library) -> Iterator[tuple
     Yields:
         the trace, and float (len(JUDGED_AFTER), I, R); None on boards to train on, which nobody observes.
     """
-    config = BoardConfig(world=world, boards=boards, seed=seed, group_size=1)
-    for number, spec in enumerate(generate_boards(config, library)):
-        board, rng = Drawn(spec, library), generator(seed, world, number, "mechanisms/actions")
-        observer = Observer(board.space, board.triggers, board.shown) if seed >= JUDGED_SEED else None
-        links, shown, parents, believed = [board.triggers], [board.shown], [], []
-        for action in range(1, ACTIONS + 1):
-            link = int(rng.integers(len(board.triggers)))
-            there = board.moves(link)[int(rng.integers(len(board.moves(link))))]
-            works = rng.random() < WORKS and not board.held(link)
-            board.act(there if works else board.triggers)
-            links.append(board.triggers)
-            shown.append(board.shown)
-            parents.append(_true_parents(board))
-            if observer is not None:
-                observer.see(board.triggers, board.shown)
-                if action in JUDGED_AFTER:
-                    believed.append(observer.belief().parents())
-        trace = Trace(np.array(links), np.array(shown), board.links.sizes)
-        yield LabelledTrace(trace, np.array(parents)), np.array(believed) if believed else None
+    for board, seen in draw_boards(world, boards, seed, library, ACTIONS):
+        yield seen, _believed(Drawn(board, library).space, seen.trace) if seed >= JUDGED_SEED else None
 
 
-def _true_parents(board: Drawn) -> np.ndarray:
-    parents = np.zeros((len(board.owners), len(board.responders)), bool)
-    for column, cause in zip(parents.T, board.truth(), strict=True):
-        column[list(cause.inputs)] = True
-    return parents
+def _believed(space: Space, trace: Trace) -> np.ndarray:
+    """What the exact observer believes after each of `JUDGED_AFTER`."""
+    triggers, shown = ([tuple(row) for row in states.tolist()] for states in (trace.links, trace.responders))
+    observer, believed = Observer(space, triggers[0], shown[0]), []
+    for action in range(1, len(triggers)):
+        observer.see(triggers[action], shown[action])
+        if action in JUDGED_AFTER:
+            believed.append(observer.belief().parents())
+    return np.array(believed)
 
 
 @torch.no_grad()

@@ -134,17 +134,15 @@ def chosen_constants(training: Recorded) -> Tuned:
 
 def learned(validation: Recorded, model: Path, most: int | None, seed: int) -> dict[str, Any]:
     """Figures of a trained model, under its name."""
-    judging = ReasonEvaluation(str(model), library=validation.library)
-    judged = [judge_episode(seen.episode, judging, seen.sequence.features) for seen in validation.boards(most)]
+    judging = ReasonEvaluation(str(model), library=validation.library, curve=())
+    judged = [
+        judge_episode(read_episode(validation.dataset.episode_path(index), "lazy"), judging, validation.features[index])
+        for index in sorted(validation.dataset.finished())[:most]
+    ]
     told = summarise_predictions([(one.board, one.forecast) for one in judged if one.forecast is not None])
     row = figures([(one.board, one.causes) for one in judged if one.causes is not None], seed)
-    return {
-        reasoner_of(str(model)).name: {
-            **row,
-            "pred_a": told["pred_a"],
-            "model": file_hashes(find_folder(model, "reason")),
-        }
-    }
+    hashes = file_hashes(find_folder(model, "reason"))
+    return {reasoner_of(str(model)).name: {**row, "pred_a": told["pred_a"], "model": hashes}}
 
 
 def rows_of(validation: Recorded, found: Tuned, most: int | None, seed: int) -> dict[str, Any]:

@@ -151,6 +151,7 @@ class BoardSpec(FrozenModel):
         locks: links that something holds.
         rewirings: relations that change during an episode.
         idle: trigger links that control nothing on purpose; every other one controls or unlocks something.
+        relations_known: whether `relations` are the truth; where nobody knows it, as of real boards, none are judged.
 
     Keys that say nothing (no task, the paper's world, no locks) are left out in JSON, so that a board is written, and
     hashed, as before there were such keys. A reader keeps keys that it does not know, which later versions may bring;
@@ -174,6 +175,7 @@ class BoardSpec(FrozenModel):
     locks: Annotated[tuple[Lock, ...], Field(max_length=256)] = ()
     rewirings: Annotated[tuple[Rewiring, ...], Field(max_length=64)] = ()
     idle: Annotated[tuple[LinkRef, ...], Field(max_length=256)] = ()
+    relations_known: bool = True
 
     @model_validator(mode="after")
     def _references_exist(self) -> "BoardSpec":
@@ -205,7 +207,8 @@ class BoardSpec(FrozenModel):
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return without(handler(self), {"task": None, "world": PAPER, "locks": [], "rewirings": [], "idle": []})
+        absent: dict[str, Any] = {"task": None, "world": PAPER, "locks": [], "rewirings": [], "idle": []}
+        return without(handler(self), absent | {"relations_known": True})
 
     def relation_matrix(self) -> list[list[int]]:
         """Object pairs: `[i][j]` is 1 when a link of object i controls object j (links collapsed)."""

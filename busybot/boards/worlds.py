@@ -9,10 +9,10 @@ Boards of the split `novel-mechanism` have the training split's objects and, in 
 hold out (`Mechanism.draw`).
 """
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import accumulate, product
 from typing import Annotated
 
 import numpy as np
@@ -233,8 +233,10 @@ class _Draw:
         free = self.rng.random(len(self.links.sizes)) >= self.world.idle
         if free.sum() < 2:
             free[:] = True
-        self.active = np.flatnonzero(free)
+        self.active = [int(n) for n in np.flatnonzero(free)]
         self.used: set[int] = set()
+        self.left = 0
+        """So many responders are to be drawn, with the one that is."""
         weights = np.array(list(self.world.kinds.values()))
         self.names, self.shares = list(self.world.kinds), (np.cumsum(weights) / weights.sum()).tolist()
 
@@ -253,15 +255,18 @@ class _Draw:
         for responder in responders:
             if responder in found:
                 continue
+            self.left = len(responders) - len(found)
+            if self.world.locked == 1 and self.used and self.left < self._unused:
+                return None
             relation = None
-            if rng.random() >= INERT:
+            if rng.random() >= INERT or self._pressed:
                 relation = self._spontaneous(responder) or self._following(responder, found) or self._driven(responder)
             found[responder] = relation or self._resting(responder)
         chained = sum(any(ref.link == BODY for ref in one.triggers) for one in found.values())
         of_the_world = not set(world.kinds).isdisjoint(one.kind for one in found.values() if one.kind not in PAPERS)
         if chained < world.followers or (not of_the_world and self._own_kinds()):
             return None
-        if not self.used.issuperset(int(n) for n in self.active):
+        if not self.used.issuperset(self.active):
             return None
         return tuple(found[one] for one in sorted(found))
 
@@ -371,18 +376,30 @@ class _Draw:
         Where links are held, all but one control something already, if so many do: what holds a link depends on links
         that come earlier.
         """
-        weights = np.array([1.0 if int(n) in self.used else UNUSED_WEIGHT for n in self.active])
+        used = 0.0 if self._pressed and len(self.used) >= count else 1.0
+        weights = [used if n in self.used else UNUSED_WEIGHT for n in self.active]
         if self.world.locked == 1 and len(self.used) >= count > 1:
             first = self._one(weights)
             return [first, *map(int, self.rng.choice(sorted(self.used - {first}), count - 1, replace=False))]
         if count == 1:
             return [self._one(weights)]
-        return [int(n) for n in self.rng.choice(self.active, count, replace=False, p=weights / weights.sum())]
+        shares = np.array(weights) / sum(weights)
+        return [int(n) for n in self.rng.choice(self.active, count, replace=False, p=shares)]
 
-    def _one(self, weights: np.ndarray) -> int:
-        """The same number as `rng.choice` with these weights would give, in a tenth of the time."""
-        shares = (weights / weights.sum()).cumsum()
-        return int(self.active[(shares / shares[-1]).searchsorted(self.rng.random(), side="right")])
+    @property
+    def _unused(self) -> int:
+        return len(self.active) - len(self.used)
+
+    @property
+    def _pressed(self) -> bool:
+        """Whether no responder that is left can be spared, where each gives one link something to do."""
+        return self.world.locked == 1 and 0 < self.left <= self._unused
+
+    def _one(self, weights: list[float]) -> int:
+        """The same number as `rng.choice` with these weights would give, in a twentieth of the time."""
+        whole = sum(weights)
+        shares = list(accumulate(weight / whole for weight in weights))
+        return self.active[bisect_right([share / shares[-1] for share in shares], self.rng.random())]
 
     def _stages(self, responder: int) -> tuple[bool, bool]:
         """Whether it can have two states, and whether three."""

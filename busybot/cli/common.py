@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from busybot.common.errors import BusybotError, UsageError, explained
+from busybot.common.errors import BusybotError, UsageError, explained, naming_extras
 from busybot.common.text import plain
 
 if TYPE_CHECKING:
@@ -210,7 +210,8 @@ def report_errors(context: typer.Context) -> Iterator[None]:
     """
     before = _QUIET.set(False)
     try:
-        yield
+        with naming_extras():
+            yield
     except BusybotError as error:
         _report(context, error)
     except BrokenPipeError:

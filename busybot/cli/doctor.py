@@ -1,9 +1,11 @@
 """`busybot doctor`: what this machine offers, and for each failure the command that mends it.
 
 Whatever can crash or hang (Vulkan, native libraries) is asked in processes of its own with a time limit, so this works
-when sapien or torch cannot be imported at all.
+when sapien or torch cannot be imported at all. `--report` prints what is to be put into a bug report: the
+machine, without whose it is.
 """
 
+import getpass
 import os
 import platform
 import re
@@ -15,7 +17,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -24,12 +26,39 @@ from busybot.cli.options import JsonOption
 from busybot.common.device import CHOICE
 
 SETUP = "make setup"
+ROOT = Path(__file__).resolve().parents[2]
 PYTHONS = ((3, 11), (3, 13))
 IMPORTS = ("sapien", "torch", "cv2", "rerun", "pyarrow")
 TIME_LIMIT_S = 120.0
 LEAST_FREE_BYTES = 2 << 30
 CHOOSE_DRIVER = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
 CATEGORIES = ("Switch", "Door", "Lamp", "Toy")
+
+SYSTEM = ("/usr/", "/lib", "/opt/", "/etc/", "/dev/", "/proc/", "/bin/", "/sbin/")
+"""Folders whose names say nothing about a user."""
+SECRET = re.compile(r"TOKEN|SECRET|PASSWORD|PASSWD|CREDENTIAL|KEY", re.IGNORECASE)
+TELLING = re.compile(r"BUSYBOT_|VK_|CUDA_|NVIDIA_|RAY_|DVC_|LC_|LANG$|PYTHON|DISPLAY$|WAYLAND_|MESA_|OMP_")
+"""Environment variables that change what commands do; that they are set is told, not what they say."""
+SHORTEST = 4
+"""Characters of a secret or a name of a user: shorter ones stand in ordinary words."""
+_PATH = re.compile(r"(?<![\w.:/~-])(?:[A-Za-z]:[\\/]|/)(?!/)[^\s,;'\"()<>|]*[^\s,;'\"()<>|:.]")
+_LOGIN = re.compile(r"(\w+://)[^\s/@]+@")
+
+REPORT = """\
+**What I did** (the command, and how its data were made)
+
+**What I expected, and what happened** (the whole message)
+
+**The machine**
+
+| | |
+|---|---|
+{facts}
+
+| | check | found |
+|---|---|---|
+{checks}
+"""
 
 
 @dataclass(frozen=True)
@@ -55,8 +84,6 @@ def doctor(
     """Show what this machine offers; for each failure the command that mends it."""
     checks = examine()
     if report:
-        from busybot.cli.bug_report import report as about
-
         found = about(checks)
         if as_json:
             print_json(found)
@@ -99,16 +126,26 @@ def packages() -> list[Check]:
         requirements = metadata.requires("busybot") or []
     except metadata.PackageNotFoundError:
         return [Check("packages", False, "busybot itself is not installed", SETUP)]
-    matches = (re.fullmatch(r"([\w.-]+)==(\S+)", line) for line in requirements)
-    pins = {match[1]: match[2] for match in matches if match is not None}
+    exact = _pins()
+    named = {line: re.match(r"[\w.-]+", line)[0] for line in requirements}  # type: ignore[index]
+    own = {name for line, name in named.items() if name in exact or "extra ==" not in line}
     rows = []
+    pins = {name: exact.get(name) for name in own - {"busybot"}}
     for name, pinned in sorted(pins.items()):
         found = _version(name)
         # A local part names a build of the same version: torch 2.13.0+cpu is torch 2.13.0.
-        if found is None or found.split("+")[0] != pinned:
-            rows.append(Check(f"package {name}", False, f"{found or 'absent'}, pinned is {pinned}", SETUP))
-    agreeing = f"{len(pins) - len(rows)} of {len(pins)} as pinned"
+        if found is None or pinned and found.split("+")[0] != pinned:
+            told = f"{found or 'absent'}, pinned is {pinned}" if pinned else "absent"
+            rows.append(Check(f"package {name}", False, told, SETUP))
+    agreeing = f"{len(pins) - len(rows)} of {len(pins)} {'as pinned' if exact else 'are there'}"
     return [Check("packages", not rows, agreeing, SETUP if rows else None), *rows]
+
+
+def _pins() -> dict[str, str]:
+    """The exact versions of the set-up's lock; outside of the repository there are none."""
+    files = (ROOT / "requirements" / name for name in ("lock.txt", "constraints.txt"))
+    text = "\n".join(file.read_text(encoding="utf-8") for file in files if file.is_file())
+    return dict(re.findall(r"^([\w.-]+)==([^\s;\\]+)", text, re.MULTILINE))
 
 
 def _version(name: str) -> str | None:
@@ -231,3 +268,70 @@ def _show(checks: list[Check], ok: bool) -> None:
     screen = console()
     screen.print(table)
     screen.print("Everything is in order." if ok else "Something needs mending: see the last column.")
+
+
+def machine() -> dict[str, str]:
+    """Versions and size of this machine."""
+    from busybot.evaluation.results import commit, package_versions
+
+    versions = {name: version for name, version in package_versions().items() if name not in ("busybot", "python")}
+    packages = ", ".join(f"{name} {version}" for name, version in versions.items())
+    own = package_versions(())["busybot"]
+    return {
+        "busybot": f"{own}, {source}" if (source := commit()) else own,
+        "Python": f"{platform.python_implementation()} {platform.python_version()}",
+        "system": f"{_distribution()}{platform.system()} {platform.release()}, {platform.machine()}",
+        "cores": str(os.cpu_count()),
+        "packages": packages,
+        "variables that are set": ", ".join(sorted(filter(TELLING.match, os.environ))) or "none",
+    }
+
+
+def _distribution() -> str:
+    try:
+        return f"{platform.freedesktop_os_release()['PRETTY_NAME']}, "
+    except (OSError, KeyError):
+        return ""
+
+
+def nameless() -> Callable[[str], str]:
+    """A function that takes out of a text: places outside the system's own folders, the user's name, and secrets."""
+    secrets = {value for name, value in os.environ.items() if SECRET.search(name) and len(value) >= SHORTEST}
+    named = (value for value in os.environ.values() if value.startswith("/") and os.pathsep not in value)
+    places = {str(Path.home()), os.getcwd(), sys.prefix, *named}
+    own = {place for place in places if len(place) >= SHORTEST and not place.startswith(SYSTEM)}
+    names = {name for name in (_user(), Path.home().name) if len(name) >= SHORTEST and name not in ("root", "user")}
+
+    def told(text: str) -> str:
+        for secret in sorted(secrets, key=len, reverse=True):
+            text = text.replace(secret, "***")
+        text = _LOGIN.sub(r"\1***@", text)
+        for place in sorted(own, key=len, reverse=True):  # with blanks in them, too
+            text = text.replace(place, "/PLACE")
+        text = _PATH.sub(lambda path: path[0] if path[0].startswith(SYSTEM) else "(a path)", text)
+        for name in names:
+            text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", "(the user)", text)
+        return text
+
+    return told
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return ""
+
+
+def about(checks: list[Check]) -> dict[str, Any]:
+    """Facts and checks without names and places; `text` has both as Markdown to be filled in."""
+    told = nameless()
+    facts = {name: told(value) for name, value in machine().items()}
+    rows: list[dict[str, Any]] = [{"name": check.name, "ok": check.ok, "value": told(check.value)} for check in checks]
+    lines = "\n".join(f"| {name} | {_cell(value)} |" for name, value in facts.items())
+    found = "\n".join(f"| {'ok' if row['ok'] else 'FAIL'} | {row['name']} | {_cell(row['value'])} |" for row in rows)
+    return {"machine": facts, "checks": rows, "text": REPORT.format(facts=lines, checks=found)}
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.replace("|", "\\|").split())

@@ -87,9 +87,9 @@ def interaction_models() -> list[str]:
 
 def reasoners() -> list[str]:
     """Names that `--reasoner` takes."""
-    from busybot.reason.models.registry import GRAPHS, REASONERS
+    from busybot.reason.models.registry import GRAPHS, without_training
 
-    return [*_shipped("reason"), *REASONERS, *GRAPHS]
+    return [*_shipped("reason"), *without_training(), *GRAPHS]
 
 
 def models() -> list[str]:
@@ -105,9 +105,10 @@ def _shipped(skill: str) -> list[str]:
 
 def encoders() -> list[str]:
     """Names that `--encoder` takes, without the pixels that they may be given."""
+    from busybot.common import plugins
     from busybot.reason.encoders.registry import ENCODERS
 
-    return list(ENCODERS)
+    return [*ENCODERS, *plugins.names("encoders")]
 
 
 def _devices() -> list[str]:

@@ -25,10 +25,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_HASHED_BYTES, MAX_JSON_BYTES
+from busybot.common.remote import is_remote
 
 LOCK_FILE = ".lock"
 _FOLDER = os.O_PATH | os.O_DIRECTORY
@@ -296,6 +297,8 @@ def _naming(path: Path) -> Iterator[None]:
     """Faults of the file system tell the whole path, not the name in a folder that was opened."""
     try:
         yield
+    except IsADirectoryError:
+        raise BusybotError(f"{path}: a folder, where a file belongs", "remove it") from None
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
 
@@ -353,12 +356,19 @@ def open_regular(path: Path, max_bytes: int, hint: str | None = None) -> Buffere
     os.close(descriptor)
     if not stat.S_ISREG(facts.st_mode):
         raise BusybotError(f"{path}: not a regular file", hint)
-    what = f"{path}: {facts.st_size} bytes are more than the {max_bytes} that such a file may have"
-    raise BusybotError(what, hint)
+    raise _too_large(path, facts.st_size, max_bytes, hint)
+
+
+def _too_large(path: object, size: int, max_bytes: int, hint: str | None) -> BusybotError:
+    return BusybotError(f"{path}: {size} bytes are more than the {max_bytes} that such a file may have", hint)
 
 
 def read_regular(path: Path, max_bytes: int, hint: str | None = None) -> bytes:
-    """The bytes of such a file."""
+    """The bytes of such a file, which may lie at an address."""
+    if is_remote(path):
+        if (size := path.size()) > max_bytes:
+            raise _too_large(path, size, max_bytes, hint)
+        return path.read(0, size)
     with open_regular(path, max_bytes, hint) as file:
         return file.read()
 
@@ -414,6 +424,8 @@ def _finite(digits: str) -> float:
 
 def inside(folder: Path, relative: str) -> Path:
     """`folder / relative`, refused when it is absolute, climbs out, or leaves the folder through a link."""
+    if is_remote(folder):
+        return cast(Path, folder / relative)  # which refuses the same
     candidate = folder / relative
     try:
         stays = not Path(relative).is_absolute() and candidate.resolve().is_relative_to(folder.resolve())

@@ -3,6 +3,9 @@
 import errno
 import os
 import shutil
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +14,11 @@ from busybot.common.text import plain
 
 LONGEST = 1200
 """Characters of a message."""
+DAMAGED_ARRAY = (
+    *(OSError, ValueError, KeyError, TypeError, EOFError, SyntaxError, RecursionError, MemoryError),
+    *(tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+)
+"""What `numpy.load` raises when a file is not what it expects: it parses the header as Python's text."""
 
 
 class BusybotError(Exception):
@@ -35,11 +43,31 @@ class UsageError(BusybotError):
     """What was typed can never be right, whatever the files and the machine are: the command line exits with 2."""
 
 
+EXTRA_OF = {
+    **dict.fromkeys(("sapien", "gymnasium"), "sim"),
+    **dict.fromkeys(("torch", "torch_geometric", "safetensors", "scipy"), "learn"),
+    **dict.fromkeys(("rerun", "matplotlib", "jinja2", "markupsafe"), "view"),
+}
+"""Modules that a light install, which only reads recordings, does not have, with the extra that brings them."""
+
+
 def needs_extra(package: str, extra: str) -> BusybotError:
     """The error of a command whose optional package is absent; a name on a package index may be somebody else's."""
+    way = "setup" if extra in EXTRA_OF.values() else "extras"
     return BusybotError(
-        f"{package} is not installed", f"in busybot's own folder: make extras, or pip install '.[{extra}]'"
+        f"{package} is not installed", f"in busybot's own folder: make {way}, or pip install '.[{extra}]'"
     )
+
+
+@contextmanager
+def naming_extras() -> Iterator[None]:
+    """Tell which extra brings a package that is absent."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name not in EXTRA_OF:
+            raise
+        raise needs_extra(error.name, EXTRA_OF[error.name]) from None
 
 
 @contextmanager

@@ -135,33 +135,57 @@ def run_on_ray(
 ) -> Iterator[tuple[int, Any]]:
     """As `run_tasks`; `workers` are actors with a processor each, wherever the cluster has room for them.
 
+    Only actors that have started are given tasks: one for which there is no room yet, or no longer because its machine
+    is gone, keeps nothing waiting, and takes part when a machine joins. What a lost machine was at is done again.
+    Actors work in this process's folder, so that paths mean the same.
+
     Raises:
         BusybotError: as there, or Ray is not installed or its cluster cannot be reached.
     """
     waiting, tries = deque(tasks), Counter[int]()
     idle: list[tuple[Any, int]] = []
+    starting: dict[Any, Any] = {}
     running: dict[Any, tuple[Any, int, int]] = {}
     with _cluster(workers) as ray:
-        actor_class = ray.remote(num_cpus=1)(_Work)
+        actor_class, here = ray.remote(num_cpus=1)(_Work), os.getcwd()
         while waiting or running:
-            while waiting and len(running) < workers:
-                actor, done = idle.pop() if idle else (actor_class.remote(make_work, arguments), 0)
-                task = waiting.popleft()
-                running[actor.run.remote(task, task)] = (actor, done, task)
-            ready, _ = ray.wait(list(running), num_returns=1, timeout=task_seconds)
-            for reference in ready or list(running)[:1]:
-                actor, done, task = running.pop(reference)
-                try:
-                    outcome = ray.get(reference, timeout=None if ready else 0)
-                except ray.exceptions.RayTaskError as error:
-                    outcome = task, "fault", (f"task {task}: {error.cause!r}", None)
-                except (ray.exceptions.RayActorError, ray.exceptions.GetTimeoutError):
-                    outcome, done = (task, "lost", "killed its worker or took too long"), recycle
-                if done + 1 < recycle:
-                    idle.append((actor, done + 1))
-                else:
-                    ray.kill(actor)
+            while waiting and idle:
+                (actor, done), task = idle.pop(), waiting.popleft()
+                running[actor.run.remote(task, task)] = actor, done, task
+            while len(starting) < min(workers - len(running), len(waiting)):
+                actor = actor_class.remote(_in_folder, (here, make_work, arguments))
+                starting[actor.__ray_ready__.remote()] = actor
+            calls = [*running, *starting]
+            ready, _ = ray.wait(calls, num_returns=1, timeout=task_seconds)
+            call = (ready or calls)[0]
+            state, value = _answer(ray, call, bool(ready))
+            if call in starting:
+                actor, done = starting.pop(call), 0
+                outcome = (waiting.popleft(), "lost", NEVER_STARTED) if waiting and state == "lost" else None
+            else:
+                actor, done, task = running.pop(call)
+                done, outcome = done + 1, value if state == "done" else (task, state, value)
+            if state != "lost" and done < recycle:
+                idle.append((actor, done))
+            else:
+                ray.kill(actor)
+            if outcome is not None:
                 yield from _settle(outcome, waiting, tries)
+
+
+def _answer(ray: Any, call: Any, ready: bool) -> tuple[str, Any]:
+    """What came of a call of an actor: (`done`, its result), or a fault, or it was lost with its actor or machine."""
+    try:
+        return "done", ray.get(call, timeout=None if ready else 0)
+    except ray.exceptions.RayTaskError as error:
+        return "fault", (repr(error.cause), None)
+    except ray.exceptions.RayError:
+        return "lost", "killed its worker or took too long"
+
+
+def _in_folder(folder: str, make_work: MakeWork, arguments: tuple[Any, ...]) -> Callable[[Any], Any]:
+    os.chdir(folder)
+    return make_work(*arguments)
 
 
 def share(function: Callable[[Task], Result], tasks: Iterable[Task], workers: int = 1) -> Iterator[Result]:

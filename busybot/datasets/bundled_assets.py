@@ -18,7 +18,7 @@ from busybot.common.atomic_io import inside, write_atomically
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import drawn_again
 from busybot.datasets.dataset import INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.info import AssetEntry, is_frozen
+from busybot.datasets.info import IMPORTED, AssetEntry, is_frozen
 from busybot.objects.library import SPLIT_FILE, Library
 from busybot.objects.license import Licence, licences
 from busybot.objects.model import ObjectModel
@@ -33,6 +33,9 @@ def library_of(dataset: Dataset, assets: str | None = None) -> Library:
         BusybotError: it is not found, or one of the objects differs from the recorded hash.
     """
     place, recorded = dataset.path / OBJECTS_FOLDER, dataset.info.assets
+    if assets is None and dataset.info.generator.version == IMPORTED:
+        what = f"{dataset.path}: it was imported; nobody knows what its objects are made of, nor their states"
+        raise BusybotError(what, "what needs a simulator cannot be done with it")
     # the split file is written last: without it, an interrupted freeze has left some of the objects behind
     carried = place.is_symlink() or (place / SPLIT_FILE).exists() or (place.is_dir() and is_frozen(dataset.path))
     if assets is not None or not carried:

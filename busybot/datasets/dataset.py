@@ -1,5 +1,8 @@
 """A dataset is a folder; nothing in it is read through a link that leaves it, nothing written through any link.
 
+One at an address (`common.remote`) is only read. There the recordings' sizes are compared with the tables when it is
+opened, their checksums when they are read: to ask for thousands of them would take longer than the first batch.
+
 dataset.json                      what it is (`datasets.info.DatasetInfo`)
 boards/boards-00000.jsonl         one board per line, 1,000 a file
 episodes/000000.mcap              one file per board, there whole or not at all
@@ -12,9 +15,11 @@ damaged/                          originals of the files that `repair` replaced
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from itertools import islice
+from functools import partial
+from itertools import islice, starmap
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -40,6 +45,7 @@ from busybot.common.config import changes, flat
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 from busybot.common.limits import MAX_LINES_BYTES
+from busybot.common.remote import RemotePath, is_remote
 from busybot.datasets.info import (
     CollectInfo,
     DatasetInfo,
@@ -69,6 +75,8 @@ if TYPE_CHECKING:
     import pandas
 
 BOARDS_PER_SHARD = 1000
+REQUESTS_AT_ONCE = 8
+"""Shards of tables that are fetched from an address at a time."""
 INFO_FILE = "dataset.json"
 OBJECTS_FOLDER, DAMAGED_FOLDER = "objects", "damaged"
 HASHED = ["episode", "board_digest", "trace_digest", "content_digest"]
@@ -132,12 +140,13 @@ class Dataset:
         Raises:
             BusybotError: if the folder holds no dataset, or one of another schema version.
         """
-        path = Path(path)
-        if path.is_file():
-            raise BusybotError(f"{path} is a file", "name the dataset's folder")
-        if not path.is_dir():
-            raise BusybotError(f"{path}: there is no such folder", "`busybot generate OUT` makes a dataset")
-        if not (path / INFO_FILE).exists():
+        path = path if isinstance(path, RemotePath) else Path(path)
+        # of an address the list is asked for, which tells more at once
+        if not (INFO_FILE in path.sizes() if is_remote(path) else (path / INFO_FILE).exists()):
+            if path.is_file():
+                raise BusybotError(f"{path} is a file", "name the dataset's folder")
+            if not path.is_dir():
+                raise BusybotError(f"{path}: there is no such folder", "`busybot generate OUT` makes a dataset")
             raise BusybotError(f"{path}: not a dataset, it has no {INFO_FILE}", "`busybot generate OUT` makes one")
         file = inside(path, INFO_FILE)
         values = read_description(file, "schema", SCHEMA_VERSION)
@@ -190,6 +199,13 @@ class Dataset:
         shard, number = divmod(index, BOARDS_PER_SHARD)
         return self._board(shard, number, self._lines(shard)[number])
 
+    def replace_board(self, board: BoardSpec) -> None:
+        """Write another board in the place of that of its number. Call it under `locked`."""
+        shard, number = divmod(board.index, BOARDS_PER_SHARD)
+        lines = self._lines(shard)
+        lines[number] = board.model_dump_json().encode()
+        write_atomically(inside(self.path, _boards_name(shard)), b"".join(b"%s\n" % line for line in lines), self.path)
+
     def _lines(self, shard: int) -> list[bytes]:
         file = inside(self.path, _boards_name(shard))
         lines = read_regular(file, MAX_LINES_BYTES, HINT_GENERATE).splitlines()
@@ -240,10 +256,13 @@ class Dataset:
     def finished(self) -> set[int]:
         """Indices of episodes that are there under their final names."""
         folder = inside(self.path, "episodes")
-        if not folder.is_dir():
+        if is_remote(folder):
+            names = list(folder.sizes())
+        elif not folder.is_dir():
             return set()
-        with os.scandir(folder) as entries:
-            names = [entry.name for entry in entries if entry.is_file(follow_symlinks=False)]
+        else:
+            with os.scandir(folder) as entries:
+                names = [entry.name for entry in entries if entry.is_file(follow_symlinks=False)]
         found = {int(match[1]) for name in names if (match := _EPISODE_NAME.match(name))}
         return {index for index in found if index < self.info.boards}
 
@@ -325,7 +344,11 @@ class Dataset:
         shards = self.finished_by_shard()
         if not self.stored_shards(name):
             raise BusybotError(f"{self.path}: it has no table {name!r} yet", "`busybot collect` makes it")
-        return pa.concat_tables(self._believed(name, shard, indices, columns) for shard, indices in shards.items())
+        believed = partial(self._believed, name, columns=columns)
+        if not is_remote(self.path):
+            return pa.concat_tables(starmap(believed, shards.items()))
+        with ThreadPoolExecutor(REQUESTS_AT_ONCE) as threads:
+            return pa.concat_tables(threads.map(believed, *zip(*shards.items(), strict=True)))
 
     def to_pandas(self, table: str = "steps", privileged: bool = False) -> "pandas.DataFrame":
         """A table (`episodes`, `steps` or `objects`) with the columns that learners may read, or with all.
@@ -340,11 +363,12 @@ class Dataset:
     def _believed(self, name: str, shard: int, indices: list[int], columns: list[str] | None) -> pa.Table:
         """A shard that was made of the episodes which are there now."""
         episodes = self._whole_shard(shard, indices)
-        rows = read_shard(self.table_path(name, shard), name, columns)
+        rows = episodes if name == "episodes" else None
+        rows = read_shard(self.table_path(name, shard), name, columns) if rows is None else rows
         if episodes is None or _origin(rows) not in {_origin(episodes)} & {None, _made_of(episodes).encode()}:
             what = f"{self.table_path(name, shard)}: it was not made of the episodes that are there now"
             raise BusybotError(what, HINT_TABLES)
-        return rows.replace_schema_metadata(arrow_schema(name).metadata)
+        return rows.select(columns or rows.schema.names).replace_schema_metadata(arrow_schema(name).metadata)
 
     def episodes_table(self, derive: Derive = derive_here, columns: Sequence[str] | None = None) -> pa.Table:
         """The rows of table `episodes` for all finished episodes, also where the stored table lacks them.
@@ -377,18 +401,25 @@ class Dataset:
         """
         rows = stored.select(["episode", "bytes", "checksum"]).to_pydict()
         found = self._fingerprints(rows["episode"])
-        told = None if is_frozen(self.path) else self.table_path("episodes", shard).stat().st_mtime_ns
+        by_time = not is_remote(self.path) and not is_frozen(self.path)
+        told = self.table_path("episodes", shard).stat().st_mtime_ns if by_time else None
         current = set()
         for index, size, checksum in zip(*rows.values(), strict=True):
             file = found.get(index)
-            unknown = checksum is None and (told is None or file is not None and file.written_ns <= told)
-            if file is not None and file.bytes == size and (unknown or file.checksum == checksum):
+            if file is None or file.bytes != size:
+                continue
+            unknown = checksum is None and (told is None or file.written_ns <= told)
+            if unknown or file.checksum in (None, checksum):
                 current.add(index)
         return current
 
     def _fingerprints(self, indices: Iterable[int]) -> dict[int, Fingerprint]:
         """Of those episodes' files that are there."""
         folder, found = inside(self.path, "episodes"), {}
+        if is_remote(folder):
+            sizes = folder.sizes()
+            named = {index: _episode_name(index) for index in indices}
+            return {index: Fingerprint(sizes[name], None, 0) for index, name in named.items() if name in sizes}
         if not folder.is_dir():
             return {}
         descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
@@ -423,6 +454,7 @@ class Dataset:
         Raises:
             BusybotError: naming the file that is not as it should be.
         """
+        os.fspath(self.path)  # refused at an address, where the recordings' checksums were not compared
         table = self.episodes_table(columns=HASHED) if episodes is None else episodes.select(HASHED)
         boards = [(board.index, board.digest()) for board in self.each_board()]
         rows = table.to_pydict()
@@ -459,7 +491,8 @@ class Dataset:
     def stored_shards(self, table: str) -> list[int]:
         """Numbers of the shards that a table has."""
         folder = inside(self.path, f"tables/{table}")
-        names = (_SHARD_NAME.match(file.name) for file in folder.iterdir()) if folder.is_dir() else ()
+        there = is_remote(folder) or folder.is_dir()
+        names = (_SHARD_NAME.match(file.name) for file in folder.iterdir()) if there else ()
         return sorted(int(match[1]) for match in names if match)
 
     def _write_shard(self, shard: int, indices: list[int], given: Mapping[int, Rows], derive: Derive) -> None:

@@ -22,6 +22,7 @@ from busybot.datasets.bundled_assets import Assets, plan_assets, write_carried
 from busybot.datasets.dataset import DAMAGED_FOLDER, HASHED, INFO_FILE, OBJECTS_FOLDER, Dataset
 from busybot.datasets.info import (
     CARD_FILE,
+    IMPORTED,
     MANIFEST_FILE,
     Manifest,
     Origin,
@@ -74,6 +75,14 @@ The files are read-only; before deleting or moving the folder, `chmod -R u+w` it
 """
 
 
+_IMPORTED_TEXT = {
+    "`, recorded by busybot with images, depth, segmentation and the simulator's truth.": "`, recorded elsewhere and"
+    " imported by busybot: pictures, actions and what else somebody told.",
+    "    busybot dataset regenerate DATASET --out DIR    make it again and compare\n": "",
+}
+"""What is said otherwise of recordings that nobody simulated."""
+
+
 def card(manifest: Manifest) -> str:
     """The text of README.md; it follows from the manifest (without its files) alone."""
     versions = {json.dumps(origin.versions, sort_keys=True): origin.versions for origin in manifest.origins}
@@ -90,6 +99,9 @@ def card(manifest: Manifest) -> str:
         objects=_objects(manifest),
         columns="\n".join(columns) + "\n",
     )
+    if manifest.generator.version == IMPORTED:
+        for simulated, imported in _IMPORTED_TEXT.items():
+            text = text.replace(simulated, imported)
     return _front_matter(manifest) + text
 
 

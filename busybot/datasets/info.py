@@ -33,6 +33,9 @@ HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repai
 _SPDX = re.compile(r"^[A-Za-z0-9.+-]+$")
 _FILE_NAME = re.compile(r"^(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*$")
 
+IMPORTED = "imported"
+"""Version of the generator of boards that nobody generated; their recordings came from elsewhere."""
+
 Version = Annotated[str, Field(pattern=r"^\d+\.\d+$")]
 Seed = Annotated[int, Field(ge=0, lt=2**63)]
 

@@ -61,7 +61,7 @@ class _Hasher:
         little = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
         self.text(little.dtype.str)
         self.integers(*little.shape)
-        self._hash.update(little.data.cast("B"))
+        self._hash.update(little.data.cast("B") if little.size else b"")
 
     def hexadecimal(self) -> str:
         return self._hash.hexdigest()

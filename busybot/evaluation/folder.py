@@ -22,7 +22,7 @@ from pydantic import BaseModel, ValidationError
 from busybot.common.atomic_io import append_line, make_folder, read_json, read_regular, write_atomically, write_json
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_LINES_BYTES
-from busybot.common.process_pool import Progress, run_tasks
+from busybot.common.process_pool import RECYCLE, TASK_SECONDS, Progress, run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
 
@@ -40,12 +40,14 @@ class BoardWork(Generic[J]):
         judged: what they make of a board.
         make: importable by name; what it returns for the arguments judges the board with a number.
         workers: processes that share the work.
+        seconds: a board that takes longer is tried again.
     """
 
     judged: type[J]
     make: Callable[..., Callable[[int], J]]
     arguments: tuple[Any, ...]
     workers: int
+    seconds: float = TASK_SECONDS
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def judge_boards(
         for recording in recordings:
             done &= stack.enter_context(_recorded(recording)).finished()
         missing = [index for index in boards if index not in done]
-        for index, one in run_tasks(missing, work.make, work.arguments, work.workers):
+        for index, one in run_tasks(missing, work.make, work.arguments, work.workers, RECYCLE, work.seconds):
             judged[index] = one
             if out is not None:
                 append_line(out / BOARDS, one.model_dump_json())

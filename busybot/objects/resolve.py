@@ -7,6 +7,7 @@ objects are found again without being named.
 import os
 from pathlib import Path
 
+from busybot.common import plugins
 from busybot.common.errors import BusybotError
 from busybot.objects import cache
 from busybot.objects.library import Library
@@ -19,7 +20,9 @@ def find(assets: str | None, expected: dict[str, str] | None = None) -> Library:
     """The library that a command or a dataset means.
 
     Args:
-        assets: `procedural` or a library's folder. None: the one that holds `expected`, else `procedural`.
+        assets: `procedural`, a library's folder, or the name of one that a package brings (entry-point group
+            `busybot.objects`: a function that returns the folder). None: the one that holds `expected`, else
+            `procedural`.
         expected: sha256 by key as a dataset recorded them.
 
     Raises:
@@ -55,6 +58,8 @@ def load_and_remember(path: Path) -> Library:
 
 
 def _open(assets: str) -> Library:
+    if assets in plugins.names("objects") and not Path(assets).exists():
+        return load_and_remember(Path(plugins.make("objects", assets)))
     if assets != "procedural":
         return load_and_remember(Path(assets))
     with cache.parsed_objects() as known:
@@ -69,7 +74,7 @@ def _find_by_hash(expected: dict[str, str]) -> Library:
     if variable := os.environ.get("BUSYBOT_PARTNET_DIR"):
         candidates.append(variable)
     problems = []
-    for candidate in [*dict.fromkeys(candidates), "procedural"]:
+    for candidate in [*dict.fromkeys(candidates), *plugins.names("objects"), "procedural"]:
         try:
             library = _open(candidate)
         except BusybotError as error:

@@ -25,7 +25,7 @@ from busybot.plan import metrics as m
 from busybot.plan.agents.registry import TRAINED, kind_of, name_of
 from busybot.plan.rollout import PlanConfig, RolloutRunner
 from busybot.reason.inputs.feature_store import features_of
-from busybot.reason.models.registry import REASONERS, config_class, reasoner_of
+from busybot.reason.models.registry import config_class, reasoner_of, without_training
 from busybot.sim.scene.board_scene import Simulator
 from busybot.training.model_cards import file_hashes, find_folder
 
@@ -67,14 +67,16 @@ def evaluate_agents(
             something else, or a worker is at fault.
     """
     dataset, seed, record = evaluation.dataset, evaluation.seed, evaluation.record
+    reasoner = reasoner_of(evaluation.reasoner)
     for agent in evaluation.agents:
-        kind_of(agent)
+        if (make := kind_of(agent).make) is not None:
+            make(reasoner)
     names = [name_of(agent) for agent in evaluation.agents]
     if len(set(names)) < len(names):
         raise UsageError("an agent is named twice", "evaluate its models one after the other")
     tasks = _tasks(dataset, evaluation.config)
     settings = _settings(evaluation)
-    features_of(dataset, reasoner_of(evaluation.reasoner).encoder, episodes=tasks, workers=workers)
+    features_of(dataset, reasoner.encoder, episodes=tasks, workers=workers)
     work = BoardWork(m.JudgedTask, make_work, (evaluation,), workers)
     recordings = [
         EvaluationRecording(record / one, dataset, _collected(settings, one), record) for one in names if record
@@ -95,7 +97,7 @@ def make_work(evaluation: PlanEvaluation) -> Callable[[int], m.JudgedTask]:
     stored = {agent: Dataset.open(record / name_of(agent)) for agent in evaluation.agents} if record else {}
 
     def work(index: int) -> m.JudgedTask:
-        history = read_episode(dataset.episode_path(index))
+        history = read_episode(dataset.episode_path(index), "lazy")
         task = player.prepare(history, features_of(dataset, loaded.encoder, episodes=[index], workers=1)[index])
         rollouts = []
         for agent in evaluation.agents:
@@ -131,7 +133,7 @@ def _tasks(dataset: Dataset, config: PlanConfig) -> list[int]:
 
 def _provenance(model: str, skill: str) -> dict[str, Any]:
     """What decides what a model does, without where it lies; `skill` is as of `find_folder`."""
-    if skill == "reason" and model in REASONERS:
+    if skill == "reason" and model in without_training():
         return {"name": model, "config": config_class(model)().model_dump(mode="json")}
     folder = find_folder(model, skill)
     return {"name": folder.name, "sha256": file_hashes(folder)}

@@ -24,7 +24,7 @@ DEFAULT_DELTA = 500
 PICTURE_WIDTH = 640.0
 """Of the camera's image in drawing units: sizes of marks and labels are given in these, whatever the resolution."""
 
-Verdict = Literal["correct", "wrong", "missed"]
+Verdict = Literal["correct", "wrong", "missed", "claimed"]
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Edge:
     Attributes:
         cause, effect: indices of the board's objects.
         probability: as inferred; 1 for the truth.
-        verdict: inferred and true, inferred but not true, or true but not inferred.
+        verdict: inferred and true, inferred but not true, true but not inferred; inferred where nobody knows the truth.
     """
 
     cause: int
@@ -181,6 +181,7 @@ def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[
     edges = []
     for i, j in np.argwhere(claimed | truth):
         verdict: Verdict = "missed" if not claimed[i, j] else "correct" if truth[i, j] else "wrong"
+        verdict = verdict if board.relations_known else "claimed"
         edges.append(Edge(int(i), int(j), float(probabilities[i, j]), verdict))
     return edges
 

@@ -13,7 +13,9 @@ TRUTH: Rgb = (150, 115, 245)
 CORRECT: Rgb = (25, 180, 120)
 WRONG: Rgb = (225, 50, 55)
 MISSED: Rgb = (140, 150, 165)
-"""Relations: as the board has them; inferred and true; inferred but not true; true but not inferred."""
+CLAIMED: Rgb = (85, 95, 205)
+"""Relations: as the board has them; inferred and true; inferred but not true; true but not inferred; inferred where
+nobody knows the truth."""
 
 CHANCE: Rgb = (20, 165, 185)
 CLOCK: Rgb = (120, 130, 150)
@@ -32,7 +34,7 @@ WRONG_CURVES: tuple[Rgb, ...] = ((225, 50, 55), (245, 120, 60), (215, 70, 140), 
 
 ROLES = {"trigger": TRIGGER, "responder": RESPONDER}
 FACTORS = {"mechanism": TRUTH, "chance": CHANCE, "clock": CLOCK, "lock": LOCK}
-VERDICTS = {"correct": CORRECT, "wrong": WRONG, "missed": MISSED}
+VERDICTS = {"correct": CORRECT, "wrong": WRONG, "missed": MISSED, "claimed": CLAIMED}
 
 STATES: tuple[Rgb, ...] = ((96, 110, 130), (245, 195, 66), (90, 190, 170))
 """Discrete state 0, 1, 2 of a trigger or responder."""

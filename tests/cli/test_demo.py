@@ -21,7 +21,7 @@ def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) 
     assert done.stdout.strip().splitlines()[-1] == str(out), "the path is printed last"
     report = (out / "report.md").read_text()
     pictures = re.findall(r"\]\((.*?\.png)\)", report)
-    assert len(pictures) == 10
+    assert len(pictures) == 11
     for picture in pictures:
         image = cv2.imread(str(out / picture))
         assert image is not None and image.std() > 10, picture
@@ -37,6 +37,8 @@ def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) 
     assert "At the end 100.0 % of the responders" in report, "the task is solved"
     told = report.split("What it said:")[1].split("##")[0]
     assert "3. " in told and "everything looks as in the goal" in told
+    two = report.split("## It takes two")[1].split("## ")[0]
+    assert re.search(r"shows look \d only while .* is moved and .* is", two), "the gate of two switches, in words"
     harder = report.split("## Where counting is not enough")[1].split("## ")[0]
     assert harder.count("\n- **") >= 5 and "mixed.png" in harder, "the mechanisms of a board of `mixed`, in words"
     assert (out / "tables" / "graph.parquet").is_file(), "as tables, too"

@@ -12,7 +12,6 @@ from typing import Any
 import pytest
 
 from busybot.cli import doctor
-from busybot.cli.bug_report import nameless
 from busybot.sim import vulkan_check as probe
 from tests.cli.commands import busybot
 from tests.conftest import ROOT
@@ -131,17 +130,28 @@ def test_places_names_and_secrets_are_taken_out(text: str, told: str, monkeypatc
     monkeypatch.setenv("HOME", "/home/grace-hopper")
     monkeypatch.setenv("LOGNAME", "grace-hopper")
     monkeypatch.setenv("MY_API_KEY", "tok-123456")
-    assert nameless()(text.replace("HOME", "/home/grace-hopper")) == told
+    assert doctor.nameless()(text.replace("HOME", "/home/grace-hopper")) == told
 
 
 def test_packages_that_differ_have_a_row_each(monkeypatch: pytest.MonkeyPatch) -> None:
     versions = {"numpy": "1.0", "torch": "2.13.0+cpu", "sapien": None}
-    monkeypatch.setattr(doctor.metadata, "requires", lambda name: ["numpy==2.4.6", "torch==2.13.0", "sapien==3.0.3"])
+    wanted = ["numpy>=2.0", 'torch>=2.1; extra == "learn"', 'sapien>=3; extra == "sim"', 'moto; extra == "s3-server"']
+    monkeypatch.setattr(doctor.metadata, "requires", lambda name: wanted)
+    monkeypatch.setattr(doctor, "_pins", lambda: {"numpy": "2.4.6", "torch": "2.13.0", "sapien": "3.0.3", "rich": "1"})
     monkeypatch.setattr(doctor, "_version", versions.get)
     summary, numpy, sapien = doctor.packages()
     assert (summary.ok, summary.value) == (False, "1 of 3 as pinned")
     assert numpy.value == "1.0, pinned is 2.4.6"
     assert sapien.value == "absent, pinned is 3.0.3"
+    monkeypatch.setattr(doctor, "_pins", dict)  # outside of the repository: what a light install needs
+    assert [check.value for check in doctor.packages()] == ["1 of 1 are there"]
+
+
+def test_the_lock_and_the_build_of_torch_are_what_is_pinned() -> None:
+    pins = doctor._pins()
+    assert {"numpy", "sapien", "torch", "rerun-sdk"} <= pins.keys() and all(pins[name][0].isdigit() for name in pins)
+    (summary,) = [check for check in doctor.packages() if check.name == "packages"]
+    assert summary.value.endswith("as pinned")
 
 
 def test_a_full_disk_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -124,7 +124,9 @@ def test_the_command(tmp_path: Path) -> None:
     export_recordings(make_dataset(tmp_path / "data"), "images", tmp_path / "boards-images")
     out = tmp_path / "made"
     done = busybot("dataset", "import", tmp_path / "boards-images", "--out", out, "--json")
-    assert done.returncode == 0 and json.loads(done.stdout) == {"dataset": str(out), "episodes": 3}
+    told = json.loads(done.stdout)
+    assert done.returncode == 0 and (told["dataset"], told["kind"], told["episodes"]) == (str(out), "images", 3)
+    assert told["recordings"][0]["actions"] == 6
     again = busybot("dataset", "import", tmp_path / "boards-images", "--out", out)
     assert again.returncode == 1 and "not an empty folder" in again.stderr
     none = busybot("dataset", "import", tmp_path / "data", "--out", tmp_path / "x")

@@ -66,6 +66,29 @@ def absurd_length(data: bytes, rng: np.random.Generator) -> bytes:
     return data[:start] + value + data[start + width :]
 
 
+def array_header(data: bytes, rng: np.random.Generator) -> bytes:
+    """A header of NumPy's that is no dictionary, or one of an absurd array; of the length that the file tells."""
+    texts = (
+        "{'a': (",
+        "[" * 4000,
+        "-" * 9000 + "1",
+        '"""',
+        "{'descr': 'O'}",
+        "  1\n 2",
+        "\\",
+        "\0",
+        "lambda: 0",
+        "f'{'",
+    )
+    shape = (2 ** int(rng.integers(40, 63)), *(2,) * int(rng.integers(70)))
+    absurd = (f"{{'descr': '<f2', 'fortran_order': False, 'shape': {s}}}" for s in (shape, (-1, 3), (1.5,), "((2,),)"))
+    choices = [*texts, *absurd]
+    text = choices[int(rng.integers(len(choices)))].encode("latin1") + b"\n"
+    version = int(rng.integers(1, 4))
+    length = struct.pack("<H" if version == 1 else "<I", len(text))
+    return b"\x93NUMPY" + bytes([version, 0]) + length + text + data[128:]
+
+
 def other_number(data: bytes, rng: np.random.Generator) -> bytes:
     """A number of a text becomes one that nobody expects."""
     return _replace(rb"-?\d+(?:\.\d+)?(?:[eE]-?\d+)?", data, NUMBERS[int(rng.integers(len(NUMBERS)))], rng)

@@ -47,7 +47,7 @@ from busybot.reason.models.registry import load_reasoner
 from busybot.training.model_cards import find_folder
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
-from tests.hostile.damage import ANY, JSON, TEXT, Damage, odd_weights, other_number
+from tests.hostile.damage import ANY, JSON, TEXT, Damage, array_header, odd_weights, other_number
 from tests.hostile.recordings import BOMBS, WITHIN
 
 Read = Callable[[Path], Any]
@@ -404,6 +404,9 @@ TARGETS: dict[str, Target] = {
     "exchanged": Target(_exchangeable, "d*/**/*.*", (), _answers, True, "wrong answers", 4),
     "exchanged frozen": Target(_exchangeable_frozen, "d/**/*.*", (), _answers, True, "wrong answers", 4),
     "features": Target(_exchangeable, "d.features/*/*.npy", ANY, _answers, True, "wrong answers", 4),
+    "headers of features": Target(
+        _exchangeable, "d.features/*/*.npy", (array_header,), _answers, True, "wrong answers", 4
+    ),
     "full disk": Target(_room, "room", (less_room,), _with_little_room, True, "full disks", 10),
     "printed dataset": Target(
         _dataset, "d/dataset.json", JSON, _printed("dataset", "info", "d"), False, "text and JSON that are printed", 2

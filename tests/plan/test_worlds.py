@@ -9,6 +9,7 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.boards.task import shortest_plan
 from busybot.boards.worlds import WORLDS
+from busybot.common.errors import BusybotError
 from busybot.datasets.create import create_dataset
 from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
 from busybot.reason.evaluation.causes_summary import KEYS
@@ -31,7 +32,7 @@ def test_every_world_is_judged(
     dataset = create_dataset(tmp_path / "data", BoardConfig(world=world, boards=1, tasks="reach", seed=3), library)
     with work_here():
         collect(dataset, library, CollectConfig(policy="scripted", steps=26), workers=1)
-    for model in ("count", "lookup", "persistence", "event"):
+    for model in ("count", "lookup", "persistence", "event", "mechanism"):
         told = evaluate_dataset(dataset, ReasonEvaluation(model), workers=1)
         assert told["world"] == world and {name for line in KEYS for name in line.split(", ")} <= told.keys()
         assert told["bound_boards"] == 1 and 0 <= told["parent_r"] <= 1
@@ -39,3 +40,15 @@ def test_every_world_is_judged(
     played = evaluate_agents(PlanEvaluation(dataset, library, AGENTS, "lookup", "procedural"), workers=1)
     assert played["least_steps"] == shortest_plan(dataset.boards()[0])
     assert played["success"].keys() == set(AGENTS) and played["agents"]["noop"]["steps"] == 0
+    planned = evaluate_agents(PlanEvaluation(dataset, library, ["mechanism"], "mechanism", "procedural"), workers=1)
+    assert 0 <= planned["success"]["mechanism"] <= 1 and planned["agents"]["mechanism"]["steps"] > 0
+
+
+def test_an_agent_that_does_not_fit_the_reasoner_is_refused_before_anything_is_done(
+    few_objects: Callable[[int], Path], tmp_path: Path
+) -> None:
+    library = library_at(few_objects(0))
+    dataset = create_dataset(tmp_path / "data", BoardConfig(boards=1, tasks="one-to-one"), library)
+    with pytest.raises(BusybotError, match="lookup does not tell") as refused:
+        evaluate_agents(PlanEvaluation(dataset, library, ["noop", "mechanism"], "lookup", "procedural"), workers=1)
+    assert "--reasoner" in refused.value.hint

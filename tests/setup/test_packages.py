@@ -7,13 +7,15 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.version import Version
 
 from provision import packages
 from provision.steps import Log, SetupError
 
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = (ROOT / "requirements" / "lock.txt").read_text()
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+TOML = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT, CONSTRAINTS = TOML["project"], (ROOT / packages.CONSTRAINTS).read_text()
 GPU_PACKAGES = ("nvidia-", "cuda-", "triton")
 
 
@@ -22,17 +24,25 @@ def pins(lines: list[str]) -> dict[str, str]:
     return {match[1].lower(): match[2] for match in found if match is not None}
 
 
-def test_everything_is_pinned_exactly() -> None:
-    optional = PROJECT["optional-dependencies"]
-    for line in [*PROJECT["dependencies"], *optional["dev"], *optional["cluster"]]:
+OPTIONAL = PROJECT["optional-dependencies"]
+SETUP = [*PROJECT["dependencies"], *OPTIONAL["sim"], *OPTIONAL["learn"], *OPTIONAL["view"]]
+"""What the set-up installs, but for what only developers need."""
+
+
+def test_users_are_given_ranges_and_developers_pins() -> None:
+    for line in SETUP:
+        assert re.fullmatch(r"[a-z0-9-]+>=\d[\d.]*", line), line
+    for line in [*OPTIONAL["dev"], *OPTIONAL["cluster"]]:
         assert re.fullmatch(r"[a-z0-9-]+==\d[\d.]*", line), line
+    assert OPTIONAL["all"] == ["busybot[sim,learn,view]"]
 
 
 def test_the_lock_agrees_with_pyproject() -> None:
-    direct = pins([*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["dev"]])
-    del direct["torch"]  # the set-up chooses its build
     locked = pins(LOCK.splitlines())
-    assert {name: locked.get(name) for name in direct} == direct
+    developers = pins(OPTIONAL["dev"])
+    assert {name: locked.get(name) for name in developers} == developers
+    for name, least in (line.split(">=") for line in SETUP if not line.startswith("torch>")):  # whose build is chosen
+        assert Version(locked[name]) >= Version(least), name
 
 
 def test_whatever_is_installed_for_users_is_imported_by_the_package() -> None:
@@ -46,7 +56,7 @@ def test_whatever_is_installed_for_users_is_imported_by_the_package() -> None:
         "rerun-sdk": "rerun",
     }
     text = "\n".join(path.read_text() for path in (ROOT / "busybot").rglob("*.py"))
-    named = {name: modules.get(name, name.replace("-", "_")) for name in pins(PROJECT["dependencies"])}
+    named = {name: modules.get(name, name.replace("-", "_")) for name in (line.split(">=")[0] for line in SETUP)}
     idle = {name for name, module in named.items() if not re.search(rf"^ *(from|import) {module}\b", text, re.M)}
     assert idle == set() and "import pandas as pd" in text and "trimesh" not in named
 
@@ -93,7 +103,7 @@ def test_with_a_gpu_the_plain_build_is_taken() -> None:
 
 
 def test_torch_is_taken_from_the_pins() -> None:
-    assert packages.torch_pin((ROOT / "pyproject.toml").read_text()) == pins(PROJECT["dependencies"])["torch"]
+    assert packages.torch_pin(CONSTRAINTS) == pins(CONSTRAINTS.splitlines())["torch"]
     with pytest.raises(SetupError, match="pin torch"):
         packages.torch_pin("dependencies = []")
 
@@ -117,7 +127,7 @@ def test_a_finished_environment_is_used_again(project: Path) -> None:
     assert stamped(project).ready()
 
 
-@pytest.mark.parametrize("file", ["pyproject.toml", "requirements/lock.txt"])
+@pytest.mark.parametrize("file", ["pyproject.toml", "requirements/lock.txt", packages.CONSTRAINTS])
 def test_changed_pins_are_installed(project: Path, file: str) -> None:
     environment = stamped(project)
     (project / file).write_text((project / file).read_text() + "\n# changed\n")

@@ -197,6 +197,26 @@ def test_disturbed_recordings(results: Path) -> None:
     assert found["missing frames, 10 % of frames"][-2:] == ["-", "90.0"] and "- *missing frames*: lost." in text
 
 
+def test_a_claim_is_told_as_long_as_the_results_say_so(results: Path) -> None:
+    def agent(success: float) -> dict[str, Any]:
+        told = {"success": success, "seeds": [success], "interval": [success - 0.02, success + 0.02]}
+        return {
+            "splits": {split: {"one-to-one": told, "one-to-many": told} for split in ("novel-config", "novel-object")}
+        }
+
+    def told(**agents: float) -> str:
+        put(results, "table3", "table3", rows={name: agent(success) for name, success in agents.items()})
+        return prose.claim("planning")
+
+    rows = rows_of(told(relation=0.6, predictive=0.95, busybot=0.953))
+    assert rows["BusyBot: relations and prediction"] == ["95.3 ± 2.0"] * 4
+    assert rows["*the paper:* BusyBot"] == ["93.7", "69.4", "92.3", "64.9"]
+    with pytest.raises(BusybotError, match="do not say that relations beside predictions change less"):
+        told(relation=0.6, predictive=0.95, busybot=0.96)
+    with pytest.raises(BusybotError, match="do not say that relations alone are far behind"):
+        told(relation=0.92, predictive=0.95, busybot=0.95)
+
+
 def test_parts_of_collecting_stand_beside_their_limits(results: Path) -> None:
     part = {"ms": 3.0, "products": 0.1, "share": 0.75}
     limited = {**part, "limit": "bare", "limit_ms": 1.5, "ratio": 2.0}

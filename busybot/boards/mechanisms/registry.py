@@ -4,7 +4,6 @@ group `busybot.mechanisms` (docs/extending/mechanism.md).
 
 from collections.abc import Sequence
 from functools import cache
-from importlib.metadata import entry_points
 
 from pydantic import ValidationError
 
@@ -18,11 +17,10 @@ from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.mechanisms.timer import Timer
 from busybot.boards.mechanisms.toggle import Toggle
 from busybot.boards.spec import Relation
+from busybot.common import plugins
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 
-GROUP = "busybot.mechanisms"
-"""Entry points of packages that bring kinds of their own."""
 RESERVED = ("stream",)
 """Parameters of any relation: `stream` names the luck of responders that have it in common."""
 
@@ -36,12 +34,8 @@ def available() -> dict[str, type[Mechanism]]:
     """
     own = (OneToOne, ManyEffects, ManyObjects, Gate, Delay, Timer, Toggle, Latch, Unreliable, Flicker, Clock, Rest)
     kinds: dict[str, type[Mechanism]] = {one.kind: one for one in own}
-    for point in entry_points(group=GROUP):
-        where = f"entry point {point.value!r} of the group {GROUP}"
-        try:
-            found = point.load()
-        except Exception as error:  # whatever a stranger's module does when it is imported
-            raise BusybotError(f"{where} cannot be loaded: {error}", "repair its package or uninstall it") from error
+    for name in plugins.names("mechanisms"):
+        found, where = plugins.load("mechanisms", name), plugins.where("mechanisms", name)
         if not (isinstance(found, type) and issubclass(found, Mechanism)):
             raise BusybotError(f"{where} is no Mechanism", "derive its class from busybot.boards.mechanisms.base")
         if kinds.setdefault(found.kind, found) is not found:

@@ -1,7 +1,8 @@
 """A responder that stays on for some actions once its link is pressed.
 
-Inputs: one link, pressed when it comes to rest in its highest state. Truth table: two states, off and on. Memory: for
-how many more actions it stays on. Parameters: `actions`, 2 to 4. Example: `actions` 2: the switch is turned on and the
+Inputs: one link, pressed when it comes to rest in its highest state. Truth table: two states, at rest and "on", which
+may be either of the responder's: else a lamp that burns at first would tell that no timer has it. Memory: for how many
+more actions it stays on. Parameters: `actions`, 2 to 4. Example: `actions` 2: the switch is turned on and the
 lamp burns after this action and the next one; then it goes out, though the switch is still on. Turned on again, it
 begins anew.
 
@@ -15,6 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from busybot.boards.mechanisms.base import Chance, Inputs, Mechanism, Memory
+from busybot.boards.mechanisms.direct import follow
 
 
 class Timer(Mechanism):
@@ -46,10 +48,10 @@ class Timer(Mechanism):
     def draw(cls, sizes: tuple[int, ...], stages: int, novel: bool, rng: np.random.Generator) -> Self | None:
         if novel or len(sizes) != 1 or stages != 2:
             return None
-        return cls(sizes=sizes, table=(0, 1), actions=int(rng.integers(2, 5)))
+        return cls(sizes=sizes, table=follow(2, rng), actions=int(rng.integers(2, 5)))
 
     def sentence(self, inputs: Sequence[str]) -> str:
-        return f"is on for {self.actions} actions after {inputs[0]} is pressed"
+        return f"is {'on' if self.table[1] else 'off'} for {self.actions} actions after {inputs[0]} is pressed"
 
 
 def pressed(before: int, after: int, size: int) -> bool:

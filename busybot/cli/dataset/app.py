@@ -8,7 +8,7 @@ import typer
 from busybot.cli.common import answer, counted, episode_progress, kept_in, print_json, processes, say, tell, warn
 from busybot.cli.dataset import printing
 from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, WorkersOption
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 
 if TYPE_CHECKING:
     from busybot.datasets.dvc_remote import Shared
@@ -85,7 +85,7 @@ def freeze(
     from busybot.datasets.info import is_frozen
 
     target, library = Dataset.open(dataset), None
-    if (objects or assets) and not is_frozen(dataset):
+    if (assets or (objects and target.info.assets.sha256)) and not is_frozen(dataset):
         refuse_unfinished(target)
         try:
             library = library_of(target, assets)
@@ -227,19 +227,41 @@ def export(
 @app.command("import")
 def import_(
     source: Annotated[Path, typer.Argument(metavar="SOURCE", help="Folder with pictures and tables.")],
-    out: Annotated[Path, typer.Option(help="Folder for the dataset.", show_default=False)],
+    out: Annotated[Path | None, typer.Option(help="Folder for the dataset; not needed for --dry-run.")] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would be read, and write nothing.")] = False,
+    boxes: Annotated[
+        Literal["given", "proposed"],
+        typer.Option(help="Propose boxes and roles from motion and depth where no objects.csv tells them."),
+    ] = "given",
+    fps: Annotated[
+        float | None, typer.Option(min=0.001, help="Frames per second of a video without frames.csv.")
+    ] = None,
+    shift: Annotated[float, typer.Option(help="Seconds to add to the times of actions: another clock or zone.")] = 0.0,
+    width: Annotated[int | None, typer.Option(min=16, help="Make wider pictures so wide, in pixels.")] = None,
+    camera: Annotated[str | None, typer.Option(help="Of HDF5, MCAP or LeRobot with several.")] = None,
+    tables: Annotated[
+        Path | None, typer.Option(help="Folder with actions of a LeRobot dataset: DIR/000000/actions.csv and so on.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Make a dataset of a folder of pictures and CSV tables, as `export --to images` writes it.
+    """Make a dataset of recordings that nobody here simulated: a camera's folder, or one of `export --to images`.
 
-    States, relations and whatever else such a folder does not hold are missing in the dataset, too.
+    A camera's folder has pictures or a video, and actions.csv (docs/guides/own-recordings.md). What it does not hold is
+    missing in the dataset, too: states, often relations and depth.
     """
-    from busybot.datasets.importing.images import import_images
+    from busybot.datasets.importing.camera_folder import ImportOptions
+    from busybot.datasets.importing.sources import import_source
 
+    if out is None and not dry_run:
+        raise UsageError("where is the dataset to be?", "give --out DATASET, or --dry-run")
+    options = ImportOptions(fps, shift, width, camera, tables, boxes == "proposed")
     with episode_progress("importing") as progress:
-        made = import_images(source, out, progress)
-    facts = {"dataset": out, "episodes": made.info.boards}
-    answer(json, facts, f"{out}: {counted(made.info.boards, 'episode')}, without states and relations")
+        done = import_source(source, None if dry_run else out, options, progress)
+    facts = {"dataset": done.dataset and done.dataset.path, "kind": done.kind, "episodes": len(done.recordings)}
+    if json:
+        print_json({**facts, "recordings": done.recordings})
+    else:
+        printing.imported(done)
 
 
 @app.command()

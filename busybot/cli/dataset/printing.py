@@ -7,6 +7,7 @@ from busybot.cli.common import console, counted, pixel_shares, say, tell
 
 if TYPE_CHECKING:
     from busybot.datasets.diff import DatasetDifference
+    from busybot.datasets.importing.sources import Imported
     from busybot.datasets.repair import Repaired
     from busybot.episodes.episode_diff import Difference
     from busybot.sim.regenerate import Regenerated
@@ -92,6 +93,29 @@ def repaired(done: "Repaired") -> None:
 
         say(f"next: {collect_command(done.dataset, Dataset.open(done.dataset).info)}")
     tell(f"{done.dataset}: {sound} sound, {len(done.damaged)} damaged; the tables are up to date")
+
+
+def imported(done: "Imported") -> None:
+    """What was read of each recording, and what to do next where boxes are missing."""
+    for one in done.recordings[:MOST_LINES]:
+        objects = (
+            f"{counted(int(str(one['triggers'])), 'trigger')}, {counted(int(str(one['responders'])), 'responder')}"
+        )
+        parts = [
+            f"{one['frames']} frames of {one['width']} x {one['height']}",
+            counted(int(str(one["actions"])), "action"),
+        ]
+        parts += [objects, "relations told" if one["relations"] is not None else "relations unknown"]
+        parts += [f"camera {one['camera']}"] if "camera" in one else []
+        tell(f"{one['place']}: {', '.join(parts)}")
+    if len(done.recordings) > MOST_LINES:
+        tell(f"and {len(done.recordings) - MOST_LINES} more recordings; --json lists all")
+    if done.dataset is None:
+        say("nothing was written")
+        return
+    say(f"{done.dataset.path}: {counted(done.dataset.info.boards, 'episode')}, without states")
+    if any(not one["triggers"] or not one["responders"] or one.get("boxes") == 0 for one in done.recordings):
+        say(f"next, because nothing is inferred without boxes: busybot annotate {done.dataset.path}")
 
 
 def regenerated(found: "Regenerated") -> None:

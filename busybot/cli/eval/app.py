@@ -52,6 +52,12 @@ def reason(
     figure: Annotated[
         Path | None, typer.Option(help="Draw the scores against the number of images into this file, F.png.")
     ] = None,
+    graph: Annotated[
+        Path | None, typer.Option(help="Judge the graphs in this file or folder, as --graphs writes them, instead.")
+    ] = None,
+    graphs: Annotated[
+        Path | None, typer.Option(help="Write the inferred graph of each board into this folder, JSON and text.")
+    ] = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     device: DeviceOption = "auto",
@@ -62,21 +68,24 @@ def reason(
     """Which trigger controls which responder, and what the next action does: compared with the truth.
 
     Models see pictures, boxes and actions. Shares in JSON lie between 0 and 1, in the table they are percent. Pred-A is
-    null for count and pc: they predict no states.
+    null for count and pc: they predict no states. Where nobody knows the relations, what was inferred is printed.
     """
     from busybot.common.config import build
     from busybot.datasets.dataset import Dataset
     from busybot.evaluation.results import write_result
     from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
+    from busybot.reason.evaluation.graph_files import read_graphs
     from busybot.reason.models.registry import config_class
 
     check_file("--out", out, "reason.json")
     check_file("--figure", figure, "reason.png")
-    asked = ReasonEvaluation(reasoner, images, build(config_class(reasoner), config, set_ or [], {}))
+    parameters = build(config_class(reasoner), config, set_ or [], {})
+    asked = ReasonEvaluation(reasoner, images, parameters, given=None if graph is None else read_graphs(graph))
     training = Dataset.open(decoders) if decoders else None
     with episode_progress("inferring") as progress:
-        result = evaluate_dataset(Dataset.open(dataset), asked, training, assets, seed, workers, progress)
-    given = {"reasoner": reasoner, "images": images, "seed": seed, "decoders": decoders}
+        told = printing.ToldGraphs(graphs)
+        result = evaluate_dataset(Dataset.open(dataset), asked, training, assets, seed, workers, progress, told.keep)
+    given = {"reasoner": reasoner, "images": images, "seed": seed, "decoders": decoders, "graph": graph}
     result["command"] = _command_again("reason", dataset, set_, config, **given)
     if out is not None:
         write_result(out, result)
@@ -88,7 +97,7 @@ def reason(
     if json:
         print_json(result)
     else:
-        printing.reasoning(result)
+        printing.reasoning(result, told.unjudged)
 
 
 @app.command()
@@ -193,9 +202,9 @@ def plan(
     agents: Annotated[
         str,
         typer.Option(
-            help="Comma between them: noop, random, relation, predictive, busybot, search, oracle; trained ones with "
-            "their folders: bc=DIR, ppo=DIR; told a part of the truth: search-true-relations, search-true-contacts, "
-            "search-true-both.",
+            help="Comma between them: noop, random, relation, predictive, busybot, search, oracle; mechanism, with a "
+            "reasoner of that variant; trained ones with their folders: bc=DIR, ppo=DIR; told a part of the truth: "
+            "search-true-relations, search-true-contacts, search-true-both.",
             show_default="all that need no folder and are told nothing, and oracle",
         ),
     ] = "search,busybot,predictive,relation,random,noop,oracle",

@@ -1,13 +1,18 @@
 """Prints the results of `busybot eval` for people; shares are told in percent."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from busybot.cli.common import console, counted
+from busybot.cli.common import console, counted, say, tell
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from busybot.reason.evaluation.summary import JudgedGraph
+
+MOST_LINES = 40
 PREDICTIONS = ("pred_a", "pred_a_successful", "pred_a_responder", "pred_a_changed", "pred_a_unchanged")
 ACTIONS = {
     "precision": "precision",
@@ -19,9 +24,41 @@ ACTIONS = {
 }
 
 
-def reasoning(result: dict[str, Any]) -> None:
-    """The relations, then what was predicted, each with what stands beside it."""
+@dataclass
+class ToldGraphs:
+    """Takes what was inferred of each board.
 
+    Attributes:
+        folder: to write it into, if that was asked for.
+        unjudged: lines for people about the first boards whose relations nobody knows.
+    """
+
+    folder: Path | None
+    unjudged: list[str] = field(default_factory=list)
+
+    def keep(self, file: Path, judged: "JudgedGraph") -> None:
+        """Write a board's graph; remember it for people where it cannot be judged."""
+        from busybot.episodes.mcap.reader import read_episode
+        from busybot.reason.evaluation.graph_files import graph_lines, graph_values, write_graph
+
+        if self.folder is None and (judged.board.relations_known or len(self.unjudged) > MOST_LINES):
+            return
+        values = graph_values(read_episode(file, "lazy"), judged.graph, judged.steps)
+        if self.folder is not None:
+            write_graph(self.folder, values)
+        if not judged.board.relations_known and len(self.unjudged) <= MOST_LINES:
+            self.unjudged += [f"board {judged.board.index}: {line}" for line in graph_lines(values)]
+
+
+def reasoning(result: dict[str, Any], unjudged: Sequence[str] = ()) -> None:
+    """The relations, then what was predicted, each with what stands beside it."""
+    for line in unjudged[:MOST_LINES]:
+        tell(line)
+    if len(unjudged) > MOST_LINES:
+        tell("and more; --graphs DIR writes all of them")
+    if unjudged and not result["counts"]["pairs"]:
+        say("nobody told the relations of these boards: nothing is judged")
+        return
     screen = console()
     screen.print(_edges(result))
     screen.print(_parents(result))

@@ -42,7 +42,9 @@ _FILES = {
 TASKS = ("Find out what the switches of the board do", "Bring the board into the state that its goal image shows")
 """Of boards without and with a goal."""
 
-_AXES = ["position_x", "position_y", "position_z", "direction_x", "direction_y", "direction_z"]
+POSITION_AND_DIRECTION = ("position_x", "position_y", "position_z", "direction_x", "direction_y", "direction_z")
+"""Components of an action."""
+_AXES = list(POSITION_AND_DIRECTION)
 _VECTORS: dict[str, tuple[pa.DataType, list[str]]] = {
     "action": (pa.list_(pa.float32(), 6), _AXES),
     "pixel": (pa.list_(pa.int64(), 2), ["u", "v"]),

@@ -6,38 +6,38 @@ tables are not read. So these recordings are like those of a board without a sim
 keys of the category `Unknown`. Colours are stored as PNG: what a JPEG decoded to would not survive another JPEG.
 """
 
-import csv
-import io
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec, PlacedObject
-from busybot.common.atomic_io import (
-    inside,
-    make_folder,
-    parse_json,
-    read_regular,
-    read_text,
-    refuse_taken,
-    remove_abandoned,
-    rename,
-    unfinished,
-)
+from busybot.common.atomic_io import inside, read_regular, refuse_taken
 from busybot.common.errors import BusybotError, naming
-from busybot.common.frozen_model import FrozenModel, first_fault
-from busybot.common.limits import MAX_JSON_BYTES, MAX_PICTURE_BYTES, MAX_PIXELS
+from busybot.common.frozen_model import first_fault
+from busybot.common.limits import MAX_PICTURE_BYTES, MAX_PIXELS
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.exporting.frames import EPISODES_FOLDER
-from busybot.datasets.info import AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo, Seed
+from busybot.datasets.importing.csv_tables import (
+    Maybe,
+    Numbers,
+    Pixel,
+    Row,
+    Text,
+    Whole,
+    absent,
+    listed,
+    read_table,
+)
+from busybot.datasets.importing.recording import store_episodes, unknown_step
+from busybot.datasets.info import IMPORTED, AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo, Seed
 from busybot.episodes.codec import decode_plain, decode_rgb
 from busybot.episodes.episode import Camera, Episode, Image, Step
-from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.schema import UNKNOWN_PIXEL
 from busybot.episodes.validation import check_camera
 
@@ -45,29 +45,7 @@ HINT = "`busybot dataset export DATASET --to images` writes such a folder"
 _SIDES = ("u0", "v0", "u1", "v1")
 
 
-def _absent(cell: Any) -> Any:
-    return None if cell == "" else cell
-
-
-def _listed(cell: Any) -> Any:
-    return parse_json(cell) if isinstance(cell, str) and cell else cell
-
-
-Number = Annotated[float, Field(allow_inf_nan=False, ge=-1e9, le=1e9)]
-Pixel = Annotated[Annotated[int, Field(ge=-1, le=32767)] | None, BeforeValidator(_absent)]
-Maybe = Annotated[Number | None, BeforeValidator(_absent)]
-Whole = Annotated[int | None, BeforeValidator(_absent)]
-Text = Annotated[str | None, BeforeValidator(_absent)]
-Numbers = Annotated[tuple[Number, ...], BeforeValidator(_listed)]
-
-
-class _Row(FrozenModel):
-    """A line of a table; columns that are not named here are passed over."""
-
-    model_config = ConfigDict(frozen=True, extra="ignore")
-
-
-class _Frame(_Row):
+class _Frame(Row):
     """Of `frames.csv`: a frame, and the action that was taken there; the last has none."""
 
     frame: int
@@ -79,13 +57,13 @@ class _Frame(_Row):
     position_y: Maybe = None
     position_z: Maybe = None
     direction: Whole = None
-    executed: Annotated[tuple[int, ...] | None, BeforeValidator(lambda cell: _listed(_absent(cell)))] = None
+    executed: Annotated[tuple[int, ...] | None, BeforeValidator(lambda cell: listed(absent(cell)))] = None
     distance: Maybe = None
     changed_pixels: Whole = None
     reward: Whole = None
 
 
-class _Object(_Row):
+class _Object(Row):
     """Of `objects.csv`."""
 
     object: int
@@ -99,7 +77,7 @@ class _Object(_Row):
     first_box_v1: Pixel = None
 
 
-class _Episode(_Row):
+class _Episode(Row):
     """Of `episodes.csv`, which has one line."""
 
     seed: Seed = 0
@@ -115,7 +93,27 @@ class _Episode(_Row):
     depth_scale: Annotated[float, Field(gt=0, le=1e3)] = 1.0
 
 
-Row = TypeVar("Row", bound=_Row)
+def image_folders(source: Path) -> list[Path]:
+    """The folders of recordings in a folder; none where it is of another kind."""
+    names = sorted(path.name for path in inside(source, EPISODES_FOLDER).glob("*") if path.is_dir())
+    return [inside(source, f"{EPISODES_FOLDER}/{name}") for name in names]
+
+
+def describe_images(folder: Path) -> dict[str, object]:
+    """What would be read of a recording, JSON values."""
+    told = read_table(inside(folder, "episodes.csv"), _Episode, HINT)[0]
+    frames = read_table(inside(folder, "frames.csv"), _Frame, HINT)
+    roles = [row.role for row in _objects(inside(folder, "objects.csv"))]
+    return {
+        "place": str(folder),
+        "frames": len(frames),
+        "width": told.width,
+        "height": told.height,
+        "actions": len(frames) - 1,
+        "triggers": roles.count("trigger"),
+        "responders": roles.count("responder"),
+        "relations": None,
+    }
 
 
 def import_images(source: Path, out: Path, progress: Progress | None = None) -> Dataset:
@@ -124,29 +122,17 @@ def import_images(source: Path, out: Path, progress: Progress | None = None) -> 
     Raises:
         BusybotError: naming file and line, if something is missing or contradicts itself; or something is at `out`.
     """
-    place = out.absolute()
-    refuse_taken(place)
-    names = sorted(path.name for path in inside(source, EPISODES_FOLDER).glob("*") if path.is_dir())
-    folders = [inside(source, f"{EPISODES_FOLDER}/{name}") for name in names]
+    refuse_taken(out.absolute())
+    folders = image_folders(source)
     if not folders:
         raise BusybotError(f"{source}: it has no folder {EPISODES_FOLDER}/000000 with a recording", HINT)
-    told = [_table(inside(folder, "episodes.csv"), _Episode)[0] for folder in folders]
+    told = [read_table(inside(folder, "episodes.csv"), _Episode, HINT)[0] for folder in folders]
     boards = [_board(index, folder, one) for index, (folder, one) in enumerate(zip(folders, told, strict=True))]
-    lengths = [len(_table(inside(folder, "frames.csv"), _Frame)) - 1 for folder in folders]
-    info = _info(source, place.name, told[0], max(lengths), len(boards))
-    make_folder(place.parent)
-    remove_abandoned(place.parent, place.name)
-    with unfinished(place.parent, place.name) as temporary:
-        dataset = Dataset.create(temporary / "dataset", info, boards)
-        for done, (folder, one, board) in enumerate(zip(folders, told, boards, strict=True), start=1):
-            with naming(folder):
-                write_episode(dataset.episode_path(board.index), _episode(folder, one, board), "png", dataset.path)
-            if progress:
-                progress(done, len(boards))
-        dataset.write_tables()
-        refuse_taken(place)
-        rename(dataset.path, place)
-    return Dataset.open(out)
+    lengths = [len(read_table(inside(folder, "frames.csv"), _Frame, HINT)) - 1 for folder in folders]
+    info = _info(source, out.absolute().name, told[0], max(lengths), len(boards))
+    read = zip(folders, told, boards, strict=True)
+    made = ((folder, lambda folder=folder, one=one, b=b: _episode(folder, one, b)) for folder, one, b in read)
+    return store_episodes(out, info, boards, made, progress)
 
 
 def _info(source: Path, name: str, told: _Episode, steps: int, boards: int) -> DatasetInfo:
@@ -156,28 +142,12 @@ def _info(source: Path, name: str, told: _Episode, steps: int, boards: int) -> D
             split=told.split,
             seed=told.seed,
             boards=boards,
-            generator=GeneratorInfo(version="imported"),
+            generator=GeneratorInfo(version=IMPORTED),
             assets=AssetsInfo(source="folder", name="unknown"),
             collect=CollectInfo(policy=told.policy, steps=steps, images="png", seed=told.seed),
         )
     except ValidationError as error:
         raise BusybotError(f"{source}: {first_fault(error)}", HINT) from None
-
-
-def _table(file: Path, model: type[Row]) -> list[Row]:
-    """The lines of a table, at least one."""
-    rows = []
-    lines = csv.DictReader(io.StringIO(read_text(file, MAX_JSON_BYTES, HINT), newline=""), strict=True)
-    try:
-        for line in lines:
-            rows.append(model.model_validate({name: value for name, value in line.items() if value is not None}))
-    except ValidationError as error:
-        raise BusybotError(f"{file}: line {lines.line_num}: {first_fault(error)}", HINT) from None
-    except (csv.Error, ValueError, RecursionError) as error:
-        raise BusybotError(f"{file}: line {lines.line_num}: {error}", HINT) from None
-    if not rows:
-        raise BusybotError(f"{file}: it has no line with values", HINT)
-    return rows
 
 
 def _board(index: int, folder: Path, told: _Episode) -> BoardSpec:
@@ -193,13 +163,14 @@ def _board(index: int, folder: Path, told: _Episode) -> BoardSpec:
             color=(1.0, 1.0, 1.0),
             objects=tuple(_placed(row) for row in _objects(file)),
             relations=(),
+            relations_known=False,
         )
     except ValidationError as error:
         raise BusybotError(f"{file}: {first_fault(error)}", HINT) from None
 
 
 def _objects(file: Path) -> list[_Object]:
-    rows = _table(file, _Object)
+    rows = read_table(file, _Object, HINT)
     if [row.object for row in rows] != list(range(len(rows))):
         raise BusybotError(f"{file}: its objects are not numbered 0, 1, 2, ...", HINT)
     return rows
@@ -217,7 +188,7 @@ def _position(row: _Object | _Frame) -> tuple[float | None, float | None, float 
 
 def _episode(folder: Path, told: _Episode, board: BoardSpec) -> Episode:
     file = inside(folder, "frames.csv")
-    frames, objects = _table(file, _Frame), _objects(inside(folder, "objects.csv"))
+    frames, objects = read_table(file, _Frame, HINT), _objects(inside(folder, "objects.csv"))
     if [row.frame for row in frames] != list(range(len(frames))):
         raise BusybotError(f"{file}: its frames are not numbered 0, 1, 2, ...", HINT)
     if (len(told.camera_matrix), len(told.camera_pose)) != (9, 16):
@@ -279,21 +250,12 @@ def _step(row: _Frame, where: str) -> Step:
         raise BusybotError(f"{where}: an action needs a position and a direction; only the last frame has none", HINT)
     if not 0 <= row.direction < len(DIRECTIONS):
         raise BusybotError(f"{where}: there are {len(DIRECTIONS)} directions, not {row.direction}", HINT)
-    return Step(
-        pixel=UNKNOWN_PIXEL if row.pixel_u is None or row.pixel_v is None else (row.pixel_u, row.pixel_v),
-        position=(float(np.float32(x)), float(np.float32(y)), float(np.float32(z))),
-        direction=row.direction,
+    pixel = UNKNOWN_PIXEL if row.pixel_u is None or row.pixel_v is None else (row.pixel_u, row.pixel_v)
+    position = (float(np.float32(x)), float(np.float32(y)), float(np.float32(z)))
+    return replace(
+        unknown_step(pixel, position, row.direction),
         executed=(row.direction,) if row.executed is None else row.executed,
         distance=0.0 if row.distance is None else float(np.float32(row.distance)),
         changed_pixels=row.changed_pixels or 0,
         reward=row.reward or 0,
-        acted_object=-1,
-        acted_link="",
-        trigger_states_before=(),
-        trigger_states_after=(),
-        responder_states_before=(),
-        responder_states_after=(),
-        joint_positions_before=(),
-        joint_positions_after=(),
-        success=False,
     )

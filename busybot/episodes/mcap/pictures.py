@@ -14,8 +14,10 @@ import numpy as np
 
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_IMAGE_PIXELS, MIB
+from busybot.common.remote import is_remote
 from busybot.episodes.codec import DepthScale, EncodedImage, RowDecoder, decode_rgb, image_size
 from busybot.episodes.mcap import channels
+from busybot.episodes.mcap.ranges import WHOLE_BYTES, Index, read_index
 from busybot.episodes.mcap.records import Records, read_records, refusing
 
 KEPT_BYTES = 256 * MIB
@@ -24,9 +26,9 @@ KEPT_BYTES = 256 * MIB
 
 @dataclass(frozen=True)
 class Encoded:
-    """The pictures of a topic, and what stored depth means."""
+    """Pictures of a topic by their numbers, all or those of a chunk, and what stored depth means."""
 
-    pictures: list[bytes]
+    pictures: dict[int, bytes]
     scale: DepthScale
     _rows: list[RowDecoder | None] = field(default_factory=list, repr=False, compare=False)
 
@@ -35,14 +37,18 @@ class Encoded:
         if not self._rows:  # to decode the first picture beside this one pays from the second time on
             self._rows.append(None)
             return decode_rgb(self.pictures[position], width, height)
-        rows = self._rows[0] = self._rows[0] or RowDecoder(self.pictures[0], width, height)
+        rows = self._rows[0] = self._rows[0] or RowDecoder(self._first, width, height)
         return rows.decode(self.pictures[position])
+
+    @property
+    def _first(self) -> bytes:
+        return next(iter(self.pictures.values()))
 
     @cached_property
     def bytes(self) -> int:
         """In memory, with one picture that is decoded."""
-        width, height = image_size(self.pictures[0]) if self.pictures else (0, 0)
-        return sum(map(len, self.pictures)) + 3 * width * height
+        width, height = image_size(self._first) if self.pictures else (0, 0)
+        return sum(map(len, self.pictures.values())) + 3 * width * height
 
 
 class Kept:
@@ -83,36 +89,37 @@ class PictureFile:
     path: Path
     checksum: int | None = None
 
-    def read(self, topic: str) -> Encoded:
-        """The pictures of a topic, from memory if they are kept.
-
-        Raises:
-            BusybotError: the file is damaged, or it is another one than before.
-        """
-        return _KEPT.get((self.path, self.checksum, topic), lambda: self._read(topic))
-
     def holding(self, topic: str, position: int) -> Encoded:
-        """The pictures of a topic, of which number `position` is one.
+        """Pictures of a topic, of which number `position` is one, from memory if they are kept.
 
         Raises:
-            BusybotError: there is none of that number, or see `read`.
+            BusybotError: there is none of that number, the file is damaged, or it is another one than before.
         """
-        found = self.read(topic)
-        if not 0 <= position < len(found.pictures):
-            raise BusybotError(f"{self.path}: there is no picture {position} on {topic}, it has {len(found.pictures)}")
-        return found
-
-    def _read(self, topic: str) -> Encoded:
-        records = read_records(self.path)
-        if self.checksum not in (None, records.checksum):
-            what = f"{self.path}: it was recorded again since it was opened, or its tables were made"
-            raise BusybotError(what, "open the dataset again; `busybot collect` mends tables")
-        decode = channels.message_class(channels.SCHEMAS[channels.RGB]).FromString
         with refusing(str(self.path), "not a recording of this project"):
-            pictures = [decode(data).data for data in records.payloads.get(topic, ())]
-            if any(w * h > MAX_IMAGE_PIXELS for w, h in map(image_size, pictures)):
-                raise ValueError(f"a picture of more than {MAX_IMAGE_PIXELS} pixels")
-            return Encoded(pictures, depth_scale(records))
+            chunk, first = (0, 0) if self._index is None else self._index.holding(topic, position) or (0, 0)
+            found = _KEPT.get((self.path, self.checksum, topic, chunk), lambda: self._read(topic, chunk, first))
+            if position not in found.pictures:
+                raise BusybotError(f"there is no picture {position} on {topic}")
+            return found
+
+    @cached_property
+    def _index(self) -> Index | None:
+        """Of a long recording at an address; all others are read as a whole."""
+        if not is_remote(self.path) or (size := self.path.size()) <= WHOLE_BYTES:
+            return None
+        return read_index(self.path, size)
+
+    def _read(self, topic: str, chunk: int, first: int) -> Encoded:
+        records = read_records(self.path) if self._index is None else self._index.records
+        if self.checksum not in (None, records.checksum):
+            what = "it was recorded again since it was opened, or its tables were made"
+            raise BusybotError(what, "open the dataset again; `busybot collect` mends tables")
+        messages = records.payloads.get(topic, []) if self._index is None else self._index.read(chunk, topic)
+        decode = channels.message_class(channels.SCHEMAS[channels.RGB]).FromString
+        pictures = {number: decode(data).data for number, data in enumerate(messages, first)}
+        if any(w * h > MAX_IMAGE_PIXELS for w, h in map(image_size, pictures.values())):
+            raise ValueError(f"a picture of more than {MAX_IMAGE_PIXELS} pixels")
+        return Encoded(pictures, depth_scale(records))
 
 
 class StoredImage(EncodedImage):

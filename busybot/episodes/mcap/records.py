@@ -27,6 +27,7 @@ from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, McapRecord
 from busybot.common.atomic_io import read_regular
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_CHUNK_BYTES, MAX_RECORDING_BYTES, Budget
+from busybot.common.remote import HINT_COPY, is_remote
 
 MAGIC = b"\x89MCAP0\r\n"
 FAULTS = (
@@ -37,12 +38,12 @@ FAULTS = (
 
 RECORD_HEAD = 9
 """Bytes of a record's opcode and length."""
-_SUMMARY_CRC_AND_MAGIC = 12
+SUMMARY_CRC_AND_MAGIC = 12
 _LENGTH, _MESSAGE = struct.Struct("<Q"), struct.Struct("<HIQQ")
 """Of a record; channel, number, time of logging and of publishing before the data of a message."""
-_DATA_END = struct.Struct("<BQI")
+DATA_END = struct.Struct("<BQI")
 """Opcode, length, CRC-32 over the data; the summary follows."""
-_FOOTER = struct.Struct("<BQQQI8s")
+FOOTER = struct.Struct("<BQQQI8s")
 """Opcode, length, where the summary and its offsets start, their CRC-32, and the file's last bytes."""
 
 
@@ -102,7 +103,7 @@ def read_records(path: Path) -> Records:
     Raises:
         BusybotError: naming the file, if it is absent, too large, not a whole MCAP file, or damaged.
     """
-    if path.is_dir():
+    if not is_remote(path) and path.is_dir():
         hint = f"name a file, as {path / 'episodes' / '000000.mcap'}"
         raise BusybotError(f"{path}: there is no such file, it is a folder", hint)
     data = read_regular(path, MAX_RECORDING_BYTES)
@@ -110,10 +111,13 @@ def read_records(path: Path) -> Records:
 
 
 class Fingerprint(NamedTuple):
-    """What tells one recording from another without reading it: size in bytes, CRC-32 of its data, time of writing."""
+    """What tells one recording from another without reading it: size in bytes, CRC-32 of its data, time of writing.
+
+    The checksum is None where only a folder was listed.
+    """
 
     bytes: int
-    checksum: int
+    checksum: int | None
     written_ns: int
 
 
@@ -129,10 +133,10 @@ def fingerprint(name: str | Path, folder: int | None = None) -> Fingerprint:
     try:
         facts, checksum = os.fstat(descriptor), -1
         if stat.S_ISREG(facts.st_mode):
-            end = os.pread(descriptor, _FOOTER.size, max(facts.st_size - _FOOTER.size, 0))
-            opcode, _, summary, _, _, magic = _FOOTER.unpack(end.rjust(_FOOTER.size, b"\0"))
-            if opcode == Opcode.FOOTER and magic == MAGIC and _DATA_END.size <= summary < facts.st_size:
-                opcode, _, found = _DATA_END.unpack(os.pread(descriptor, _DATA_END.size, summary - _DATA_END.size))
+            end = os.pread(descriptor, FOOTER.size, max(facts.st_size - FOOTER.size, 0))
+            opcode, _, summary, _, _, magic = FOOTER.unpack(end.rjust(FOOTER.size, b"\0"))
+            if opcode == Opcode.FOOTER and magic == MAGIC and DATA_END.size <= summary < facts.st_size:
+                opcode, _, found = DATA_END.unpack(os.pread(descriptor, DATA_END.size, summary - DATA_END.size))
                 checksum = found if opcode == Opcode.DATA_END else -1
         return Fingerprint(facts.st_size, checksum, facts.st_mtime_ns)
     finally:
@@ -157,6 +161,7 @@ def refusing(where: str, what: str) -> Iterator[None]:
     hint = (
         f"`busybot dataset repair {dataset}` saves what can be saved, then `busybot collect {dataset}` records the rest"
     )
+    hint = HINT_COPY if "://" in where else hint
     try:
         yield
     except BusybotError as error:
@@ -241,7 +246,7 @@ def _parse(data: bytes) -> Records:
     end += len(MAGIC)
     if end != len(data):
         raise BusybotError(f"{len(data) - end} bytes follow the end of the recording")
-    summary = data[footer.summary_start : len(data) - _SUMMARY_CRC_AND_MAGIC]
+    summary = data[footer.summary_start : len(data) - SUMMARY_CRC_AND_MAGIC]
     if footer.summary_start == 0 or zlib.crc32(summary) != footer.summary_crc:
         raise BusybotError("the index does not match its checksum")
     return found

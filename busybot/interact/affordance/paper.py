@@ -5,7 +5,7 @@ normals from the cross product of neighbouring world coordinates; or in three of
 there is one more, a 2-D Gaussian at the selected position.
 
 What the paper leaves open: depth is given relative to the camera's height over the board, in board units, so that the
-board is near 0, and 0 where nothing was hit; the Gaussian has a standard deviation of 5 pixels and is 1 at its centre.
+board is near 0, and 0 where nothing was hit; the Gaussian is 1 at its centre, and as wide as its authors have it.
 """
 
 from typing import Any
@@ -24,8 +24,8 @@ from busybot.interact.policy.config import Inputs, Threshold
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
 from busybot.training.device import mixed, slices
 
-GAUSSIAN_SIGMA = 5.0
-"""Pixels."""
+GAUSSIAN_SIGMA = 10.0
+"""Pixels; of the authors' program, which draws it in a window of 80."""
 
 
 def depth_and_normals(depth: Tensor, camera: Pinhole) -> Tensor:

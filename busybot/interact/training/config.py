@@ -6,9 +6,12 @@ A.1 "Training detail"). What the paper leaves open, and what is chosen here:
 - Epochs are counted from 0: "the first 10" are 0 to 9, "training starts at the 10th" is epoch 10.
 - From epoch 100 to 119 nothing is trained: the text has the position network trained "in the first 100 epochs" and
   both "starting from the 120th epoch", and in between data are collected.
-- Learning rates stay as they are: the text calls them initial and names no schedule.
-- A reward is more than 500 changed pixels, as everywhere here (the paper: 1000), and every board has an appearance of
-  its own (`group_size`): where and how to act depends on nothing else.
+- Learning rates stay as they are: the text calls them initial and names no schedule (the authors' program lets them
+  fall).
+- A reward is more than 500 changed pixels, as everywhere here (the authors' program: 1000), and every board has an
+  appearance of its own (`group_size`): where and how to act depends on nothing else.
+
+docs/reference/departures.md has all of them, with what the authors' program does.
 - While the buffer has no action with reward, or none without, no batch can be half positive: the iterations of that
   epoch are left out.
 """

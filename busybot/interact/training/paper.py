@@ -48,6 +48,8 @@ from busybot.training.device import device, mixed, repeat_exactly
 from busybot.training.loop import Learner, Loop, descend
 from busybot.training.run_folder import Lines, Panel, learner_versions
 
+BETAS = (0.9, 0.95)
+"""Of Adam, as the authors' program has them; the text names none."""
 PLOT_EVERY = 10
 """Epochs between pictures of the training's course."""
 
@@ -76,7 +78,7 @@ class PaperAffordanceLearner(Learner):
         draws = generator(seed, "train", 0, f"paper/initial weights/{kind}")
         initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))), biases=True)
         self.network.to(device())
-        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=self.config.learning_rate)
+        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=self.config.learning_rate, betas=BETAS)
         self.epoch = self.done = 0
         self._samples: Samples | None = None
         self.loop = Loop(self, out, report=1, every=config.checkpoint)

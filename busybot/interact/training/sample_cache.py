@@ -21,7 +21,7 @@ import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.atomic_io import make_folder, remove_leftovers, replacing
-from busybot.common.errors import BusybotError
+from busybot.common.errors import DAMAGED_ARRAY, BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.codec import LazyImages, decode_plain, decode_rgb
 from busybot.episodes.episode import Camera, Episode, Step
@@ -193,11 +193,14 @@ def open_samples(caches: Sequence[Path], inputs: Inputs, window: int, whole: boo
     camera: Camera | None = None
     squares, parts, rows = [], [], []
     for place in caches:
-        with np.load(place / INDEX, allow_pickle=False) as index:
-            width, height = (int(side) for side in index["size"])
-            camera = _same_camera(camera, Camera(width, height, index["matrix"], index["pose"]), place)
-            parts.append({name: index[name] for name in COLUMNS})
-            rows.append(index[ROW] if ROW in index else np.arange(len(index["worked"])))
+        try:
+            with np.load(place / INDEX, allow_pickle=False) as index:
+                width, height = (int(side) for side in index["size"])
+                camera = _same_camera(camera, Camera(width, height, index["matrix"], index["pose"]), place)
+                parts.append({name: index[name] for name in COLUMNS})
+                rows.append(index[ROW] if ROW in index else np.arange(len(index["worked"])))
+        except DAMAGED_ARRAY as error:
+            raise BusybotError(f"{place / INDEX}: damaged: {error}", f"remove {place}, it is made again") from None
         count, sides = int(rows[-1].max(initial=-1)) + 1, (height, width) if whole else (SIDE, SIDE)
         squares.append(_map_pixels(place / SQUARES, inputs, (count, *sides)))
     assert camera is not None

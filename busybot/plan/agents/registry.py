@@ -1,7 +1,8 @@
 """The agents by name: which there are, and what each is made of; among them those that play a trained network.
 
 `bc` and `ppo` (paper appendix "Planning module") see the same and differ in their training; the choice with the highest
-score is taken.
+score is taken. Packages bring more agents, in the entry-point group `busybot.agents`
+(docs/extending/write-an-agent.md).
 """
 
 from collections.abc import Callable
@@ -12,7 +13,9 @@ from typing import get_args
 import torch
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.common import plugins
 from busybot.common.errors import BusybotError, UsageError
+from busybot.plan.agents.mechanism import MechanismAgent
 from busybot.plan.agents.paper import NO_CANDIDATE, BusyBotAgent, NoopAgent, PredictiveAgent, RandomAgent, RelationAgent
 from busybot.plan.agents.search import SearchAgent
 from busybot.plan.interfaces import Act, Agent, DecisionState, Stop, TaskContext
@@ -106,6 +109,7 @@ AGENTS: dict[str, AgentSpec] = {
     "predictive": AgentSpec(PredictiveAgent),
     "busybot": AgentSpec(BusyBotAgent),
     "search": AgentSpec(SearchAgent),
+    "mechanism": AgentSpec(MechanismAgent),
     "search-true-relations": AgentSpec(SearchAgent, relations=True),
     "search-true-contacts": AgentSpec(SearchAgent, contacts=True),
     "search-true-both": AgentSpec(SearchAgent, relations=True, contacts=True),
@@ -133,7 +137,10 @@ def kind_of(agent: str) -> AgentSpec:
             raise UsageError(what, f"--agents {name}=DIR; `busybot train {name} --out DIR` makes one")
         load_policy(model, trained)
         return AgentSpec(partial(learned, trained, model))
+    brought = plugins.names("agents")
+    if name in brought and name not in AGENTS and not given:
+        return AgentSpec(partial(plugins.make, "agents", name))
     if name not in AGENTS or given:
-        known = ", ".join([*AGENTS, *(f"{trained}=DIR" for trained in TRAINED)])
+        known = ", ".join([*AGENTS, *brought, *(f"{trained}=DIR" for trained in TRAINED)])
         raise UsageError(f"there is no agent {agent!r}", f"choose from {known}")
     return AGENTS[name]

@@ -93,7 +93,7 @@ def make_work(
 
     def work(index: int) -> None:
         began = time.process_time()
-        history = read_episode(dataset.episode_path(index))
+        history = read_episode(dataset.episode_path(index), "lazy")
         features = features_of(dataset, Persistence.encoder, episodes=[index], workers=1)[index]
         task = player.prepare(history, features)
         found = explore(player, task, simulator.board(history.board), config.interaction)

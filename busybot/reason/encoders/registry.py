@@ -2,7 +2,8 @@
 
 A name is that of an encoder, alone or with the pixels that it is given: `embedded` takes an object's own pixels as
 depth tells them, `embedded-box` those of its box (from pictures without depth), `embedded-mask` those that the
-simulator's segmentation calls its own (an oracle).
+simulator's segmentation calls its own (an oracle). Packages bring more, in the entry-point group `busybot.encoders`
+(docs/extending/add-an-encoder.md).
 """
 
 import hashlib
@@ -13,6 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
+from busybot.common import plugins
 from busybot.common.errors import BusybotError, UsageError
 from busybot.episodes.episode import Episode
 from busybot.reason.inputs.appearances import Appearance, appearances_of
@@ -96,8 +98,9 @@ def make_extractor(name: str = DEFAULT, weights: Path | None = None) -> FeatureE
     """
     base, _, pixels = name.partition("-")
     pixels = pixels or "own"
-    if base not in ENCODERS or pixels not in PIXELS or name.endswith("-"):
-        what = f"choose one of {', '.join(ENCODERS)}, also with -box or -mask behind it"
+    known = [*ENCODERS, *plugins.names("encoders")]
+    if base not in known or pixels not in PIXELS or name.endswith("-"):
+        what = f"choose one of {', '.join(known)}, also with -box or -mask behind it"
         raise UsageError(f"there is no encoder {name!r}", what)
     if weights is not None and base != "resnet50":
         raise UsageError(f"{weights}: {base} takes no weights", "they go with `--encoder resnet50`")
@@ -107,6 +110,9 @@ def make_extractor(name: str = DEFAULT, weights: Path | None = None) -> FeatureE
 
 
 def _make(base: str, weights: Path | None) -> Encoder:
+    if base not in ENCODERS:
+        encoder: Encoder = plugins.make("encoders", base)
+        return encoder
     if base == "embedded":
         from busybot.reason.encoders.descriptor import Descriptor
 

@@ -246,12 +246,12 @@ def count_links(episode: Episode, told: InferredLinks, threshold: float, claimed
         mine = np.concatenate([np.zeros((links, len(pairs_)), bool), pairs_[responders]])
         for cluster, link in match.items():
             mine[link] = said[cluster]
-        counts[number] = _counted(mine, true_links(episode.board, names, max(0, number - 1)))
+        counts[number] = count_parents(mine, true_links(episode.board, names, max(0, number - 1)))
         counts[number, :, 1] += said[nowhere].sum(0)
     return counts
 
 
-def _counted(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
+def count_parents(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
     """int (N, 3): rightly claimed, claimed and true parents of each object, from bool (I, N)."""
     return np.stack([(claimed & true).sum(0), claimed.sum(0), true.sum(0)], axis=1)
 
@@ -354,7 +354,7 @@ def _observed(replayed: _Replayed, count: int, error: float) -> _Observed | None
                 pairs_[number][:, responders] = belief.object_parents(owners, objects) > CLAIMED
                 single = np.zeros((len(owners), objects), bool)
                 single[:, responders] = belief.parents() > CLAIMED
-                links[number] = _counted(single, true_links(board, replayed.names, max(0, number - 1)))
+                links[number] = count_parents(single, true_links(board, replayed.names, max(0, number - 1)))
             last = belief if number == replayed.steps else last
     except BusybotError:
         return None

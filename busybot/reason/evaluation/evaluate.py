@@ -4,7 +4,7 @@ The graph is inferred from the first 23 images, as in the paper; each later step
 features (protocol "Reasoning"). Models see what `observed` lets through; the truth is read here, after it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -34,13 +34,14 @@ from busybot.reason.evaluation.decoders import (
     judged_objects,
     train_decoders,
 )
+from busybot.reason.evaluation.graph_files import GivenGraphs
 from busybot.reason.evaluation.ground_truth import states_of, truth_of
 from busybot.reason.evaluation.prediction import DECODED, NEAREST, EvaluatedBoard, judge_prediction
 from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.observation import acted_objects, observe_episode
 from busybot.reason.inputs.sequence import BoardSequence, actions_of, clusters_of, sequence_of, threshold_of
-from busybot.reason.models.registry import GRAPHS, REASONERS, config_class, infer, reasoner_of
+from busybot.reason.models.registry import GRAPHS, config_class, infer, reasoner_of, without_training
 from busybot.training.model_cards import file_hashes, find_folder
 
 IMAGES = 23
@@ -66,6 +67,8 @@ class ReasonEvaluation:
         decoders: by category, for the second judge; None to do without it.
         library: the boards' objects; needed with decoders, which name their appearance, and in all worlds but the
             paper's.
+        given: graphs that somebody else inferred, to be judged in place of the model's.
+        curve: numbers of observed images after which predictions are judged, beside `images`.
     """
 
     model: str = "count"
@@ -73,6 +76,8 @@ class ReasonEvaluation:
     config: BaseModel | None = None
     decoders: dict[str, Linear] | None = None
     library: Library | None = None
+    given: GivenGraphs | None = None
+    curve: tuple[int, ...] = CURVE
 
 
 def judge_episode(
@@ -89,7 +94,9 @@ def judge_episode(
     reasoner, sequence = None, None
     judges: dict[str, StateReadout] = {}
     predicted = None
-    if features is None:
+    if judging.given is not None:
+        graph = longer = judging.given.of(episode)
+    elif features is None:
         longer = infer(observed.first(max(judging.images, ACTIONS + 1)), judging.model, judging.config)
         # after each action they know what was seen until then
         graph = replace(longer, probabilities=longer.probabilities[: max(1, judging.images - 1)])
@@ -102,9 +109,10 @@ def judge_episode(
             judges = _judges(episode.board, judging, sequence, truth.states, judged)
     if truth is not None and len(truth.links) >= judging.images:
         watched = EvaluatedBoard(truth, observed, judged & _controlled(episode.board), sequence, judges)
-        predicted = judge_prediction(watched, reasoner, judging.images, (*CURVE, judging.images))
+        predicted = judge_prediction(watched, reasoner, judging.images, (*judging.curve, judging.images))
     read = judges.get(NEAREST)
     actions, acted = actions_of(observed), acted_objects(observed)
+    known = episode.board.relations_known
     recorded = Watched(episode, actions, acted, judged, judging.images, judging.library, sequence, reasoner, read)
     return JudgedGraph(
         episode.board,
@@ -114,7 +122,7 @@ def judge_episode(
         policy=episode.policy,
         oracle=episode.oracle,
         forecast=predicted,
-        causes=judge_causes(recorded, replace(longer, kinds=graph.kinds, lags=graph.lags)),
+        causes=judge_causes(recorded, replace(longer, kinds=graph.kinds, lags=graph.lags)) if known else None,
     )
 
 
@@ -150,6 +158,7 @@ def evaluate_dataset(
     seed: int = 0,
     workers: int | None = None,
     progress: Progress | None = None,
+    each: Callable[[Path, JudgedGraph], object] | None = None,
 ) -> dict[str, Any]:
     """Evaluate on every finished episode; JSON values, see `summary`, with the dataset's origin and hashes.
 
@@ -159,6 +168,7 @@ def evaluate_dataset(
             worlds but the paper's.
         seed: of the bootstrap.
         workers: processes; None for one per core, as far as there are boards enough to pay for starting them.
+        each: is told every judged board with its episode's file.
 
     Raises:
         BusybotError: no episode is finished, one is damaged, or there is no such model.
@@ -166,7 +176,8 @@ def evaluate_dataset(
     judging = judging or ReasonEvaluation()
     if judging.images < 2:
         raise BusybotError(f"{judging.images} images show no action", "take at least 2")
-    encoder = None if judging.model in GRAPHS else reasoner_of(judging.model, judging.config).encoder
+    alone = judging.given is not None or judging.model in GRAPHS
+    encoder = None if alone else reasoner_of(judging.model, judging.config).encoder
     indices = sorted(dataset.finished())
     if not indices:
         what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
@@ -184,13 +195,17 @@ def evaluate_dataset(
     tasks = [(index, dataset.episode_path(index)) for index in indices]
     for one in share(partial(_judge_file, judging=judging, features=features), tasks, processes):
         judged.append(one)
+        if each is not None:
+            each(tasks[len(judged) - 1][1], one)
         if progress is not None:
             progress(len(judged), len(indices))
+    parameters = judging.config or config_class(judging.model)()
+    models = {} if judging.given is not None else _model_hashes(judging.model)
     return {
-        **stamp("reason", hashes={"models": _model_hashes(judging.model), "data": dict(map(_hashes, sets.values()))}),
+        **stamp("reason", hashes={"models": models, "data": dict(map(_hashes, sets.values()))}),
         **summarise(judged, judging.images, seed),
         "images_used": 1 + max(one.steps for one in judged),
-        "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
+        "config": parameters.model_dump(mode="json"),
         "encoder": encoder,
         "dataset": sets[dataset.path],
         "decoders": None if training is None else sets[training.path],
@@ -199,7 +214,7 @@ def evaluate_dataset(
 
 def _model_hashes(model: str) -> dict[str, dict[str, str]]:
     """Of the files of a trained model."""
-    if model in GRAPHS or model in REASONERS:
+    if model in GRAPHS or model in without_training():
         return {}
     folder = find_folder(model, "reason")
     return {folder.name: file_hashes(folder)}

@@ -32,7 +32,7 @@ class GraphTruth:
     """The relations of a board between trigger and responder objects, links collapsed. N objects.
 
     Attributes:
-        candidates: bool (N, N), a trigger in the row and a responder in the column.
+        candidates: bool (N, N), a trigger in the row and a responder in the column; none where relations are unknown.
         edges: bool (N, N), the true relations.
         kinds: of the relations of each true edge: usually one.
         shown: int (N, N), number of steps after which the edge's effect had been visible once, 0 for never; None where
@@ -49,7 +49,7 @@ class GraphTruth:
 def truth_of(episode: Episode) -> GraphTruth:
     """Read the truth from the board and the privileged part of the steps."""
     roles = np.array([placed.role for placed in episode.board.objects])
-    candidates = (roles == "trigger")[:, None] & (roles == "responder")[None]
+    candidates = (roles == "trigger")[:, None] & (roles == "responder")[None] & episode.board.relations_known
     kinds: dict[tuple[int, int], tuple[str, ...]] = {}
     for relation in episode.board.relations:
         for trigger in relation.triggers:

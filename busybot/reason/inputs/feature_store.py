@@ -29,7 +29,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from busybot.common.atomic_io import make_folder, remove, remove_leftovers, replacing, write_atomically
-from busybot.common.errors import BusybotError
+from busybot.common.errors import DAMAGED_ARRAY, BusybotError
 from busybot.common.process_pool import Progress, default_workers, share
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
@@ -179,7 +179,7 @@ def _load(file: Path, digest: str, whole: bool = False) -> np.ndarray | None:
         return None
     try:
         values = np.load(file, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError):
+    except DAMAGED_ARRAY:
         return None
     sound = isinstance(values, np.memmap) and values.dtype == np.float16 and values.shape[2:] == (CHANNELS,)
     if not sound or values.ndim != 3:

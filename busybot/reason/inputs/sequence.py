@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from busybot.common import plugins
 from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
@@ -131,6 +132,11 @@ def threshold_of(encoder: str) -> float:
     Raises:
         BusybotError: none was fixed for it.
     """
+    base = encoder.partition("-")[0]
+    if encoder not in THRESHOLDS and base in plugins.names("encoders"):
+        brought = getattr(plugins.load("encoders", base), "threshold", None)
+        if isinstance(brought, int | float) and brought > 0:
+            return float(brought)
     if encoder not in THRESHOLDS:
         what = f"no threshold is known for the features of encoder {encoder!r}"
         raise BusybotError(what, "fit one on training boards (`busybot.reason.inputs.sequence.fit_threshold`)")

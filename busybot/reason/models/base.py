@@ -46,6 +46,8 @@ class InferredGraph:
             None where the model does not tell kinds.
         lags: int (N,), at the end, after how many actions an input of each object shows at the earliest, -1 where
             there is none; None where the model does not tell lags.
+        words: at the end, what decides each object, for people, with "object 3" for names; "" for what is no responder;
+            None where the model has no words.
     """
 
     name: str
@@ -55,6 +57,7 @@ class InferredGraph:
     links: InferredLinks | None = None
     kinds: tuple[str, ...] | None = None
     lags: np.ndarray | None = None
+    words: tuple[str, ...] | None = None
 
     def after(self, steps: int) -> np.ndarray:
         """Probabilities (N, N) after so many steps; the prior before the first."""

@@ -5,12 +5,13 @@ predict, too. A trained one is a folder with `weights.safetensors` and `model.js
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ValidationError
 
+from busybot.common import plugins
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.episode import Episode
@@ -102,11 +103,22 @@ REASONERS: dict[str, tuple[Callable[[Any], Reasoner], type[BaseModel]]] = {
 """Reasoners without training, with their parameters."""
 
 
+def without_training() -> dict[str, tuple[Callable[[Any], Reasoner], type[BaseModel]]]:
+    """`REASONERS`, and those of packages (entry-point group `busybot.reasoners`), which have no parameters to set."""
+    brought = {name: (partial(_brought, name), NoParameters) for name in plugins.names("reasoners")}
+    return {**brought, **REASONERS}
+
+
+def _brought(name: str, config: BaseModel) -> Reasoner:
+    reasoner: Reasoner = plugins.make("reasoners", name)
+    return reasoner
+
+
 def config_class(model: str) -> type[BaseModel]:
     """The parameters that can be set of a model."""
     if model in GRAPHS:
         return GRAPHS[model][1]
-    return REASONERS[model][1] if model in REASONERS else NoParameters
+    return without_training()[model][1] if model in without_training() else NoParameters
 
 
 @lru_cache(maxsize=4)
@@ -119,8 +131,8 @@ def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
     Raises:
         BusybotError: there is no such model.
     """
-    if model in REASONERS:
-        make, parameters = REASONERS[model]
+    if model in without_training():
+        make, parameters = without_training()[model]
         return make(config or parameters())
     if model in GRAPHS:
         raise BusybotError(f"`{model}` predicts no states", f"choose {DEFAULT_REASONER}, lookup or a trained reasoner")
@@ -129,7 +141,7 @@ def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
     except BusybotError as error:
         if Path(model).exists():
             raise
-        without = f"without training: {', '.join(REASONERS)}; for relations alone {', '.join(GRAPHS)}"
+        without = f"without training: {', '.join(without_training())}; for relations alone {', '.join(GRAPHS)}"
         raise BusybotError(error.what, f"{error.hint}; {without}") from None
 
 

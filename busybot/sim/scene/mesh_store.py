@@ -7,8 +7,6 @@ of the object's files and by SAPIEN's version; a damaged or unwritable cache cos
 
 import io
 import json
-import zipfile
-import zlib
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,7 +19,7 @@ from sapien.wrapper.actor_builder import VisualShapeRecord
 from sapien.wrapper.articulation_builder import LinkBuilder
 
 from busybot.common.atomic_io import write_atomically
-from busybot.common.errors import BusybotError
+from busybot.common.errors import DAMAGED_ARRAY, BusybotError
 from busybot.objects.cache import cache_folder
 from busybot.objects.model import ObjectModel
 
@@ -149,7 +147,7 @@ def _kept(place: Path) -> Meshes | None:
             for corners, material, texture in parts:
                 begin, end = end, end + corners
                 meshes[name].append(Part(vertices[begin:end], material, texture))
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
+    except DAMAGED_ARRAY:
         return None
     return meshes if vertices.shape == (end, 8) and vertices.dtype == np.float32 else None
 

@@ -103,6 +103,8 @@ def graph_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: i
     handles = []
     for verdict, color in VERDICTS.items():
         count = sum(edge.verdict == verdict for edge in edges)
+        if (verdict == "claimed") == episode.board.relations_known:
+            continue
         line = "--" if verdict == "missed" else "-"
         handles.append(parts.line_key(f"{count} {verdict}", color, linewidth=2.2, linestyle=line))
     parts.draw_legend(figure, handles)

@@ -25,7 +25,21 @@ from busybot.plan.agent_policy import reason
 from busybot.reason.models.base import InferredGraph
 from busybot.view import annotations
 from busybot.view.figures import parts
-from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MUTED, PAPER, RESPONDER, TRIGGER, TRUTH, WRONG, mix, unit
+from busybot.view.palette import (
+    ACTION,
+    CLAIMED,
+    CORRECT,
+    FAINT,
+    INK,
+    MUTED,
+    PAPER,
+    RESPONDER,
+    TRIGGER,
+    TRUTH,
+    WRONG,
+    mix,
+    unit,
+)
 
 MOMENTS = (1, 3, 6, 12, 22)
 """Numbers of steps; the last one is what the paper infers the graph from."""
@@ -58,7 +72,8 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
         _draw_board(axes, episode, inferred, moment, bends)
     last = grid[len(moments)]
     last.set_axis_off()
-    _draw_curves(last.inset_axes(CURVES), episode, inferred, moments)
+    if episode.board.relations_known:
+        _draw_curves(last.inset_axes(CURVES), episode, inferred, moments)
     handles = [
         parts.line_key("true, not found", TRUTH, linewidth=1.4, linestyle="--"),
         parts.line_key("true, claimed", CORRECT, linewidth=WIDEST),
@@ -66,6 +81,11 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
         parts.line_key("wrong, claimed", WRONG, linewidth=WIDEST),
         parts.line_key("wrong, thought of; width: probability", mix(INK, FAINT, DOUBT), linewidth=1.2),
     ]
+    if not episode.board.relations_known:
+        handles = [
+            parts.line_key("claimed", CLAIMED, linewidth=WIDEST),
+            parts.line_key("thought of; width: probability", mix(INK, FAINT, DOUBT), linewidth=1.2),
+        ]
     parts.draw_legend(figure, handles)
     return parts.save_png(figure, path)
 
@@ -93,7 +113,7 @@ def _draw_board(
     places = annotations.anchors(episode) * annotations.drawing_scale(episode)
     for (i, j), bend in sorted(bends.items(), key=lambda one: float(probabilities[one[0]])):
         likely = float(probabilities[i, j])
-        verdict = CORRECT if truth[i, j] else WRONG
+        verdict = (CORRECT if truth[i, j] else WRONG) if episode.board.relations_known else CLAIMED
         if truth[i, j] and not claimed[i, j]:
             parts.draw_arc(axes, places[i], places[j], TRUTH, True, bend, 1.4, HEAD)
         if likely > LEAST:
@@ -101,6 +121,7 @@ def _draw_board(
             parts.draw_arc(axes, places[i], places[j], color, False, bend, max(WIDEST * likely, 0.5), HEAD)
     right, wrong = int((claimed & truth).sum()), int((claimed & ~truth).sum())
     told = f"{right} of {int(truth.sum())} found" + (f", {wrong} wrong" if wrong else "")
+    told = told if episode.board.relations_known else f"{int(claimed.sum())} claimed"
     parts.draw_title(axes, "after 1 step" if moment == 1 else f"after {moment} steps", told)
 
 

@@ -58,7 +58,11 @@ def log_graph(
 
 
 def _text(edge: Edge) -> str:
-    return f"{edge.probability:.2f}" if edge.verdict == "correct" else f"{edge.verdict} {edge.probability:.2f}"
+    return (
+        f"{edge.probability:.2f}"
+        if edge.verdict in ("correct", "claimed")
+        else f"{edge.verdict} {edge.probability:.2f}"
+    )
 
 
 def log_mechanisms(

@@ -1,13 +1,12 @@
 """What all mechanisms have in common, the kinds that there are, and those that strangers bring."""
 
-from collections.abc import Iterator
 from importlib.metadata import EntryPoint
 from itertools import product
 
 import numpy as np
 import pytest
 
-from busybot.boards.mechanisms import Mechanism, available, mechanism_of, registry
+from busybot.boards.mechanisms import Mechanism, available, mechanism_of
 from busybot.boards.spec import LinkRef, Relation
 from busybot.common.errors import BusybotError
 
@@ -25,16 +24,6 @@ def drawn(kind: str, novel: bool) -> list[Mechanism]:
     cases = [(sizes, stages) for count in range(4) for sizes in product((2, 3), repeat=count) for stages in (2, 3)]
     found = [available()[kind].draw(sizes, stages, novel, rng) for sizes, stages in cases for _ in range(DRAWS)]
     return [one for one in found if one is not None]
-
-
-@pytest.fixture
-def registered(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[EntryPoint]]:
-    """Entry points that installed packages register."""
-    points: list[EntryPoint] = []
-    monkeypatch.setattr(registry, "entry_points", lambda group: [one for one in points if one.group == group])
-    available.cache_clear()
-    yield points
-    available.cache_clear()
 
 
 def test_these_kinds_are_there_under_their_names() -> None:
@@ -103,7 +92,7 @@ def test_a_relation_that_is_no_mechanism_is_refused_by_name(
 
 
 def test_packages_bring_kinds_of_their_own(registered: list[EntryPoint]) -> None:
-    registered.append(EntryPoint("echo", "tests.boards.mechanisms.strange:Echo", registry.GROUP))
+    registered.append(EntryPoint("echo", "tests.boards.mechanisms.strange:Echo", "busybot.mechanisms"))
     assert set(available()) == OWN | {"echo"}
     one = available()["echo"].draw((2,), 2, False, np.random.default_rng(0))
     assert one is not None and one.step((1,), (0,), None) == (0, (1,))
@@ -119,7 +108,7 @@ def test_packages_bring_kinds_of_their_own(registered: list[EntryPoint]) -> None
     ],
 )
 def test_packages_that_bring_something_else_are_named(registered: list[EntryPoint], value: str, message: str) -> None:
-    registered.append(EntryPoint("strange", value, registry.GROUP))
+    registered.append(EntryPoint("strange", value, "busybot.mechanisms"))
     with pytest.raises(BusybotError, match=message) as error:
         available()
     assert value in error.value.what and error.value.hint

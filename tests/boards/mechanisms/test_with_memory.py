@@ -61,6 +61,8 @@ def test_a_timer_is_on_for_some_actions_after_each_press() -> None:
     assert shown(three, [0, 1, 2, 1, 0, 1]) == [0, 0, 1, 1, 0, 0]  # the middle is no press
     drawn = [Timer.draw((2,), 2, False, np.random.default_rng(k)) for k in range(40)]
     assert {one.actions for one in drawn if one} == {2, 3, 4}
+    assert {one.table for one in drawn if one} == {(0, 1), (1, 0)}
+    assert shown(Timer(sizes=(2,), table=(1, 0), actions=2), [0, 1, 1, 1, 1]) == [1, 0, 0, 1, 1]
 
 
 @pytest.mark.parametrize("table", [(0, 1), (1, 0)])
@@ -99,5 +101,6 @@ def test_words() -> None:
     both = Delay(sizes=(2, 2), table=truth_table("nand", (2, 2)), actions=2)
     assert both.sentence(["a", "b"]) == "shows nand of a, b, 2 actions later"
     assert Timer(sizes=(2,), table=(0, 1), actions=3).sentence(["a"]) == "is on for 3 actions after a is pressed"
+    assert Timer(sizes=(2,), table=(1, 0), actions=3).sentence(["a"]) == "is off for 3 actions after a is pressed"
     assert Toggle(sizes=(2,), table=(0, 1)).sentence(["a"]) == "changes with every press of a"
     assert Latch(sizes=(2, 2), table=(0, 1)).sentence(["a", "b"]) == "is set by a, reset by b"

@@ -1,20 +1,39 @@
 """The recording's own messages: one definition, stable numbers, the wire format of protobuf."""
 
 import io
+import json
 import re
 import struct
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 from google.protobuf import descriptor, descriptor_pb2
 from mcap.reader import make_reader
+from rerun.chunk import McapReader
 
-from busybot.episodes.mcap.channels import MESSAGES, PACKAGE, message_class, message_schema
+from busybot.episodes.mcap.channels import (
+    CALIBRATION,
+    DEPTH,
+    LOG,
+    MESSAGES,
+    PACKAGE,
+    RGB,
+    SCENE,
+    SCHEMAS,
+    SECOND,
+    STEP,
+    message_class,
+    message_schema,
+)
+from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS
 from tests.episodes.make_fixture import FIXTURES
+from tests.episodes.synthetic import make_episode
 from tests.episodes.test_schema import version_of
 from tests.episodes.test_schema_versions import VERSIONS
 
+ROOT = Path(__file__).resolve().parents[3]
 NUMBERS = {
     "Step": "index image_before image_after pixel_u pixel_v position direction executed distance changed_pixels reward",
     "StepTruth": "index acted_object acted_link success vetoed trigger_states_before trigger_states_after"
@@ -43,6 +62,44 @@ def test_messages_have_the_wire_format() -> None:
     assert step.SerializeToString() == expected + b"\x49" + struct.pack("<d", 0.5)
     truth = message_class("busybot.v1.StepTruth")(acted_link="ab", success=True, trigger_states_before=[-1])
     assert truth.SerializeToString() == b"\x1a\x02ab" + b"\x20\x01" + b"\x32\x01\x01"
+
+
+def test_the_layout_for_foxglove_shows_what_recordings_have(tmp_path: Path) -> None:
+    text = (ROOT / "docs" / "reference" / "foxglove-layout.json").read_text(encoding="utf-8")
+    layout = json.loads(text)
+    write_episode(tmp_path / "e.mcap", make_episode())
+    with open(tmp_path / "e.mcap", "rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    recorded = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
+    assert {topic: recorded[topic] for topic in re.findall(r'"(/[\w/]+)"', text)} == {
+        topic: SCHEMAS[topic] for topic in (RGB, DEPTH, CALIBRATION, SCENE, LOG, STEP)
+    }
+    tree, placed = [layout["layout"]], []
+    while tree:
+        part = tree.pop(0)
+        if isinstance(part, dict):
+            tree[:0] = [part["first"], part["second"]]
+        else:
+            placed.append(part)
+    assert placed == list(layout["configById"]), "in order, each once"
+
+
+def test_rerun_alone_has_every_frame_and_its_step_at_their_times(tmp_path: Path) -> None:
+    episode = make_episode(steps=4)
+    write_episode(tmp_path / "e.mcap", episode)
+    seconds: dict[str, list[int]] = {}
+    for chunk in McapReader(tmp_path / "e.mcap", timeline_type="duration_ns").stream().to_chunks():
+        batch = chunk.to_record_batch()
+        shown = {"EncodedImage:blob", "TextLog:text"} & set(batch.schema.names)
+        if shown:
+            times = batch.column("message_log_time").cast("int64").to_pylist()
+            seconds.setdefault(str(chunk.entity_path), []).extend(time // SECOND for time in times)
+    frames = sorted(
+        {frame for frame in range(5) if frame == 0 or episode.frame_of[frame] != episode.frame_of[frame - 1]}
+    )
+    assert seconds[RGB] == seconds[DEPTH] == frames
+    assert seconds[LOG] == [0, 1, 2, 3]
 
 
 def test_a_schema_holds_the_message_and_its_parts_and_no_more() -> None:

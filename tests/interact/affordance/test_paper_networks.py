@@ -8,7 +8,7 @@ from torch import nn
 from busybot.episodes.camera import normals
 from busybot.interact.affordance.inputs import Pinhole
 from busybot.interact.affordance.networks import KINDS, PaperDirectionNet, PaperPositionNet, make_paper_network
-from busybot.interact.affordance.paper import GAUSSIAN_SIGMA, depth_and_normals, with_positions
+from busybot.interact.affordance.paper import depth_and_normals, with_positions
 from busybot.interact.policy.config import Inputs
 from busybot.training.checkpoint import initialise, parameters_of
 from tests.interact.scenes import BODY, HEIGHT, RAYS, WIDTH, picture
@@ -102,4 +102,4 @@ def test_a_gaussian_marks_the_position() -> None:
     assert seen.shape == (2, 5, 50, 60) and not seen[:, :4].any()
     for mark, (column, row) in zip(seen[:, 4], ((20, 10), (59, 49)), strict=True):
         assert mark[row, column] == 1 and mark.max() == 1
-    assert seen[0, 4, 13, 24] == pytest.approx(np.exp(-(3**2 + 4**2) / (2 * GAUSSIAN_SIGMA**2)))
+    assert seen[0, 4, 13, 24] == pytest.approx(np.exp(-(3**2 + 4**2) / (2 * 10**2)))

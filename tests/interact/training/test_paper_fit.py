@@ -84,7 +84,8 @@ def test_adam_with_the_papers_learning_rates(tmp_path: Path) -> None:
     for kind, rate in zip(KINDS, (5e-4, 1e-4), strict=True):
         optimizer = learner_for(kind, tmp_path).optimizer
         assert type(optimizer) is torch.optim.Adam
-        assert [(group["lr"], group["weight_decay"]) for group in optimizer.param_groups] == [(rate, 0)]
+        (group,) = optimizer.param_groups
+        assert (group["lr"], group["betas"], group["weight_decay"]) == (rate, (0.9, 0.95), 0)
 
 
 @pytest.mark.long

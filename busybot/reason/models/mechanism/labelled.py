@@ -5,13 +5,13 @@ read, and nothing at all when boards are judged.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from busybot.boards.causal_graph import periods
 from busybot.boards.config import BoardConfig
-from busybot.boards.dynamics import Dynamics
+from busybot.boards.dynamics import Dynamics, DynamicState, Links, Triggers
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BODY, BoardSpec
 from busybot.boards.worlds import links_of
@@ -43,8 +43,8 @@ class LabelledTrace:
         return explanation_graph(self.trace, after, self.parents[np.asarray(after) - 1])
 
 
-FAILED = 0.03
-"""Share of actions on drawn boards that move nothing."""
+WORKS = 0.97
+"""Share of actions on drawn boards that move their link, if nothing holds it."""
 
 
 def labelled(episode: Episode, seen: Perceived) -> LabelledTrace:
@@ -74,40 +74,56 @@ def true_parents(
 
 
 def draw_boards(
-    world: str, boards: int, seed: int, library: Library, actions: int, confused: float
+    world: str, boards: int, seed: int, library: Library, actions: int, confused: float | None = None
 ) -> Iterator[tuple[BoardSpec, LabelledTrace]]:
     """Boards of the training split, on which random links were moved, without a simulator or pictures.
 
     Args:
-        confused: share of actions whose link is taken for another one of the board, as pictures get some wrong.
+        confused: tell states as pictures do, which take the moved link for another one in so large a share of actions;
+            None for true states.
     """
     config = BoardConfig(world=world, boards=boards, seed=seed, group_size=1)
     for number, board in enumerate(generate_boards(config, library)):
-        rng = generator(seed, world, number, "mechanisms/actions")
         links = links_of([library.get(placed.key) for placed in board.objects])
         responders = [index for index, placed in enumerate(board.objects) if placed.role == "responder"]
-        law = Dynamics(board, links)
-        true = [state for placed in board.objects for state in placed.states]
-        seen, state = list(true), law.start(tuple(true))
-        rows, shown = [list(seen)], [[state.shown[index] for index in responders]]
-        for _ in range(actions):
-            link = int(rng.integers(len(true)))
-            there = [one for one in (true[link] - 1, true[link] + 1) if 0 <= one < links.sizes[link]]
-            after = there[int(rng.integers(len(there)))]
-            fails, mistaken = rng.random(2) < (FAILED, confused)
-            if not fails and not law.locked(link, state.shown):
-                true[link] = after
-                other = int(rng.integers(len(true)))
-                if mistaken and other != link:
-                    seen[other] = (seen[other] + 1) % links.sizes[other]
-                else:
-                    seen[link] = after
-            state = law.step(tuple(true), state)
-            rows.append(list(seen))
-            shown.append([state.shown[index] for index in responders])
-        trace = Trace(np.array(rows), np.array(shown), links.sizes)
         inputs = [*links.names, *((index, BODY) for index in responders)]
-        yield board, LabelledTrace(as_pictured(trace), true_parents(board, inputs, responders, actions))
+        rows, states = _moved_at_random(board, links, actions, generator(seed, world, number, "mechanisms/actions"))
+        trace = Trace(np.array(rows), np.array([state.shown for state in states])[:, responders], links.sizes)
+        if confused is not None:
+            trace = as_pictured(_confused(trace, confused, generator(seed, world, number, "mechanisms/pictures")))
+        yield board, LabelledTrace(trace, true_parents(board, inputs, responders, actions))
+
+
+def _moved_at_random(
+    board: BoardSpec, links: Links, actions: int, rng: np.random.Generator
+) -> tuple[list[Triggers], list[DynamicState]]:
+    """States of the links, and of the board, at first and after each of the actions; some fail."""
+    law = Dynamics(board, links)
+    rows = [tuple(state for placed in board.objects for state in placed.states)]
+    states = [law.start(rows[0])]
+    for _ in range(actions):
+        now, link = list(rows[-1]), int(rng.integers(len(links.sizes)))
+        there = [one for one in (now[link] - 1, now[link] + 1) if 0 <= one < links.sizes[link]]
+        after = there[int(rng.integers(len(there)))]
+        if rng.random() < WORKS and not law.locked(link, states[-1].shown):
+            now[link] = after
+        rows.append(tuple(now))
+        states.append(law.step(rows[-1], states[-1]))
+    return rows, states
+
+
+def _confused(trace: Trace, share: float, rng: np.random.Generator) -> Trace:
+    """The same where some moves are taken for those of another link."""
+    links = trace.links.copy()
+    for step in range(1, len(links)):
+        links[step] = links[step - 1]
+        for link in np.flatnonzero(trace.links[step] != trace.links[step - 1]):
+            other = int(rng.integers(len(trace.sizes)))
+            if rng.random() < share and other != link:
+                links[step, other] = (links[step, other] + 1) % trace.sizes[other]
+            else:
+                links[step, link] = trace.links[step, link]
+    return replace(trace, links=links)
 
 
 def as_pictured(trace: Trace) -> Trace:

@@ -31,15 +31,24 @@ class Perceived:
 
         It moves the nearest link of its trigger into the state to which the seen actions that were most like it led.
         """
-        own, after = np.flatnonzero(self.links.owners == acted), states.copy()
-        away = np.linalg.norm(self.links.places[own] - action[:2], axis=1)
-        if not len(own) or away.min() > 2 * REACH:
+        link, after = self.link_at(action, acted), states.copy()
+        if link is None:
             return after
-        link = int(own[away.argmin()])
         now = int(states[link])
         others = [one for one in (now - 1, now + 1) if 0 <= one < self.trace.sizes[link]]
         after[link] = max(others, key=lambda one: float(self.links.directions[link][now, one] @ action[3:]))
         return after
+
+    def link_at(self, action: np.ndarray, acted: int) -> int | None:
+        """The nearest link of the trigger that is acted on, if it is near."""
+        own = np.flatnonzero(self.links.owners == acted)
+        away = np.linalg.norm(self.links.places[own] - action[:2], axis=1)
+        return int(own[away.argmin()]) if len(own) and away.min() <= 2 * REACH else None
+
+    def pushed_from(self, link: int, action: np.ndarray) -> np.ndarray:
+        """For each state of a link, how well the action fits those that moved it from there: cosines, float (S,)."""
+        size = self.trace.sizes[link]
+        return (self.links.directions[link][:size, :size] @ action[3:]).max(1)
 
     def states_of(self, looks: np.ndarray) -> np.ndarray:
         """The responders' states that objects' features (N, 256) are nearest to, int (R,)."""

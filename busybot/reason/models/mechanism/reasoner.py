@@ -13,12 +13,12 @@ import torch
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks
 from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace, explanations_of
+from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph
 from busybot.reason.models.mechanism.perception import Perceived, perceive
+from busybot.reason.models.mechanism.present import RARE, REST, Past
 from busybot.reason.pyg import Batch
 
-RARE = 0.05
-"""Pseudo-count of what never followed a context."""
 KINDS = {
     "none": "rest",
     "own": "flicker",
@@ -46,22 +46,28 @@ class _Understood:
     def trace(self) -> Trace:
         return self.perceived.trace
 
+    @property
+    def laws(self) -> Laws:
+        found, trace = self.found, self.trace
+        return Laws(trace.sizes, found.inputs, found.memory, self.shares[..., -1], trace.links, trace.responders)
+
     def following(self, contexts: np.ndarray, before: np.ndarray) -> np.ndarray:
         """The likeliest states after an action, int (R,).
 
         Args:
-            contexts: int (H,), after the action; what `own` adds is left out.
+            contexts: int (H,) or (R, H), after the action; what `own` adds is left out.
             before: int (R,), states before it.
         """
         shown = self.trace.responders
         earlier = np.concatenate([shown[:1], shown[:-1]])
-        equal = (self.found.contexts == contexts).astype(float)  # (T + 1, H)
+        each = np.broadcast_to(contexts, (shown.shape[1], len(self.found.own)))
+        equal = (self.found.contexts[:, None] == each).astype(float)  # (T + 1, R, H)
         states = np.eye(STATES)[shown]  # (T + 1, R, S)
         alike = states * (earlier == before)[..., None]
         counts = np.where(
             self.found.own[None, :, None],
-            np.einsum("th,trs->rhs", equal, alike),
-            np.einsum("th,trs->rhs", equal, states),
+            np.einsum("trh,trs->rhs", equal, alike),
+            np.einsum("trh,trs->rhs", equal, states),
         )
         total = counts.sum(2, keepdims=True)
         likely = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), np.eye(STATES)[before][:, None])
@@ -83,7 +89,11 @@ class MechanismReasoner:
         self._last: tuple[BoardSequence, _Understood] | None = None
 
     def graph(self, seen: BoardSequence) -> InferredGraph:
-        """Edge probabilities after each step, at the level of objects and of links, with kinds and lags."""
+        """Edge probabilities after each step, at the level of objects and of links, with kinds and lags.
+
+        What counts as one link, and as one look, is found in all pictures of `seen`: rows of earlier steps have their
+        evidence alone from the actions until then. Kinds and lags are those of the end.
+        """
         known = self._explained(seen, range(seen.steps + 1))
         links, objects = known.perceived.links, len(seen.triggers)
         owners = np.concatenate([links.owners, known.perceived.responders]).astype(int)
@@ -105,15 +115,22 @@ class MechanismReasoner:
             links=InferredLinks(links.clusters, single[1:]),
             kinds=kinds,
             lags=lags,
+            words=self._in_words(known, objects),
         )
 
     def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
-        """What follows each action by itself, if links stand as they did at the end of what was seen."""
+        """What follows each action by itself; how links stand then is told by `present`."""
         known, told = self._understand(seen), []
+        past = Past(known.perceived, known.found, known.shares[..., -1])
         for looks, action, owner in zip(current, actions, acted, strict=True):
             before = known.perceived.states_of(looks)
-            links = known.perceived.moved(known.trace.links[-1], action, int(owner))
-            after = known.following(self._context(known.trace, links, before), before)
+            links = past.standing(before, action, int(owner))
+            rested = known.trace
+            for _ in range(REST):
+                rested = _longer(rested, links, before)
+            moved = _longer(rested, known.perceived.moved(links, action, int(owner)), before)
+            *_, earlier, later = explanations_of(moved).contexts
+            after = known.following(past.remembered(earlier, later, before), before)
             changed = np.isin(np.arange(len(looks)), known.perceived.responders[after != before])
             told.append(np.where(changed[:, None], known.perceived.shown(after, looks), looks))
         return np.array(told, np.float32).reshape(current.shape)
@@ -132,11 +149,17 @@ class MechanismReasoner:
                 told[question, number] = known.perceived.shown(after, seen.features[0])
         return told
 
+    def laws(self, seen: BoardSequence) -> tuple[Perceived, Laws]:
+        """What pictures show of a board, and what it does, to plan with."""
+        known = self._understand(seen)
+        return known.perceived, known.laws
+
     def _understand(self, seen: BoardSequence) -> _Understood:
         """What was asked about last is remembered: evaluators ask several things of one recording."""
         if self._last is not None:
             known, understood = self._last
-            if known.watch is seen.watch and known.steps == seen.steps and known.features.base is seen.features.base:
+            same = zip(known.arrays.values(), seen.arrays.values(), strict=True)
+            if known.watch is seen.watch and all(np.array_equal(one, other) for one, other in same):
                 return understood
         self._last = (seen, self._explained(seen, [seen.steps]))
         return self._last[1]
@@ -153,6 +176,19 @@ class MechanismReasoner:
     def _context(self, trace: Trace, links: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Contexts (H,) after one more action that left the links so."""
         return explanations_of(_longer(trace, links, before)).contexts[-1]
+
+    def _in_words(self, known: _Understood, objects: int) -> tuple[str, ...]:
+        """What decides each object; links of a trigger that has several are counted."""
+        owners, laws = known.perceived.links.owners.tolist(), known.laws
+        names = [
+            f"object {owner}" + (f" (link {owners[:k].count(owner) + 1})" if owners.count(owner) > 1 else "")
+            for k, owner in enumerate(owners)
+        ]
+        names += [f"object {responder}" for responder in known.perceived.responders]
+        told = [""] * objects
+        for number, responder in enumerate(known.perceived.responders):
+            told[responder] = laws.words(number, names)
+        return tuple(told)
 
     def _named(self, known: _Understood, objects: int) -> tuple[tuple[str, ...], np.ndarray]:
         kinds, lags = [""] * objects, np.full(objects, -1)

@@ -1,7 +1,7 @@
 """Parameters of the `paper` model of relations; the defaults are the paper's (section 3.2 and appendix A.1).
 
-What the paper leaves open, and what is chosen here. The paper builds on V-CDN; where its text is silent, the choice is
-what V-CDN's and the paper's published programs do:
+What the paper leaves open, and what is chosen here. The paper builds on V-CDN; where its text is silent, the choice
+follows V-CDN (docs/reference/departures.md has what the authors' program is known to do):
 
 - `hidden`, `convolution`, `recurrent`: widths inside of the networks.
 - `kernel`: the convolution over time looks at one frame; pooling and the maximum over time bring frames together.

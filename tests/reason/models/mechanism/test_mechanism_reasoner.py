@@ -1,6 +1,7 @@
 """The `mechanism` model as a reasoner: traces as pictures show them, labels, prediction and what might have been."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -142,3 +143,38 @@ def test_mistaken_links_are_drawn_where_they_are_asked_for(tmp_path: Path) -> No
     [(_, right)], [(_, wrong)] = (list(draw_boards("gates", 1, 5, library, 30, share)) for share in (0.0, 0.5))
     assert np.array_equal(right.trace.responders, wrong.trace.responders)
     assert not np.array_equal(right.trace.links, wrong.trace.links)
+
+
+def test_another_recording_is_not_answered_from_memory(watched: BoardSequence) -> None:
+    reasoner = MechanismReasoner(Right(), "embedded")
+    asked = (watched.features[-1][None], watched.actions[-1][None], watched.acted[-1][None])
+    before = reasoner.predict(watched, *asked)
+    replaced = replace(watched, features=watched.features[:, ::-1].copy())
+    assert not np.array_equal(reasoner.predict(replaced, *asked), before)
+    np.testing.assert_array_equal(
+        reasoner.predict(replaced, *asked), MechanismReasoner(Right(), "embedded").predict(replaced, *asked)
+    )
+
+
+def test_mechanisms_are_told_in_words(watched: BoardSequence) -> None:
+    graph = MechanismReasoner(Right(), "embedded").graph(watched)
+    assert graph.words == (
+        "",
+        "changes whenever object 0 or object 3 is moved",
+        "follows object 3",
+        "",
+        "nothing moves it",
+    )
+
+
+def test_where_no_link_was_seen_nothing_changes(watched: BoardSequence) -> None:
+    def watch(steps: int) -> ObservedLinks:
+        return ObservedLinks(
+            np.full(steps, -1), np.zeros((steps + 1, 0), int), np.zeros(0, int), np.zeros((0, 2)), directions=()
+        )
+
+    still = replace(watched, watch=watch, features=np.repeat(watched.features[:1], len(watched.features), 0))
+    reasoner = MechanismReasoner(MechanismNet(MechanismNetConfig()), "embedded")
+    told = reasoner.predict(still, still.features[-1][None], still.actions[-1][None], still.acted[-1][None])
+    np.testing.assert_array_equal(told[0], still.features[-1])
+    assert set(reasoner.graph(still).words or ()) == {"", "nothing moves it"}

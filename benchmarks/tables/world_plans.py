@@ -1,0 +1,86 @@
+"""Planning where causes are hard: who reaches a goal in every world, by the commands that a user types.
+
+    python -m benchmarks.tables.world_plans --model MODEL --work FOLDER --assets DIR
+        --out benchmarks/results/world-plans.json [--boards 40] [--only gates,time]
+
+For each world boards of the training split with a task (seed 824, which nothing was trained on) are made, the scripted
+policy records 30 actions on each (an oracle of contacts), and agents play from the start, at most eight steps:
+`mechanism` with MODEL, a trained model of that variant; `search`, `random`, `noop` and `oracle` with what ships with
+busybot. No test split is looked at. Every command resumes, so this one does.
+"""
+
+import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from benchmarks.runner import as_typed, assets_name, busybot, chosen, finish, generating, parser, told_rows
+from busybot.boards.worlds import WORLDS
+from busybot.reason.models.registry import DEFAULT_REASONER
+from busybot.training.model_cards import file_hashes, find_folder
+
+KIND, SEED, STEPS = "world-plans", 824, 30
+AGENTS = ("search", "random", "noop", "oracle")
+DETAILS = (
+    "success", "micro", "micro_intervals", "solved", "solved_interval", "steps", "steps_over_shortest", "step_success",
+    "failures_by_cause",
+)  # fmt: skip
+
+
+def commands(world: str, options: argparse.Namespace) -> list[tuple[str, ...]]:
+    """That make the tasks of a world, record their histories and let agents play."""
+    tasks, assets = options.work / world, ("--assets", options.assets)
+    drawn = generating(tasks, "train", options.boards, SEED, options.assets)
+    playing = ("eval", "plan", str(tasks), "--policy-model", "procedural", *assets)
+    return [
+        (*drawn, "--world", world, "--tasks", "reach"),
+        ("collect", str(tasks), "--policy", "scripted", "--steps", str(STEPS), "--seed", str(SEED), *assets),
+        *(
+            (*playing, "--agents", agents, "--reasoner", reasoner, "--out", str(options.work / f"{world}-{name}"))
+            for name, agents, reasoner in (
+                ("mechanism", "mechanism", str(options.model)),
+                ("others", ",".join(AGENTS), DEFAULT_REASONER),
+            )
+        ),
+    ]
+
+
+def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """The result file's content after every world."""
+    options.work.mkdir(parents=True, exist_ok=True)
+    rows, typed = told_rows(options.out, KIND), []
+    names = {str(options.work): "WORK", str(options.model): "MODEL", str(options.assets): "ASSETS"}
+    for world in chosen(options.only, tuple(WORLDS)) if options.only else WORLDS:
+        asked = commands(world, options)
+        typed += [as_typed(command, names) for command in asked]
+        told = [busybot(*command) for command in asked][2:]
+        rows[world] = {
+            "tasks": options.boards,
+            "least_steps": told[0]["least_steps"],
+            "agents": {name: {key: row[key] for key in DETAILS} for one in told for name, row in one["agents"].items()},
+            "by_locks": {
+                locks: {name: share for one in told for name, share in one["by_locks"][locks].items()}
+                for locks in told[0]["by_locks"]
+            },
+        }
+        yield {
+            "assets": assets_name(options.assets),
+            "commands": typed,
+            "rows": {one: rows[one] for one in WORLDS if one in rows},
+        }
+
+
+def main() -> None:
+    options = parser(__doc__)
+    options.add_argument("--model", type=Path, required=True, help="trained model of the variant mechanism")
+    options.add_argument("--work", type=Path, required=True, help="for tasks, histories and evaluations")
+    options.add_argument("--only", help="names of worlds, comma-separated; all by default")
+    options.add_argument("--boards", type=int, default=40, help="tasks of each world")
+    arguments = options.parse_args()
+    hashes = {"models": {"mechanism": file_hashes(find_folder(arguments.model, "reason"))}}
+    for result in measured(arguments):
+        finish(KIND, arguments, result, hashes=hashes, seed=SEED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,137 @@
+"""A child process that is asked and answers by lines, within limits of time and size, and believed in nothing.
+
+It is started without a shell, in a process group of its own, and killed with it. It is not shut in: it may do what the
+user may do.
+"""
+
+import json
+import os
+import selectors
+import shlex
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
+from typing import Any, Literal
+
+from busybot.common.errors import BusybotError, UsageError
+from busybot.common.process_pool import end_with
+from busybot.common.text import plain
+
+MOST_LINE = 1 << 16
+"""Bytes of an answer."""
+KEPT = 2000
+"""Bytes of its standard error that are kept, the last ones."""
+TOLD = 300
+"""Characters of it that are told."""
+
+Reason = Literal["timeout", "died", "line too long"]
+
+
+class NoAnswerError(Exception):
+    """The child answers no more."""
+
+    def __init__(self, end: Reason):
+        self.end: Reason = end
+
+
+class Child:
+    """A program that is asked by lines, within limits; `close` kills it with its process group."""
+
+    def __init__(self, words: Sequence[str], timeout_s: float):
+        self._timeout_s, self._unsent, self._came, self._said, self._ended = timeout_s, b"", b"", b"", False
+        # no shell, and a process group of its own; if this process is killed, the child is as well
+        self._process = subprocess.Popen(
+            list(words),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            bufsize=0,
+            start_new_session=True,
+            preexec_fn=partial(end_with, os.getpid()),
+        )
+        process = self._process
+        assert process.stdin and process.stdout and process.stderr
+        self._stdin, self._stdout = process.stdin.fileno(), process.stdout.fileno()
+        self._stderr = process.stderr.fileno()
+        self._selector = selectors.DefaultSelector()
+        for descriptor in (self._stdin, self._stdout, self._stderr):
+            os.set_blocking(descriptor, False)
+        for descriptor in (self._stdout, self._stderr):
+            self._selector.register(descriptor, selectors.EVENT_READ)
+
+    def ask(self, message: dict[str, Any]) -> bytes:
+        """Send a message and wait for a line.
+
+        Raises:
+            NoAnswerError: none came in time, it is too long, or none will come.
+        """
+        self._send(json.dumps(message).encode() + b"\n")
+        until = time.monotonic() + self._timeout_s
+        while True:
+            line, found, rest = self._came.partition(b"\n")
+            if len(line) > MOST_LINE:
+                raise NoAnswerError("line too long")
+            if found or (self._ended and line):
+                self._came = rest
+                return line
+            left = until - time.monotonic()
+            if self._ended or left <= 0:
+                raise NoAnswerError("died" if self._ended else "timeout")
+            for key, _ in self._selector.select(left):
+                self._serve(key.fd)
+
+    def _send(self, data: bytes) -> None:
+        if not self._unsent:
+            self._selector.register(self._stdin, selectors.EVENT_WRITE)
+        self._unsent += data
+
+    def _serve(self, descriptor: int) -> None:
+        if descriptor == self._stdin:
+            try:
+                self._unsent = self._unsent[os.write(descriptor, self._unsent) :]
+            except BrokenPipeError:  # whether it still says something is seen at its output
+                self._unsent = b""
+            if not self._unsent:
+                self._selector.unregister(descriptor)
+            return
+        data = os.read(descriptor, MOST_LINE)
+        if descriptor == self._stderr:
+            self._said = (self._said + data)[-KEPT:]
+        else:
+            self._came, self._ended = self._came + data, not data
+        if not data:
+            self._selector.unregister(descriptor)
+
+    def close(self) -> str:
+        """End it; returns the end of what it wrote to standard error, plain text."""
+        with suppress(ProcessLookupError, PermissionError):  # it was not waited for: the number is still its own
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        with suppress(OSError):
+            self._said = (self._said + os.read(self._stderr, MOST_LINE))[-KEPT:]
+        self._selector.close()
+        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
+            if stream is not None:
+                stream.close()
+        return plain(self._said.decode(errors="replace").strip())[-TOLD:]
+
+
+def command_words(command: str) -> tuple[str, ...]:
+    """The words of a command, which is given to no shell.
+
+    Raises:
+        BusybotError: it has none, or its program is not there.
+    """
+    try:
+        words = tuple(shlex.split(command))
+    except ValueError as error:
+        raise UsageError(f"--agent {command!r}: {error}", "quote it as in a shell") from None
+    if not words:
+        raise UsageError("--agent is empty", "name a program with its arguments")
+    if shutil.which(words[0]) is None:
+        raise BusybotError(f"--agent: there is no program {words[0]!r}", "name one on PATH, or by its path")
+    return words

@@ -1,0 +1,63 @@
+"""What installed packages bring: entry points of the groups `busybot.mechanisms`, `encoders`, `reasoners`, `agents` and
+`objects` (docs/extending/template). A package is loaded when it is named, mechanisms when any board is looked at.
+"""
+
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Literal
+
+from busybot.common.errors import BusybotError
+
+HINT = "repair its package or uninstall it"
+Kind = Literal["mechanisms", "encoders", "reasoners", "agents", "objects"]
+
+
+def names(kind: Kind) -> list[str]:
+    """What packages bring of a kind, by the names that commands take."""
+    return sorted(_points(kind))
+
+
+@cache
+def load(kind: Kind, name: str) -> Any:
+    """What a package brings under a name.
+
+    Raises:
+        BusybotError: two packages bring it, or it cannot be loaded.
+    """
+    point, *others = _points(kind)[name]
+    if others:
+        what = f"{where(kind, name)}: {others[0].value!r} has the same name {name!r}"
+        raise BusybotError(what, "uninstall one of the packages")
+    try:
+        return point.load()
+    except Exception as error:  # whatever a stranger's module does when it is imported
+        raise BusybotError(f"{where(kind, name)} cannot be loaded: {error}", HINT) from error
+
+
+def where(kind: Kind, name: str) -> str:
+    """What a package's entry point is called in messages."""
+    return f"entry point {_points(kind)[name][0].value!r} of the group busybot.{kind}"
+
+
+def make(kind: Kind, name: str, *arguments: Any) -> Any:
+    """The same, called.
+
+    Raises:
+        BusybotError: it cannot be.
+    """
+    maker = load(kind, name)
+    try:
+        return maker(*arguments)
+    except BusybotError:
+        raise
+    except Exception as error:
+        what = f"{where(kind, name)} cannot be made: {type(error).__name__}: {error}"
+        raise BusybotError(what, HINT) from error
+
+
+@cache
+def _points(kind: Kind) -> dict[str, list[EntryPoint]]:
+    found: dict[str, list[EntryPoint]] = {}
+    for point in entry_points(group=f"busybot.{kind}"):
+        found.setdefault(point.name, []).append(point)
+    return found

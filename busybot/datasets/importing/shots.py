@@ -1,0 +1,210 @@
+"""The pictures of a camera's folder: files in order, or frames of a video, found first and decoded when needed."""
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from busybot.common.atomic_io import inside, open_regular, read_regular
+from busybot.common.errors import BusybotError, naming
+from busybot.common.limits import MAX_IMAGE_PIXELS, MAX_PICTURE_BYTES, MAX_RECORDING_BYTES
+from busybot.datasets.importing.alignment import read_time
+from busybot.datasets.importing.containers import CONTAINERS, camera_in, container_pictures, container_times
+from busybot.datasets.importing.csv_tables import Row, Text, read_table
+from busybot.episodes.codec import PNG_MAGIC, image_size
+
+FRAMES_FILE = "frames.csv"
+PICTURES, VIDEOS = (".jpg", ".jpeg", ".png"), (".mp4", ".mov", ".avi", ".mkv", ".webm")
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture of the source.
+
+    Attributes:
+        name: of its file, or of the video's.
+        number: of the frame of a video, -1 for a file.
+        time: seconds, None where nobody told it.
+        depth: name of the file with its depth.
+        where: file and line, for messages.
+        camera: of a file with several.
+    """
+
+    name: str
+    number: int
+    time: float | None
+    depth: str | None
+    where: str
+    camera: str = ""
+
+
+class _Frame(Row):
+    file: Text = None
+    time: Text = None
+    depth: Text = None
+
+
+def find_shots(folder: Path, fps: float | None, camera: str | None = None) -> list[Shot]:
+    """The pictures of a folder in order.
+
+    Args:
+        fps: of a video without frames.csv.
+        camera: of a file with several.
+
+    Raises:
+        BusybotError: there are none, some are missing, or it could be one thing or another.
+    """
+    table = folder / FRAMES_FILE
+    rows = read_table(inside(folder, FRAMES_FILE), _Frame, "columns are file, time, depth") if table.exists() else []
+    told = [(read_time(row.time, f"{table}: line {row.line}"), row.depth, f"{table}: line {row.line}") for row in rows]
+    if any(row.file is not None for row in rows):
+        for row in rows:
+            if row.file is None:
+                raise BusybotError(f"{table}: line {row.line}: no file", "every line names a picture, or none does")
+        return [Shot(row.file or "", -1, *one) for row, one in zip(rows, told, strict=True)]
+    names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
+    videos = [name for name in names if Path(name).suffix.lower() in (*VIDEOS, *CONTAINERS)]
+    pictures = [name for name in names if Path(name).suffix.lower() in PICTURES]
+    if len(videos) > 1 or (videos and pictures):
+        what = f"{folder}: it has {', '.join([*videos, *pictures][:4])}: which of them is the recording?"
+        raise BusybotError(what, "leave one video in the folder; or name the pictures in frames.csv, column file")
+    if videos and Path(videos[0]).suffix.lower() in CONTAINERS:
+        return _container_shots(folder, videos[0], bool(rows), camera)
+    if videos:
+        return _video_shots(folder, videos[0], told, fps)
+    if not pictures:
+        raise BusybotError(f"{folder}: it has no pictures and no video", f"it reads {', '.join((*PICTURES, *VIDEOS))}")
+    ordered = _in_order(folder, pictures)
+    if rows and len(rows) != len(ordered):
+        what = f"{table}: {len(rows)} lines for {len(ordered)} pictures"
+        raise BusybotError(what, "add a column file with the pictures' names")
+    told = told or [(None, None, str(folder / name)) for name in ordered]
+    return [Shot(name, -1, *one) for name, one in zip(ordered, told, strict=True)]
+
+
+def _container_shots(folder: Path, name: str, timed: bool, camera: str | None) -> list[Shot]:
+    file = inside(folder, name)
+    if timed:
+        raise BusybotError(
+            f"{folder / FRAMES_FILE}: {name} tells itself when its pictures were taken", "remove the table"
+        )
+    chosen = camera_in(file, camera)
+    times = container_times(file, chosen)
+    return [Shot(name, n, at, None, f"{folder / name}: picture {n} of {chosen}", chosen) for n, at in enumerate(times)]
+
+
+def _video_shots(
+    folder: Path, name: str, told: Sequence[tuple[float | None, str | None, str]], fps: float | None
+) -> list[Shot]:
+    for time, depth, where in told:
+        if time is None or depth is not None:
+            what = f"{where}: a video's frames have a time each, and no depth"
+            raise BusybotError(what, "fill the column time; with depth, save the frames as pictures")
+    if told:
+        return [Shot(name, number, *one) for number, one in enumerate(told)]
+    if fps is None:
+        what = f"{folder / name}: when was each of its frames taken? Rates that videos tell are often wrong"
+        raise BusybotError(what, "frames.csv with a column time, a line for each frame; or --fps 30")
+    count, capture = 0, _opened(folder / name)
+    while capture.grab():  # counted: what a file's header says may be wrong
+        count += 1
+    return [Shot(name, number, number / fps, None, f"{folder / name}: frame {number}") for number in range(count)]
+
+
+def _opened(video: Path) -> cv2.VideoCapture:
+    open_regular(video, MAX_RECORDING_BYTES, "cut it into shorter ones").close()
+    capture = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
+    if not capture.isOpened():
+        raise BusybotError(f"{video}: it cannot be read as a video", "save it as mp4, or its frames as pictures")
+    return capture
+
+
+def _in_order(folder: Path, names: Sequence[str]) -> list[str]:
+    """By the numbers in the names, 2 before 10.
+
+    Raises:
+        BusybotError: a number is left out where the others count by one: all later pictures would show something else.
+    """
+
+    def parts(name: str) -> list[str | int]:
+        """Words and numbers in turn."""
+        return [int(part) if place % 2 else part for place, part in enumerate(re.split(r"([0-9]+)", name))]
+
+    ordered = sorted(names, key=parts)
+    numbers = [[part for part in parts(Path(name).stem) if isinstance(part, int)] for name in ordered]
+    steps = np.diff([own[-1] if own else -1 for own in numbers])
+    if len(steps) > 1 and (steps > 0).all() and (steps == 1).mean() > 0.5 and steps.max() > 1:
+        gap = int(steps.argmax())
+        what = f"{folder}: {steps[gap] - 1} missing between {ordered[gap]} and {ordered[gap + 1]}"
+        raise BusybotError(what, "put them back; or name those that are there in frames.csv, column file")
+    return ordered
+
+
+def first_size(folder: Path, chosen: Sequence[Shot]) -> tuple[int, int]:
+    """Width and height of the first of these pictures; all are there.
+
+    Raises:
+        BusybotError: naming one that is not.
+    """
+    for shot in chosen:
+        with naming(shot.where):
+            for name in filter(None, (shot.name, shot.depth)):
+                if not inside(folder, name).is_file():
+                    raise BusybotError(f"there is no picture {folder / name}", "put it there, or correct the name")
+    _, rgb = next(each_colours(folder, chosen[:1]))
+    return rgb.shape[1], rgb.shape[0]
+
+
+def each_colours(folder: Path, chosen: Sequence[Shot]) -> Iterator[tuple[Shot, np.ndarray]]:
+    """Colours of pictures in order, uint8 (H, W, 3), turned as the camera was held."""
+    if chosen[0].number < 0:
+        yield from ((shot, decode_picture(folder, shot, shot.name, cv2.IMREAD_COLOR_RGB)) for shot in chosen)
+        return
+    video = inside(folder, chosen[0].name)
+    if chosen[0].camera:
+        rows = container_pictures(video, chosen[0].camera, [shot.number for shot in chosen])
+        for shot, row in zip(chosen, rows, strict=True):
+            with naming(shot.where):
+                yield shot, decode_bytes(row, shot.where) if isinstance(row, bytes) else row
+        return
+    left, capture, number = list(chosen), _opened(video), 0
+    while left:
+        if not capture.grab():
+            what = f"{left[0].where}: {video.name} ends before this frame, {left[0].number}; it has {number}"
+            raise BusybotError(what, "was the video cut? frames.csv has a line for each of its frames")
+        if number == left[0].number:
+            done, bgr = capture.retrieve()
+            if not done or bgr.shape[0] * bgr.shape[1] > MAX_IMAGE_PIXELS:
+                raise BusybotError(f"{video}: frame {number} cannot be read", "save the frames as pictures")
+            yield left.pop(0), cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+        number += 1
+
+
+def decode_picture(folder: Path, shot: Shot, name: str, flags: int) -> np.ndarray:
+    """A whole JPEG or PNG, as OpenCV's flags say."""
+    with naming(shot.where):
+        data = read_regular(inside(folder, name), MAX_PICTURE_BYTES, "put the picture there, or correct its name")
+        return decode_bytes(data, str(folder / name), flags)
+
+
+def decode_bytes(data: bytes, named: str, flags: int = cv2.IMREAD_COLOR_RGB) -> np.ndarray:
+    """The same of bytes.
+
+    Raises:
+        BusybotError: they are no such picture, a huge one, or one that was cut.
+    """
+    try:
+        width, height = image_size(data)
+    except ValueError as error:
+        raise BusybotError(f"{named}: {error}", "save it as JPEG or PNG") from None
+    if width * height > MAX_IMAGE_PIXELS:
+        what = f"{named}: {width} x {height} pixels, at most {MAX_IMAGE_PIXELS} are read"
+        raise BusybotError(what, "save smaller pictures")
+    end = b"IEND\xaeB`\x82" if data[:8] == PNG_MAGIC else b"\xff\xd9"  # decoders fill what is missing with grey
+    found = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if end in data[-4096:] else None
+    if found is None:
+        raise BusybotError(f"{named}: the picture is cut, or damaged", "copy it again from the camera")
+    return found

@@ -1,0 +1,77 @@
+"""What `busybot dataset import` reads, told by what lies at the source."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from busybot.common.errors import BusybotError, UsageError
+from busybot.common.process_pool import Progress
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.importing.camera_folder import ImportOptions, camera_folders, read_camera_folder
+from busybot.datasets.importing.images import describe_images, image_folders, import_images
+from busybot.datasets.importing.lerobot import INFO_FILE, read_lerobot
+from busybot.datasets.importing.recording import Recording, store_recordings
+
+CAMERA, IMAGES, LEROBOT = "camera", "images", "lerobot"
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What was read.
+
+    Attributes:
+        kind: of the source.
+        recordings: what was read of each, JSON values.
+        dataset: None of a dry run.
+    """
+
+    kind: str
+    recordings: list[dict[str, object]]
+    dataset: Dataset | None
+
+
+def import_source(
+    source: Path, out: Path | None, options: ImportOptions | None = None, progress: Progress | None = None
+) -> Imported:
+    """Make a dataset of recordings of others; it is there whole or not at all.
+
+    Args:
+        out: None to read everything but the pictures, and write nothing.
+
+    Raises:
+        BusybotError: naming file and line, if something is missing, contradicts itself, or may mean several things.
+    """
+    options = options or ImportOptions()
+    if not source.exists():
+        raise BusybotError(f"{source}: there is no such file or folder", "name what is to be imported")
+    if source.is_dir() and (folders := image_folders(source)):
+        if options != ImportOptions():
+            what = f"{source} tells all of it itself: options besides --out and --dry-run are for other sources"
+            raise UsageError(what, "leave them out")
+        told = [describe_images(folder) for folder in folders]
+        return Imported(IMAGES, told, None if out is None else import_images(source, out, progress))
+    kind, recordings = _read(source, options)
+    summaries = [one.summary() for one in recordings]
+    return Imported(kind, summaries, None if out is None else store_recordings(kind, recordings, out, progress))
+
+
+def _read(source: Path, options: ImportOptions) -> tuple[str, Sequence[Recording]]:
+    if (source / INFO_FILE).exists():
+        return LEROBOT, _proposed(read_lerobot(source, options), options)
+    folders = camera_folders(source)
+    if not folders:
+        what = f"{source}: it is nothing that can be imported"
+        hint = "a folder with actions.csv (docs/guides/own-recordings.md), or one of `dataset export --to images` "
+        raise BusybotError(what, f"{hint}with episodes/000000")
+    if options.tables is not None:
+        raise UsageError(f"{source}: a camera's folder has its tables in it", "--tables is for LeRobot's datasets")
+    return CAMERA, _proposed([read_camera_folder(folder, options) for folder in folders], options)
+
+
+def _proposed(recordings: Sequence[Recording], options: ImportOptions) -> Sequence[Recording]:
+    """The same with proposed objects where they were asked for and none are told."""
+    if not options.proposed:
+        return recordings
+    from busybot.datasets.importing.proposals import propose_objects
+
+    return [one if one.objects else replace(one, objects=propose_objects(one)) for one in recordings]

@@ -1,0 +1,129 @@
+"""A device's log of its own states, joined with a recording by time: lines of JSON with `ts` and `values`.
+
+    {"ts": 1767225600.5, "device": "switches", "values": [1, 0]}        switches.0, switches.1
+    {"ts": 1767225600.5, "values": {"red lamp": 1}}                     red lamp
+    {"switches": {"values": [1, 0]}, "knob": {"values": [3]}}           as BusyBox's recorder stores it beside pictures
+
+`ts` are seconds of the pictures' clock, or ISO 8601; `topic` may stand in place of `device`. An object's state in a
+frame is what its key (column `state` of objects.csv) had last when the picture was taken. Values are numbered in order.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from busybot.common.atomic_io import inside, parse_json, read_text
+from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_LINES_BYTES
+from busybot.datasets.importing.alignment import read_time
+from busybot.datasets.importing.containers import logged_states
+
+STATES_FILE = "states.jsonl"
+MOST_STATES = 16
+HINT = 'a line is {"ts": 12.5, "device": "switches", "values": [1, 0]}'
+
+
+def read_states(
+    folder: Path, container: Path | None, keys: Sequence[str | None], times: Sequence[float | None]
+) -> np.ndarray | None:
+    """States of N objects in frames 0 to T, int (T + 1, N), -1 where an object has no key; None without keys.
+
+    Args:
+        container: of the pictures, which may hold a log.
+        keys: of the objects, None for those whose state is not known.
+        times: of the frames.
+
+    Raises:
+        BusybotError: naming the line, or the key that is not there, or the frame that is too early.
+    """
+    if not any(keys):
+        return None
+    log = _log(folder, container)
+    if any(at is None for at in times):
+        raise BusybotError(f"{folder}: states are joined by time; when was each picture taken?", "frames.csv tells it")
+    found = np.full((len(times), len(keys)), -1)
+    for number, key in enumerate(keys):
+        if key is None:
+            continue
+        told = [(at, values[key]) for at, values in log if key in values]
+        if not told:
+            known = sorted({name for _, values in log for name in values})
+            raise BusybotError(f"{folder}: no line of the log tells of {key!r}", f"it tells of {', '.join(known[:20])}")
+        found[:, number] = _joined(f"{folder}: {key!r}", told, [at for at in times if at is not None])
+    return found
+
+
+def _joined(named: str, told: Sequence[tuple[float, float]], times: Sequence[float]) -> np.ndarray:
+    when, values = np.array([at for at, _ in told]), np.array([value for _, value in told])
+    last = np.searchsorted(when, times, side="right") - 1
+    if last[0] < 0 or times[-1] > when[-1] + max(3600.0, times[-1] - times[0]):
+        what = (
+            f"{named}: its log is from {when[0]:.10g} s to {when[-1]:.10g} s, the pictures from {times[0]:.10g} s to "
+        )
+        raise BusybotError(f"{what}{times[-1]:.10g} s", "both are seconds of one clock; a log in another time zone?")
+    kinds = np.unique(values)
+    if len(kinds) > MOST_STATES:
+        raise BusybotError(f"{named}: {len(kinds)} different values", f"log at most {MOST_STATES} states; round them")
+    return np.searchsorted(kinds, values[last])
+
+
+def _log(folder: Path, container: Path | None) -> list[tuple[float, Mapping[str, float]]]:
+    """Values by key, in the order of time."""
+    lines: list[tuple[str, str, float | None]] = []
+    if (folder / STATES_FILE).exists():
+        text = read_text(inside(folder, STATES_FILE), MAX_LINES_BYTES, HINT)
+        lines = [(f"{folder / STATES_FILE}: line {n}", line, None) for n, line in enumerate(text.splitlines(), start=1)]
+    elif container is not None:
+        lines = logged_states(container)
+    if not lines:
+        raise BusybotError(f"{folder}: objects have states, but nobody logged any", f"put {STATES_FILE} there; {HINT}")
+    found: list[tuple[float, Mapping[str, float]]] = []
+    for where, line, at in lines:
+        if not line.strip():
+            continue
+        told, values = _line(where, line)
+        at = told if told is not None else at
+        if at is None:
+            raise BusybotError(f"{where}: no ts", HINT)
+        if found and at < found[-1][0]:
+            raise BusybotError(
+                f"{where}: its time {at:.10g} s is before that of the line before", "sort the log by time"
+            )
+        found.append((at, values))
+    return found
+
+
+def _line(where: str, line: str) -> tuple[float | None, dict[str, float]]:
+    try:
+        told = parse_json(line)
+    except (ValueError, RecursionError) as error:
+        raise BusybotError(f"{where}: not valid JSON: {error}", HINT) from None
+    if not isinstance(told, dict):
+        raise BusybotError(f"{where}: no object of JSON", HINT)
+    if "values" in told:
+        device = str(told.get("device", told.get("topic", "")))
+        at = told.get("ts")
+        seconds = read_time(None if at is None else str(at), where)
+        return seconds, _values(where, device, told["values"])
+    found: dict[str, float] = {}
+    for device, state in told.items():
+        if isinstance(state, dict) and "values" in state:
+            found |= _values(where, device, state["values"])
+        elif state is not None:
+            raise BusybotError(f"{where}: {device[:40]!r} has no values", HINT)
+    return None, found
+
+
+def _values(where: str, device: str, values: Any) -> dict[str, float]:
+    pairs = (
+        list(enumerate(values))
+        if isinstance(values, list)
+        else list(values.items())
+        if isinstance(values, dict)
+        else None
+    )
+    if pairs is None or any(not isinstance(value, bool | int | float) for _, value in pairs):
+        raise BusybotError(f"{where}: its values are no numbers", HINT)
+    return {f"{device}.{name}" if device else str(name): float(value) for name, value in pairs}

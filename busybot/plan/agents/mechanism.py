@@ -1,0 +1,222 @@
+"""Plans through the mechanisms that a `mechanism` model has understood: the agent for worlds whose causes are hard.
+
+1. The laws of the board are those of the model after the recorded interactions (`MechanismReasoner.laws`). What the
+   agent sees of its own actions teaches them further.
+2. The shortest way to a board that looks as in the goal is searched through them, action by action: several links may
+   have to be moved for one responder, some in a certain order, or back again, and an action may be waiting.
+3. Where no known effect leads on, the shortest way to a situation that was never met is taken, in the hope that it
+   does.
+4. A link that does not give is held while the responders look so; if it moved whenever some responder looked otherwise,
+   that one holds it.
+
+Each action is decided anew after looking. Links are moved by what moved them in the history, else by the interaction
+model's candidate that is nearest.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.common.errors import BusybotError
+from busybot.plan.agents.paper import NO_CANDIDATE, REACHED, promising
+from busybot.plan.interfaces import NOBODY, Act, Contact, DecisionState, PastAction, Stop, TaskContext
+from busybot.reason.models.base import Reasoner
+from busybot.reason.models.mechanism.laws import Links, Moment
+from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+
+UNKNOWN = -1
+"""State of a responder whose look in the goal was never seen."""
+NEAR = 0.02
+"""What was taken hold of lies so near to where it was, board units."""
+GIVEN_UP = 2
+"""A link that failed so often to move while the board looked the same is held."""
+
+
+@dataclass
+class Locks:
+    """Which responders' states held links, by what moved and what did not.
+
+    Attributes:
+        moved, failed: by link, the responders' states then.
+    """
+
+    moved: dict[int, list[tuple[int, ...]]] = field(default_factory=dict)
+    failed: dict[int, list[tuple[int, ...]]] = field(default_factory=dict)
+
+    def add(self, link: int, shown: tuple[int, ...], moved: bool) -> None:
+        (self.moved if moved else self.failed).setdefault(link, []).append(shown)
+
+    def held(self, link: int, shown: tuple[int, ...]) -> bool:
+        """Whether the link would not give: it failed often in this situation, and more often than it moved; or some
+        responder tells all failures from all successes, and shows what it showed at failures."""
+        moved, failed = self.moved.get(link, []), self.failed.get(link, [])
+        if failed.count(shown) >= GIVEN_UP and failed.count(shown) > moved.count(shown):
+            return True
+        if len(failed) < GIVEN_UP or not moved:
+            return False
+        kinds = [({one[k] for one in moved}, {one[k] for one in failed}) for k in range(len(shown))]
+        telling = [(k, bad) for k, (good, bad) in enumerate(kinds) if not good & bad]
+        return bool(telling) and all(shown[k] in bad for k, bad in telling)
+
+
+class MechanismAgent:
+    """See the module.
+
+    Args:
+        reasoner: of the variant `mechanism`.
+    """
+
+    name = "mechanism"
+
+    def __init__(self, reasoner: Reasoner):
+        if not isinstance(reasoner, MechanismReasoner):
+            what = f"agent {self.name} plans with mechanisms, which the reasoner {reasoner.name} does not tell"
+            raise BusybotError(what, "give --reasoner mechanism, or a model of that variant")
+        self._reasoner = reasoner
+
+    def start(self, briefing: TaskContext) -> None:
+        self._briefing = briefing
+        self._perceived, self._laws = self._reasoner.laws(briefing.history)
+        self._locks, self._tried, self._used = Locks(), Counter[tuple[int, int]](), Counter[int]()
+        self._moment = self._laws.begin(self._perceived.trace.links[0], self._shown(briefing.history.features[0]))
+        self._read_history()
+        self._known = 0
+        self._meant: int | None = None  # the link that is to be moved, NOBODY for none
+
+    def _read_history(self) -> None:
+        """Which links gave, and which do so without anybody being rewarded: the picture hardly tells that they did."""
+        trace, silent = self._perceived.trace, Counter[int]()
+        for step, link in enumerate(self._perceived.links.clusters.tolist()):
+            if link >= 0:
+                moved = bool(trace.links[step, link] != trace.links[step + 1, link])
+                self._locks.add(link, tuple(trace.responders[step].tolist()), moved)
+                if self._briefing.worked[step] < 0:
+                    silent[link] += 1 if moved else -1
+        self._silent = {link for link, count in silent.items() if count > 0}
+
+    def decide(self, situation: DecisionState) -> Act | Stop:
+        for attempt in situation.attempts[self._known :]:
+            self._learn(attempt)
+        self._known = len(situation.attempts)
+        differing = self._briefing.differing(situation.features)
+        if not len(differing):
+            return Stop(REACHED)
+        way, why = self._way(differing, self._briefing.steps - self._known)
+        for links in way[:1]:
+            words = f"{why} after {len(way)} action{'s' * (len(way) > 1)}"
+            if (act := self._act(situation, links, words)) is not None:
+                return act
+        return self._anything(situation, differing)
+
+    def _way(self, differing: np.ndarray, left: int) -> tuple[list[Links], str]:
+        """The links after each of the actions that lead on, and where they lead."""
+        known = self._wanted()
+        wanted = dict.fromkeys(np.flatnonzero(np.isin(self._perceived.responders, differing)).tolist(), UNKNOWN) | known
+        way = self._laws.plan(self._moment, wanted, self._moves, left)
+        if way and self._laws.reaches(self._moment, way, wanted):
+            return way, "the goal is expected"
+        tried = self._laws.plan(self._moment, wanted, self._moves, left, hopeful=True)
+        return (tried, "something new is met") if tried else (way, "more of the goal is expected")
+
+    def _wanted(self) -> dict[int, int]:
+        """Of the responders the state in the goal, by their numbers; a look that was never seen is no state."""
+        goal, known = self._briefing.goal, self._perceived.looks
+        states = self._perceived.states_of(goal)
+        apart = [
+            np.linalg.norm(looks[state] - goal[index])
+            for index, looks, state in zip(self._perceived.responders, known, states, strict=True)
+        ]
+        fits = np.array(apart) <= self._briefing.threshold
+        return {int(number): int(states[number]) for number in np.flatnonzero(fits)}
+
+    def _moves(self, moment: Moment) -> Iterator[Links]:
+        """What one action may do: nothing, or move a link into a state next to its own, if it is not held."""
+        yield moment.links
+        for link, (state, size) in enumerate(zip(moment.links, self._laws.sizes, strict=True)):
+            if not self._locks.held(link, moment.shown):
+                for other in (state - 1, state + 1):
+                    if 0 <= other < size:
+                        yield (*moment.links[:link], other, *moment.links[link + 1 :])
+
+    def _learn(self, attempt: PastAction) -> None:
+        """What came of an action: where its link stands now, and what the responders show."""
+        links, meant = np.array(self._moment.links, int), self._meant
+        shown = self._shown(attempt.after)
+        silent = not attempt.reward and meant in self._silent and not self._tried[attempt.contact.pixel]
+        if (attempt.reward or silent) and meant != NOBODY:
+            direction = DIRECTIONS[attempt.executed[-1] if attempt.reward else attempt.direction]
+            action = np.array([*attempt.contact.position, *direction])
+            links = self._perceived.moved(links, action, attempt.contact.trigger)
+        self._tried[attempt.contact.pixel] += not attempt.reward
+        if meant is not None and meant != NOBODY:
+            self._used[meant] += 1
+            if not silent:
+                self._locks.add(meant, self._moment.shown, bool(links[meant] != self._moment.links[meant]))
+        self._moment = self._laws.learn(self._moment, tuple(links.tolist()), shown)
+
+    def _act(self, situation: DecisionState, links: Links, why: str) -> Act | None:
+        """The action that should leave the links so; None if nothing can be taken hold of."""
+        now = self._moment.links
+        moved = [number for number, (a, b) in enumerate(zip(now, links, strict=True)) if a != b]
+        if not moved:
+            return self._wait(situation, why)
+        [link] = moved
+        self._meant = link
+        choice = self._choice(situation, link, links[link])
+        return Act(*choice, why) if choice else None
+
+    def _choice(self, situation: DecisionState, link: int, after: int) -> tuple[Contact, int] | None:
+        """Where and in which direction to move a link: what failed least, is where it was, and did just this."""
+        states, clusters = self._perceived.trace.links[:, link], self._perceived.links.clusters
+        directions, before = self._perceived.links.directions[link], self._moment.links[link]
+        way = directions[before, after] - directions[after, before]
+        found: list[tuple[tuple[int, bool, int], Contact, int]] = []
+        for one in situation.repeats:
+            if clusters[one.step] == link:
+                same = (states[one.step], states[one.step + 1]) == (before, after)
+                direction = int(self._briefing.worked[one.step]) if same else _nearest(way, one)
+                found.append(((self._tried[one.pixel], not self._still_there(one), 1 - same), one, direction))
+        if not found or min(rank for rank, *_ in found) > (0, False, 1):
+            for one in situation.candidates:
+                if self._perceived.link_at(np.asarray(one.position), one.trigger) == link:
+                    found.append(((self._tried[one.pixel], False, 2), one, _nearest(way, one)))
+        return min(found, key=lambda one: one[0])[1:] if found else None
+
+    def _still_there(self, contact: Contact) -> bool:
+        """Whether the picture shows at the pixel of an action what was taken hold of then."""
+        held = self._briefing.history.actions[contact.step, :3]
+        return float(np.linalg.norm(np.asarray(contact.position) - held)) < NEAR
+
+    def _wait(self, situation: DecisionState, why: str) -> Act | None:
+        """An action that moves nothing: across the way in which something gave."""
+        self._meant = NOBODY
+        if not situation.repeats:
+            return None
+        contact = situation.repeats[0]
+        across = np.abs(DIRECTIONS @ DIRECTIONS[self._briefing.worked[contact.step]]).argmin()
+        return Act(contact, int(across), f"waits: {why}")
+
+    def _anything(self, situation: DecisionState, differing: np.ndarray) -> Act | Stop:
+        """A candidate on something that was never moved, else on the link that was moved least."""
+        links = [
+            (one, self._perceived.link_at(np.asarray(one.position), one.trigger))
+            for one in promising(situation.candidates)
+        ]
+        if not links:
+            return Stop(NO_CANDIDATE)
+        one, self._meant = min(
+            links, key=lambda pair: (self._tried[pair[0].pixel], self._used[NOBODY if pair[1] is None else pair[1]])
+        )
+        self._used[NOBODY] += self._meant is None
+        return Act(one, one.choices[0], "nothing known leads on: tries something else", int(differing[0]))
+
+    def _shown(self, features: np.ndarray) -> tuple[int, ...]:
+        return tuple(self._perceived.states_of(features).tolist())
+
+
+def _nearest(way: np.ndarray, contact: Contact) -> int:
+    """The direction that is most like a way (3,); if that is not known, the likeliest of the contact."""
+    return int((DIRECTIONS @ way).argmax()) if way.any() else contact.choices[0]

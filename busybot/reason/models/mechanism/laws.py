@@ -1,0 +1,267 @@
+"""What a board does, by the likeliest explanations of a recording: simulated action by action, and learned further.
+
+Each responder has several explanations at once, which lose weight when something else happens than they foretold (by
+the estimator of `contexts.evidence_of`). What follows is what followed most often in the context of the weightiest one;
+a context that was never met says nothing.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from busybot.reason.models.mechanism.contexts import DELAYS, LONGEST, MEMORIES, STATES, SURE, UNSURE, WAYS
+
+KEPT = 8
+"""Explanations of a responder that are kept."""
+NEVER = 10_000
+"""Actions since a press that never was."""
+NODES = 3000
+"""A plan is looked for among so many states of the board."""
+
+Links = tuple[int, ...]
+Moves = Callable[["Moment"], Iterable[Links]]
+"""The states of the links that an action may lead to."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A board and what explanations remember of it; L links, R responders.
+
+    Attributes:
+        links: (L,), states.
+        shown: (R,), states of the responders.
+        rows: for each of the last `DELAYS` actions, the latest first, the links after it and the responders before it.
+        since: by way of pressing and link, actions since the last press.
+        odd: by way and link, whether there was an odd number of presses.
+    """
+
+    links: Links
+    shown: tuple[int, ...]
+    rows: tuple[tuple[int, ...], ...]
+    since: tuple[tuple[int, ...], ...]
+    odd: tuple[tuple[int, ...], ...]
+
+    @staticmethod
+    def new(links: Sequence[int], shown: Sequence[int]) -> "Moment":
+        """A board on which everything has rested for long."""
+        states, none = tuple(map(int, links)), tuple(map(int, shown))
+        never, even = ((NEVER,) * len(states),) * len(WAYS), ((0,) * len(states),) * len(WAYS)
+        return Moment(states, none, ((*states, *none),) * DELAYS, never, even)
+
+    def acted(self, links: Links, sizes: Sequence[int]) -> "Moment":
+        """After an action that left the links so; the responders still as before it."""
+        ends = ([size - 1 for size in sizes], [0] * len(sizes))
+        pressed = [[a != b == end for a, b, end in zip(self.links, links, own, strict=True)] for own in ends]
+        since = tuple(
+            tuple(0 if one else min(k + 1, NEVER) for one, k in zip(new, old, strict=True))
+            for new, old in zip(pressed, self.since, strict=True)
+        )
+        odd = tuple(
+            tuple(k ^ one for one, k in zip(new, old, strict=True)) for new, old in zip(pressed, self.odd, strict=True)
+        )
+        return replace(self, links=links, rows=((*links, *self.shown), *self.rows[:-1]), since=since, odd=odd)
+
+
+@dataclass
+class _Law:
+    """An explanation of one responder.
+
+    Attributes:
+        weight: log probability.
+        counts: how often each state followed a context.
+    """
+
+    inputs: tuple[int, ...]
+    what: str
+    ways: tuple[str, ...]
+    late: int
+    own: bool
+    weight: float
+    counts: dict[tuple[int, ...], list[int]] = field(default_factory=dict)
+
+    @staticmethod
+    def of(inputs: np.ndarray, memory: str, share: float) -> "_Law":
+        what, *rest = memory.replace(",", "").split()
+        late = int(rest[0]) if what == "late" else 0
+        ways = tuple(way for way in rest if way in WAYS)
+        own = what == "own"
+        return _Law(tuple(np.flatnonzero(inputs).tolist()), what, ways, late, own, float(np.log(share + 1e-9)))
+
+    def context(self, after: Moment, before: int) -> tuple[int, ...]:
+        """After an action, with the responder as it was before it."""
+        links = [self.inputs[k % len(self.inputs)] for k in range(len(self.ways))] if self.ways else []
+        if self.what == "odd":
+            return (after.odd[WAYS.index(self.ways[0])][links[0]],)
+        since = [after.since[WAYS.index(way)][link] for way, link in zip(self.ways, links, strict=True)]
+        if self.what == "since":
+            return (min(since[0], LONGEST),)
+        if self.what == "last":
+            return (int(np.sign(since[0] - since[1])),)
+        told = tuple(after.rows[self.late][one] for one in self.inputs)
+        return (*told, before) if self.own else told
+
+    def follows(self, context: tuple[int, ...]) -> int | None:
+        counts = self.counts.get(context)
+        return None if counts is None else counts.index(max(counts))
+
+    def learn(self, context: tuple[int, ...], state: int, ways: int) -> None:
+        counts, few = self.counts.setdefault(context, [0] * STATES), UNSURE if self.own else SURE
+        self.weight += float(np.log((counts[state] + few) / (sum(counts) + few * ways)))
+        counts[state] += 1
+
+
+class Laws:
+    """The laws of a board.
+
+    Args:
+        sizes: number of states of each link.
+        inputs: bool (H, I), of the explanations.
+        memory: int (H,), which of `MEMORIES`.
+        shares: float (R, H), probability of each explanation.
+        links, responders: int (T + 1, L), (T + 1, R), what was seen.
+    """
+
+    def __init__(
+        self,
+        sizes: Sequence[int],
+        inputs: np.ndarray,
+        memory: np.ndarray,
+        shares: np.ndarray,
+        links: np.ndarray,
+        responders: np.ndarray,
+    ):
+        self.sizes, self._ways = tuple(sizes), [max(2, int(column.max()) + 1) for column in responders.T]
+        self._laws = [
+            [_Law.of(inputs[h], MEMORIES[memory[h]], own[h]) for h in np.argsort(-own, kind="stable")[:KEPT]]
+            for own in shares
+        ]
+        weights = [[law.weight for law in laws] for laws in self._laws]
+        moment = self.begin(links[0], responders[0])
+        for states, shown in zip(links[1:].tolist(), responders[1:].tolist(), strict=True):
+            moment = self.learn(moment, tuple(states), tuple(shown))
+        for laws, known in zip(self._laws, weights, strict=True):  # the network has weighed this evidence
+            for law, weight in zip(laws, known, strict=True):
+                law.weight = weight
+
+    def begin(self, links: Sequence[int], shown: Sequence[int]) -> Moment:
+        """A new board as it stands; that it has stood so for long is learned, too."""
+        moment = Moment.new(links, shown)
+        self._count(moment, moment.shown, moment.shown)
+        return moment
+
+    def learn(self, moment: Moment, links: Links, shown: tuple[int, ...]) -> Moment:
+        """After an action that left links and responders so."""
+        after = moment.acted(links, self.sizes)
+        self._count(after, moment.shown, shown)
+        return replace(after, shown=shown)
+
+    def _count(self, after: Moment, before: tuple[int, ...], shown: tuple[int, ...]) -> None:
+        for laws, own, state, ways in zip(self._laws, before, shown, self._ways, strict=True):
+            for law in laws:
+                law.learn(law.context(after, own), state, ways)
+
+    def best(self) -> list[_Law]:
+        """The weightiest law of each responder."""
+        return [max(laws, key=lambda law: law.weight) for laws in self._laws]
+
+    def plan(
+        self, start: Moment, wanted: dict[int, int], moves: Moves, longest: int, hopeful: bool = False
+    ) -> list[Links]:
+        """The shortest way to a moment at which most of what is wanted shows: the links after each action.
+
+        Args:
+            wanted: states by number of the responder.
+            moves: what can be done.
+            longest: at most so many actions.
+            hopeful: take what was never met for what is wanted.
+
+        Returns:
+            nothing if no way leads to more of it than shows already, or all of it does.
+        """
+        laws = self.best()
+        ways: deque[tuple[Moment, tuple[Links, ...]]] = deque([(start, ())])
+        best: tuple[int, tuple[Links, ...]] = (self._satisfied(start, wanted), ())
+        seen = {self._key(start, laws)}
+        while ways and len(seen) < NODES and best[0] < len(wanted):
+            moment, way = ways.popleft()
+            for links in moves(moment) if len(way) < longest else ():
+                after = self._after(moment, links, laws, wanted if hopeful else {})
+                key = self._key(after, laws)
+                if key in seen:
+                    continue
+                seen.add(key)
+                longer = (*way, links)
+                if (count := self._satisfied(after, wanted)) > best[0]:
+                    best = (count, longer)
+                ways.append((after, longer))
+        return list(best[1])
+
+    def reaches(self, start: Moment, way: Sequence[Links], wanted: dict[int, int]) -> bool:
+        """Whether all of what is wanted is expected at the end of a way."""
+        return self._satisfied(self.expected(start, way)[-1], wanted) == len(wanted)
+
+    def expected(self, start: Moment, way: Sequence[Links]) -> list[Moment]:
+        """The start, and what follows each action of a way; what was never met leaves all as it is."""
+        moments, laws = [start], self.best()
+        for links in way:
+            moments.append(self._after(moments[-1], links, laws, {}))
+        return moments
+
+    def _after(self, moment: Moment, links: Links, laws: list[_Law], hoped: dict[int, int]) -> Moment:
+        after, shown = moment.acted(links, self.sizes), list(moment.shown)
+        for number, (law, before) in enumerate(zip(laws, moment.shown, strict=True)):
+            follows = law.follows(law.context(after, before))
+            shown[number] = hoped.get(number, before) if follows is None else follows
+        return replace(after, shown=tuple(shown))
+
+    def _satisfied(self, moment: Moment, wanted: dict[int, int]) -> int:
+        return sum(moment.shown[number] == state for number, state in wanted.items())
+
+    def _key(self, moment: Moment, laws: list[_Law]) -> tuple[object, ...]:
+        """Equal where the same will follow."""
+        late = max((law.late for law in laws), default=0)
+        rows = moment.rows[: late + 1] if late else ()
+        memories = [law.context(moment, own) for law, own in zip(laws, moment.shown, strict=True) if law.ways]
+        return moment.links, moment.shown, rows, tuple(memories)
+
+    def words(self, number: int, names: Sequence[str]) -> str:
+        """What decides a responder, for people.
+
+        Args:
+            names: of the inputs, links first.
+        """
+        law = self.best()[number]
+        inputs = [names[one] for one in law.inputs]
+        if not inputs:
+            states = {law.follows(context) for context in law.counts}
+            return "changes by itself" if law.own and len(states) > 1 else "nothing moves it"
+        if law.what == "odd":
+            return f"changes with every press of {inputs[0]}"
+        if law.what == "since":
+            return f"changes for some actions when {inputs[0]} is pressed"
+        if law.what == "last":
+            return f"is set by {inputs[0]}, reset by {inputs[1]}"
+        late = f", {law.late} action{'s' * (law.late > 1)} later" if law.late else ", sometimes late" if law.own else ""
+        return f"{f'follows {inputs[0]}' if len(inputs) == 1 else self._together(law, inputs)}{late}"
+
+    def _together(self, law: _Law, inputs: Sequence[str]) -> str:
+        """How several inputs decide: by the one situation that is unlike all others, if there is one."""
+        states: dict[tuple[int, ...], int | None] = {}
+        for context in sorted(law.counts):
+            states.setdefault(context[: len(inputs)], law.follows(context))
+        for state in set(states.values()):
+            rare = [context for context, other in states.items() if other == state]
+            if len(rare) == 1 < len(states) - 1:
+                told = " and ".join(map(self._stands, law.inputs, inputs, rare[0]))
+                return f"shows look {state} only while {told}"
+        odd = {(sum(context) % 2, state) for context, state in states.items()}
+        if len(inputs) == 2 and len(states) == 4 and len(odd) == 2:
+            return f"changes whenever {' or '.join(inputs)} is moved"
+        return f"is decided by {' and '.join(inputs)} together"
+
+    def _stands(self, number: int, name: str, state: int) -> str:
+        if number < len(self.sizes) and self.sizes[number] == 2:
+            return f"{name} is {'moved' if state else 'as at first'}"
+        return f"{name} is in state {state}"

@@ -1,0 +1,80 @@
+"""What packages bring by entry points is found by its name, and blamed by it."""
+
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from busybot.common import plugins
+from busybot.common.errors import BusybotError
+from busybot.objects.resolve import find
+from busybot.plan.agents.registry import kind_of
+from busybot.reason.encoders.registry import make_extractor
+from busybot.reason.inputs.sequence import threshold_of
+from busybot.reason.models.registry import config_class, reasoner_of
+
+HERE = "tests.common.test_plugins"
+
+
+class Zeros:
+    """An encoder."""
+
+    key, threshold = "1", 0.25
+
+    def encode(self, looks: list) -> np.ndarray:
+        return np.zeros((len(looks), 256), np.float32)
+
+
+class Silent:
+    """A reasoner, and an agent of it."""
+
+    name, encoder = "silent", "zeros"
+
+    def __init__(self, reasoner: object = None):
+        self.reasoner = reasoner
+
+
+def nowhere() -> Path:
+    """A library that is not there."""
+    return Path("/nonexistent")
+
+
+def broken() -> None:
+    raise ValueError("no luck")
+
+
+def point(kind: str, name: str, value: str) -> EntryPoint:
+    return EntryPoint(name, f"{HERE}:{value}", f"busybot.{kind}")
+
+
+def test_each_kind_is_known_by_its_name(registered: list[EntryPoint]) -> None:
+    registered += [point("encoders", "zeros", "Zeros"), point("reasoners", "silent", "Silent")]
+    registered += [point("agents", "silent", "Silent"), point("objects", "nowhere", "nowhere")]
+    assert make_extractor("zeros-box").pixels == "box" and threshold_of("zeros-box") == 0.25
+    reasoner = reasoner_of("silent", config_class("silent")())
+    make = kind_of("silent").make
+    assert reasoner.name == "silent" and make is not None and make(reasoner).reasoner is reasoner  # type: ignore
+    with pytest.raises(BusybotError, match="/nonexistent"):
+        find("nowhere")
+
+
+def test_names_of_our_own_stay_ours(registered: list[EntryPoint]) -> None:
+    registered += [point("reasoners", "lookup", "Silent"), point("encoders", "random", "Zeros")]
+    registered += [point("agents", "noop", "broken")]
+    assert reasoner_of("lookup").name == "lookup" and kind_of("noop").make is not None
+    assert not isinstance(make_extractor("random").encoder, Zeros)
+
+
+def test_whoever_fails_is_named(registered: list[EntryPoint]) -> None:
+    registered += [point("reasoners", "broken", "broken"), point("reasoners", "absent", "absent")]
+    registered += [point("reasoners", "twice", "Silent"), point("reasoners", "twice", "Zeros")]
+    for name, told in (
+        ("broken", "test_plugins:broken' of the group busybot.reasoners cannot be made: ValueError: no luck"),
+        ("absent", "test_plugins:absent' of the group busybot.reasoners cannot be loaded"),
+        ("twice", "has the same name 'twice'"),
+    ):
+        with pytest.raises(BusybotError, match=told) as error:
+            reasoner_of(name)
+        assert error.value.hint
+    assert plugins.names("reasoners") == ["absent", "broken", "twice"]

@@ -1,0 +1,147 @@
+"""The agent that plans with mechanisms, on boards without pictures whose laws it is told rightly."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from busybot.boards.directions import DIRECTIONS, OPPOSITE
+from busybot.boards.dynamics import Dynamics
+from busybot.boards.spec import Relation
+from busybot.common.errors import BusybotError
+from busybot.episodes.episode import Episode
+from busybot.interact.policy.direction_pairs import pair_scores
+from busybot.plan.agents.mechanism import Locks, MechanismAgent
+from busybot.plan.agents.paper import REACHED
+from busybot.plan.interfaces import Act, Contact, DecisionState, PastAction, Stop, TaskContext
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.inputs.trigger_links import ObservedLinks
+from busybot.reason.models.lookup import Lookup
+from busybot.reason.models.mechanism.config import MechanismNetConfig
+from busybot.reason.models.mechanism.contexts import MEMORIES, STATES
+from busybot.reason.models.mechanism.laws import Laws
+from busybot.reason.models.mechanism.networks import MechanismNet
+from busybot.reason.models.mechanism.perception import Perceived, perceive
+from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+from tests.reason.worlds import LINKS, PUSH, SWITCHES, looks_of, play, relation, sequence_of
+
+AND, FOLLOWS = relation("gate", SWITCHES, 1, (0, 0, 0, 1), function="and"), relation("one-to-one", (3,), 2, (1, 0))
+LATE = relation("delay", (0,), 1, (0, 1), actions=2)
+PRESSES = [0, 3, 0, 3, 3, 0, 0, 3, 0, 3, 3, 0, 3, 0, 0, 3]
+"""An even number of each: the board ends as it began."""
+Told = dict[int, tuple[tuple[int, ...], str]]
+"""Links that decide a responder, and what is remembered."""
+
+
+class Knowing(MechanismReasoner):
+    """Tells these laws of lamp, door and toy."""
+
+    def __init__(self, told: Told):
+        super().__init__(MechanismNet(MechanismNetConfig()), "embedded")
+        self._told = told
+
+    def laws(self, seen: BoardSequence) -> tuple[Perceived, Laws]:
+        perceived, inputs, memory = perceive(seen, "embedded"), np.zeros((3, 5), bool), np.zeros(3, int)
+        for number, (links, name) in self._told.items():
+            inputs[number, list(links)], memory[number] = True, MEMORIES.index(name)
+        trace = perceived.trace
+        return perceived, Laws((2, 2), inputs, memory, np.eye(3), trace.links, trace.responders)
+
+
+def briefing_of(episode: Episode, goal: Sequence[int], presses: Sequence[int]) -> TaskContext:
+    seen, clusters = sequence_of(episode), np.array([SWITCHES.index(pressed) for pressed in presses])
+    states = np.array([episode.steps[0].trigger_states_before, *(one.trigger_states_after for one in episode.steps)])
+    directions = np.zeros((STATES, STATES, 3))
+    directions[0, 1], directions[1, 0] = DIRECTIONS[PUSH], DIRECTIONS[OPPOSITE[PUSH]]
+    places = np.array([seen.actions[clusters == link, :2].mean(0) for link in range(2)])
+
+    def watch(steps: int) -> ObservedLinks:
+        return ObservedLinks(clusters[:steps], states[: steps + 1], np.array(SWITCHES), places, (directions,) * 2)
+
+    history = BoardSequence(**seen.arrays, watch=watch)
+    worked = np.array([step.executed[-1] for step in episode.steps])
+    asked = looks_of(np.array(goal)) * seen.responders[:, None]
+    return TaskContext(history, np.array([(10 * one, 0) for one in clusters]), worked, asked, 0.5, 8)
+
+
+def played(
+    relations: Sequence[Relation], told: Told, goal: Sequence[int], stuck: int = 0, presses: Sequence[int] = PRESSES
+) -> tuple[list[Act], Stop | None, tuple[int, ...]]:
+    """What was done, why it ended, and what shows then; so many of the first actions fail."""
+    episode = play(relations, presses)
+    briefing, law = briefing_of(episode, goal, presses), Dynamics(episode.board, LINKS)
+    agent, now = MechanismAgent(Knowing(told)), [0, 0]
+    agent.start(briefing)
+    state, attempts, acts = law.start((0, 0)), [], []
+    for number in range(briefing.steps):
+        looks = looks_of(np.array(state.shown)) * briefing.history.responders[:, None]
+        repeats = tuple(contact(k, briefing) for k in range(len(presses)))
+        answer = agent.decide(DecisionState(looks, tuple(attempts), repeats, tuple, np.random.default_rng(0)))
+        if isinstance(answer, Stop):
+            return acts, answer, state.shown
+        acts.append(answer)
+        link, way = SWITCHES.index(answer.contact.trigger), answer.direction
+        moves = way in (PUSH, OPPOSITE[PUSH]) and number >= stuck
+        executed = (way, int(OPPOSITE[way]))
+        if moves and (way == PUSH) == (now[link] == 0):
+            executed = (way,)
+        now[link] ^= moves
+        before, state = state, law.step((now[0], now[1]), state)
+        after = looks_of(np.array(state.shown)) * briefing.history.responders[:, None]
+        changed = moves or before.shown != state.shown
+        attempts.append(PastAction(answer.contact, way, executed, changed, looks, after))
+    return acts, None, state.shown
+
+
+def contact(step: int, briefing: TaskContext) -> Contact:
+    directions = np.zeros(18)
+    directions[briefing.worked[step]] = 0.97
+    place = np.array([*briefing.history.actions[step, :2], 0], np.float32)
+    pixel = (int(briefing.pixels[step][0]), 0)
+    trigger = int(briefing.history.acted[step])
+    return Contact(pixel, place, trigger, 1, 0.97, directions, pair_scores(directions), step)
+
+
+RIGHT: Told = {0: ((0, 1), "late 0"), 1: ((1,), "late 0")}
+
+
+def test_both_switches_of_an_and_are_moved_and_no_more() -> None:
+    acts, stop, shown = played([AND, FOLLOWS], RIGHT, (-1, 1, 0, -1, 0))
+    assert [act.contact.trigger for act in acts] in ([0, 3], [3, 0]) and stop == Stop(REACHED)
+    assert shown[1:3] == (1, 0)
+    assert "the goal is expected after 2 actions" in acts[0].why
+
+
+def test_what_comes_late_is_waited_for() -> None:
+    acts, stop, shown = played([LATE, FOLLOWS], {0: ((0,), "late 2"), 1: ((1,), "late 0")}, (-1, 1, 1, -1, 0))
+    assert len(acts) == 3 and stop == Stop(REACHED) and shown[1] == 1
+    assert acts[0].contact.trigger == 0 and all(act.why.startswith("waits") for act in acts[1:])
+
+
+def test_what_was_never_met_is_tried() -> None:
+    """Both switches were never on together: only an untried situation can light the lamp."""
+    acts, stop, shown = played([AND, FOLLOWS], RIGHT, (-1, 1, 0, -1, 0), presses=[0, 0, 3, 3])
+    assert stop == Stop(REACHED) and shown[1:3] == (1, 0) and len(acts) == 2
+    assert "something new" in acts[0].why
+
+
+def test_a_failure_is_tried_again() -> None:
+    acts, stop, _ = played([AND, FOLLOWS], RIGHT, (-1, 0, 0, -1, 0), stuck=1)
+    assert [act.contact.trigger for act in acts] == [3, 3] and stop == Stop(REACHED)
+
+
+def test_links_are_held_as_experience_says() -> None:
+    locks = Locks()
+    for shown in ((0, 0), (0, 1)):
+        locks.add(0, shown, moved=False)
+        assert not locks.held(0, (1, 0)), "nothing ever moved it"
+    locks.add(0, (1, 1), moved=True)
+    assert locks.held(0, (0, 1)) and not locks.held(0, (1, 0)), "the first responder lets it go"
+    for _ in range(2):
+        locks.add(1, (0, 0), moved=False)
+    assert locks.held(1, (0, 0)) and not locks.held(1, (0, 1))
+
+
+def test_it_wants_a_reasoner_that_tells_mechanisms() -> None:
+    with pytest.raises(BusybotError, match="lookup does not tell"):
+        MechanismAgent(Lookup())

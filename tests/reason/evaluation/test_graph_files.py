@@ -1,0 +1,94 @@
+"""Graphs as files: what was inferred comes back and is judged alike, and so is anybody's graph."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
+from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
+from busybot.reason.evaluation.graph_files import graph_lines, graph_values, read_graphs, write_graph
+from busybot.reason.models.base import InferredGraph
+from tests.cli.commands import busybot
+from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_episode
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    return make_dataset(tmp_path_factory.mktemp("graphs") / "data")
+
+
+def test_what_is_written_is_judged_as_it_was(dataset: Dataset, tmp_path: Path) -> None:
+    done = busybot(
+        "eval", "reason", dataset.path, "--reasoner", "count", "--images", 7, "--graphs", tmp_path / "g", "--json"
+    )
+    first = json.loads(done.stdout)
+    assert sorted(file.name for file in (tmp_path / "g").glob("*.json")) == [f"00000{i}.json" for i in (0, 1, 3)]
+    again = busybot("eval", "reason", dataset.path, "--graph", tmp_path / "g", "--images", 7, "--json")
+    second = json.loads(again.stdout)
+    assert second["model"] == "count" and second["encoder"] is None and f"--graph {tmp_path / 'g'}" in second["command"]
+    for key in ("edge_p", "edge_r", "edge_acc", "parent_f1", "shd"):
+        assert second[key] == first[key]
+    assert second["brier"] == pytest.approx(first["brier"], abs=1e-5)
+
+
+def test_mechanisms_and_lags_come_with_the_edges(tmp_path: Path) -> None:
+    episode, matrix = make_episode(0), np.zeros((1, 5, 5))
+    matrix[0, 0, 1], matrix[0, 0, 4] = 0.9, 0.2
+    lags = np.array([-1, 2, -1, -1, -1])
+    words = ("", "follows object 0 and object 3", "", "", "")
+    told = InferredGraph("mine", matrix, kinds=("", "gate", "", "", ""), lags=lags, words=words)
+    values = graph_values(episode, told, 6)
+    first, second = values["edges"]
+    assert (first["from"], first["to"], first["mechanism"], first["lag"], first["claimed"]) == (0, 1, "gate", 2, True)
+    assert not second["claimed"] and second["mechanism"] is None
+    assert graph_lines(values) == [
+        "switch 0 -> lamp 1, 0.900, gate, after 2 more actions", "lamp 1 follows switch 0 and switch 3"
+    ]  # fmt: skip
+    write_graph(tmp_path, values)
+    graph = read_graphs(tmp_path).of(episode)
+    np.testing.assert_allclose(graph.after(6), matrix[0])
+    assert graph.kinds == ("", "gate", "", "", "") and graph.lags is not None and graph.lags.tolist() == lags.tolist()
+
+
+def test_a_strangers_nodes_are_found_by_their_boxes(dataset: Dataset, tmp_path: Path) -> None:
+    episode = make_episode(0)
+    boxes = episode.image(0).boxes.tolist()
+    true = [(t.object, r.responder) for r in episode.board.relations for t in r.triggers]
+    told = {
+        "nodes": [{"id": f"n{i}", "box": [box[0] + 1, *box[1:]]} for i, box in enumerate(boxes)]
+        + [{"id": "wall", "box": [0, 0, 3, 3]}],
+        "edges": [{"from": f"n{i}", "to": f"n{j}"} for i, j in true],
+    }
+    (tmp_path / "graph.json").write_text(json.dumps(told))
+    graph = read_graphs(tmp_path / "graph.json").of(episode)
+    assert {tuple(pair) for pair in np.argwhere(graph.claimed(6)).tolist()} == set(true)
+    (tmp_path / "all.json").write_text(json.dumps([told, *({"board": i, "edges": []} for i in (1, 3))]))
+    result = evaluate_dataset(dataset, ReasonEvaluation(given=read_graphs(tmp_path / "all.json")), workers=1)
+    assert result["boards"] == 3 and result["edge_r"] > 0
+
+
+WRONG = {
+    "no edges": ("{}", "graph.json: edges: Field required"),
+    "another board": ('{"board": 1, "edges": []}', "it has no graph of board 0"),
+    "a probability": ('{"edges": [{"from": 0, "to": 1, "probability": 2}]}', "edges.0.probability"),
+    "a node that is no object": ('{"edges": [{"from": 0, "to": 9}]}', "node 9 is no object of the board"),
+    "a node elsewhere": (
+        '{"nodes": [{"id": 0, "box": [0, 0, 2, 2]}], "edges": [{"from": 0, "to": 0}]}',
+        "node 0 is no",
+    ),
+    "two of a board": ('[{"edges": []}, {"edges": []}]', "a second graph of board 0"),
+    "no JSON": ("graph", "not valid JSON"),
+}
+
+
+@pytest.mark.parametrize("fault", WRONG)
+def test_what_is_wrong_is_named(fault: str, tmp_path: Path) -> None:
+    text, message = WRONG[fault]
+    (tmp_path / "graph.json").write_text(text)
+    with pytest.raises(BusybotError, match=message) as error:
+        read_graphs(tmp_path / "graph.json").of(make_episode(0))
+    assert "graph.json" in error.value.what and error.value.hint

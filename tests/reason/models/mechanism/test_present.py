@@ -1,0 +1,47 @@
+"""How a board stands that was not watched for a while."""
+
+import numpy as np
+
+from busybot.reason.inputs.trigger_links import ObservedLinks
+from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Trace, explanations_of
+from busybot.reason.models.mechanism.perception import Perceived
+from busybot.reason.models.mechanism.present import Past
+
+UP, DOWN = np.array([0.0, 0, 1]), np.array([0.0, 0, -1])
+
+
+def past(links: np.ndarray, shown: np.ndarray, inputs: list[int], memory: str) -> Past:
+    """Two links of object 0, held at x = 0 and 1, and one responder with this explanation."""
+    directions = np.zeros((STATES, STATES, 3))
+    directions[0, 1], directions[1, 0] = UP, DOWN
+    places = np.array([[0.0, 0], [1, 0]])
+    seen = ObservedLinks(np.zeros(len(links) - 1, int), links, np.zeros(2, int), places, (directions,) * 2)
+    trace = Trace(links, shown[:, None], (2, 2))
+    found, wanted = explanations_of(trace), np.isin(np.arange(3), inputs)
+    [row] = np.flatnonzero((found.inputs == wanted).all(1) & (found.memory == MEMORIES.index(memory)))
+    shares = np.eye(len(found.own))[[row]]
+    return Past(Perceived(trace, seen, np.array([1]), (np.zeros((2, 256), np.float32),)), found, shares)
+
+
+def push(place: float, way: np.ndarray) -> np.ndarray:
+    return np.array([place, 0, 0, *way])
+
+
+def test_links_stand_as_the_action_and_the_responders_tell() -> None:
+    links = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)])
+    known = past(links, links[:, 0] & links[:, 1], [0, 1], "late 0")
+    assert known.standing(np.array([1]), push(0, DOWN), 0).tolist() == [1, 1], "only both light it"
+    assert known.standing(np.array([0]), push(0, UP), 0).tolist() == [0, 0], "as they were"
+    assert known.standing(np.array([0]), push(0, DOWN), 0).tolist() == [1, 0], "it is pushed to where it is not"
+    assert known.standing(np.array([0]), push(9, UP), -1).tolist() == [0, 0], "nothing was taken hold of"
+
+
+def test_a_toggle_is_what_it_shows() -> None:
+    links = np.array([(0, 0), (1, 0), (0, 0), (1, 0), (0, 0), (1, 0), (0, 0)])
+    known = past(links, np.array([0, 1, 1, 0, 0, 1, 1]), [0], "odd presses up")
+    [number] = np.flatnonzero(known.shares[0])
+    rested = np.zeros(known.shares.shape[1], int)
+    for shown in (0, 1):  # parity 0 was followed by look 0, 1 by 1
+        assert known.remembered(rested, rested, np.array([shown]))[0, number] == shown, "nobody pressed"
+        pressed = rested + 1
+        assert known.remembered(rested, pressed, np.array([shown]))[0, number] == 1 - shown

@@ -15,6 +15,7 @@ from busybot.cli.options import (
     WorkersOption,
     interaction_models,
     offering,
+    reasoners,
 )
 from busybot.common.errors import UsageError
 
@@ -27,16 +28,24 @@ def collect(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder made by `busybot generate`.")],
     steps: Annotated[int | None, typer.Option(min=0, help="Actions on each board; 30 by default.")] = None,
     policy: Annotated[
-        Literal["random", "learned", "scripted"] | None,
+        Literal["random", "learned", "curious", "scripted"] | None,
         typer.Option(
-            help="random (the default; learned with tasks), learned, or scripted (an oracle that knows the joints)."
+            help="random (the default; learned with tasks), learned, curious (learned, and does what tells most about "
+            "causes), or scripted (an oracle that knows the joints)."
         ),
     ] = None,
     model: Annotated[
         str | None,
         typer.Option(
-            help="With --policy learned: a shipped model's name or a folder.",
+            help="With --policy learned or curious: a shipped model's name or a folder.",
             autocompletion=offering(interaction_models),
+        ),
+    ] = None,
+    reasoner: Annotated[
+        str | None,
+        typer.Option(
+            help="With --policy curious: a shipped model's name (mechanism by default) or a folder.",
+            autocompletion=offering(reasoners),
         ),
     ] = None,
     strict: StrictOption = False,
@@ -77,7 +86,7 @@ def collect(
     options["render.camera"] = {} if camera == "clean" else None
     parameters = build(CollectConfig, config, set_ or [], options, usual)
     library = library_of(target, assets)
-    factory, provenance = _policy_factory(parameters.policy, model, parameters.learned)
+    factory, provenance = _policy_factory(parameters.policy, model, reasoner, parameters.learned)
     try:
         with episode_progress("collecting") as progress:
             count, runner = processes(workers), _engine(engine)
@@ -108,18 +117,30 @@ def _engine(name: str) -> "Engine":
 
 
 def _policy_factory(
-    policy: str, model: str | None, learned: dict[str, Any]
+    policy: str, model: str | None, reasoner: str | None, learned: dict[str, Any]
 ) -> "tuple[AnyPolicyFactory | None, dict[str, Any] | None]":
     """What makes the policies, and what it is made of; None for the built-in ones."""
-    if policy != "learned":
-        hint = "leave it out, or say --policy learned"
-        if model is not None:
-            raise UsageError(f"--model {model} goes with --policy learned, not with {policy}", hint)
-        if learned:
-            what = f"--set learned.{next(iter(learned))} goes with --policy learned, not with {policy}"
-            raise UsageError(what, hint)
+    trained = policy in ("learned", "curious")
+    first = next(iter(learned), "")
+    given = [
+        (f"--model {model}", model is not None, trained),
+        (f"--set learned.{first}", bool(learned), trained),
+        (f"--reasoner {reasoner}", reasoner is not None, policy == "curious"),
+    ]
+    for name, told, fits in given:
+        if told and not fits:
+            kind = "curious" if "reasoner" in name else "learned"
+            what = f"{name} goes with --policy {kind}, not with {policy}"
+            raise UsageError(what, f"leave it out, or say --policy {kind}")
+    if not trained:
         return None, None
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory
 
     factory = LearnedPolicyFactory(model or DEFAULT_MODEL, "collect", learned)
-    return factory, factory.provenance()
+    if policy == "learned":
+        return factory, factory.provenance()
+    from busybot.plan.curious import REASONER, CuriousFactory, curious_reasoner
+
+    curious_reasoner(reasoner or REASONER)  # refuses another before anything is written
+    curious = CuriousFactory(factory, reasoner or REASONER)
+    return curious, curious.provenance()

@@ -46,6 +46,7 @@ KINDS = {
     "table3": "python -m benchmarks.tables.table3",
     "worlds": "python -m benchmarks.tables.worlds",
     "shortcuts": "python -m benchmarks.studies.shortcuts",
+    "curiosity": "python -m benchmarks.studies.curiosity",
     "plan-procedural": "python -m benchmarks.tables.table3 procedural",
     "reason-procedural": "busybot eval reason",
     "stages": "python -m pipelines.tables",

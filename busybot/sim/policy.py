@@ -1,7 +1,8 @@
 """Defines what a policy is: what it gets, what it answers, and who makes it.
 
 A policy gets an `Observation`: what a robot would have. Whether it gets more depends on the kind of factory that makes
-it: an `OracleFactory` is given the scene, its policies get an `OracleObservation`, their episodes are marked oracle.
+it: a `DetectingFactory` is told where the objects are in the first picture; an `OracleFactory` is given the scene, its
+policies get an `OracleObservation`, their episodes are marked oracle.
 """
 
 from dataclasses import dataclass
@@ -55,6 +56,33 @@ class PolicyFactory(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Detections:
+    """What a detector tells of the first picture: N objects, as recordings tell them to reasoners.
+
+    Attributes:
+        roles: "trigger" or "responder".
+        boxes: int16 (N, 4), u0, v0, u1, v1 (exclusive); -1 where not visible.
+        positions: float32 (N, 3), visible centre, board frame, board units; NaN if not visible.
+    """
+
+    roles: tuple[str, ...]
+    boxes: np.ndarray
+    positions: np.ndarray
+
+
+@runtime_checkable
+class DetectingFactory(Protocol):
+    """Makes a policy that knows where objects are in the first picture, as reasoners do."""
+
+    @property
+    def name(self) -> str: ...
+
+    def make_detecting(self, rays: Rays, detections: Detections) -> Policy:
+        """A policy for one board, seen by the camera of these rays."""
+        ...
+
+
 @runtime_checkable
 class OracleFactory(Protocol):
     """Makes a policy that knows what only the simulator knows, for bounds and tests."""
@@ -67,7 +95,7 @@ class OracleFactory(Protocol):
         ...
 
 
-AnyPolicyFactory = PolicyFactory | OracleFactory
+AnyPolicyFactory = PolicyFactory | DetectingFactory | OracleFactory
 
 
 class StatelessPolicy:

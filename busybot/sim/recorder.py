@@ -21,7 +21,14 @@ from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import ENDED, Episode, Image, Observation
 from busybot.sim.interaction import Grasp, InteractionConfig, interact, look
-from busybot.sim.policy import AnyPolicyFactory, OracleFactory, oracle_observation
+from busybot.sim.policy import (
+    AnyPolicyFactory,
+    DetectingFactory,
+    Detections,
+    OracleFactory,
+    Policy,
+    oracle_observation,
+)
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
 from busybot.sim.scene.real_camera import GOAL_FRAME, REACH, true_depth
 from busybot.sim.vulkan_check import driver_of
@@ -49,11 +56,8 @@ def record_episode(
     """
     scene = simulator.board(board)
     rays = Rays(scene.camera)
-    if isinstance(factory, OracleFactory):
-        policy, oracle = factory.make_oracle(scene, rays, config), True
-    else:
-        policy, oracle = factory.make_policy(rays), False
-    images = [look(scene, seed, 0)]
+    images, oracle = [look(scene, seed, 0)], isinstance(factory, OracleFactory)
+    policy = _policy(factory, scene, rays, config, images[0])
     settings = {"seed": seed, "interaction": config.model_dump(mode="json")}
     episode = begin_episode(scene, images, policy.name, oracle, settings)
     rng = generator(seed, board.split, board.index, f"policy/{factory.name}")
@@ -72,6 +76,17 @@ def record_episode(
         policy.observe(action, step.executed, step.reward, seen)
         episode.frame_of.append(len(images) - 1)
     return episode
+
+
+def _policy(
+    factory: AnyPolicyFactory, scene: BoardScene, rays: Rays, config: InteractionConfig, first: Image
+) -> Policy:
+    if isinstance(factory, OracleFactory):
+        return factory.make_oracle(scene, rays, config)
+    if isinstance(factory, DetectingFactory):
+        roles = tuple(placed.role for placed in scene.spec.objects)
+        return factory.make_detecting(rays, Detections(roles, first.boxes, _visible_centres(first, scene)))
+    return factory.make_policy(rays)
 
 
 def begin_episode(

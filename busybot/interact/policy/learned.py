@@ -14,7 +14,7 @@ first 10 epochs, and where epsilon says so, one of them is drawn, all alike. Whe
 followed by its opposite, in a random order, until one works. For t and N of the bonus see `ucb_bonus`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Generic, Literal, get_args
 
@@ -42,6 +42,8 @@ from busybot.sim.policy import Action, StatelessPolicy
 
 Mode = Literal["evaluate", "greedy", "ucb", "collect"]
 MODES: tuple[Mode, ...] = get_args(Mode)
+Worth = Callable[[Candidates, np.ndarray], np.ndarray]
+"""What trying K candidates in the two directions of their best pairs, int (K, 2), is worth: float (K, 2)."""
 
 
 @dataclass(frozen=True)
@@ -66,15 +68,24 @@ class LearnedPolicy(Generic[V]):
 
     It reads depth (and RGB, if the model sees colours), its own actions, their reward and which pixels they changed.
 
+    Args:
+        worth: in mode `collect`, decides among known links when all candidates were tried, instead of chance.
+
     Attributes:
         view, candidates, choice: of the last decision, for pictures. `candidates` is None in modes that have none.
         memory: what was learnt about the board.
+        worth: as given.
     """
 
     def __init__(
-        self, model: ActionModel[V], rays: Rays, config: PolicyConfig | None = None, mode: Mode = "evaluate"
+        self,
+        model: ActionModel[V],
+        rays: Rays,
+        config: PolicyConfig | None = None,
+        mode: Mode = "evaluate",
+        worth: Worth | None = None,
     ) -> None:
-        self.name = policy_name(mode)
+        self.name, self.worth = policy_name(mode), worth
         self._model, self._rays, self._mode = model, rays, mode
         self._config = config or PolicyConfig()
         self._seen: Observation | None = None
@@ -138,6 +149,13 @@ class LearnedPolicy(Generic[V]):
         found = found.take(good)
         if config.candidates == "peaks":  # of the paper's clusters each has one
             found = found.best_of_regions()
+        moved = found.regions > 0
+        if self.worth is not None and moved.any() and not untried.any():
+            found = found.take(moved)
+            ways = np.stack([found.best_directions, np.asarray(OPPOSITE)[found.best_directions]], axis=1)
+            worth = self.worth(found, ways)
+            index, way = rng.permutation(np.argwhere(worth >= worth.max()))[0].tolist()
+            return replace(_chosen(found, index, "known"), direction=int(ways[index, way]))
         index = int(rng.integers(len(found)))
         choice = _chosen(found, index, "known" if found.regions[index] > 0 else "new")
         two = [choice.direction, int(OPPOSITE[choice.direction])]

@@ -122,6 +122,15 @@ class Imagining(Protocol):
         ...
 
 
+@runtime_checkable
+class Curious(Protocol):
+    """What a reasoner may have beside: how much it would learn from an action."""
+
+    def expected_information(self, seen: BoardSequence, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+        """Of each of S actions, one of which may be done next, in nats, float (S,); arguments as of `predict`."""
+        ...
+
+
 def imagine(
     reasoner: Reasoner, seen: BoardSequence, steps: np.ndarray, actions: np.ndarray, acted: np.ndarray
 ) -> np.ndarray:

@@ -13,6 +13,7 @@ import torch
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks
 from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace, explanations_of
+from busybot.reason.models.mechanism.curiosity import expected_information
 from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph
 from busybot.reason.models.mechanism.perception import Perceived, perceive
@@ -149,6 +150,18 @@ class MechanismReasoner:
                 told[question, number] = known.perceived.shown(after, seen.features[0])
         return told
 
+    def expected_information(self, seen: BoardSequence, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+        """See `Curious`: an action moves a link as the seen ones did, or nothing."""
+        known = self._understand(seen)
+        now = known.trace.links[-1]
+        moves = [
+            tuple(known.perceived.moved(now, action, owner).tolist())
+            for action, owner in zip(actions, acted.tolist(), strict=True)
+        ]
+        distinct = list(dict.fromkeys(moves))
+        told = expected_information(known.trace, known.found, known.shares[..., -1], distinct)
+        return told[[distinct.index(one) for one in moves]]
+
     def laws(self, seen: BoardSequence) -> tuple[Perceived, Laws]:
         """What pictures show of a board, and what it does, to plan with."""
         known = self._understand(seen)
@@ -164,14 +177,16 @@ class MechanismReasoner:
         self._last = (seen, self._explained(seen, [seen.steps]))
         return self._last[1]
 
-    @torch.no_grad()
     def _explained(self, seen: BoardSequence, after: Sequence[int]) -> _Understood:
         perceived = perceive(seen, self.encoder)
-        found = explanations_of(perceived.trace)
-        graph = explanation_graph(perceived.trace, after)
-        final, _ = self._net(Batch.from_data_list([graph]))
-        shares = final.exp().view(len(perceived.responders), len(found.own), -1).double().numpy()
-        return _Understood(perceived, found, shares)
+        return _Understood(perceived, *self.explain(perceived.trace, after))
+
+    @torch.no_grad()
+    def explain(self, trace: Trace, after: Sequence[int]) -> tuple[Explanations, np.ndarray]:
+        """What explains a trace, and how probable each is after so many actions each, float (R, H, K)."""
+        final, _ = self._net(Batch.from_data_list([explanation_graph(trace, after)]))
+        shares = final.exp().view(trace.responders.shape[1], -1, len(after)).double().numpy()
+        return explanations_of(trace), shares
 
     def _context(self, trace: Trace, links: np.ndarray, before: np.ndarray) -> np.ndarray:
         """Contexts (H,) after one more action that left the links so."""

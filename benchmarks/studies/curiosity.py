@@ -1,0 +1,236 @@
+"""Which action next: how soon relations are known when chance, turns or curiosity choose what to do.
+
+    python -m benchmarks.studies.curiosity --assets DIR --out benchmarks/results/curiosity.json
+        [--parts drawn,greedy,recorded --work FOLDER] [--only gates,time] [--boards 60] [--few 12]
+
+All are judged by the shipped `mechanism` model: the F1 of the links that it claims after each action.
+
+- `drawn`: boards of the training split that are moved without a simulator, true states. Links are chosen at random, in
+  turn (`coverage`), or by the model's curiosity after one turn (`curious`, which waits, too, if that tells more).
+- `greedy`: the same, chosen by the exact observer's information; slow, so on the first boards alone, with the others
+  beside it on just these.
+- `recorded`: simulated boards, pictures, and the learned policy's contacts: `collect --policy learned` draws among
+  known links, `--policy curious` asks the model. Both look for links first.
+
+"I know" is said where no action is expected to tell more than `ENOUGH` nats: after how many actions, and how often a
+parent is then missing or wrong. `ENOUGH` was chosen on boards of another seed (`--tune`). No test split is looked at.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import runner
+from benchmarks.studies.bounds import WORKS, Drawn
+from benchmarks.tables.worlds import Recorded
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
+from busybot.boards.worlds import WORLDS
+from busybot.common.rng import generator
+from busybot.episodes.mcap.reader import read_episode
+from busybot.evaluation.bootstrap import percentile_interval
+from busybot.objects.library import Library
+from busybot.objects.resolve import find
+from busybot.plan.curious import REASONER
+from busybot.reason.evaluation.evaluate import ReasonEvaluation, judge_episode
+from busybot.reason.evaluation.upper_bound import Observer, greedy
+from busybot.reason.models.mechanism.contexts import Trace
+from busybot.reason.models.mechanism.curiosity import expected_information
+from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+from busybot.reason.models.registry import reasoner_of
+from busybot.training.model_cards import file_hashes, find_folder
+
+KIND = "curiosity"
+PARTS = ("drawn", "greedy", "recorded")
+CHOICES = ("random", "coverage", "curious")
+ACTIONS, STEPS = 40, 30
+SEED, TUNING = 991, 990
+ENOUGH = 0.02
+CLAIMED, KNOWN, DRAWS = 0.5, 0.95, 1000
+
+
+class Player:
+    """Plays one drawn board and tells what the model claims.
+
+    Attributes:
+        counts: of each action so far, links rightly claimed, claimed and true.
+        stop: after how many actions the model says that it knows, and whether it does then; None until it says so.
+    """
+
+    def __init__(self, board: Drawn, reasoner: MechanismReasoner, choice: str, rng: np.random.Generator):
+        self._board, self._reasoner, self._choice, self._rng = board, reasoner, choice, rng
+        self._links, self._shown = [board.triggers], [board.shown]
+        self._order = rng.permutation(len(board.triggers))
+        self._observer = Observer(board.space, board.triggers, board.shown) if choice == "greedy" else None
+        self.counts: list[tuple[int, int, int]] = []
+        self.stop: tuple[int, bool] | None = None
+
+    def act(self) -> None:
+        board = self._board
+        link, there = self._chosen()
+        works = link is None or (self._rng.random() < WORKS and not board.held(link))
+        board.act(there if works else board.triggers)
+        self._links.append(board.triggers)
+        self._shown.append(board.shown)
+        if self._observer:
+            self._observer.see(board.triggers, board.shown)
+        self._judge()
+
+    def _chosen(self) -> tuple[int | None, tuple[int, ...]]:
+        """The link to be moved, None for none, and the states that are meant to follow."""
+        board, done = self._board, len(self._links) - 1
+        moves: list[tuple[int | None, tuple[int, ...]]] = [
+            (link, there) for link in range(len(board.triggers)) for there in board.moves(link)
+        ]
+        if self._observer:
+            free = [(link, there) for link, there in moves if link is None or not board.held(link)]
+            free += [(None, board.triggers)] if board.waits or not free else []
+            return free[greedy(self._observer.belief(), [there for _, there in free], self._rng)]
+        if self._choice == "curious" and done >= len(self._order):
+            moves.append((None, board.triggers))
+            told = self._information([there for _, there in moves])
+            return moves[int(self._rng.choice(np.flatnonzero(told >= told.max())))]
+        turn = int(self._order[done % len(self._order)])
+        link = int(self._rng.integers(len(self._order))) if self._choice == "random" else turn
+        own = board.moves(link)
+        return link, own[int(self._rng.integers(len(own)))]
+
+    def _trace(self) -> Trace:
+        return Trace(np.array(self._links), np.array(self._shown), self._board.links.sizes)
+
+    def _information(self, moves: list[tuple[int, ...]]) -> np.ndarray:
+        trace = self._trace()
+        found, shares = self._reasoner.explain(trace, [len(self._links) - 1])
+        return expected_information(trace, found, shares[..., 0], moves)
+
+    def _judge(self) -> None:
+        trace, board = self._trace(), self._board
+        found, shares = self._reasoner.explain(trace, [len(self._links) - 1])
+        claimed = (shares[..., 0] @ found.inputs).T > CLAIMED
+        true = np.zeros_like(claimed)
+        for responder, one in enumerate(board.truth()):
+            true[list(one.inputs), responder] = True
+        self.counts.append((int((claimed & true).sum()), int(claimed.sum()), int(true.sum())))
+        if self._choice == "curious" and self.stop is None and len(self.counts) > len(self._order):
+            moves = [there for link in range(len(board.triggers)) for there in board.moves(link)]
+            told = expected_information(trace, found, shares[..., 0], [*moves, board.triggers])
+            if told.max() < ENOUGH:
+                self.stop = len(self.counts), bool((claimed == true).all())
+
+
+def drawn(world: str, boards: int, choices: tuple[str, ...], library: Library, seed: int) -> dict[str, Any]:
+    """Figures of each choice on drawn boards."""
+    reasoner = reasoner_of(REASONER)
+    assert isinstance(reasoner, MechanismReasoner)
+    specs = list(generate_boards(BoardConfig(world=world, boards=boards, seed=seed, group_size=1), library))
+    found: dict[str, Any] = {}
+    for choice in choices:
+        players = []
+        for number, spec in enumerate(specs):
+            player = Player(
+                Drawn(spec, library), reasoner, choice, generator(seed, world, number, f"curiosity/{choice}")
+            )
+            for _ in range(ACTIONS):
+                player.act()
+            players.append(player)
+        found[choice] = figures(np.array([player.counts for player in players]), world)
+        if choice == "curious":
+            stops = [player.stop for player in players if player.stop]
+            found[choice]["stops"] = {
+                "boards": len(stops),
+                "wrong": sum(not right for _, right in stops),
+                "actions": float(np.mean([after for after, _ in stops])) if stops else None,
+            }
+        print(world, choice, found[choice]["until"], found[choice].get("stops"), file=sys.stderr, flush=True)
+    return found
+
+
+def recorded(world: str, boards: int, work: Path, assets: str) -> dict[str, Any]:
+    """Figures of both policies on simulated boards."""
+    found = {}
+    for policy in ("learned", "curious"):
+        folder = work / world / policy
+        runner.busybot(*runner.generating(folder, "train", boards, SEED, assets), "--world", world)
+        acting = ("--steps", str(STEPS), "--policy", policy, "--seed", str(SEED), "--assets", assets)
+        small = runner.settings("render.width=320", "render.height=240")
+        runner.busybot("collect", str(folder), *acting, *small)
+        data = Recorded.at(folder, assets)
+        judging = ReasonEvaluation(REASONER, library=data.library, curve=())
+        counts = []
+        for index in sorted(data.dataset.finished()):
+            episode = read_episode(data.dataset.episode_path(index), "lazy")
+            causes = judge_episode(episode, judging, data.features[index]).causes
+            assert causes is not None and causes.links is not None
+            counts.append(np.asarray(causes.links)[1:].sum(1))
+        found[policy] = figures(np.array(counts), world)
+        print(world, policy, found[policy]["until"], file=sys.stderr, flush=True)
+    return found
+
+
+def figures(counts: np.ndarray, world: str) -> dict[str, Any]:
+    """F1 after each action, and after how many it is at least `KNOWN`, with intervals by a bootstrap over boards.
+
+    Args:
+        counts: int (boards, actions, 3), links rightly claimed, claimed and true.
+    """
+    rng = generator(SEED, world, 0, "curiosity/bootstrap")
+    picked = rng.integers(len(counts), size=(DRAWS, len(counts)))
+    curves = np.array([_f1(counts[one]) for one in picked])
+    return {
+        "boards": len(counts),
+        "f1": _f1(counts).tolist(),
+        "f1_interval": np.quantile(curves, (0.025, 0.975), axis=0).T.tolist(),
+        "until": _until(_f1(counts)),
+        "until_interval": percentile_interval(np.array([_until(one) for one in curves])),
+    }
+
+
+def _f1(counts: np.ndarray) -> np.ndarray:
+    hits, claimed, true = counts.sum(0).T
+    return np.asarray(2 * hits / (claimed + true))
+
+
+def _until(curve: np.ndarray) -> int:
+    """The first action after which F1 is at least `KNOWN`; one more than there were if it never is."""
+    return int(np.argmax(curve >= KNOWN)) + 1 if (curve >= KNOWN).any() else len(curve) + 1
+
+
+def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """The whole result, after each part of each world; what is there is kept."""
+    library, rows = find(arguments.assets), runner.told_rows(arguments.out, KIND)
+    worlds = runner.chosen(arguments.only, WORLDS) if arguments.only else list(WORLDS)
+    for part in runner.chosen(arguments.parts, PARTS):
+        for world in worlds:
+            told = rows.setdefault(world, {})
+            if part in told:
+                continue
+            if part == "recorded":
+                told[part] = recorded(world, arguments.boards, arguments.work, arguments.assets)
+            elif part == "drawn":
+                told[part] = drawn(world, arguments.boards, CHOICES, library, SEED)
+            else:
+                told[part] = drawn(world, arguments.few, (*CHOICES, "greedy"), library, SEED)
+            kept = {name: rows[name] for name in WORLDS if name in rows}
+            yield {"assets": runner.assets_name(arguments.assets), "enough": ENOUGH, "rows": kept}
+
+
+def main() -> None:
+    options = runner.parser(__doc__)
+    options.add_argument("--parts", default="drawn")
+    options.add_argument("--work", type=Path, help="for recordings of the part `recorded`")
+    options.add_argument("--only", help="names of worlds, comma-separated; all by default")
+    options.add_argument("--boards", type=int, default=60)
+    options.add_argument("--few", type=int, default=12, help="boards of the exact observer")
+    arguments = options.parse_args()
+    hashes = {"models": {REASONER: file_hashes(find_folder(REASONER, "reason"))}}
+    runner.torch_with(1)
+    for told in measure(arguments):
+        runner.finish(KIND, arguments, told, hashes=hashes, seed=SEED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,136 @@
+"""Chooses the actions that tell most about what causes what: `busybot collect --policy curious`.
+
+Links are found by the learned policy: candidates that nobody tried come first. Of the links that moved, the one is
+moved next of which the reasoner expects to learn most about all responders. What it has to go by are the pictures so
+far, with the objects' boxes in the first of them, as it has of a recording.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from busybot.boards.directions import DIRECTIONS
+from busybot.common.errors import UsageError
+from busybot.episodes.camera import Rays
+from busybot.episodes.episode import Image, Observation
+from busybot.interact.policy.candidates import Candidates
+from busybot.interact.policy.learned import LearnedPolicy
+from busybot.interact.policy.policy_factory import LearnedPolicyFactory
+from busybot.plan.agent_policy import OnlineFeatures
+from busybot.reason.encoders.registry import FeatureExtractor, make_extractor
+from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedAction, ObservedEpisode, trigger_at
+from busybot.reason.inputs.sequence import BoardSequence, sequence_of
+from busybot.reason.models.base import Curious
+from busybot.reason.models.registry import reasoner_of
+from busybot.sim.policy import Action, Detections
+from busybot.training.model_cards import file_hashes, find_folder
+
+NAME = "curious"
+REASONER = "mechanism"
+"""The shipped reasoner that is asked if none is named."""
+
+
+class Watched:
+    """A recording that grows: what a reasoner may know of it, after every action."""
+
+    def __init__(self, first: Observation, detections: Detections, extractor: FeatureExtractor):
+        image = Image(first.rgb, first.depth, None, NO_BOXES)
+        found = detections.roles, detections.boxes, detections.positions
+        self.observed = ObservedEpisode(first.camera, *found, actions=(), images=[image], image_of=(0,))
+        self._sight, self._latest = OnlineFeatures(self.observed, extractor), first
+        self._features = [self._sight.see(self.observed.frame(0))]
+
+    def add(self, action: ObservedAction, after: Observation) -> None:
+        """What an action led to; the observation is the same object as before if nothing was seen to change."""
+        images, observed = list(self.observed.images), self.observed
+        if after is not self._latest:
+            images.append(Image(after.rgb, after.depth, None, NO_BOXES))
+        self._latest = after
+        image_of, actions = (*observed.image_of, len(images) - 1), (*observed.actions, action)
+        self.observed = replace(observed, actions=actions, images=images, image_of=image_of)
+        self._features.append(self._sight.see(Frame(after.rgb, after.depth)))
+
+    def sequence(self) -> BoardSequence:
+        return sequence_of(self.observed, np.stack(self._features))
+
+
+class CuriousPolicy:
+    """See the module.
+
+    Args:
+        inner: finds links, and asks what its actions are worth.
+        reasoner: of `curious_reasoner`; expects to learn something of them.
+    """
+
+    name = NAME
+
+    def __init__(self, inner: LearnedPolicy[Any], rays: Rays, detections: Detections, reasoner: Any):
+        self._inner, self._rays, self._detections = inner, rays, detections
+        self._reasoner, self._extractor = reasoner, make_extractor(reasoner.encoder)
+        self._watched: Watched | None = None
+        self._seen: Observation | None = None
+
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
+        if self._watched is None:
+            self._watched = Watched(observation, self._detections, self._extractor)
+        self._seen = observation
+        return self._inner.select_action(observation, rng)
+
+    def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
+        watched, seen = self._watched, self._seen
+        assert watched is not None and seen is not None
+        self._inner.observe(action, executed, reward, after)
+        x, y, z = map(float, self._rays.point(seen.depth, action.pixel))
+        dx, dy, dz = map(float, DIRECTIONS[action.directions[0]])
+        watched.add(ObservedAction(action.pixel, (x, y, z), (dx, dy, dz)), after)
+
+    def worth(self, found: Candidates, directions: np.ndarray) -> np.ndarray:
+        """Expected information, see `interact.policy.learned.Worth`."""
+        assert self._watched is not None
+        each = directions.shape[1]
+        positions = np.repeat(found.positions, each, axis=0)
+        actions = np.concatenate([positions, DIRECTIONS[directions.ravel()]], axis=1).astype(np.float32)
+        observed = self._watched.observed
+        acted = np.array([trigger_at(observed, (int(u), int(v))) for u, v in found.pixels], int).repeat(each)
+        told = self._reasoner.expected_information(self._watched.sequence(), actions, acted)
+        return told.reshape(directions.shape)
+
+
+def curious_reasoner(name_or_path: str) -> Any:
+    """A reasoner that is `Curious`.
+
+    Raises:
+        BusybotError: there is no such model, or it does not tell what it would learn.
+    """
+    reasoner = reasoner_of(name_or_path)
+    if not isinstance(reasoner, Curious):
+        what = f"--policy {NAME} asks what would be learned, which the reasoner {reasoner.name} does not tell"
+        raise UsageError(what, f"give --reasoner {REASONER}, or a model of that variant")
+    return reasoner
+
+
+@dataclass(frozen=True)
+class CuriousFactory:
+    """Makes the policy of an interaction model and a reasoner.
+
+    Attributes:
+        learned: the interaction model, in mode `collect`.
+        reasoner: name of a shipped model, or a folder.
+    """
+
+    learned: LearnedPolicyFactory
+    reasoner: str = REASONER
+    name: str = field(default=NAME, init=False)
+
+    def make_detecting(self, rays: Rays, detections: Detections) -> CuriousPolicy:
+        reasoner = curious_reasoner(self.reasoner)
+        inner = self.learned.make_policy(rays)
+        assert isinstance(inner, LearnedPolicy)
+        policy = CuriousPolicy(inner, rays, detections, reasoner)
+        inner.worth = policy.worth
+        return policy
+
+    def provenance(self) -> dict[str, Any]:
+        """Everything that decides the choices, JSON values."""
+        return {**self.learned.provenance(), "reasoner": file_hashes(find_folder(self.reasoner, "reason"))}

@@ -1,0 +1,71 @@
+"""What an action would tell: the information that is expected of it about what explains each responder.
+
+The outcome of an action is foretold by every explanation; where those that are still probable disagree, or none has met
+the situation, seeing it tells most. That is the mutual information between the outcome and what explains it, which is
+an explanation and how often which state follows its contexts (Houlsby & others, Bayesian active learning by
+disagreement, 2011). Responders are added up, as if each had its own outcome independently of the others.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import digamma
+
+from busybot.reason.models.mechanism.contexts import STATES, SURE, UNSURE, Explanations, Trace, explanations_of
+
+
+def expected_information(
+    trace: Trace, found: Explanations, shares: np.ndarray, moves: Sequence[Sequence[int]]
+) -> np.ndarray:
+    """Of each move, in nats, float (M,).
+
+    Args:
+        found: explanations of the trace.
+        shares: float (R, H), the probability of each.
+        moves: states in which each would leave the links.
+    """
+    before = trace.responders[-1]
+    earlier = np.concatenate([trace.responders[:1], trace.responders[:-1]])
+    shown = np.eye(STATES)[trace.responders]  # (T + 1, R, S)
+    alike = shown * (earlier == before)[..., None]
+    few = np.where(found.own, UNSURE, SURE)[:, None] * (np.arange(STATES) < ways_of(trace)[:, None, None])  # (R, H, S)
+    told = []
+    for links in moves:
+        equal = (found.contexts == context_after(trace, links)).astype(float).T  # (H, T + 1)
+        counts = np.where(found.own[:, None], _counts(equal, alike), _counts(equal, shown)) + few
+        told.append(_information(counts, shares))
+    return np.array(told)
+
+
+def context_after(trace: Trace, links: Sequence[int]) -> np.ndarray:
+    """Contexts (H,) after one more action, which leaves the links so."""
+    longer = Trace(
+        np.vstack([trace.links, np.asarray(links, int)]), np.vstack([trace.responders, trace.responders[-1:]]),
+        trace.sizes,
+    )  # fmt: skip
+    return explanations_of(longer).contexts[-1]
+
+
+def ways_of(trace: Trace) -> np.ndarray:
+    """States that each responder is known to have, two at least, int (R,)."""
+    return np.maximum(trace.responders.max(0) + 1, 2)
+
+
+def _counts(equal: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """(R, H, S) from (H, T + 1) and (T + 1, R, S)."""
+    return np.einsum("ht,trs->rhs", equal, shown, optimize=True)
+
+
+def _information(counts: np.ndarray, shares: np.ndarray) -> float:
+    """Of one outcome, over all responders.
+
+    Args:
+        counts: (R, H, S), of a Dirichlet distribution of what follows; zeros where a state cannot.
+        shares: (R, H).
+    """
+    total = counts.sum(-1, keepdims=True)
+    likely = counts / total
+    mean = np.einsum("rh,rhs->rs", shares, likely)
+    inner = digamma(total[..., 0] + 1) - (likely * digamma(counts + 1)).sum(-1)  # expected entropy
+    entropy = -np.sum(mean * np.log(np.where(mean > 0, mean, 1)), -1)
+    return float((entropy - (shares * inner).sum(-1)).sum())

@@ -78,6 +78,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/worlds.md": {
         "worlds": tables.worlds,
         "exploring": tables.exploring,
+        "curiosity": tables.curiosity,
         "world-plans": tables.world_plans,
         "shortcuts": tables.shortcuts,
         "bounds-symbolic": tables.bounds_symbolic,

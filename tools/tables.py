@@ -667,6 +667,21 @@ def exploring() -> str:
     return markdown([plain_grid(("random", "coverage first", "greedy"), lines, "F1 of links after 10 / 22 / 30")])
 
 
+def curiosity() -> str:
+    """After how many actions relations are known, by way of choosing them."""
+    lines = []
+    for world, parts in result("curiosity")["rows"].items():
+        for part in ("drawn", "recorded"):
+            for choice, told in parts.get(part, {}).items():
+                low, high = told["until_interval"]
+                most = len(told["f1"])
+                until, least, last = (f"over {most}" if one > most else f"{one:g}" for one in (told["until"], low, high))
+                shares = " / ".join(f"{100 * told['f1'][after - 1]:.0f}" for after in (10, 22, 30))
+                knows = f"{told['stops']['boards']} ({told['stops']['wrong']})" if told.get("stops") else "-"
+                lines.append((f"{world}, {part}: {choice}", [told["boards"], f"{until} ({least}-{last})", shares, knows]))
+    return markdown([plain_grid(("boards", "actions until 95", "F1 after 10 / 22 / 30", "knows (wrong)"), lines, "")])
+
+
 VIEWS = {"looks": "looks", "picture": "picture", "places": "places", "order": "order", "actions": "actions"}
 
 

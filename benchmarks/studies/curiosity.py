@@ -12,8 +12,8 @@ All are judged by the shipped `mechanism` model: the F1 of the links that it cla
 - `recorded`: simulated boards, pictures, and the learned policy's contacts: `collect --policy learned` draws among
   known links, `--policy curious` asks the model. Both look for links first.
 
-"I know" is said where no action is expected to tell more than `ENOUGH` nats: after how many actions, and how often a
-parent is then missing or wrong. `ENOUGH` was chosen on boards of another seed (`--tune`). No test split is looked at.
+"I know" is said when all parents that are claimed are right with a probability of `CERTAIN`, by the model: after how
+many actions, and how often a parent is then missing or wrong. No test split is looked at.
 """
 
 import argparse
@@ -35,11 +35,11 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.bootstrap import percentile_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.plan.curious import REASONER
+from busybot.plan.curious import CERTAIN, REASONER
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, judge_episode
 from busybot.reason.evaluation.upper_bound import Observer, greedy
 from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.curiosity import expected_information
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
 from busybot.training.model_cards import file_hashes, find_folder
@@ -48,8 +48,7 @@ KIND = "curiosity"
 PARTS = ("drawn", "greedy", "recorded")
 CHOICES = ("random", "coverage", "curious")
 ACTIONS, STEPS = 40, 30
-SEED, TUNING = 991, 990
-ENOUGH = 0.02
+SEED = 991
 CLAIMED, KNOWN, DRAWS = 0.5, 0.95, 1000
 
 
@@ -92,34 +91,27 @@ class Player:
             return free[greedy(self._observer.belief(), [there for _, there in free], self._rng)]
         if self._choice == "curious" and done >= len(self._order):
             moves.append((None, board.triggers))
-            told = self._information([there for _, there in moves])
+            told = expected_information(self._trace, self._found, self._shares, [there for _, there in moves])
             return moves[int(self._rng.choice(np.flatnonzero(told >= told.max())))]
         turn = int(self._order[done % len(self._order)])
         link = int(self._rng.integers(len(self._order))) if self._choice == "random" else turn
         own = board.moves(link)
         return link, own[int(self._rng.integers(len(own)))]
 
-    def _trace(self) -> Trace:
-        return Trace(np.array(self._links), np.array(self._shown), self._board.links.sizes)
-
-    def _information(self, moves: list[tuple[int, ...]]) -> np.ndarray:
-        trace = self._trace()
-        found, shares = self._reasoner.explain(trace, [len(self._links) - 1])
-        return expected_information(trace, found, shares[..., 0], moves)
-
     def _judge(self) -> None:
-        trace, board = self._trace(), self._board
-        found, shares = self._reasoner.explain(trace, [len(self._links) - 1])
-        claimed = (shares[..., 0] @ found.inputs).T > CLAIMED
+        """What the model makes of the trace, which curiosity reads next."""
+        board = self._board
+        self._trace = Trace(np.array(self._links), np.array(self._shown), board.links.sizes)
+        self._found, shares = self._reasoner.explain(self._trace, [len(self._links) - 1])
+        self._shares = shares[..., 0]
+        claimed = (self._shares @ self._found.inputs).T > CLAIMED
         true = np.zeros_like(claimed)
         for responder, one in enumerate(board.truth()):
             true[list(one.inputs), responder] = True
         self.counts.append((int((claimed & true).sum()), int(claimed.sum()), int(true.sum())))
-        if self._choice == "curious" and self.stop is None and len(self.counts) > len(self._order):
-            moves = [there for link in range(len(board.triggers)) for there in board.moves(link)]
-            told = expected_information(trace, found, shares[..., 0], [*moves, board.triggers])
-            if told.max() < ENOUGH:
-                self.stop = len(self.counts), bool((claimed == true).all())
+        swept = len(self.counts) >= len(self._order)
+        if self.stop is None and swept and certainty(self._found, self._shares) >= CERTAIN:
+            self.stop = len(self.counts), bool((claimed == true).all())
 
 
 def drawn(world: str, boards: int, choices: tuple[str, ...], library: Library, seed: int) -> dict[str, Any]:
@@ -138,14 +130,13 @@ def drawn(world: str, boards: int, choices: tuple[str, ...], library: Library, s
                 player.act()
             players.append(player)
         found[choice] = figures(np.array([player.counts for player in players]), world)
-        if choice == "curious":
-            stops = [player.stop for player in players if player.stop]
-            found[choice]["stops"] = {
-                "boards": len(stops),
-                "wrong": sum(not right for _, right in stops),
-                "actions": float(np.mean([after for after, _ in stops])) if stops else None,
-            }
-        print(world, choice, found[choice]["until"], found[choice].get("stops"), file=sys.stderr, flush=True)
+        stops = [player.stop for player in players if player.stop]
+        found[choice]["stops"] = {
+            "boards": len(stops),
+            "wrong": sum(not right for _, right in stops),
+            "actions": float(np.mean([after for after, _ in stops])) if stops else None,
+        }
+        print(world, choice, found[choice]["until"], found[choice]["stops"], file=sys.stderr, flush=True)
     return found
 
 
@@ -215,7 +206,7 @@ def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
             else:
                 told[part] = drawn(world, arguments.few, (*CHOICES, "greedy"), library, SEED)
             kept = {name: rows[name] for name in WORLDS if name in rows}
-            yield {"assets": runner.assets_name(arguments.assets), "enough": ENOUGH, "rows": kept}
+            yield {"assets": runner.assets_name(arguments.assets), "certain": CERTAIN, "rows": kept}
 
 
 def main() -> None:

@@ -48,6 +48,9 @@ def collect(
             autocompletion=offering(reasoners),
         ),
     ] = None,
+    until_known: Annotated[
+        bool, typer.Option("--until-known", help="With --policy curious: stop when all relations are known for sure.")
+    ] = False,
     strict: StrictOption = False,
     camera: Annotated[
         Literal["clean", "real"] | None,
@@ -86,7 +89,7 @@ def collect(
     options["render.camera"] = {} if camera == "clean" else None
     parameters = build(CollectConfig, config, set_ or [], options, usual)
     library = library_of(target, assets)
-    factory, provenance = _policy_factory(parameters.policy, model, reasoner, parameters.learned)
+    factory, provenance = _policy_factory(parameters.policy, model, parameters.learned, reasoner, until_known)
     try:
         with episode_progress("collecting") as progress:
             count, runner = processes(workers), _engine(engine)
@@ -117,22 +120,21 @@ def _engine(name: str) -> "Engine":
 
 
 def _policy_factory(
-    policy: str, model: str | None, reasoner: str | None, learned: dict[str, Any]
+    policy: str, model: str | None, learned: dict[str, Any], reasoner: str | None, until_known: bool
 ) -> "tuple[AnyPolicyFactory | None, dict[str, Any] | None]":
     """What makes the policies, and what it is made of; None for the built-in ones."""
-    trained = policy in ("learned", "curious")
-    first = next(iter(learned), "")
+    trained, curious = ("learned", "curious"), ("curious",)
     given = [
         (f"--model {model}", model is not None, trained),
-        (f"--set learned.{first}", bool(learned), trained),
-        (f"--reasoner {reasoner}", reasoner is not None, policy == "curious"),
+        (f"--set learned.{next(iter(learned), '')}", bool(learned), trained),
+        (f"--reasoner {reasoner}", reasoner is not None, curious),
+        ("--until-known", until_known, curious),
     ]
-    for name, told, fits in given:
-        if told and not fits:
-            kind = "curious" if "reasoner" in name else "learned"
-            what = f"{name} goes with --policy {kind}, not with {policy}"
-            raise UsageError(what, f"leave it out, or say --policy {kind}")
-    if not trained:
+    for name, told, fitting in given:
+        if told and policy not in fitting:
+            what = f"{name} goes with --policy {fitting[0]}, not with {policy}"
+            raise UsageError(what, f"leave it out, or say --policy {fitting[0]}")
+    if policy not in trained:
         return None, None
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory
 
@@ -142,5 +144,5 @@ def _policy_factory(
     from busybot.plan.curious import REASONER, CuriousFactory, curious_reasoner
 
     curious_reasoner(reasoner or REASONER)  # refuses another before anything is written
-    curious = CuriousFactory(factory, reasoner or REASONER)
-    return curious, curious.provenance()
+    asking = CuriousFactory(factory, reasoner or REASONER, until_known)
+    return asking, asking.provenance()

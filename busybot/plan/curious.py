@@ -29,6 +29,8 @@ from busybot.training.model_cards import file_hashes, find_folder
 NAME = "curious"
 REASONER = "mechanism"
 """The shipped reasoner that is asked if none is named."""
+CERTAIN = 0.95
+"""The policy knows what there is to know when it is so sure of all parents (`--until-known`)."""
 
 
 class Watched:
@@ -61,21 +63,28 @@ class CuriousPolicy:
     Args:
         inner: finds links, and asks what its actions are worth.
         reasoner: of `curious_reasoner`; expects to learn something of them.
+        until_known: end the episode when every candidate was tried and the reasoner is sure of all parents.
     """
 
     name = NAME
 
-    def __init__(self, inner: LearnedPolicy[Any], rays: Rays, detections: Detections, reasoner: Any):
+    def __init__(
+        self, inner: LearnedPolicy[Any], rays: Rays, detections: Detections, reasoner: Any, until_known: bool = False
+    ):
         self._inner, self._rays, self._detections = inner, rays, detections
         self._reasoner, self._extractor = reasoner, make_extractor(reasoner.encoder)
+        self._until_known = until_known
         self._watched: Watched | None = None
         self._seen: Observation | None = None
+        self._sequence: BoardSequence | None = None  # what `worth` was asked about in this decision
 
-    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action | None:
         if self._watched is None:
             self._watched = Watched(observation, self._detections, self._extractor)
-        self._seen = observation
-        return self._inner.select_action(observation, rng)
+        self._seen, self._sequence = observation, None
+        action = self._inner.select_action(observation, rng)
+        nothing_new = self._until_known and self._sequence is not None
+        return None if nothing_new and self._reasoner.certainty(self._sequence) >= CERTAIN else action
 
     def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
         watched, seen = self._watched, self._seen
@@ -88,12 +97,13 @@ class CuriousPolicy:
     def worth(self, found: Candidates, directions: np.ndarray) -> np.ndarray:
         """Expected information, see `interact.policy.learned.Worth`."""
         assert self._watched is not None
+        self._sequence = self._watched.sequence()
         each = directions.shape[1]
         positions = np.repeat(found.positions, each, axis=0)
         actions = np.concatenate([positions, DIRECTIONS[directions.ravel()]], axis=1).astype(np.float32)
         observed = self._watched.observed
         acted = np.array([trigger_at(observed, (int(u), int(v))) for u, v in found.pixels], int).repeat(each)
-        told = self._reasoner.expected_information(self._watched.sequence(), actions, acted)
+        told = self._reasoner.expected_information(self._sequence, actions, acted)
         return told.reshape(directions.shape)
 
 
@@ -117,20 +127,23 @@ class CuriousFactory:
     Attributes:
         learned: the interaction model, in mode `collect`.
         reasoner: name of a shipped model, or a folder.
+        until_known: see `CuriousPolicy`.
     """
 
     learned: LearnedPolicyFactory
     reasoner: str = REASONER
+    until_known: bool = False
     name: str = field(default=NAME, init=False)
 
     def make_detecting(self, rays: Rays, detections: Detections) -> CuriousPolicy:
         reasoner = curious_reasoner(self.reasoner)
         inner = self.learned.make_policy(rays)
         assert isinstance(inner, LearnedPolicy)
-        policy = CuriousPolicy(inner, rays, detections, reasoner)
+        policy = CuriousPolicy(inner, rays, detections, reasoner, self.until_known)
         inner.worth = policy.worth
         return policy
 
     def provenance(self) -> dict[str, Any]:
         """Everything that decides the choices, JSON values."""
-        return {**self.learned.provenance(), "reasoner": file_hashes(find_folder(self.reasoner, "reason"))}
+        reasoner = file_hashes(find_folder(self.reasoner, "reason"))
+        return {**self.learned.provenance(), "reasoner": reasoner, "until_known": self.until_known}

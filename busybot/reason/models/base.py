@@ -130,6 +130,10 @@ class Curious(Protocol):
         """Of each of S actions, one of which may be done next, in nats, float (S,); arguments as of `predict`."""
         ...
 
+    def certainty(self, seen: BoardSequence) -> float:
+        """The probability that the likeliest parents of all responders are the right ones, 0 to 1."""
+        ...
+
 
 def imagine(
     reasoner: Reasoner, seen: BoardSequence, steps: np.ndarray, actions: np.ndarray, acted: np.ndarray

@@ -37,6 +37,17 @@ def expected_information(
     return np.array(told)
 
 
+def certainty(found: Explanations, shares: np.ndarray) -> float:
+    """The probability that the likeliest set of parents of every responder is the right one.
+
+    Args:
+        shares: float (R, H), the probability of each explanation.
+    """
+    _, which = np.unique(found.inputs, axis=0, return_inverse=True)
+    of_sets = np.array([np.bincount(which.ravel(), own) for own in shares])
+    return float(of_sets.max(1).prod())
+
+
 def context_after(trace: Trace, links: Sequence[int]) -> np.ndarray:
     """Contexts (H,) after one more action, which leaves the links so."""
     longer = Trace(

@@ -13,7 +13,7 @@ import torch
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks
 from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace, explanations_of
-from busybot.reason.models.mechanism.curiosity import expected_information
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information
 from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph
 from busybot.reason.models.mechanism.perception import Perceived, perceive
@@ -161,6 +161,11 @@ class MechanismReasoner:
         distinct = list(dict.fromkeys(moves))
         told = expected_information(known.trace, known.found, known.shares[..., -1], distinct)
         return told[[distinct.index(one) for one in moves]]
+
+    def certainty(self, seen: BoardSequence) -> float:
+        """See `Curious`; of links that pictures have shown to move, there may be more."""
+        known = self._understand(seen)
+        return certainty(known.found, known.shares[..., -1])
 
     def laws(self, seen: BoardSequence) -> tuple[Perceived, Laws]:
         """What pictures show of a board, and what it does, to plan with."""

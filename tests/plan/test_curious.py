@@ -1,0 +1,111 @@
+"""The curious policy: what it sees while it acts is what is recorded, and it does what tells most."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
+from busybot.common.errors import BusybotError
+from busybot.episodes.camera import Rays
+from busybot.episodes.episode import ENDED
+from busybot.interact.policy.policy_factory import LearnedPolicyFactory
+from busybot.objects.resolve import find
+from busybot.plan.curious import CuriousFactory, CuriousPolicy, curious_reasoner
+from busybot.reason.encoders.registry import make_extractor
+from busybot.reason.inputs.observation import observe_episode
+from busybot.reason.inputs.sequence import sequence_of
+from busybot.sim.interaction import InteractionConfig
+from busybot.sim.policy import Detections
+from busybot.sim.recorder import record_episode
+from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.scene.render import RenderConfig
+
+STEPS = 14
+
+
+class Kept(CuriousFactory):
+    """Keeps the policy that it made."""
+
+    def make_detecting(self, rays: Rays, detections: Detections) -> CuriousPolicy:
+        policy = super().make_detecting(rays, detections)
+        object.__setattr__(self, "policy", policy)
+        return policy
+
+
+@pytest.fixture(scope="module")
+def simulator() -> Simulator:
+    return Simulator(find("procedural"), RenderConfig(width=320, height=240))
+
+
+def test_it_sees_while_it_acts_what_is_recorded_and_asks_when_nothing_is_new(simulator: Simulator) -> None:
+    [board] = generate_boards(BoardConfig(world="gates", boards=1, seed=4), simulator.library)
+    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
+    episode = record_episode(simulator, board, factory, STEPS, InteractionConfig(), 0)
+    policy: CuriousPolicy = vars(factory)["policy"]
+    assert policy._watched is not None and policy._sequence is not None
+    online, observed = policy._watched.sequence(), observe_episode(episode)
+    recorded = sequence_of(observed, make_extractor("embedded").of(observed))
+    assert not episode.oracle and episode.policy == "curious" and len(episode.steps) == STEPS
+    for name, values in recorded.arrays.items():
+        assert np.array_equal(online.arrays[name], values), name
+    assert np.array_equal(online.links.states, recorded.links.states)
+
+
+def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> None:
+    """It moves the link again and again of which a stand-in expects most; when that is sure, it ends the episode."""
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+
+    class Fond:
+        """Of the leftmost place."""
+
+        encoder, sure = "embedded", 0.0
+
+        def expected_information(self, seen: object, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+            return -actions[:, 0].astype(float)
+
+        def certainty(self, seen: object) -> float:
+            return self.sure
+
+    fond = Fond()
+
+    class Asking(CuriousFactory):
+        def make_detecting(self, rays: Rays, detections: Detections) -> CuriousPolicy:
+            inner = self.learned.make_policy(rays)
+            policy = CuriousPolicy(inner, rays, detections, fond, until_known=True)  # type: ignore[arg-type]
+            inner.worth = policy.worth  # type: ignore[attr-defined]
+            return policy
+
+    factory = Asking(LearnedPolicyFactory("procedural", "collect"))
+    episode = record_episode(simulator, board, factory, 24, InteractionConfig(), 0)
+    held = [(step.acted_object, step.acted_link) for step in episode.steps]
+    moved = {one for one, step in zip(held, episode.steps, strict=True) if step.reward}
+    assert len(moved) > 1 and len(set(held[-4:])) == 1 and ENDED not in episode.settings
+    places = [(one, step.position[0]) for one, step in zip(held, episode.steps, strict=True) if one in moved]
+    assert min(places, key=lambda place: place[1])[0] == held[-1]
+    fond.sure = 1.0
+    ended = record_episode(simulator, board, factory, 24, InteractionConfig(), 0)
+    assert len(ended.steps) < 24 and ended.settings[ENDED] == {"of": 24}
+
+
+def test_who_cannot_tell_is_not_asked() -> None:
+    with pytest.raises(BusybotError, match="does not tell") as error:
+        curious_reasoner("event")
+    assert "--reasoner mechanism" in str(error.value.hint)
+
+
+def test_it_is_collected_continued_and_told_by_what_it_chose(tmp_path: Path) -> None:
+    from tests.cli.commands import busybot
+
+    out = tmp_path / "data"
+    small = ("--set", "render.width=160", "--set", "render.height=120", "--steps", "3", "--workers", "1")
+    busybot("generate", out, "--boards", "1", "--seed", "4")
+    wrong = busybot("collect", out, "--policy", "learned", "--until-known")
+    assert wrong.returncode == 2 and "goes with --policy curious" in wrong.stderr
+    other = busybot("collect", out, "--policy", "curious", "--reasoner", "lookup")
+    assert other.returncode == 2 and "does not tell" in other.stderr
+    done = busybot("collect", out, "--policy", "curious", *small)
+    assert done.returncode == 0, done.stderr
+    again = busybot("collect", out, "--policy", "curious", "--until-known", *small)
+    assert again.returncode == 1 and "until_known" in again.stderr

@@ -1,0 +1,63 @@
+"""What an action would tell: most where explanations disagree, nothing where everything is known."""
+
+import numpy as np
+
+from busybot.boards.mechanisms.gate import Gate
+from busybot.reason.models.mechanism.contexts import MEMORIES, Explanations, Trace, explanations_of
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information
+from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+from busybot.reason.models.registry import reasoner_of
+from tests.reason.models.mechanism.test_laws import watched
+
+
+def follows_the_first(actions: int) -> Trace:
+    """Two links; the responder shows the first one's state, the other one has never moved."""
+    links = np.zeros((actions + 1, 2), int)
+    links[1::2, 0] = 1
+    return Trace(links, links[:, :1].copy(), (2, 2))
+
+
+def shares_of(found: Explanations, *inputs: tuple[int, ...]) -> np.ndarray:
+    """All alike among those explanations that remember nothing and read just these."""
+    now = found.memory == MEMORIES.index("late 0")
+    read = [tuple(np.flatnonzero(row).tolist()) for row in found.inputs]
+    fits = [now & np.array([own == one for own in read]) for one in inputs]
+    shares = np.sum(fits, axis=0).astype(float)
+    return (shares / shares.sum())[None]
+
+
+def test_what_would_tell_two_explanations_apart_is_worth_most() -> None:
+    """After an action both that read the first link, alone or with the second, agree: but for the second."""
+    trace = follows_the_first(8)
+    found = explanations_of(trace)
+    told = expected_information(trace, found, shares_of(found, (0,), (0, 1)), [(1, 0), (0, 1), (0, 0)])
+    assert told[1] > 5 * told[0] >= 0 and told[1] > 5 * told[2] >= 0
+    sure = expected_information(trace, found, shares_of(found, (0,)), [(1, 0), (0, 1), (0, 0)])
+    assert sure.max() < 0.05
+
+
+def test_certainty_is_that_of_sets_of_parents() -> None:
+    trace = follows_the_first(4)
+    found = explanations_of(trace)
+    assert certainty(found, shares_of(found, (0,))) == 1
+    assert certainty(found, shares_of(found, (0,), (1,))) == 0.5
+    several = np.zeros((1, len(found.own)))  # explanations of one set are not told apart
+    several[0, np.flatnonzero((found.inputs == np.array([True, False, False])).all(1))[:4]] = 0.25
+    assert certainty(found, several) == 1
+
+
+def test_the_shipped_model_becomes_sure_of_a_gate_and_wants_to_see_what_it_has_not() -> None:
+    reasoner = reasoner_of("mechanism")
+    assert isinstance(reasoner, MechanismReasoner)
+    links, shown = watched(Gate(sizes=(2, 2), table=(0, 0, 0, 1), function="and"), 30)
+    trace = Trace(links, shown, (2, 2))
+    found, shares = reasoner.explain(trace, range(31))
+    sure = [certainty(found, shares[..., after]) for after in (0, 3, 30)]
+    assert sure[0] < 0.7 < 0.9 < sure[-1]
+    early = trace.first(1)
+    known = explanations_of(early)
+    flipped = early.links[-1].copy()
+    moved = int(np.flatnonzero(early.links[0] != early.links[1])[0])
+    flipped[1 - moved] ^= 1
+    told = expected_information(early, known, reasoner.explain(early, [1])[1][..., 0], [flipped, early.links[-1]])
+    assert told[0] > told[1]

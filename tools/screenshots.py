@@ -18,7 +18,7 @@ import time
 from functools import partial
 from pathlib import Path
 
-import cv2
+from PIL import Image
 
 from busybot.view.viewer_process import save_screenshot
 
@@ -136,20 +136,9 @@ def foxglove(place: Path, picture: Path) -> None:
 
 def table(environment: Path, folder: Path, picture: Path) -> None:
     """Five rows of the export for Hugging Face's library."""
-    export = [
-        sys.executable,
-        "-m",
-        "busybot",
-        "dataset",
-        "export",
-        EPISODE.parents[1],
-        "--to",
-        "hf",
-        "--out",
-        folder / "hf",
-    ]
-    subprocess.run([*export, "--quiet"], check=True)
-    command = [environment / "bin" / "python", "-c", TABLE, folder / "hf"]
+    export = ["dataset", "export", str(EPISODE.parents[1]), "--to", "hf", "--out", f"{folder}/hf", "--quiet"]
+    subprocess.run([sys.executable, "-m", "busybot", *export], check=True)
+    command = [str(environment / "bin" / "python"), "-c", TABLE, f"{folder}/hf"]
     offline = {"HF_HUB_OFFLINE": "1", "HF_HOME": str(folder), "HF_DATASETS_DISABLE_PROGRESS_BARS": "1"}
     html = subprocess.run(command, env=offline, check=True, capture_output=True, text=True).stdout
     (folder / "table.html").write_text(html)
@@ -168,10 +157,9 @@ def shoot(address: str, picture: Path, size: tuple[int, int]) -> None:
 
 def _smaller(picture: Path) -> None:
     """1200 pixels wide at most."""
-    image = cv2.imread(str(picture))
-    scale = min(1.0, 1200 / image.shape[1])
-    image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    cv2.imwrite(str(picture), image, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    image = Image.open(picture).convert("RGB")
+    image.thumbnail((1200, 1200), Image.Resampling.LANCZOS)
+    image.save(picture, optimize=True)
 
 
 if __name__ == "__main__":

@@ -232,7 +232,10 @@ def go_to_step(process: "subprocess.Popen[bytes]", port: int, step: int | None) 
     address = f"rerun+http://{LOOPBACK}:{port}/proxy"
     client = _once_open(process, port, START_SECONDS, lambda: ViewerClient.connect(address))
     _wait_until_loaded(client, process)
-    client.set_time(None if step is None else "step", sequence=step, play_state="paused")
+    if step is None:
+        client.set_time(play_state="paused")
+    else:
+        client.set_time("step", sequence=step, play_state="paused")
     return client
 
 

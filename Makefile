@@ -6,13 +6,14 @@ WORKERS ?= auto
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 4 --dist worksteal
 PROFILE ?= smoke
 
-.PHONY: help setup demo test test-all lint reproduce dvc site extras lock check-resolve check-exports check-install clean
+.PHONY: help setup demo test test-all lint reproduce dvc site extras lock check-resolve check-exports check-lerobot \
+	check-install clean
 
 help:
 	@echo "make demo           set up and run the demo: boards, recordings, relations, a report and pictures"
 	@echo "make test           set up and run the fast tests, in as many processes as there are processors, 4 at most"
 	@echo "                    (WORKERS=N: in N; WORKERS=0: in one, as a debugger needs it)"
-	@echo "make test-all       the linter, the type checker and all tests, the site, with the optional packages and DVC"
+	@echo "make test-all       the linter, the type checker and all tests, the site, the exports in others' tools"
 	@echo "make lint           the linter, the type checker, and is the documentation what is generated?"
 	@echo "make site           the documentation as a site in build/site, with an API reference"
 	@echo "make reproduce      run the whole pipeline, PROFILE=smoke by default; what is up to date is not run again"
@@ -21,7 +22,8 @@ help:
 	@echo "make extras         install the optional packages: Ray, causal-learn, h5py, Stable-Baselines3, s3fs"
 	@echo "make lock           write the locks in requirements/ anew from pyproject.toml (needs the registry)"
 	@echo "                    (UPGRADE=--upgrade: in newer versions)"
-	@echo "make check-exports  open exports of the tiny dataset in the real tools (needs the registry, installs 3 GB)"
+	@echo "make check-exports  open exports of the tiny dataset in the real tools, installed beside the project (1.4 GB)"
+	@echo "make check-lerobot  open one in the newest LeRobot, in a Debian 13 below .tools (needs root, mmdebstrap; 2 GB)"
 	@echo "make check-install  install the reading side alone, with the lowest versions, and use it (needs the registry)"
 	@echo "make check-resolve  do the pins resolve for every supported Python? (needs the registry)"
 
@@ -34,7 +36,7 @@ demo: setup
 test: setup
 	@$(PYTEST) -m "not long" $(PYTEST_ARGS)
 
-test-all: setup lint dvc site extras
+test-all: setup lint dvc site check-exports extras
 	@$(PYTEST) --require-extras $(PYTEST_ARGS)
 
 lint: setup
@@ -63,6 +65,7 @@ reproduce: dvc
 
 UV_COMPILE := $(BIN)/uv pip compile --quiet --no-emit-index-url --no-annotate -c requirements/constraints.txt
 TORCHLESS := --excludes requirements/without-cuda.txt --no-emit-package torch
+ROBOTLESS := --excludes requirements/without-robots.txt --custom-compile-command "make lock"
 EXTRAS := --extra cluster --extra causal --extra import --extra baselines --extra s3 --extra s3-server
 
 # The lock of the optional packages lists what they need beside the base, and takes the base as it is locked; what the
@@ -75,6 +78,12 @@ lock: setup
 		-c requirements/lock.txt --custom-compile-command "make lock" $(EXTRAS) -o requirements/extras.txt pyproject.toml
 	@echo "dvc[s3]" | $(UV_COMPILE) --universal --python-version 3.11 --generate-hashes $(UPGRADE) \
 		--custom-compile-command "make lock" -o requirements/dvc.txt -
+	@printf '%s\n' datasets duckdb polars pandas pyarrow mlcroissant pillow lerobot-doctor | $(UV_COMPILE) --universal \
+		--python-version 3.11 --generate-hashes $(UPGRADE) --custom-compile-command "make lock" -o requirements/tables.txt -
+	@echo "lerobot==0.4.*" | $(UV_COMPILE) --universal --python-version 3.11 --generate-hashes $(UPGRADE) $(ROBOTLESS) \
+		-o requirements/lerobot.txt -
+	@echo "lerobot[dataset]" | $(UV_COMPILE) --python-version 3.13 --python-platform x86_64-manylinux_2_36 \
+		--generate-hashes $(UPGRADE) $(ROBOTLESS) --no-emit-package torchvision -o requirements/lerobot-debian.txt -
 	@printf '%s\n' "mkdocs==1.*" mkdocs-material "mkdocstrings[python]" ruff | $(UV_COMPILE) --universal --python-version 3.11 \
 		--generate-hashes $(UPGRADE) --custom-compile-command "make lock" -o requirements/site.txt -
 
@@ -88,9 +97,13 @@ check-resolve: setup
 		done; \
 	done; rm -f .resolved.txt
 
-# The tools' packages would fight ours: they live in environments of their own.
 check-exports: setup
-	@$(BIN)/python tools/check_exports.py --environments .tools/exports
+	@$(PYTHON) -m provision.extras tables lerobot
+	@$(BIN)/python tools/check_exports.py --tools .tools --only tables lerobot
+
+check-lerobot: setup
+	@tools/debian_root.sh .tools/debian
+	@$(BIN)/python tools/check_exports.py --tools .tools --only debian
 
 # Does an install without simulator and torch read recordings, with the lowest versions, and beside others' packages?
 check-install: setup

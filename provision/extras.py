@@ -1,8 +1,9 @@
-"""`python3 -m provision.extras dvc|site|packages`: what only some people need, after `python3 -m provision`.
+"""`python3 -m provision.extras dvc|site|tables|lerobot|packages`: what only some need, after `python3 -m provision`.
 
 - `dvc`: DVC in an environment of its own, `.tools/dvc`, where `make reproduce` and `busybot dataset push` find it. Its
   packages would fight ours, so it is a tool beside the project, not an import.
 - `site`: MkDocs, which makes the documentation a site, in `.tools/site`.
+- `tables` and `lerobot`: the packages that `make check-exports` opens exports with, in folders of `.tools`, too.
 - `packages`: the optional packages of pyproject.toml (`cluster`, `causal`, `import`, `baselines`, `s3`) in `.venv`.
   Their lock lists only what the base does not have and is installed alone, so that no pinned package of the base
   changes.
@@ -24,7 +25,12 @@ from provision.steps import Log, SetupError, say
 
 ROOT = Path(__file__).resolve().parents[1]
 BASE = ROOT / ".venv"
-TOOLS = {"dvc": ("DVC", "dvc"), "site": ("MkDocs", "mkdocs")}
+TOOLS = {
+    "dvc": ("DVC", "dvc"),
+    "site": ("MkDocs", "mkdocs"),
+    "tables": ("readers of exported tables", "datasets-cli"),
+    "lerobot": ("LeRobot", "lerobot-info"),
+}
 """Name and program of each tool; its folder is `.tools/KEY`, its lock `requirements/KEY.txt`."""
 PACKAGES_LOCK = ROOT / "requirements" / "extras.txt"
 SETUP_FIRST = "Run `make setup` first."
@@ -61,7 +67,7 @@ def install_tool(tool: str) -> None:
     uv = [str(BASE / "bin" / "python"), "-m", "uv"]
     made = f"the environment for {name} could not be made"
     log.must([*uv, "venv", "--quiet", "--python", sys.executable, str(folder)], made, SETUP_FIRST)
-    packages = ["pip", "install", "--python", str(folder / "bin" / "python"), "--require-hashes"]
+    packages = ["pip", "install", "--python", str(folder / "bin" / "python"), "--no-deps", "--require-hashes"]
     log.must([*uv, *packages, "-r", str(lock)], f"{name} could not be installed", REGISTRY_HINT)
     stamp.write_text(key, encoding="utf-8")
 

@@ -1,10 +1,9 @@
-"""`python tools/check_exports.py`: exports of the tiny dataset, opened in the real tools and compared frame by frame.
+"""`make check-exports`: exports of the tiny dataset, opened in the real tools and compared frame by frame.
 
-The tools do not fit beside the project, so this file runs twice: here it exports, makes the environments (once; they
-stay in the folder that `--environments` names) and says what every frame has to decode to; in each environment it runs
-again with `--read`, without busybot, and opens the exports as their users would. LeRobot 0.4.4 asks for an older torch;
-it is installed beside the one that this project pins, in its build without CUDA. torchvision then lacks its compiled
-operators, of which LeRobot's datasets use none.
+The tools do not fit beside the project, so this file runs twice: here it exports, and says what every frame has to
+decode to; in the environments `tables` and `lerobot` (see provision/extras.py), or in the Debian 13 of
+tools/debian_root.sh, it runs again with `--read`, without busybot, and opens the exports as their users would. LeRobot
+borrows the project's torch, with which torchvision's compiled operators do not load; its datasets use none of them.
 """
 
 import argparse
@@ -14,54 +13,51 @@ import importlib.metadata
 import io
 import itertools
 import json
-import platform
+import os
+import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
-import venv
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-ENVIRONMENTS = {
-    "tables": [
-        "datasets==5.2.0", "duckdb==2.0.0", "polars==2.1.0", "pandas==3.1.1", "mlcroissant==1.1.1", "pillow==13.0.0",
-        "lerobot-doctor==0.2.0",
-    ],
-    "lerobot": [
-        "datasets==4.8.5", "huggingface-hub==0.35.3", "numpy==2.2.6", "pandas==2.3.3", "av==15.1.0", "jsonlines==4.0.0",
-        "packaging==25.0", "einops==0.8.2", "draccus==0.10.0", "gymnasium==1.4.0", "deepdiff==8.6.2",
-        "termcolor==3.3.0", "imageio==2.38.1", "opencv-python-headless==4.12.0.88", "accelerate==1.15.0", "sympy",
-        "jinja2", "networkx",
-    ],
-}  # fmt: skip
-"""Packages of each environment with the versions with which the exports were checked."""
-ALONE = {"lerobot": ["lerobot==0.4.4", "torchvision==0.28.0"]}
-"""Packages that are installed without what they require."""
 TARGETS = ("parquet", "hf", "croissant", "lerobot", "images")
 
 
 def main() -> int:
     """Exit code 1 if a tool shows something else than was recorded."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--environments", type=Path, help="folder for the environments of the tools, about 2 GB")
+    parser.add_argument("--tools", type=Path, default=ROOT / ".tools", help="folder of the environments")
     parser.add_argument("--dataset", type=Path, default=ROOT / "datasets" / "tiny")
-    parser.add_argument("--only", choices=[*ENVIRONMENTS], help="one of the environments")
+    parser.add_argument("--only", choices=list(CHECKS), nargs="+", default=["tables", "lerobot"], help="environments")
     parser.add_argument("--read", nargs=2, metavar=("ENVIRONMENT", "FOLDER"), help="the second run; nobody types this")
     told = parser.parse_args()
     if told.read:
         return read(told.read[0], Path(told.read[1]))
-    if told.environments is None:
-        parser.error("--environments DIR: a folder for the environments of the tools")
-    failed = 0
     with tempfile.TemporaryDirectory() as folder:
         export(told.dataset, Path(folder))
-        for name in [told.only] if told.only else ENVIRONMENTS:
-            python = environment(told.environments.absolute() / name, name)
-            offline = {"HF_HUB_OFFLINE": "1", "HF_HOME": f"{folder}/cache", "PATH": f"{python.parent}:/usr/bin:/bin"}
-            command = [str(python), str(Path(__file__).resolve()), "--read", name, folder]
-            failed += subprocess.run(command, cwd=folder, env=offline).returncode != 0
+        shutil.copy(__file__, folder)
+        failed = sum(not opened(name, told.tools.absolute() / name, Path(folder)) for name in told.only)
     return int(failed > 0)
+
+
+def opened(name: str, place: Path, folder: Path) -> bool:
+    """Whether the tools of this environment show what is in the folder."""
+    offline = {"HF_HUB_OFFLINE": "1", "HF_HOME": f"{folder}/cache"}
+    python, root = [str(place / "bin" / "python")], place / "tmp" / folder.name
+    if name == "debian":
+        shutil.copytree(folder, root, dirs_exist_ok=True)
+        folder, offline["PYTHONPATH"] = Path("/tmp") / folder.name, "/opt/lerobot"
+        python = ["/usr/sbin/chroot", str(place), "/usr/bin/python3"]
+    environment = {**offline, "PATH": f"{place}/bin:/usr/bin:/bin", "BORROWED": sysconfig.get_path("purelib")}
+    command = [*python, f"{folder}/{Path(__file__).name}", "--read", name, str(folder)]
+    done = subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True)
+    shutil.rmtree(root, ignore_errors=True)
+    if done.returncode:
+        print(done.stderr, file=sys.stderr)
+    return done.returncode == 0
 
 
 def export(dataset: Path, folder: Path) -> None:
@@ -79,31 +75,6 @@ def export(dataset: Path, folder: Path) -> None:
     actions = [[*step.pixel, step.direction] for episode in episodes for step in episode.steps]
     expected = {"rgb": [digest(one.rgb) for one in images], "depth": [digest(one.depth) for one in images]}
     (folder / "expected.json").write_text(json.dumps({**expected, "actions": actions}))
-
-
-def environment(place: Path, name: str) -> Path:
-    """The Python of an environment, which is made if these packages are not in it."""
-    python, done = place / "bin" / "python", place / "installed.json"
-    wanted = json.dumps([ENVIRONMENTS[name], ALONE.get(name)])
-    if done.exists() and done.read_text() == wanted:
-        return python
-    print(f"{name}: installing into {place}", flush=True)
-    venv.create(place, with_pip=True, clear=True)
-    pip = [str(python), "-m", "pip", "install", "--quiet", "--no-warn-conflicts"]
-    if name == "lerobot":
-        sys.path.insert(0, str(ROOT))
-        from provision.packages import CONSTRAINTS, torch_commands, torch_pin
-
-        version = torch_pin((ROOT / CONSTRAINTS).read_text(encoding="utf-8"))
-        subprocess.run([*pip, "uv"], check=True)
-        ways = [command for _, command in torch_commands(str(python), version, gpu=False, machine=platform.machine())]
-        if not any(subprocess.run(command).returncode == 0 for command in ways):
-            raise SystemExit("torch could not be installed")
-    for package in ALONE.get(name, []):
-        subprocess.run([*pip, "--no-deps", package], check=True)
-    subprocess.run([*pip, *ENVIRONMENTS[name]], check=True)
-    done.write_text(wanted)
-    return python
 
 
 def digest(values: Any) -> str:
@@ -220,10 +191,12 @@ def doctor(folder: Path, expected: dict[str, Any]) -> str:
 
 def lerobot(folder: Path, expected: dict[str, Any]) -> str:
     """Every frame of `LeRobotDataset`, some with their neighbours, and two episodes alone."""
+    sys.path.append(os.environ["BORROWED"])  # behind what LeRobot brings; not there in Debian, which has a torch
     torch, numpy = _module("torch"), _module("numpy")
-    operators = torch.library.Library("torchvision", "DEF")  # of which it registers variants, compiled or not
-    for name in ("nms", "qnms"):
-        operators.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+    if torch.__version__.endswith("+cpu"):  # beside which torchvision's compiled operators are missing
+        operators = torch.library.Library("torchvision", "DEF")  # of which it registers variants, compiled or not
+        for name in ("nms", "qnms"):
+            operators.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
     tool = _module("lerobot.datasets.lerobot_dataset").LeRobotDataset
     frames = tool("me/boards", root=folder / "lerobot")
     found: dict[str, list[str]] = {"rgb": [], "depth": []}
@@ -258,6 +231,7 @@ CHECKS = {
         "lerobot-doctor": doctor,
     },
     "lerobot": {"LeRobot": lerobot},
+    "debian": {"LeRobot": lerobot},
 }
 """By environment and tool."""
 

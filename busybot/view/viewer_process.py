@@ -207,8 +207,8 @@ def _preferred_port() -> int:
             return free_port()
 
 
-def save_screenshot(rrd: Path, picture: Path, step: int) -> None:
-    """Write a PNG of the viewer showing `rrd` at `step` of the timeline `step`.
+def save_screenshot(rrd: Path, picture: Path, step: int | None) -> None:
+    """Write a PNG of the viewer showing `rrd` at `step` of the timeline `step`, or as it opens a recording of others.
 
     Raises:
         BusybotError: the viewer does not start, load or draw in time.
@@ -227,12 +227,15 @@ def save_screenshot(rrd: Path, picture: Path, step: int) -> None:
     write_atomically(picture, png)
 
 
-def go_to_step(process: "subprocess.Popen[bytes]", port: int, step: int) -> ViewerClient:
+def go_to_step(process: "subprocess.Popen[bytes]", port: int, step: int | None) -> ViewerClient:
     """Wait until the viewer has loaded its recording, then set its time; raises one of `FAULTS`."""
     address = f"rerun+http://{LOOPBACK}:{port}/proxy"
     client = _once_open(process, port, START_SECONDS, lambda: ViewerClient.connect(address))
     _wait_until_loaded(client, process)
-    client.set_time("step", sequence=step, play_state="paused")
+    if step is None:
+        client.set_time(play_state="paused")
+    else:
+        client.set_time("step", sequence=step, play_state="paused")
     return client
 
 

@@ -41,7 +41,7 @@ from busybot.plan.curious import CERTAIN, REASONER
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, judge_episode
 from busybot.reason.evaluation.upper_bound import Observer, greedy
 from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
 from busybot.training.model_cards import file_hashes, find_folder
@@ -67,7 +67,7 @@ class Player:
 
     def __init__(self, board: Drawn, reasoner: MechanismReasoner, choice: str, rng: np.random.Generator):
         self._board, self._reasoner, self._choice, self._rng = board, reasoner, choice, rng
-        self._links, self._shown = [board.triggers], [board.shown]
+        self._links, self._shown, self._acted = [board.triggers], [board.shown], list[int]()
         self._order = rng.permutation(len(board.triggers))
         self._observer = Observer(board.space, board.triggers, board.shown) if choice == "greedy" else None
         self.counts: list[tuple[int, int, int]] = []
@@ -78,6 +78,7 @@ class Player:
         link, there = self._chosen()
         works = link is None or (self._rng.random() < WORKS and not board.held(link))
         board.act(there if works else board.triggers)
+        self._acted.append(-1 if link is None else link)
         self._links.append(board.triggers)
         self._shown.append(board.shown)
         if self._observer:
@@ -97,6 +98,7 @@ class Player:
         if self._choice == "curious" and done >= len(self._order):
             moves.append((None, board.triggers))
             told = expected_information(self._trace, self._found, self._shares, [there for _, there in moves])
+            told *= [1 if link is None else patience(self._trace, self._acted, link) for link, _ in moves]
             return moves[int(self._rng.choice(np.flatnonzero(told >= told.max())))]
         turn = int(self._order[done % len(self._order)])
         link = int(self._rng.integers(len(self._order))) if self._choice == "random" else turn
@@ -154,8 +156,7 @@ def recorded(world: str, boards: int, work: Path, assets: str) -> dict[str, Any]
         folder = work / world / policy
         runner.busybot(*runner.generating(folder, "train", boards, SEED, assets), "--world", world)
         acting = ("--steps", str(STEPS), "--policy", policy, "--seed", str(SEED), "--assets", assets)
-        small = runner.settings("render.width=320", "render.height=240")
-        runner.busybot("collect", str(folder), *acting, *small)
+        runner.busybot("collect", str(folder), *acting)
         data = Recorded.at(folder, assets)
         judging = ReasonEvaluation(REASONER, library=data.library, curve=())
         counts = []

@@ -37,6 +37,20 @@ def expected_information(
     return np.array(told)
 
 
+def patience(trace: Trace, acted: Sequence[int] | np.ndarray, link: int) -> float:
+    """How far to believe that a link moves: half as much with every action that failed to move it as things stand.
+
+    A link that something holds moves when responders look otherwise; then it is believed again.
+
+    Args:
+        acted: the link that each action took hold of, -1 for none, (T,).
+    """
+    steps = np.flatnonzero(np.asarray(acted) == link)
+    alike = (trace.responders[steps] == trace.responders[-1]).all(1)
+    failed = trace.links[steps, link] == trace.links[steps + 1, link]
+    return float(0.5 ** (alike & failed).sum())
+
+
 def certainty(found: Explanations, shares: np.ndarray) -> float:
     """The probability that the likeliest set of parents of every responder is the right one.
 

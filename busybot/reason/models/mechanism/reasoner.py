@@ -13,7 +13,7 @@ import torch
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks
 from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace, explanations_of
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph
 from busybot.reason.models.mechanism.perception import Perceived, perceive
@@ -153,13 +153,16 @@ class MechanismReasoner:
     def expected_information(self, seen: BoardSequence, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """See `Curious`: an action moves a link as the seen ones did, or nothing."""
         known = self._understand(seen)
-        now = known.trace.links[-1]
+        trace, clusters = known.trace, known.perceived.links.clusters
         moves = [
-            tuple(known.perceived.moved(now, action, owner).tolist())
+            tuple(known.perceived.moved(trace.links[-1], action, owner).tolist())
             for action, owner in zip(actions, acted.tolist(), strict=True)
         ]
         distinct = list(dict.fromkeys(moves))
-        told = expected_information(known.trace, known.found, known.shares[..., -1], distinct)
+        told = expected_information(trace, known.found, known.shares[..., -1], distinct)
+        for number, move in enumerate(distinct):
+            for link in np.flatnonzero(trace.links[-1] != move):
+                told[number] *= patience(trace, clusters, int(link))
         return told[[distinct.index(one) for one in moves]]
 
     def certainty(self, seen: BoardSequence) -> float:

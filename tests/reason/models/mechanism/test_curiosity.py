@@ -4,7 +4,7 @@ import numpy as np
 
 from busybot.boards.mechanisms.gate import Gate
 from busybot.reason.models.mechanism.contexts import MEMORIES, Explanations, Trace, explanations_of
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
 from tests.reason.models.mechanism.test_laws import watched
@@ -34,6 +34,14 @@ def test_what_would_tell_two_explanations_apart_is_worth_most() -> None:
     assert told[1] > 5 * told[0] >= 0 and told[1] > 5 * told[2] >= 0
     sure = expected_information(trace, found, shares_of(found, (0,)), [(1, 0), (0, 1), (0, 0)])
     assert sure.max() < 0.05
+
+
+def test_a_link_that_does_not_give_is_believed_again_when_things_stand_otherwise() -> None:
+    links = np.array([[0, 0], [0, 0], [0, 0], [1, 0], [1, 1]])
+    trace = Trace(links, np.array([[0], [0], [0], [1], [1]]), (2, 2))
+    acted = [1, 1, 0, 1]  # the second link is held while the responder shows 0
+    assert patience(trace.first(2), acted[:2], 1) == 0.25
+    assert patience(trace, acted, 1) == patience(trace.first(2), acted[:2], 0) == 1
 
 
 def test_certainty_is_that_of_sets_of_parents() -> None:

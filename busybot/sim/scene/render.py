@@ -191,11 +191,18 @@ class RenderConfig(FrozenModel):
         return without(handler(self), {"camera": {}, "randomise": {}})
 
     def of_board(self, spec: BoardSpec) -> "RenderConfig":
-        """How this board is looked at: with the pose and the field of view that were drawn for it.
+        """How this board is looked at: by its own camera if it has one, else with the pose and the field of view that
+        were drawn for it. A board's own camera may stand farther away: it sees three times as far as its target.
 
         Raises:
             BusybotError: a drawn camera does not see the board.
         """
+        if spec.camera is not None:
+            own = spec.camera.model_dump()
+            far = max(self.far, 3 * float(np.linalg.norm(np.subtract(own["target"], own["position"]))))
+            return self.model_validate({**self.model_dump(), **own, "far": far}).of_board(
+                spec.model_copy(update={"camera": None})
+            )
         pose, zoom = self.randomise.pose, self.randomise.fov
         if not (pose or zoom):
             return self

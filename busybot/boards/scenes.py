@@ -79,30 +79,30 @@ class Scene(FrozenModel):
     parts: tuple[Part, ...]
 
 
-_WORKTOPS = ((-2.9, -2.0, -1.5, 2.0), (1.5, -2.0, 2.9, 2.0))
+_WORKTOPS = ((-2.9, -2.05, -1.3, 2.05), (1.3, -2.05, 2.9, 2.05))
 _WALL = ((-3.0, -2.0, 3.0, 2.0),)
 SCENES: dict[str, Scene] = {
     "kitchen": Scene(
         about="a stove with four knobs and four burners between worktops, from the cook's place",
         size=(6.0, 4.4), textures=("brushed", "felt"),
         colors=((0.80, 0.82, 0.85), (0.94, 0.92, 0.86), (0.62, 0.74, 0.88)),
-        position=(0.0, -3.7, 4.3), sway=(1.2, 0.3, 0.3), target=(0.0, -0.25, 0.0), fov=(68, 74),
+        position=(0.0, -3.6, 3.9), sway=(1.2, 0.3, 0.3), target=(0.0, -0.15, 0.0), fov=(66, 71),
         parts=(
-            Part(does="control", category="Switch", families=("stoveknob",), count=(4, 4), scale=(0.9, 1.3),
-                 places=((-1.05, -1.6), (-0.35, -1.6), (0.35, -1.6), (1.05, -1.6))),
+            Part(does="control", category="Switch", families=("stoveknob",), count=(4, 4), scale=(1.2, 1.7),
+                 places=((-0.9, -1.6), (-0.3, -1.6), (0.3, -1.6), (0.9, -1.6))),
             Part(does="target", category="Lamp", families=("burner",), count=(4, 4), scale=(1.5, 1.9),
-                 places=((-0.7, -0.45), (0.7, -0.45), (-0.7, 0.9), (0.7, 0.9))),
-            Part(does="bystander", category="Door", families=("pot", "kettle"), count=(2, 5), areas=_WORKTOPS,
+                 places=((-0.62, -0.5), (0.62, -0.5), (-0.62, 0.8), (0.62, 0.8))),
+            Part(does="bystander", category="Door", families=("pot", "kettle"), count=(2, 6), areas=_WORKTOPS,
                  scale=(0.9, 1.4)),
             Part(does="bystander", category="Switch", count=(1, 3), areas=_WORKTOPS, scale=(0.9, 1.2)),
-            Part(does="bystander", category="Lamp", count=(1, 3), areas=_WORKTOPS, scale=(0.8, 1.1)),
-            Part(does="bystander", category="Toy", count=(0, 1), areas=_WORKTOPS, yaw=TURN),
+            Part(does="bystander", category="Lamp", count=(1, 4), areas=_WORKTOPS, scale=(0.8, 1.1)),
+            Part(does="bystander", category="Toy", count=(0, 2), areas=_WORKTOPS, yaw=TURN),
         ),
     ),
     "room": Scene(
         about="a wall with switches, lamps, a fan and a door, and things that belong to nothing, from one side",
         size=(6.4, 4.4), textures=("plywood", "felt", "cork"), colors=COLORS,
-        position=(-2.9, -0.9, 4.4), sway=(0.7, 0.5, 0.3), target=(-0.15, 0.0, 0.0), fov=(76, 82),
+        position=(-2.7, -0.8, 4.0), sway=(0.6, 0.4, 0.2), target=(-0.3, 0.0, 0.0), fov=(73, 78),
         parts=(
             Part(does="target", category="Door", count=(1, 1), places=((1.9, -0.75),), scale=(2.4, 2.8), yaw=TURN),
             Part(does="target", category="Door", families=("fan",), count=(1, 1), scale=(1.0, 1.4), areas=_WALL),

@@ -98,7 +98,7 @@ class Surroundings:
         table_color = [channel**2.2 if self._lights else channel for channel in colour]
         table = sapien.render.RenderMaterial(base_color=table_color, roughness=1.0)
         # seen obliquely a table ends at the horizon
-        reach = TABLE_HALF if spec.camera is None else 4 * float(half.max())
+        reach = TABLE_HALF if spec.camera is None else 6 * float(half.max())
         # the table is a ring: what lies under the board would be shaded for nothing
         _add_sides(scene, "table", [(half, -BOARD_THICKNESS), (reach, -BOARD_THICKNESS)], table, lid=False)
         slab = [(half - BEVEL, 0.0), (half, -BEVEL), (half, -BOARD_THICKNESS)]
@@ -194,14 +194,14 @@ class RenderConfig(FrozenModel):
 
     def of_board(self, spec: BoardSpec) -> "RenderConfig":
         """How this board is looked at: by its own camera if it has one, else with the pose and the field of view that
-        were drawn for it. A board's own camera may stand farther away: it sees three times as far as its target.
+        were drawn for it. A board's own camera may stand farther away: it sees four times as far as its target.
 
         Raises:
             BusybotError: a drawn camera does not see the board.
         """
         if spec.camera is not None:
             own = spec.camera.model_dump()
-            far = max(self.far, 3 * float(np.linalg.norm(np.subtract(own["target"], own["position"]))))
+            far = max(self.far, 4 * float(np.linalg.norm(np.subtract(own["target"], own["position"]))))
             return self.model_validate({**self.model_dump(), **own, "far": far}).of_board(
                 spec.model_copy(update={"camera": None})
             )

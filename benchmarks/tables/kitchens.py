@@ -4,11 +4,12 @@
         [--seeds 5] [--boards 4] [--only kitchen,room]
     python -m benchmarks.tables.kitchens sheet --work FOLDER --out docs/images/kitchens.jpg
 
-For each scene and seed boards are drawn (half of them with the orderly wiring, half with another; the room's objects are
-those of the split `novel-object`) and acted on 60 times, in three ways: `passive` is the scripted policy, which takes a
+For each scene and seed boards are drawn (half with the orderly wiring, half with another; the room's objects are those
+of the split `novel-object`) and acted on 60 times, in four ways: `passive` is the scripted policy, which takes a
 random link that shows; `coverage` takes the one that was taken least often, with the same oracle of contacts and
 directions; `learned` is the shipped policy, which finds where and how to act itself, in pictures of the size that it
-was trained on. The shipped reasoners `event` and `mechanism`, and `count`, which nobody trains, are judged beside rows
+was trained on; `thorough` is the same with `learned.collect=0`: it tries whatever it has not tried before it repeats
+anything, however little it promises. The shipped reasoners `event` and `mechanism`, and `count`, which nobody trains, are judged beside rows
 that look at no effect: all pairs, for every responder a random trigger, and the trigger nearest to it in the picture.
 
 The command resumes: recordings where they were stopped, rows after the last scene and way that was written.
@@ -45,7 +46,7 @@ from busybot.training.model_cards import file_hashes, find_folder
 
 KIND, FIRST_SEED, STEPS = "kitchens", 900, 60
 SPLITS = {"kitchen": "train", "room": "novel-object"}
-WAYS = ("passive", "coverage", "learned")
+WAYS = ("passive", "coverage", "learned", "thorough")
 TRAINED = ("event", "mechanism")
 JUDGED = (10, 20, 30, 40, 50, 60)
 PICTURES = {"width": 320, "height": 240}
@@ -80,7 +81,7 @@ class CoverageFactory:
 
 def recorded(world: str, way: str, seed: int, options: Any) -> Dataset:
     """The boards of a scene, acted on; what is there is left alone."""
-    folder, learned = options.work / f"{world}-{seed}-{way}", way == "learned"
+    folder, learned = options.work / f"{world}-{seed}-{way}", way in ("learned", "thorough")
     drawn = ("--split", SPLITS[world], "--boards", str(options.boards), "--seed", str(seed), "--assets", options.assets)
     runner.busybot("generate", str(folder), "--world", world, *drawn)
     if way == "coverage":
@@ -88,9 +89,10 @@ def recorded(world: str, way: str, seed: int, options: Any) -> Dataset:
         config = CollectConfig.model_validate({"policy": way, "steps": STEPS, "render": PICTURES})
         collect(dataset, library_of(dataset, options.assets), config, 1, factory=CoverageFactory())
         return dataset
-    small = () if learned else runner.settings(*(f"render.{name}={value}" for name, value in PICTURES.items()))
+    told = [] if learned else [f"render.{name}={value}" for name, value in PICTURES.items()]
+    told += ["learned.collect=0"] if way == "thorough" else []
     acting = ("--policy", "learned" if learned else "scripted", "--steps", str(STEPS), "--assets", options.assets)
-    runner.busybot("collect", str(folder), *acting, "--workers", "1", *small)
+    runner.busybot("collect", str(folder), *acting, "--workers", "1", *runner.settings(*told))
     return Dataset.open(folder)
 
 
@@ -144,6 +146,7 @@ def summed(boards: dict[int, list[dict[str, Any]]]) -> dict[str, Any]:
         boards: judged ones, by seed.
     """
     every = [one for own in boards.values() for one in own]
+    moved, controls = np.sum([one["controls"] for one in every], axis=0).tolist()
     rows: dict[str, Any] = {}
     for name in every[0]["rows"]:
         rows[name] = {}
@@ -151,24 +154,19 @@ def summed(boards: dict[int, list[dict[str, Any]]]) -> dict[str, Any]:
             counts = [one["rows"][name][actions] for one in every]
             hits, claimed, true = np.sum(counts, axis=0).tolist()
             by_seed = [f1_of([one["rows"][name][actions] for one in own]) for own in boards.values()]
-            wired = {
-                kind: [one["rows"][name][actions] for one in every if one["orderly"] == kind] for kind in (True, False)
-            }
             rows[name][actions] = {
                 "p": hits / claimed if claimed else None,
                 "r": hits / true,
                 "f1": f1_of(counts),
                 "seeds": by_seed,
-                "orderly": f1_of(wired[True]),
-                "permuted": f1_of(wired[False]),
+                "orderly": f1_of([one["rows"][name][actions] for one in every if one["orderly"]]),
+                "permuted": f1_of([one["rows"][name][actions] for one in every if not one["orderly"]]),
             }
     return {
         "boards": len(every),
         "objects": [min(one["objects"] for one in every), max(one["objects"] for one in every)],
         "success": float(np.mean([one["success"] for one in every]) / STEPS),
-        "controls": float(
-            np.sum([one["controls"][0] for one in every]) / np.sum([one["controls"][1] for one in every])
-        ),
+        "controls": moved / controls,
         "rows": rows,
     }
 

@@ -9,8 +9,9 @@ of the split `novel-object`) and acted on 60 times, in four ways: `passive` is t
 random link that shows; `coverage` takes the one that was taken least often, with the same oracle of contacts and
 directions; `learned` is the shipped policy, which finds where and how to act itself, in pictures of the size that it
 was trained on; `thorough` is the same with `learned.collect=0`: it tries whatever it has not tried before it repeats
-anything, however little it promises. The shipped reasoners `event` and `mechanism`, and `count`, which nobody trains, are judged beside rows
-that look at no effect: all pairs, for every responder a random trigger, and the trigger nearest to it in the picture.
+anything, however little it promises. The shipped reasoners `event` and `mechanism`, and `count`, which nobody trains,
+are judged beside rows that look at no effect: all pairs, for every responder a random trigger, and the trigger nearest
+to it in the picture.
 
 The command resumes: recordings where they were stopped, rows after the last scene and way that was written.
 """
@@ -103,7 +104,8 @@ def claims_of(episode: Episode, features: np.ndarray) -> Claims:
     graphs = {name: reasoner_of(name).graph(sequence) for name in TRAINED} | {"count": infer(observed, "count")}
     found = {name: {actions: graph.claimed(actions) for actions in JUDGED} for name, graph in graphs.items()}
     candidates = observed.candidates
-    middles = np.where((observed.boxes >= 0).all(1)[:, None], observed.boxes.reshape(-1, 2, 2).mean(1), np.inf)
+    seen = np.asarray((observed.boxes >= 0).all(axis=1))
+    middles = np.where(seen[:, None], observed.boxes.reshape(-1, 2, 2).mean(1), np.inf)
     apart = np.linalg.norm(np.nan_to_num(middles, posinf=1e6)[:, None] - middles[None], axis=-1)
     drawn = generator(episode.board.seed, episode.board.split, episode.board.index, "kitchens").random(apart.shape)
     for name, cost in (("nearest", apart), ("random", drawn)):

@@ -28,6 +28,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "datasets/worlds/README.md": {"sets": tables.world_sets},
     "docs/guides/camera.md": {"real-camera": tables.real_camera},
     "docs/guides/reproduce.md": {"reproduced": tables.reproduced, "laptop": prose.laptop},
+    "docs/guides/scenes.md": {"kitchens": tables.kitchens},
     "docs/guides/worlds.md": {
         "worlds": reference_pages.worlds,
         "mechanisms": reference_pages.mechanisms,

@@ -657,6 +657,26 @@ def world_plans() -> str:
     return markdown([plain_grid(heads, lines, "percent")])
 
 
+def kitchens() -> str:
+    """F1 of relations in a kitchen and a room, by way of acting, beside rows that look at no effect."""
+    lines, blind = [], ("nearest", "random", "all pairs")
+    for name, told in result("kitchens")["rows"].items():
+        rows = told["rows"]
+        cells = [f"{told['objects'][0]}-{told['objects'][1]}", f"{_whole(told['success'])}, {_whole(told['controls'])}"]
+        for reasoner in ("event", "mechanism", "count"):
+            found = rows[reasoner]
+            worst = min(found["60"]["seeds"])
+            cells.append(" / ".join([_percent(found["30"]["f1"]), _percent(found["60"]["f1"]), _percent(worst)]))
+        lines.append((name, [*cells, " / ".join(_percent(rows[one]["60"]["f1"]) for one in blind)]))
+    seen = "F1 after 30 / 60 actions / worst seed"
+    heads = (
+        "objects",
+        "actions that moved, controls moved",
+        *(f"`{one}`: {seen}" for one in ("event", "mechanism", "count")),
+    )
+    return markdown([plain_grid((*heads, "nearest / random / all pairs"), lines, "scene, way of acting; percent")])
+
+
 def exploring() -> str:
     """What the exact observer knows of links after random, coverage-first and greedy choice."""
     lines = []

@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from busybot.boards.scenes import SCENES
 from busybot.boards.spec import PAPER, without
 from busybot.boards.worlds import NOVEL, world_named
 from busybot.common.errors import BusybotError
@@ -20,6 +21,8 @@ USUAL_LINKS = 6
 """Boards have up to so many links unless more are asked for."""
 WORLD_LINKS = (4, USUAL_LINKS)
 """Fewer would be told apart by counting."""
+SCENE_GROUP = 2
+"""Boards of a scene that differ in wiring alone: the orderly one and another."""
 TASK_DEFAULTS = {"boards": 50, "group_size": 1}
 """Protocol "Planning": 50 tasks of a kind per split."""
 
@@ -83,6 +86,8 @@ class BoardConfig(FrozenModel):
         if not isinstance(values, dict):
             return values
         links, found = values.get("links"), dict(values)
+        if values.get("world") in SCENES:
+            found = {"group_size": SCENE_GROUP, "links": None, **found}
         if isinstance(links, list | tuple) and len(links) == 2 and isinstance(links[1], int) and links[1] > USUAL_LINKS:
             found = {**_room_for(links[0], links[1]), **found}
         if found.get("world", PAPER) != PAPER:
@@ -124,6 +129,10 @@ class BoardConfig(FrozenModel):
         if paper and (self.split == NOVEL or self.tasks == "reach"):
             given = f"split {NOVEL!r}" if self.split == NOVEL else "tasks 'reach'"
             raise ValueError(f"the paper's world has no {given}; name another one: --world gates")
+        told = {"include": self.include, "only": self.only, "links": self.links, "uniform": self.uniform}
+        if self.world in SCENES and any(told.values()):
+            named = next(name for name, value in told.items() if value)
+            raise ValueError(f"{named}: what stands in a {self.world} is the scene's to say; leave it out")
         if self.links and not paper and self.links[0] <= self.links[1] < self.least_links:
             what = f"{self.depth[0]} locks behind each other need {self.least_links} links"
             raise ValueError(f"{what}, at most {self.links[1]} allowed: give --links {self.least_links}-12")

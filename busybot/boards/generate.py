@@ -12,6 +12,7 @@ import numpy as np
 from busybot.boards.config import SPLITS, BoardConfig
 from busybot.boards.layout import place
 from busybot.boards.relations import draw_relations
+from busybot.boards.scenes import SCENES, scene_group
 from busybot.boards.spec import PAPER, BoardSpec, PlacedObject, Relation
 from busybot.boards.task import with_reachable_goal, with_task
 from busybot.boards.textures import COLORS, TEXTURES
@@ -40,7 +41,7 @@ def generate_boards(config: BoardConfig, library: Library, redraws: Redraws | No
     Raises:
         BusybotError: a category is empty, or no board fits the configuration (with the numbers).
     """
-    pools = _pools(config, library)
+    pools = {} if config.world in SCENES else _pools(config, library)
     for group in range((config.boards + config.group_size - 1) // config.group_size):
         yield from _group(config, library, pools, group, Redraws() if redraws is None else redraws)
 
@@ -76,6 +77,9 @@ def _refuse_strangers(config: BoardConfig, library: Library, category: str, keys
 
 
 def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redraws: Redraws) -> Iterator[BoardSpec]:
+    if config.world in SCENES:
+        yield from _scene(config, library, group)
+        return
     rng = generator(config.seed, config.split, group, "board")
     counted = Redraws()
     for _ in range(APPEARANCE_TRIES):
@@ -134,6 +138,21 @@ def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redr
         f"(or fewer than {config.group_size} different sets of relations)",
         "ask for fewer objects, more responders, a smaller margin or a smaller group_size",
     )
+
+
+def _scene(config: BoardConfig, library: Library, group: int) -> Iterator[BoardSpec]:
+    """A scene and its wirings, with tasks if they are asked for."""
+    first, blank = group * config.group_size, {"texture": "wood", "color": (1, 1, 1), "objects": (), "relations": ()}
+    told = {"index": first, "seed": config.seed, "split": config.split, "appearance_group": group}
+    empty = BoardSpec.model_validate({**blank, **told, "world": config.world})
+    for board in scene_group(empty, config.group_size, library, SPLITS[config.split]):
+        if board.index >= config.boards:
+            return
+        links = links_of([library.get(placed.key) for placed in board.objects])
+        found = with_reachable_goal(board, links, config.plan) if config.tasks else board
+        if found is None:
+            raise BusybotError(f"board {board.index}: no goal within {config.plan} actions", "--set plan=12")
+        yield found
 
 
 def _in_world(config: BoardConfig, board: BoardSpec, models: list[ObjectModel]) -> BoardSpec | None:

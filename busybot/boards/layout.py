@@ -1,5 +1,7 @@
 """Places objects at random positions without overlap (paper appendix "Board Generation")."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from busybot.objects.model import ObjectModel
@@ -12,11 +14,13 @@ QUARTER_TURN_CATEGORIES = frozenset({"Lamp", "Door"})
 """Only these are turned; switches and toys keep their orientation (paper appendix)."""
 TRIES_PER_OBJECT = 50
 
+Area = tuple[np.ndarray, np.ndarray]
+"""Lower and upper corner (x, y) of a rectangle, board frame."""
 Placement = tuple[tuple[float, float, float], float]
 """Position (x, y, z) and yaw of an object, board frame."""
 
 
-def footprint(model: ObjectModel, yaw: float, margin: float) -> tuple[np.ndarray, np.ndarray]:
+def footprint(model: ObjectModel, yaw: float, margin: float) -> Area:
     """Lower and upper corner (x, y) around the object's origin at this yaw, board units.
 
     Args:
@@ -38,13 +42,13 @@ def place(
     Args:
         half: of the board's side, board units.
     """
-    limit = half - EDGE
-    taken: list[tuple[np.ndarray, np.ndarray]] = []
+    limit = np.full(2, half - EDGE)
+    taken: list[Area] = []
     placements: list[Placement] = []
     for model in models:
         yaw = float(rng.integers(4)) * np.pi / 2 if model.category in QUARTER_TURN_CATEGORIES else 0.0
         low, high = footprint(model, yaw, margin)
-        spot = _free_spot(low, high, limit, taken, rng)
+        spot = free_spot((low, high), (-limit, limit), taken, rng)
         if spot is None:
             return None
         taken.append((spot + low, spot + high))
@@ -53,16 +57,15 @@ def place(
     return placements
 
 
-def _free_spot(
-    low: np.ndarray,
-    high: np.ndarray,
-    limit: float,
-    taken: list[tuple[np.ndarray, np.ndarray]],
-    rng: np.random.Generator,
-) -> np.ndarray | None:
-    spots = rng.uniform(-limit, limit, (TRIES_PER_OBJECT, 2))
-    lows, highs = spots + low, spots + high
-    free = (lows >= -limit).all(1) & (highs <= limit).all(1)
+def free_spot(own: Area, within: Area, taken: Sequence[Area], rng: np.random.Generator) -> np.ndarray | None:
+    """A random place (x, y) for an object in a rectangle, beside what is taken; None if none is found.
+
+    Args:
+        own: what the object covers around its origin.
+    """
+    spots = rng.uniform(*within, (TRIES_PER_OBJECT, 2))
+    lows, highs = spots + own[0], spots + own[1]
+    free = (lows >= within[0]).all(1) & (highs <= within[1]).all(1)
     for other_low, other_high in taken:
         free &= ~((lows < other_high).all(1) & (highs > other_low).all(1))
     hits = np.flatnonzero(free)

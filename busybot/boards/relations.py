@@ -35,7 +35,7 @@ def draw_relations(models: list[ObjectModel], rng: np.random.Generator) -> tuple
             return None
         responder = int(rng.choice(suitable))
         free.remove(responder)
-        relations.append(_relation(index, link, siblings, responder))
+        relations.append(direct_relation(index, link, siblings, responder))
     return tuple(sorted(relations, key=lambda r: (r.triggers[0].object, r.triggers[0].link)))
 
 
@@ -47,7 +47,8 @@ def suits(link: TriggerLink, responder: ObjectModel) -> bool:
     return (effect.multi if link.kind == "multi-direction" else effect.single) is not None
 
 
-def _relation(index: int, link: TriggerLink, siblings: int, responder: int) -> Relation:
+def direct_relation(index: int, link: TriggerLink, siblings: int, responder: int) -> Relation:
+    """A responder that follows a link of object `index`, which has so many links."""
     multi = link.kind == "multi-direction"
     kind = "one-to-many-effects" if multi else "one-to-many-objects" if siblings > 1 else "one-to-one"
     return Relation(

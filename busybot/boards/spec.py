@@ -16,6 +16,8 @@ SCHEMA_VERSION = "1.0"
 """Of the paper's boards."""
 WORLDS_VERSION = "1.1"
 """Of boards of other worlds: relations have mechanisms with memories, links have locks, a relation may change."""
+SCENES_VERSION = "1.2"
+"""Of scenes: boards that say from where they are looked at."""
 PAPER = "paper"
 
 Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e3, le=1e3)]
@@ -138,6 +140,19 @@ class Task(FrozenModel):
         return without(handler(self), {"responders": None, "shortest": None})
 
 
+class BoardCamera(FrozenModel):
+    """From where a board is looked at, in place of the camera of the recording's configuration.
+
+    Attributes:
+        position, target: of the camera, board frame.
+        fov_deg: horizontal field of view, degrees.
+    """
+
+    position: tuple[Finite, Finite, Finite]
+    target: tuple[Finite, Finite, Finite]
+    fov_deg: Annotated[float, Field(gt=1, lt=170)]
+
+
 class BoardSpec(FrozenModel):
     """A board: surface, objects, initial states and relations.
 
@@ -151,6 +166,7 @@ class BoardSpec(FrozenModel):
         locks: links that something holds.
         rewirings: relations that change during an episode.
         idle: trigger links that control nothing on purpose; every other one controls or unlocks something.
+        camera: of a scene; None where the recording's configuration alone says it.
         relations_known: whether `relations` are the truth; where nobody knows it, as of real boards, none are judged.
 
     Keys that say nothing (no task, the paper's world, no locks) are left out in JSON, so that a board is written, and
@@ -176,6 +192,7 @@ class BoardSpec(FrozenModel):
     rewirings: Annotated[tuple[Rewiring, ...], Field(max_length=64)] = ()
     idle: Annotated[tuple[LinkRef, ...], Field(max_length=256)] = ()
     relations_known: bool = True
+    camera: BoardCamera | None = None
 
     @model_validator(mode="after")
     def _references_exist(self) -> "BoardSpec":
@@ -208,7 +225,7 @@ class BoardSpec(FrozenModel):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         absent: dict[str, Any] = {"task": None, "world": PAPER, "locks": [], "rewirings": [], "idle": []}
-        return without(handler(self), absent | {"relations_known": True})
+        return without(handler(self), absent | {"relations_known": True, "camera": None})
 
     def relation_matrix(self) -> list[list[int]]:
         """Object pairs: `[i][j]` is 1 when a link of object i controls object j (links collapsed)."""

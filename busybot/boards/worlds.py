@@ -21,6 +21,7 @@ from pydantic import Field
 from busybot.boards.dynamics import STAGES, Dynamics, Links
 from busybot.boards.mechanisms import Mechanism, available, mechanism_of
 from busybot.boards.mechanisms.rest import Rest
+from busybot.boards.scenes import SCENES
 from busybot.boards.spec import BODY, PAPER, WORLDS_VERSION, BoardSpec, LinkRef, Lock, Relation, Rewiring
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
@@ -124,9 +125,11 @@ def world_named(name: str, novel: bool = False) -> World:
     """
     if name in WORLDS:
         return WORLDS[name]
+    if name in SCENES and not novel:
+        return World(about=SCENES[name].about, kinds={DIRECT: 1.0})
     kind = available().get(name)
     if kind is None:
-        known = ", ".join([PAPER, *WORLDS])
+        known = ", ".join([PAPER, *WORLDS, *SCENES])
         raise BusybotError(f"there is no world {name!r}", f"choose from {known}, or the name of a mechanism")
     if not kind.arity[1]:
         raise BusybotError(f"no link drives the mechanism {name!r}", "choose a world that has it: chance or mixed")

@@ -19,7 +19,7 @@ def generate(
     world: Annotated[
         str | None,
         typer.Option(
-            help="What decides the responders: paper (the default), gates, time, chance, chain, ...",
+            help="What decides the responders: paper (the default), gates, time, chance, ...; or a kitchen or a room.",
             autocompletion=offering(worlds),
         ),
     ] = None,

@@ -14,12 +14,13 @@ from pathlib import Path
 
 from busybot.boards.config import SPLITS
 from busybot.boards.generate import GENERATOR_VERSION
+from busybot.boards.scenes import SCENES
 from busybot.common.atomic_io import inside, write_atomically
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import drawn_again
 from busybot.datasets.dataset import INFO_FILE, OBJECTS_FOLDER, Dataset
 from busybot.datasets.info import IMPORTED, AssetEntry, is_frozen
-from busybot.objects.library import SPLIT_FILE, Library
+from busybot.objects.library import LISTS, OTHER, SPLIT_FILE, Library
 from busybot.objects.license import Licence, licences
 from busybot.objects.model import ObjectModel
 from busybot.objects.partnet.folder_snapshot import read_snapshot
@@ -119,7 +120,8 @@ def _gives_boards(dataset: Dataset, library: Library) -> bool:
 def _pool(dataset: Dataset, library: Library, whole: bool) -> dict[str, ObjectModel]:
     """The objects that stand on the boards, and if the whole pool is asked for, all that could have."""
     weights: Mapping[str, float] = library.splits.get(SPLITS.get(dataset.info.split, ""), {}) if whole else {}
-    return {key: library.get(key) for key in sorted(weights.keys() | dataset.info.assets.sha256)}
+    others = library.splits.get(OTHER, {}) if whole and dataset.info.generator.config.get("world") in SCENES else {}
+    return {key: library.get(key) for key in sorted({*weights, *others, *dataset.info.assets.sha256})}
 
 
 def _files(pool: dict[str, ObjectModel], library: Library) -> dict[str, bytes]:
@@ -130,11 +132,12 @@ def _files(pool: dict[str, ObjectModel], library: Library) -> dict[str, bytes]:
             raise BusybotError(f"{model.folder}: changed while it was read", "try again when nothing writes to it")
         files |= {f"{OBJECTS_FOLDER}/{key}/{name}": data for name, data in snapshot.files.items()}
     lists: dict[str, dict[str, list[str]]] = {}
-    for split, name in (("train", "train"), ("novel", "test")):
-        for key, weight in library.splits[split].items():
+    for split, name in LISTS.items():
+        for key, weight in library.splits.get(split, {}).items():
             category, instance = key.split("/")
             if key in pool:
-                lists.setdefault(category, {"train": [], "test": []})[name] += [instance] * int(weight)
+                own = lists.setdefault(category, {"train": [], "test": []})
+                own.setdefault(name, []).extend([instance] * int(weight))
     files[f"{OBJECTS_FOLDER}/{SPLIT_FILE}"] = (json.dumps({"Reason": lists}, indent=2, sort_keys=True) + "\n").encode()
     return files
 

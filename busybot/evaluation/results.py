@@ -45,6 +45,7 @@ KINDS = {
     "table2": "python -m benchmarks.tables.table2",
     "table3": "python -m benchmarks.tables.table3",
     "worlds": "python -m benchmarks.tables.worlds",
+    "kitchens": "python -m benchmarks.tables.kitchens",
     "shortcuts": "python -m benchmarks.studies.shortcuts",
     "curiosity": "python -m benchmarks.studies.curiosity",
     "plan-procedural": "python -m benchmarks.tables.table3 procedural",

@@ -1,7 +1,8 @@
 """Many objects together: a folder `Category/instance/...` with the split that says who may train on what.
 
 Splits and sampling weights come from `data.json` in the library's folder (section `Reason`: category -> `train` and
-`test` lists; a repeated id weighs more), else from the packaged catalogue of the paper's objects.
+`test` lists, in which a repeated id weighs more, and `other`, which no split draws from), else from the packaged
+catalogue of the paper's objects.
 """
 
 import hashlib
@@ -16,6 +17,10 @@ from busybot.objects.model import CATEGORIES, SPLITS, ObjectModel, catalogue
 from busybot.objects.partnet.loader import load_object
 
 SPLIT_FILE = "data.json"
+OTHER = "other"
+"""In place of a split: objects that only scenes have (`boards.scenes`)."""
+LISTS = {"train": "train", "novel": "test", OTHER: OTHER}
+"""Which list of `data.json` has the objects of a split."""
 MAX_OBJECTS = 10_000
 _HINT = "name a folder with Switch, Lamp, Door and Toy folders in it"
 _SHAPE = '{"Reason": {"Switch": {"train": ["100366"], "test": []}}}'
@@ -29,7 +34,7 @@ class Library:
         name: `procedural`, or the folder's name.
         folder: where it lies.
         objects: by key (`Category/instance`), sorted.
-        splits: for `train` and `novel` the sampling weight by key.
+        splits: for `train` and `novel`, and `other` if there are any, the sampling weight by key.
     """
 
     name: str
@@ -108,7 +113,7 @@ def read_splits(path: Path, keys: dict[str, Any]) -> dict[str, dict[str, float]]
     for key in sorted(keys):
         if key in listed:
             for split, weight in listed[key].items():
-                splits[split][key] = float(weight)
+                splits.setdefault(split, {})[key] = float(weight)
         elif known := catalogue().get(key):
             splits[known.split][key] = float(known.weight)
         else:
@@ -131,7 +136,7 @@ def read_split_file(path: Path) -> dict[str, Counter[str]]:
         raise BusybotError(f"{path}: has no section 'Reason'", hint)
     counts: dict[str, Counter[str]] = {}
     for category, lists in section.items():
-        for split, name in (("train", "train"), ("novel", "test")):
+        for split, name in LISTS.items():
             ids = lists.get(name, []) if isinstance(lists, dict) else None
             if not isinstance(ids, list) or not all(isinstance(instance, str) for instance in ids):
                 raise BusybotError(f"{path}: Reason.{category}.{name} is not a list of ids", hint)

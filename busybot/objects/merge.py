@@ -13,11 +13,8 @@ from busybot.common.atomic_io import (
     write_new,
 )
 from busybot.common.errors import BusybotError
-from busybot.objects.library import MAX_OBJECTS, SPLIT_FILE, Library
+from busybot.objects.library import LISTS, MAX_OBJECTS, SPLIT_FILE, Library
 from busybot.objects.partnet.folder_snapshot import read_snapshot
-
-LISTS = {"train": "train", "novel": "test"}
-"""Names of the splits in the split file."""
 
 
 def merge_libraries(libraries: Sequence[Library], out: Path) -> None:
@@ -39,7 +36,7 @@ def merge_libraries(libraries: Sequence[Library], out: Path) -> None:
             category, instance = key.split("/")
             lists = splits.setdefault(category, {"train": [], "test": []})
             for split, weight in _listed(owner, key).items():
-                lists[LISTS[split]] += [instance] * weight
+                lists.setdefault(LISTS[split], []).extend([instance] * weight)
         write_json(made / SPLIT_FILE, {"Reason": splits})
         rename(made, place)
 

@@ -57,7 +57,7 @@ class ScriptedPolicy(StatelessPolicy):
         visible = visible_links(self._scene, privileged(observation).segmentation)
         if not visible:
             return RandomPolicy(self._rays).select_action(observation, rng)
-        number, mask = visible[int(rng.integers(len(visible)))]
+        number, mask = self.choose(visible, rng)
         joint = self._scene.triggers[number]
         others = [state for state in range(joint.link.states) if state != joint.state]
         wanted = others[int(rng.integers(len(others)))]
@@ -71,6 +71,10 @@ class ScriptedPolicy(StatelessPolicy):
                 fallback = Action(pixel, (direction,))
             last = pixel
         return fallback or Action(last, (int(rng.integers(len(DIRECTIONS))),))
+
+    def choose(self, visible: list[tuple[int, np.ndarray]], rng: np.random.Generator) -> tuple[int, np.ndarray]:
+        """Which of the visible links is acted on, with its mask."""
+        return visible[int(rng.integers(len(visible)))]
 
 
 def visible_links(scene: BoardScene, segmentation: np.ndarray) -> list[tuple[int, np.ndarray]]:

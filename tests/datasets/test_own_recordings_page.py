@@ -13,6 +13,7 @@ import pytest
 from busybot.episodes.mcap.reader import read_episode
 from tests.cli.commands import busybot
 from tests.datasets.camera_folders import write_camera_folder
+from tests.datasets.test_checkerboard import pictures
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = re.findall(r"^    (busybot .*)$", (ROOT / "docs/guides/own-recordings.md").read_text(), re.MULTILINE)
@@ -37,6 +38,7 @@ def test_every_command_of_the_page_works(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.chdir(tmp_path)
     episode = read_episode(ROOT / "datasets" / "tiny" / "episodes" / "000001.mcap")
     write_camera_folder(tmp_path / "table", episode, png=False, relations=False)
+    pictures(tmp_path / "checkerboard")
     assert len(COMMANDS) > 8
     for command in COMMANDS:
         words = shlex.split(command)[1:]

@@ -244,7 +244,8 @@ def import_(
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Make a dataset of recordings that nobody here simulated: a camera's folder, or one of `export --to images`.
+    """Make a dataset of recordings that nobody here simulated: a camera's folder, or one of `export --to images`, or
+    events of AI2-THOR.
 
     A camera's folder has pictures or a video, and actions.csv (docs/guides/own-recordings.md). What it does not hold is
     missing in the dataset, too: states, often relations and depth.
@@ -262,6 +263,31 @@ def import_(
         print_json({**facts, "recordings": done.recordings})
     else:
         printing.imported(done)
+
+
+@app.command()
+def calibrate(
+    pictures: Annotated[Path, typer.Argument(metavar="PICTURES", help="Folder with pictures of a checkerboard.")],
+    corners: Annotated[str, typer.Option(help="Inner corners, as 7x5: one less than squares, in a row and a column.")],
+    side: Annotated[float, typer.Option(min=1e-6, help="Of a square, in any unit.")],
+    width: Annotated[float, typer.Option(min=1e-6, help="Of your board, in the same unit.")],
+    flat: Annotated[str, typer.Option(help="The picture in which it lies in the middle of the board.")],
+    out: Annotated[Path, typer.Option(help="File to write: camera.json of a camera's folder.")],
+    json: JsonOption = False,
+) -> None:
+    """Find the camera's matrix and pose from pictures of a checkerboard, for `dataset import`."""
+    from busybot.common.atomic_io import refuse_taken, write_json
+    from busybot.datasets.importing.checkerboard import Checkerboard, calibrate
+
+    columns, _, rows = corners.partition("x")
+    if not (columns.isdecimal() and rows.isdecimal() and 3 <= int(rows) <= 99 and 3 <= int(columns) <= 99):
+        raise UsageError(f"--corners {corners!r} is no number of corners", "give those of a row and a column, as 7x5")
+    refuse_taken(out)
+    told = calibrate(pictures, Checkerboard(int(columns), int(rows), side), flat, width)
+    write_json(out, told["camera"])
+    focal = told["camera"]["matrix"][0][0]
+    line = f"{out}: from {told['pictures']} pictures, focal length {focal:.1f} pixels, error {told['error']} pixels"
+    answer(json, {"out": out, **told}, line)
 
 
 @app.command()

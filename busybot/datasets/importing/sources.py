@@ -11,8 +11,9 @@ from busybot.datasets.importing.camera_folder import ImportOptions, camera_folde
 from busybot.datasets.importing.images import describe_images, image_folders, import_images
 from busybot.datasets.importing.lerobot import INFO_FILE, read_lerobot
 from busybot.datasets.importing.recording import Recording, store_recordings
+from busybot.datasets.importing.thor import event_folders, read_events
 
-CAMERA, IMAGES, LEROBOT = "camera", "images", "lerobot"
+CAMERA, IMAGES, LEROBOT, THOR = "camera", "images", "lerobot", "ai2thor"
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,8 @@ def import_source(
 def _read(source: Path, options: ImportOptions) -> tuple[str, Sequence[Recording]]:
     if (source / INFO_FILE).exists():
         return LEROBOT, _proposed(read_lerobot(source, options), options)
+    if events := event_folders(source):
+        return THOR, [read_events(folder, options) for folder in events]
     folders = camera_folders(source)
     if not folders:
         what = f"{source}: it is nothing that can be imported"

@@ -21,9 +21,9 @@ from busybot.common.atomic_io import make_folder, refuse_taken, remove, remove_a
 from busybot.common.errors import BusybotError, explained
 from busybot.common.rng import generator
 from busybot.objects import cache
-from busybot.objects.library import SPLIT_FILE, Library
+from busybot.objects.library import LISTS, OTHER, SPLIT_FILE, Library
 from busybot.objects.model import ObjectModel, Split
-from busybot.objects.procedural import doors, lamps, toys
+from busybot.objects.procedural import doors, household, lamps, toys
 from busybot.objects.procedural.design import Design
 from busybot.objects.procedural.export import write_object
 from busybot.objects.procedural.switches import basic, hinged, levers, pressed, sliding, turning
@@ -34,13 +34,14 @@ class Family:
     """Objects of one kind of shape.
 
     Attributes:
+        split: None for objects of scenes (`boards.scenes`), which other boards never have.
         make: variant number and generator to a design.
         count: variants made by default.
     """
 
     category: str
     name: str
-    split: Split
+    split: Split | None
     make: Callable[[int, np.random.Generator], Design]
     count: int
 
@@ -50,7 +51,7 @@ class Family:
         return 2 if self.name in ("throttle", "joystick", "fader", "gear", "stirrup", "tram") else 1
 
 
-def _families(category: str, split: Split, module: ModuleType, **counts: int) -> list[Family]:
+def _families(category: str, split: Split | None, module: ModuleType, **counts: int) -> list[Family]:
     """Families of a module, whose functions have the families' names, with the numbers of variants."""
     return [Family(category, name, split, getattr(module, name), count) for name, count in counts.items()]
 
@@ -77,6 +78,9 @@ FAMILIES = (
     *_families("Door", "novel", doors, arched=1, porthole=1, lattice=1, hatch=1, paper=1, saloon=1),
     *_families("Toy", "train", toys, bead=1, loco=1, car=1, duck=1),
     *_families("Toy", "novel", toys, ladybird=1, rocket=1),
+    *_families("Switch", None, household, stoveknob=3),
+    *_families("Lamp", None, household, burner=4),
+    *_families("Door", None, household, pot=4, kettle=2, fan=2),
 )
 
 
@@ -111,7 +115,7 @@ def _make(folder: Path, seed: int) -> list[str]:
             rng = generator(seed, "procedural", variant, f"{family.category}/{family.name}")
             design = replace(family.make(variant, rng), name=f"{family.category}_{instance}")
             write_object(design, folder / family.category / instance)
-            lists["train" if family.split == "train" else "test"] += [instance] * family.weight
+            lists.setdefault(LISTS[family.split or OTHER], []).extend([instance] * family.weight)
             keys.append(f"{family.category}/{instance}")
     write_json(folder / SPLIT_FILE, {"Reason": splits})
     return keys

@@ -164,10 +164,10 @@ class BoardScene:
 
     def observe(self) -> Image:
         """Render: RGB, depth and link segmentation with the objects' boxes."""
-        config = self.view
+        config = self.view  # of all boards; a board's own camera may see farther
         self.scene.update_render()
         self._camera.take_picture()
-        rgb, depth, entities = read_picture(self._camera, config)
+        rgb, depth, entities = read_picture(self._camera, self._seen or config)
         segmentation = np.take(self._codes, entities, mode="clip")
         return Image(rgb, depth, segmentation, self._boxes(segmentation))
 

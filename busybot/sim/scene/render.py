@@ -82,23 +82,25 @@ class Surroundings:
         """Put the board's slab (top at z = 0), the table below and the lights into the scene."""
         if self._lights:
             lights = lights_of(drawn.lights, spec)
-            reach = 1.5 * max(spec.size)
+            shadows = 1.5 * max(spec.size)
             scene.set_ambient_light(np.multiply(AMBIENT, lights.ambient))
             scene.add_directional_light(
                 lights.turned(SUN_DIRECTION),
                 np.multiply(SUN, lights.key),
                 shadow=self._shadows,
-                shadow_scale=reach,
-                shadow_near=-reach,
-                shadow_far=reach,
+                shadow_scale=shadows,
+                shadow_near=-shadows,
+                shadow_far=shadows,
                 shadow_map_size=SHADOW_MAP_SIZE,
             )
         half, surfaces = np.array(spec.size) / 2, surfaces_of(drawn.textures, spec)
         colour = np.multiply(TABLE_COLOR, (*surfaces.table, 1.0)).tolist()
         table_color = [channel**2.2 if self._lights else channel for channel in colour]
         table = sapien.render.RenderMaterial(base_color=table_color, roughness=1.0)
+        # seen obliquely a table ends at the horizon
+        reach = TABLE_HALF if spec.camera is None else 6 * float(half.max())
         # the table is a ring: what lies under the board would be shaded for nothing
-        _add_sides(scene, "table", [(half, -BOARD_THICKNESS), (TABLE_HALF, -BOARD_THICKNESS)], table, lid=False)
+        _add_sides(scene, "table", [(half, -BOARD_THICKNESS), (reach, -BOARD_THICKNESS)], table, lid=False)
         slab = [(half - BEVEL, 0.0), (half, -BEVEL), (half, -BOARD_THICKNESS)]
         _add_sides(scene, "board", slab, self._material(spec, models, surfaces), lid=True)
 
@@ -137,7 +139,7 @@ def _add_sides(
     triangles = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * k for k in range(len(faces))])
     normals = np.repeat(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), 4, axis=0)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(1e-12)
-    uvs = vertices[:, :2] / (2 * np.max(levels[-1][0])) + 0.5
+    uvs = vertices[:, :2] / (2 * np.asarray(levels[-1][0])) + 0.5
     arrays = (vertices.astype(np.float32), triangles.astype(np.uint32), normals.astype(np.float32))
     shape = sapien.render.RenderShapeTriangleMesh(*arrays, uvs.astype(np.float32), material)
     body = sapien.render.RenderBodyComponent()
@@ -191,11 +193,18 @@ class RenderConfig(FrozenModel):
         return without(handler(self), {"camera": {}, "randomise": {}})
 
     def of_board(self, spec: BoardSpec) -> "RenderConfig":
-        """How this board is looked at: with the pose and the field of view that were drawn for it.
+        """How this board is looked at: by its own camera if it has one, else with the pose and the field of view that
+        were drawn for it. A board's own camera may stand farther away: it sees four times as far as its target.
 
         Raises:
             BusybotError: a drawn camera does not see the board.
         """
+        if spec.camera is not None:
+            own = spec.camera.model_dump()
+            far = max(self.far, 4 * float(np.linalg.norm(np.subtract(own["target"], own["position"]))))
+            return self.model_validate({**self.model_dump(), **own, "far": far}).of_board(
+                spec.model_copy(update={"camera": None})
+            )
         pose, zoom = self.randomise.pose, self.randomise.fov
         if not (pose or zoom):
             return self

@@ -1,0 +1,118 @@
+"""The camera's matrix and pose from pictures of a checkerboard, as `camera.json` of a camera's folder has them.
+
+Several pictures of the checkerboard, held at different slants, tell the matrix (Zhang's method, OpenCV's
+`calibrateCamera`, without distortion: pictures are undistorted before). In one of them it lies flat in the middle of
+the board, its rows along its width: that one tells the pose. Its first corner is the one at the upper left of the
+picture.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from busybot.common.atomic_io import inside
+from busybot.common.errors import BusybotError
+from busybot.datasets.importing.recording import BOARD
+from busybot.datasets.importing.shots import PICTURES, Shot, decode_picture
+
+LEAST = 3
+"""Pictures with the whole checkerboard that are needed."""
+MOST_ERROR = 1.0
+"""Mean distance of corners from where the camera would see them, pixels: more is a lens that bends lines, or blur."""
+
+
+@dataclass(frozen=True)
+class Checkerboard:
+    """Inner corners in a row and in a column, and the side of a square, of any unit."""
+
+    columns: int
+    rows: int
+    side: float
+
+    @property
+    def points(self) -> np.ndarray:
+        """float32 (rows * columns, 3): corners around the middle, x right and y up, row by row from above."""
+        x, y = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
+        middle = np.array([self.columns - 1, self.rows - 1]) / 2
+        flat = np.stack([x.ravel() - middle[0], middle[1] - y.ravel(), np.zeros(x.size)], axis=1)
+        return (flat * self.side).astype(np.float32)
+
+
+def calibrate(folder: Path, board: Checkerboard, flat: str, width: float) -> dict[str, Any]:
+    """What `camera.json` says, and the error in pixels.
+
+    Args:
+        folder: with pictures of one size.
+        flat: name of the one in which the checkerboard lies in the middle of the board.
+        width: of the board, in the unit of the checkerboard's side.
+
+    Raises:
+        BusybotError: naming a picture that is missing, or of another size; too few show the checkerboard, or no camera
+            without distortion sees it so.
+    """
+    found = {name: corners for name, corners in _found(folder, board)}
+    size = _one_size(folder, found)
+    seen = {name: corners for name, (corners, _) in found.items() if corners is not None}
+    if flat not in found:
+        raise BusybotError(f"{folder / flat}: there is no such picture", "--flat names the one for the pose")
+    if flat not in seen or len(seen) < LEAST:
+        what = f"{folder}: {len(seen)} of {len(found)} pictures show {board.columns} x {board.rows} inner corners"
+        hint = f"{LEAST} are needed, {flat} among them; count the inner corners, and keep the rim of paper white"
+        raise BusybotError(what, hint)
+    error, matrix = _matrix(board, list(seen.values()), size)
+    _, turn, place = cv2.solvePnP(board.points, seen[flat], matrix, np.zeros(5))
+    rotation = cv2.Rodrigues(turn)[0]
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation.T, -(rotation.T @ place).ravel()
+    if pose[2, 3] <= 0:
+        raise BusybotError(f"{folder / flat}: the camera would be below the board", "film it from above")
+    camera = {"matrix": matrix.round(6).tolist(), "pose": pose.round(9).tolist(), "unit": width / BOARD}
+    return {"camera": camera, "error": round(error, 3), "pictures": len(seen)}
+
+
+def _found(folder: Path, board: Checkerboard) -> list[tuple[str, tuple[np.ndarray | None, tuple[int, ...]]]]:
+    """Corners, float32 (K, 2), and shape of each picture; None where the checkerboard does not show."""
+    if not folder.is_dir():
+        raise BusybotError(f"{folder}: there is no such folder", "name a folder with pictures of the checkerboard")
+    names = sorted(path.name for path in folder.iterdir() if path.suffix.lower() in PICTURES)
+    told = []
+    for name in names:
+        inside(folder, name)
+        grey = decode_picture(folder, Shot(name, -1, None, None, str(folder / name)), name, cv2.IMREAD_GRAYSCALE)
+        there, corners = cv2.findChessboardCornersSB(grey, (board.columns, board.rows), flags=cv2.CALIB_CB_ACCURACY)
+        if there:
+            corners = corners.reshape(-1, 2)
+            corners = corners if corners[0].sum() < corners[-1].sum() else corners[::-1].copy()
+        told.append((name, (corners if there else None, grey.shape)))
+    return told
+
+
+def _one_size(folder: Path, found: dict[str, tuple[np.ndarray | None, tuple[int, ...]]]) -> tuple[int, int]:
+    """Width and height of all pictures."""
+    if not found:
+        raise BusybotError(f"{folder}: it has no pictures", f"it reads {', '.join(PICTURES)}")
+    first, (_, shape) = next(iter(found.items()))
+    for name, (_, other) in found.items():
+        if other != shape:
+            what = f"{folder / name}: {other[1]} x {other[0]} pixels, {first} has {shape[1]} x {shape[0]}"
+            raise BusybotError(what, "pictures of one camera at one setting have one size")
+    return shape[1], shape[0]
+
+
+def _matrix(board: Checkerboard, seen: Sequence[np.ndarray], size: tuple[int, int]) -> tuple[float, np.ndarray]:
+    """The error, pixels, and the matrix of a camera whose pixels are square."""
+    straight = cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
+    points, start = (
+        [board.points] * len(seen),
+        np.array([[size[0], 0, size[0] / 2], [0, size[0], size[1] / 2], [0, 0, 1.0]]),
+    )
+    flags = straight | cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_USE_INTRINSIC_GUESS
+    error, matrix, *_ = cv2.calibrateCamera(points, list(seen), size, start, np.zeros(5), flags=flags)
+    if not np.isfinite(matrix).all() or error > MOST_ERROR:
+        what = f"the corners lie {error:.1f} pixels from where a camera without distortion sees them"
+        raise BusybotError(what, "undistort the pictures, hold the checkerboard still, and count its inner corners")
+    return float(error), matrix

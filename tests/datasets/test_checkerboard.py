@@ -1,0 +1,112 @@
+"""The camera found from drawn pictures of a checkerboard is the one that drew them."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from busybot.common.errors import BusybotError
+from busybot.datasets.importing.checkerboard import Checkerboard, calibrate
+from busybot.datasets.importing.sources import import_source
+from tests.cli.commands import busybot
+from tests.datasets.camera_folders import write_camera_folder
+from tests.episodes.synthetic import make_episode
+
+WIDTH, HEIGHT, FOCAL = 640, 480, 600.0
+BOARD, SIDE, ACROSS = Checkerboard(7, 5, 2.5), 2.5, 40.0
+"""A square has 2.5 cm, the board is 40 cm wide."""
+TURNS = {
+    "flat": (0.25, 0.0, 0.1),
+    "a": (0.6, 0.1, 0.0),
+    "b": (-0.2, 0.5, 0.2),
+    "c": (0.3, -0.5, -0.3),
+    "d": (0.7, 0.4, 0.1),
+}
+
+
+def pose_of(name: str) -> np.ndarray:
+    """From the camera's frame to the checkerboard's: 50 cm away, turned."""
+    lying = cv2.Rodrigues(np.array(TURNS[name]))[0] @ np.diag([1.0, -1.0, -1.0])
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = lying, lying @ [1.0, -0.5, -50.0]
+    return pose
+
+
+def drawn(name: str, bend: float = 0.0) -> np.ndarray:
+    """The checkerboard as a pinhole camera sees it."""
+    scale = 40  # pixels of a square of the flat pattern
+    pattern = np.full((8 * scale, 10 * scale), 255, np.uint8)
+    for row in range(6):
+        for column in range(8):
+            if (row + column) % 2 == 0:
+                pattern[(row + 1) * scale : (row + 2) * scale, (column + 1) * scale : (column + 2) * scale] = 0
+    to_plane = np.array([[SIDE / scale, 0, -5 * SIDE], [0, -SIDE / scale, 4 * SIDE], [0, 0, 1]])
+    inverse = np.linalg.inv(pose_of(name))
+    matrix = np.array([[FOCAL, 0, WIDTH / 2 - 8], [0, FOCAL, HEIGHT / 2 + 5], [0, 0, 1]])
+    seen = matrix @ inverse[:3][:, [0, 1, 3]] @ to_plane
+    picture = cv2.warpPerspective(pattern, seen, (WIDTH, HEIGHT), borderValue=200, flags=cv2.INTER_AREA)
+    if bend:
+        bent = np.array([bend, 0, 0, 0, 0])
+        picture = cv2.undistort(picture, matrix, bent)
+    return cv2.GaussianBlur(picture, (3, 3), 0)
+
+
+def pictures(folder: Path, names: str = "flat a b c d", bend: float = 0.0) -> Path:
+    folder.mkdir(parents=True)
+    for name in names.split():
+        cv2.imwrite(str(folder / f"{name}.png"), drawn(name, bend))
+    return folder
+
+
+def test_matrix_and_pose_are_found(tmp_path: Path) -> None:
+    told = calibrate(pictures(tmp_path / "board"), BOARD, "flat.png", ACROSS)
+    matrix, pose = np.array(told["camera"]["matrix"]), np.array(told["camera"]["pose"])
+    assert told["pictures"] == 5 and told["error"] < 0.3 and told["camera"]["unit"] == ACROSS / 4
+    assert matrix[0, 0] == pytest.approx(FOCAL, rel=0.01) and matrix[1, 1] == pytest.approx(matrix[0, 0])
+    assert matrix[:2, 2] == pytest.approx([WIDTH / 2 - 8, HEIGHT / 2 + 5], abs=4)
+    assert np.linalg.norm(pose[:3, 3] - pose_of("flat")[:3, 3]) < 0.6, "of 50 cm"
+    assert np.abs(pose[:3, :3] - pose_of("flat")[:3, :3]).max() < 0.02
+
+
+def test_the_command_writes_what_an_import_reads(tmp_path: Path) -> None:
+    folder = write_camera_folder(tmp_path / "table", make_episode(0))
+    words = [
+        "--corners",
+        "7x5",
+        "--side",
+        "2.5",
+        "--width",
+        "40",
+        "--flat",
+        "flat.png",
+        "--out",
+        str(folder / "camera.json"),
+    ]
+    done = busybot("dataset", "calibrate", str(pictures(tmp_path / "board")), *words, "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["pictures"] == 5
+    assert import_source(folder, None).recordings[0]["camera"] == "known"
+    again = busybot("dataset", "calibrate", str(tmp_path / "board"), *words)
+    assert again.returncode == 1 and "camera.json" in again.stderr, "nothing is overwritten"
+
+
+def test_what_is_wrong_is_named_and_nothing_is_written(tmp_path: Path) -> None:
+    few = pictures(tmp_path / "few", "flat a")
+    with pytest.raises(BusybotError, match="2 of 2 pictures show"):
+        calibrate(few, BOARD, "flat.png", ACROSS)
+    with pytest.raises(BusybotError, match=r"table.png: there is no such picture"):
+        calibrate(few, BOARD, "table.png", ACROSS)
+    cv2.imwrite(str(few / "b.png"), drawn("b")[:400])
+    with pytest.raises(
+        BusybotError, match=r"b.png: 640 x 400 pixels, a.png|flat.png: .* pixels, a.png|640 x 400"
+    ) as error:
+        calibrate(few, BOARD, "flat.png", ACROSS)
+    assert "b.png" in error.value.what
+    with pytest.raises(BusybotError, match="0 of 5 pictures show 9 x 6"):
+        calibrate(pictures(tmp_path / "other"), Checkerboard(9, 6, 1.0), "flat.png", ACROSS)
+    with pytest.raises(BusybotError, match="without distortion"):
+        calibrate(pictures(tmp_path / "bent", bend=-2.0), BOARD, "flat.png", ACROSS)
+    with pytest.raises(BusybotError, match="no such folder"):
+        calibrate(tmp_path / "nothing", BOARD, "flat.png", ACROSS)

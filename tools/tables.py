@@ -693,13 +693,15 @@ def curiosity() -> str:
     for world, parts in result("curiosity")["rows"].items():
         for part in ("drawn", "recorded"):
             for choice, told in parts.get(part, {}).items():
-                low, high = told["until_interval"]
-                most = len(told["f1"])
-                until, least, last = (f"over {most}" if one > most else f"{one:g}" for one in (told["until"], low, high))
+                most, (low, high) = len(told["f1"]), told["until_interval"]
+                until = [f"over {most}" if one > most else f"{one:g}" for one in (told["until"], low, high)]
                 shares = " / ".join(f"{100 * told['f1'][after - 1]:.0f}" for after in (10, 22, 30))
-                knows = f"{told['stops']['boards']} ({told['stops']['wrong']})" if told.get("stops") else "-"
-                lines.append((f"{world}, {part}: {choice}", [told["boards"], f"{until} ({least}-{last})", shares, knows]))
-    return markdown([plain_grid(("boards", "actions until 95", "F1 after 10 / 22 / 30", "knows (wrong)"), lines, "")])
+                stops = told.get("stops")
+                knows = f"{stops['boards']} ({stops['wrong']})" if stops else "-"
+                entries = [str(told["boards"]), f"{until[0]} ({until[1]} to {until[2]})", shares, knows]
+                lines.append((f"{world}, {part}: {choice}", entries))
+    heads = ("boards", "actions until 95", "F1 after 10 / 22 / 30", "knows (wrong)")
+    return markdown([plain_grid(heads, lines, "percent")])
 
 
 VIEWS = {"looks": "looks", "picture": "picture", "places": "places", "order": "order", "actions": "actions"}

@@ -111,6 +111,9 @@ WORLDS: dict[str, World] = {
     ),
 }  # fmt: skip
 """By name, all but the paper's own, whose relations `boards.relations` draws."""
+REAL_BOARD = "real-board"
+BUILT = {REAL_BOARD: World(about="the paper's real board: three switches, three LEDs, six wirings", kinds={DIRECT: 1})}
+"""Worlds whose boards have objects and relations of their own, made by modules of their names."""
 
 
 def world_named(name: str, novel: bool = False) -> World:
@@ -122,11 +125,11 @@ def world_named(name: str, novel: bool = False) -> World:
     Raises:
         BusybotError: there is none, or a mechanism that no link drives, or that the split does not have.
     """
-    if name in WORLDS:
-        return WORLDS[name]
+    if name in WORLDS or (name in BUILT and not novel):
+        return (WORLDS | BUILT)[name]
     kind = available().get(name)
     if kind is None:
-        known = ", ".join([PAPER, *WORLDS])
+        known = ", ".join([PAPER, *WORLDS, *BUILT])
         raise BusybotError(f"there is no world {name!r}", f"choose from {known}, or the name of a mechanism")
     if not kind.arity[1]:
         raise BusybotError(f"no link drives the mechanism {name!r}", "choose a world that has it: chance or mixed")

@@ -45,6 +45,7 @@ KINDS = {
     "table2": "python -m benchmarks.tables.table2",
     "table3": "python -m benchmarks.tables.table3",
     "worlds": "python -m benchmarks.tables.worlds",
+    "real-board": "python -m benchmarks.tables.real_board",
     "shortcuts": "python -m benchmarks.studies.shortcuts",
     "plan-procedural": "python -m benchmarks.tables.table3 procedural",
     "reason-procedural": "busybot eval reason",

@@ -1,0 +1,109 @@
+"""Makes the pictures of a camera that shakes, rustles and drifts comparable: what a real camera adds is taken away.
+
+Whether a recording needs it is told by itself: where nothing was touched, most pixels of two pictures of a perfect
+camera are equal. If they are in all pictures, the recording is left as it is, to the last bit. Else each picture is
+
+- moved back onto the one that the boxes are of, by the shift at which the two correlate best;
+- made as bright as that one, by the median ratio around each place: what changes is smaller than half of the window;
+- smoothed, as depth is, by about the size of what a sensor does to an edge.
+
+What a hand hides is not mended: masks tell it by its depth (`object_masks`).
+"""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from busybot.episodes.episode import Image
+from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedEpisode
+
+SHIFT = 16
+"""No camera shakes by more pixels; a larger shift was not found, but made up."""
+HALF = 2
+"""Pictures are correlated in squares of so many pixels a side: the shift is found to a tenth of one."""
+SQUARE, WINDOW = 4, 21
+"""Brightness is compared in squares of so many pixels a side, by the median of so many squares a side."""
+QUIET = 0.95
+"""Share of the pixels that no action changes."""
+SMOOTH, EDGE = 1.0, 5
+"""Deviation of the smoothing of colours, and window of the median of depth, pixels."""
+
+
+class Steady:
+    """Steadies pictures of one board.
+
+    Args:
+        observed: tells whether its pictures need it, and which one the others are moved onto.
+
+    Attributes:
+        needed: whether they do.
+    """
+
+    def __init__(self, observed: ObservedEpisode):
+        self._first = observed.boxed
+        grey = [cv2.cvtColor(observed.images[one].rgb, cv2.COLOR_RGB2GRAY) for one in _pictures(observed)]
+        self.needed = any(np.median(cv2.absdiff(*pair)) > 0 for pair in zip(grey, grey[1:], strict=False))
+
+    def of(self, frame: Frame) -> Frame:
+        """The picture, comparable with the others."""
+        if not self.needed:
+            return frame
+        moved = _moved_back(frame, self._first)
+        rgb = cv2.GaussianBlur(_as_bright(moved.rgb, self._first.rgb), (0, 0), SMOOTH)
+        return Frame(rgb, None if moved.depth is None else cv2.medianBlur(moved.depth, EDGE))
+
+
+def steadied(observed: ObservedEpisode) -> ObservedEpisode:
+    """The recording with pictures that differ where the board does; the same recording if all of them already do."""
+    steady = Steady(observed)
+    if not steady.needed:
+        return observed
+    images = list(observed.images)
+    for one in _pictures(observed):
+        frame = steady.of(Frame(images[one].rgb, images[one].depth))
+        images[one] = Image(frame.rgb, frame.depth, None, NO_BOXES)
+    return replace(observed, images=images)
+
+
+def noise(observed: ObservedEpisode) -> float:
+    """What nearly all pixels of two consecutive pictures differ by at most, in the middle of all pairs: 0 to 255.
+
+    What moves on a board is a small part of the picture; of pictures that are equal where nothing moved it is 0.
+    """
+    images = [observed.images[one].rgb for one in _pictures(observed)]
+    levels = [np.quantile(cv2.absdiff(*pair).max(axis=-1), QUIET) for pair in zip(images, images[1:], strict=False)]
+    return float(np.median(levels)) if levels and Steady(observed).needed else 0.0
+
+
+def _pictures(observed: ObservedEpisode) -> list[int]:
+    boxed = observed.image_of[0] if observed.boxed_in is None else observed.boxed_in
+    return list(dict.fromkeys((boxed, *observed.image_of)))
+
+
+def _moved_back(frame: Frame, first: Frame) -> Frame:
+    height, width = frame.rgb.shape[:2]
+    size = (width // HALF, height // HALF)
+    small = [cv2.resize(one.rgb, size, interpolation=cv2.INTER_AREA) for one in (first, frame)]
+    grey = [cv2.cvtColor(one, cv2.COLOR_RGB2GRAY).astype(np.float32) for one in small]
+    shift, _ = cv2.phaseCorrelate(*grey, cv2.createHanningWindow(size, cv2.CV_32F))
+    right, down = (HALF * side for side in shift)
+    if max(abs(right), abs(down)) > SHIFT:
+        return frame
+    back = np.array([[1, 0, -right], [0, 1, -down]])
+    rgb = cv2.warpAffine(frame.rgb, back, (width, height), borderMode=cv2.BORDER_REPLICATE)
+    if frame.depth is None:
+        return Frame(rgb, None)
+    rows, columns = (np.arange(side) + round(shift) for side, shift in ((height, down), (width, right)))
+    return Frame(rgb, frame.depth[np.ix_(rows.clip(0, height - 1), columns.clip(0, width - 1))])
+
+
+def _as_bright(rgb: np.ndarray, first: np.ndarray) -> np.ndarray:
+    size = (-(-rgb.shape[1] // SQUARE), -(-rgb.shape[0] // SQUARE))
+    small = [
+        cv2.resize(one, size, interpolation=cv2.INTER_AREA).astype(np.float32).sum(axis=-1) for one in (first, rgb)
+    ]
+    stops = np.log2((small[0] + 3) / (small[1] + 3)).clip(-1, 1)
+    levels = cv2.medianBlur((128 + 120 * stops).round().astype(np.uint8), WINDOW)
+    light = np.exp2((cv2.resize(levels, rgb.shape[1::-1]).astype(np.float32) - 128) / 120)
+    return np.asarray((rgb * light[..., None]).round().clip(0, 255), np.uint8)

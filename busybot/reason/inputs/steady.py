@@ -24,8 +24,6 @@ HALF = 2
 """Pictures are correlated in squares of so many pixels a side: the shift is found to a tenth of one."""
 SQUARE, WINDOW = 4, 21
 """Brightness is compared in squares of so many pixels a side, by the median of so many squares a side."""
-QUIET = 0.95
-"""Share of the pixels that no action changes."""
 SMOOTH, EDGE = 1.0, 5
 """Deviation of the smoothing of colours, and window of the median of depth, pixels."""
 
@@ -66,16 +64,6 @@ def steadied(observed: ObservedEpisode) -> ObservedEpisode:
     return replace(observed, images=images)
 
 
-def noise(observed: ObservedEpisode) -> float:
-    """What nearly all pixels of two consecutive pictures differ by at most, in the middle of all pairs: 0 to 255.
-
-    What moves on a board is a small part of the picture; of pictures that are equal where nothing moved it is 0.
-    """
-    images = [observed.images[one].rgb for one in _pictures(observed)]
-    levels = [np.quantile(cv2.absdiff(*pair).max(axis=-1), QUIET) for pair in zip(images, images[1:], strict=False)]
-    return float(np.median(levels)) if levels and Steady(observed).needed else 0.0
-
-
 def _pictures(observed: ObservedEpisode) -> list[int]:
     boxed = observed.image_of[0] if observed.boxed_in is None else observed.boxed_in
     return list(dict.fromkeys((boxed, *observed.image_of)))
@@ -85,8 +73,8 @@ def _moved_back(frame: Frame, first: Frame) -> Frame:
     height, width = frame.rgb.shape[:2]
     size = (width // HALF, height // HALF)
     small = [cv2.resize(one.rgb, size, interpolation=cv2.INTER_AREA) for one in (first, frame)]
-    grey = [cv2.cvtColor(one, cv2.COLOR_RGB2GRAY).astype(np.float32) for one in small]
-    shift, _ = cv2.phaseCorrelate(*grey, cv2.createHanningWindow(size, cv2.CV_32F))
+    there, here = (cv2.cvtColor(one, cv2.COLOR_RGB2GRAY).astype(np.float32) for one in small)
+    shift, _ = cv2.phaseCorrelate(there, here, cv2.createHanningWindow(size, cv2.CV_32F))
     right, down = (HALF * side for side in shift)
     if max(abs(right), abs(down)) > SHIFT:
         return frame

@@ -18,8 +18,9 @@ import numpy as np
 from busybot.episodes.episode import Image
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedEpisode
 
-SHIFT = 16
-"""No camera shakes by more pixels; a larger shift was not found, but made up."""
+SHIFT, MOST = 16, 30
+"""No camera shakes by more pixels: a larger shift was not found, but made up. So was one that leaves the picture no
+more like the other one, where grey values differ by so much at most."""
 HALF = 2
 """Pictures are correlated in squares of so many pixels a side: the shift is found to a tenth of one."""
 SQUARE, WINDOW = 4, 21
@@ -76,14 +77,25 @@ def _moved_back(frame: Frame, first: Frame) -> Frame:
     there, here = (cv2.cvtColor(one, cv2.COLOR_RGB2GRAY).astype(np.float32) for one in small)
     shift, _ = cv2.phaseCorrelate(there, here, cv2.createHanningWindow(size, cv2.CV_32F))
     right, down = (HALF * side for side in shift)
-    if max(abs(right), abs(down)) > SHIFT:
+    moved = _shifted(here, *shift)
+    if max(abs(right), abs(down)) > SHIFT or _unlike(there, moved) >= _unlike(there, here):
         return frame
-    back = np.array([[1, 0, -right], [0, 1, -down]])
-    rgb = cv2.warpAffine(frame.rgb, back, (width, height), borderMode=cv2.BORDER_REPLICATE)
+    rgb = _shifted(frame.rgb, right, down)
     if frame.depth is None:
         return Frame(rgb, None)
     rows, columns = (np.arange(side) + round(shift) for side, shift in ((height, down), (width, right)))
     return Frame(rgb, frame.depth[np.ix_(rows.clip(0, height - 1), columns.clip(0, width - 1))])
+
+
+def _shifted(picture: np.ndarray, right: float, down: float) -> np.ndarray:
+    """The picture moved left and up by so many pixels."""
+    back = np.array([[1, 0, -right], [0, 1, -down]])
+    return cv2.warpAffine(picture, back, picture.shape[1::-1], borderMode=cv2.BORDER_REPLICATE)
+
+
+def _unlike(one: np.ndarray, other: np.ndarray) -> float:
+    """Mean difference, in which what moved on the board counts no more than the rest."""
+    return float(np.minimum(np.abs(one - other), MOST).mean())
 
 
 def _as_bright(rgb: np.ndarray, first: np.ndarray) -> np.ndarray:

@@ -2,17 +2,18 @@
 
     python -m benchmarks.tables.real_board --assets DIR --work FOLDER --out benchmarks/results/real_board.json
 
-Models of the kind `event` are trained on boards of the paper's world with the objects in DIR, once on clean pictures
-with three seeds, and under the real camera with randomised appearance, with five. The twin has other objects. Each of
-its six wirings is recorded for 30 steps by somebody who knows where the switches are, and judged in six windows of 25
-steps: 36 sequences with 108 relations. Under the hardest camera there is a twin for each seed: with other switches,
-places, colours and disturbances. What each term costs alone is asked of the first one.
+Models of the kind `event` are trained on boards of the paper's world with the objects in DIR, on clean pictures with
+three seeds, and under the real camera with randomised appearance, with five. The twin has other objects. Each of its
+six wirings is recorded for 30 steps by somebody who knows where the switches are, and judged in six windows of 25
+steps: 36 sequences with 108 relations. Under the hardest camera there is a twin for each seed, with other switches,
+places and colours; the others are asked of the first one, the terms alone by photos of its clean recording.
 
 Recordings and trainings lie in the folder `--work` and are gone on with; so are judgements.
 """
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +22,17 @@ import numpy as np
 from benchmarks.runner import as_typed, assets_name, busybot, finish, generating, parser, settings, train
 from busybot.common.atomic_io import write_json
 from busybot.datasets.dataset import Dataset
-from busybot.episodes.episode import Episode
+from busybot.episodes.episode import Episode, Image
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.exact import binomial_interval
+from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.evaluation.evaluate import origin
-from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.object_masks import changes
-from busybot.reason.inputs.observation import acted_objects, observe_episode
+from busybot.reason.inputs.observation import NO_BOXES, ObservedEpisode, acted_objects, observe_episode
 from busybot.reason.inputs.sequence import sequence_of
 from busybot.reason.models.counting import CountConfig, count_changes
 from busybot.reason.models.registry import reasoner_of
-from busybot.sim.scene.real_camera import REAL
+from busybot.sim.scene.real_camera import REAL, CameraConfig, take_photo
 from busybot.training.model_cards import file_hashes
 
 STEPS, WINDOW, WINDOWS = 30, 25, 6
@@ -49,7 +50,6 @@ def camera(**terms: float) -> tuple[str, ...]:
 
 
 CAMERAS = {"hardest": camera(**HARDEST), "clean": (), "real": ("--camera", "real")}
-CAMERAS |= {term: camera(**{term: strength}) for term, strength in HARDEST.items() if not term.startswith("depth")}
 TRAINED = {
     "event, clean": (),
     "event, randomised": ("--camera", "real", *settings(*(f"render.randomise.{one}" for one in RANDOMISED))),
@@ -60,8 +60,10 @@ SHIPPED = {"event, shipped": "event", "lookup": "lookup"}
 SLOW = {"mechanism, shipped": "mechanism"}
 """Judged at the end, on the first twin alone, under two cameras."""
 EVERY = "every pair"
-Judge = Callable[[Episode, np.ndarray], np.ndarray]
+Judge = Callable[[ObservedEpisode, np.ndarray], np.ndarray]
 """Claimed edges of each window, bool (WINDOWS, N, N), from a recording and its features."""
+FIRST = 1
+"""Seed of the first twin."""
 
 
 def main(words: list[str] | None = None) -> None:
@@ -80,28 +82,29 @@ def main(words: list[str] | None = None) -> None:
     models, trainings = trained(arguments, run, done)
     rows: dict[str, dict[str, Any]] = {}
     hashes: dict[str, dict[str, Any]] = {}
-    everyone = (*models, *SHIPPED, "count", EVERY)
-    for name, judges in (*((name, everyone) for name in CAMERAS), ("hardest", SLOW), ("real", SLOW)):
-        for seed in range(arguments.seeds if name == "hardest" and judges is not SLOW else 1):
-            data = arguments.work / f"twin-{seed}-{name}"
-            run("generate", str(data), "--world", "real-board", "--seed", str(seed))
-            acting = ("--policy", "scripted", "--steps", str(STEPS), "--seed", str(seed))
-            run("collect", str(data), *acting, *CAMERAS[name])
-            told = origin(Dataset.open(data))
-            hashes[data.name] = {key: told[key] for key in told if key.endswith("_hash")}
-            for row in judges:
-                trainings_of = range(len(models.get(row, [data])))
-                for one in [seed % len(trainings_of)] if name == "hardest" else trainings_of:
-                    model = models[row][one] if row in models else SHIPPED.get(row, SLOW.get(row, row))
-                    counted = judged(data, row, str(model), arguments.work)
-                    rows.setdefault(row, {}).setdefault(name, []).append(counted)
+    jobs = [("hardest", "", number) for number in range(arguments.seeds)] + [("clean", "", 0), ("real", "", 0)]
+    jobs += [*(("clean", term, 0) for term in HARDEST), ("real", "slow", 0), ("hardest", "slow", 0)]
+    for name, term, twin in jobs:
+        data = arguments.work / f"twin-{FIRST + twin}-{name}"
+        run("generate", str(data), "--world", "real-board", "--seed", str(FIRST + twin))
+        run("collect", str(data), "--policy", "scripted", "--steps", str(STEPS), *CAMERAS[name])
+        told = origin(Dataset.open(data))
+        hashes[data.name] = {key: told[key] for key in told if key.endswith("_hash")}
+        chosen: dict[str, list[str]] = {row: [model] for row, model in SHIPPED.items()} | {"count": [""], EVERY: [""]}
+        for row, found in models.items():
+            chosen[row] = [str(found[twin % len(found)])] if name == "hardest" else list(map(str, found))
+        if term == "slow":
+            chosen, term = {row: [model] for row, model in SLOW.items()}, ""
+        for row, counts in judged(data, term, chosen, arguments.work).items():
+            rows.setdefault(row, {}).setdefault(term or name, []).extend(counts)
         table = {row: {camera: pooled(counts) for camera, counts in found.items()} for row, found in rows.items()}
         figures = {"assets": assets_name(arguments.assets), "boards": arguments.boards, "hardest": HARDEST}
         figures |= {"rows": table, "training": trainings}
         figures["commands"] = list(dict.fromkeys(as_typed(one, places) for one in done))
         told_models = {path.name: file_hashes(path / "model") for found in models.values() for path in found}
         finish("real-board", arguments, figures, hashes={"data": hashes, "models": told_models}, seed=TRAIN_SEED)
-        print(name, {row: (found[name]["p"], found[name]["r"]) for row, found in table.items() if name in found})
+        shares = {row: (of["p"], of["r"]) for row, found in table.items() if (of := found.get(term or name))}
+        print(term or name, twin, shares, flush=True)
 
 
 def trained(
@@ -134,33 +137,44 @@ def trained(
     return models, told
 
 
-def judged(data: Path, row: str, model: str, work: Path) -> dict[str, int]:
-    """How many edges a model claims in the windows of a twin, how many of these are right, and how many there are."""
-    name = Path(model).name if "/" in model else row
-    note = work / "judged" / f"{data.name} {name}.json".replace(", ", "-").replace(" ", "-")
-    dataset = Dataset.open(data)
-    content = dataset.hashes().content
-    if note.exists() and json.loads(note.read_text())["content"] == content:
+def judged(data: Path, term: str, chosen: dict[str, list[str]], work: Path) -> dict[str, list[dict[str, int]]]:
+    """By row and model: how many edges it claims in the windows of a twin, how many are right, how many there are."""
+    dataset, note = Dataset.open(data), work / "judged" / f"{data.name}-{term}-{len(chosen)}.json"
+    key = {"content": dataset.hashes().content, "chosen": chosen}
+    if note.exists() and json.loads(note.read_text())["key"] == key:
         return dict(json.loads(note.read_text())["counted"])
-    judge = {"count": by_counting, EVERY: all_pairs}.get(row) or by_reasoner(model)
-    features = features_of(dataset, workers=1)
-    counted = {"claimed": 0, "right": 0, "true": 0}
+    counted = {row: [{"claimed": 0, "right": 0, "true": 0} for _ in models] for row, models in chosen.items()}
     for index in sorted(dataset.finished()):
         episode = read_episode(dataset.episode_path(index), "lazy")
-        claimed, true = judge(episode, features[index]), np.array(episode.board.relation_matrix(), bool)
-        for name, edges in (("claimed", claimed), ("right", claimed & true), ("true", true[None])):
-            counted[name] += int(edges.sum()) * (WINDOWS if name == "true" else 1)
+        observed = photographed(episode, term) if term else observe_episode(episode)
+        features = make_extractor().of(observed)
+        true = np.array(episode.board.relation_matrix(), bool)
+        for row, models in chosen.items():
+            for count, model in zip(counted[row], models, strict=True):
+                claimed = ({"count": by_counting, EVERY: all_pairs}.get(row) or by_reasoner(model))(observed, features)
+                count["claimed"] += int(claimed.sum())
+                count["right"] += int((claimed & true).sum())
+                count["true"] += int(true.sum()) * WINDOWS
     note.parent.mkdir(exist_ok=True)
-    write_json(note, {"content": content, "counted": counted})
+    write_json(note, {"key": key, "counted": counted})
     return counted
+
+
+def photographed(episode: Episode, term: str) -> ObservedEpisode:
+    """A clean recording as a camera with one term would have shown it, each frame by itself."""
+    observed, config = observe_episode(episode), CameraConfig.model_validate({term: HARDEST[term]})
+    where = (0, episode.board.split, episode.board.index)
+    photos = [take_photo(episode.image(number), config, where, number) for number in range(len(episode.frame_of))]
+    images = [Image(photo.rgb, photo.depth, None, NO_BOXES) for photo in photos]
+    return replace(observed, images=images, image_of=tuple(range(len(images))))
 
 
 def by_reasoner(model: str) -> Judge:
     """Of a model that reads features."""
     reasoner = reasoner_of(model)
 
-    def claimed(episode: Episode, features: np.ndarray) -> np.ndarray:
-        observed, told = observe_episode(episode), []
+    def claimed(observed: ObservedEpisode, features: np.ndarray) -> np.ndarray:
+        told = []
         for start in range(WINDOWS):
             seen = sequence_of(observed.window(start, WINDOW), features[start : start + WINDOW + 1])
             told.append(reasoner.graph(seen).claimed(WINDOW))
@@ -169,8 +183,8 @@ def by_reasoner(model: str) -> Judge:
     return claimed
 
 
-def by_counting(episode: Episode, _: np.ndarray) -> np.ndarray:
-    observed, config = observe_episode(episode), CountConfig()
+def by_counting(observed: ObservedEpisode, _: np.ndarray) -> np.ndarray:
+    config = CountConfig()
     changed, acted = changes(observed, config.change), acted_objects(observed)
     parts = [slice(start, start + WINDOW) for start in range(WINDOWS)]
     sides = (observed.triggers, observed.responders)
@@ -178,8 +192,8 @@ def by_counting(episode: Episode, _: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
-def all_pairs(episode: Episode, _: np.ndarray) -> np.ndarray:
-    return np.repeat(observe_episode(episode).candidates[None], WINDOWS, axis=0)
+def all_pairs(observed: ObservedEpisode, _: np.ndarray) -> np.ndarray:
+    return np.repeat(observed.candidates[None], WINDOWS, axis=0)
 
 
 def pooled(counts: list[dict[str, int]]) -> dict[str, Any]:

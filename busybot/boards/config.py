@@ -127,9 +127,9 @@ class BoardConfig(FrozenModel):
         if self.world in BUILT:
             fields = type(self).model_fields
             free = {"split", "world", "boards", "seed", "group_size"}
-            given = [name for name in fields if name not in free and getattr(self, name) != fields[name].default]
-            if given:
-                raise ValueError(f"the world {self.world!r} has boards of its own; leave {', '.join(given)} out")
+            others = [name for name in fields if name not in free and getattr(self, name) != fields[name].default]
+            if others:
+                raise ValueError(f"the world {self.world!r} has boards of its own; leave {', '.join(others)} out")
         if paper and (self.split == NOVEL or self.tasks == "reach"):
             given = f"split {NOVEL!r}" if self.split == NOVEL else "tasks 'reach'"
             raise ValueError(f"the paper's world has no {given}; name another one: --world gates")

@@ -76,6 +76,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "reason-robustness": tables.robustness,
         "reason-procedural": tables.reason_procedural,
     },
+    "docs/results/real-board.md": {"real-board": tables.real_board},
     "docs/results/worlds.md": {
         "worlds": tables.worlds,
         "exploring": tables.exploring,

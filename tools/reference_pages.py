@@ -7,7 +7,7 @@ from typing import Any
 
 from busybot.boards.mechanisms import available
 from busybot.boards.spec import PAPER
-from busybot.boards.worlds import WORLDS, World
+from busybot.boards.worlds import BUILT, WORLDS, World
 from busybot.cli.main import COMMANDS, load_command
 from busybot.common import limits as file_limits
 from busybot.episodes.mcap.channels import SCHEMAS
@@ -119,7 +119,7 @@ def _column(column: Column) -> tuple[str, str, str]:
 def worlds() -> str:
     """The worlds, from their definitions."""
     rows: list[tuple[str, tuple[str, str]]] = [(f"`{PAPER}`", ("the paper's relations", "nothing: it is the control"))]
-    rows += [(f"`{name}`", (_drawn_from(world), world.about)) for name, world in WORLDS.items()]
+    rows += [(f"`{name}`", (_drawn_from(world), world.about)) for name, world in (WORLDS | BUILT).items()]
     return markdown([plain_grid(("drawn from", "what is hard"), rows, "world")])
 
 

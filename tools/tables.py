@@ -535,6 +535,30 @@ def robustness() -> str:
     return markdown([plain_grid((*heads, "known"), lines, "percent"), what])
 
 
+def real_board() -> str:
+    """Precision and recall on the twin of the real board: the hardest camera, then the others."""
+    told = result("real_board")["rows"]
+    lines = []
+    for row, cameras in told.items():
+        hard, cells = cameras.get("hardest"), []
+        for name in ("p", "r"):
+            if hard is None or hard[name] is None:
+                cells.append("-")
+                continue
+            low, high = (_whole(share) for share in hard[f"{name}_interval"])
+            least = f", least {_percent(hard[f'{name}_least'])}" if len(hard["seeds"]) > 1 else ""
+            cells.append(f"{_percent(hard[name])} ({low}-{high}{least})")
+        lines.append((row, [*cells, str(hard["true"]) if hard else "-"]))
+    alone = list(dict.fromkeys(camera for cameras in told.values() for camera in cameras if camera != "hardest"))
+    rows = []
+    for camera in alone:
+        found = [cameras.get(camera) for cameras in told.values()]
+        cells = [f"{_percent(one['p'])} / {_percent(one['r'])}" if one else "-" for one in found]
+        rows.append((camera, cells))
+    heads = ("precision (95 %, least of a seed)", "recall", "relations")
+    return markdown([plain_grid(heads, lines, "the hardest camera"), plain_grid(tuple(told), rows, "P / R alone")])
+
+
 def _disturbance(told: dict[str, Any], name: str, row: dict[str, Any]) -> str:
     if name not in DISTURBANCES:
         return f"{name}, {row['boards']} boards"

@@ -6,7 +6,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from busybot.boards.scenes import SCENES
 from busybot.boards.spec import PAPER, without
-from busybot.boards.worlds import NOVEL, world_named
+from busybot.boards.worlds import NOVEL, REAL_BOARD, world_named
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 
@@ -33,7 +33,8 @@ class BoardConfig(FrozenModel):
     Attributes:
         split: `train` and `novel-config` share the training objects, `novel-object` has the others; `novel-mechanism`
             has the training objects and mechanisms that the other splits do not have.
-        world: what decides the responders: `paper`, one of `boards.worlds.WORLDS` or the name of a mechanism.
+        world: what decides the responders: `paper`, one of `boards.worlds.WORLDS` or the name of a mechanism; or one of
+            `boards.worlds.BUILT`, whose boards have objects of their own.
         relations: `any`; `one-to-one` (single-link two-state triggers only); `one-to-many` (at least one
             multi-direction and one multi-link trigger on each board). With tasks they are of the tasks' kind.
         tasks: give every board a task of this kind (`boards.task`), `reach` in all worlds but the paper's; None for
@@ -44,7 +45,7 @@ class BoardConfig(FrozenModel):
         plan: tasks of kind `reach` take at most so many actions.
         switches, lamps, responders, toys: inclusive ranges of counts; `responders` counts lamps and doors together.
         max_objects: more are never placed.
-        boards: how many; 50 by default with tasks.
+        boards: how many; 50 by default with tasks, 6 in worlds with objects of their own.
         group_size: consecutive boards that share their appearance and differ in their relations (paper section 3.2);
             1 by default with tasks, so that every task has its own board.
         uniform: draw every instance with the same probability instead of by the library's weights.
@@ -90,7 +91,9 @@ class BoardConfig(FrozenModel):
             found = {"group_size": SCENE_GROUP, "links": None, **found}
         if isinstance(links, list | tuple) and len(links) == 2 and isinstance(links[1], int) and links[1] > USUAL_LINKS:
             found = {**_room_for(links[0], links[1]), **found}
-        if found.get("world", PAPER) != PAPER:
+        if found.get("world") == REAL_BOARD:
+            found = {"boards": 6, "group_size": 6, **found}
+        elif found.get("world", PAPER) != PAPER:
             found = {"links": WORLD_LINKS, **found}
         if not values.get("tasks"):
             return found
@@ -126,6 +129,12 @@ class BoardConfig(FrozenModel):
             paper = self.world == PAPER or not world_named(self.world, self.split == NOVEL)
         except BusybotError as error:
             raise ValueError(f"{error.what}; {error.hint}") from None
+        if self.world == REAL_BOARD:
+            fields = type(self).model_fields
+            free = {"split", "world", "boards", "seed", "group_size"}
+            others = [name for name in fields if name not in free and getattr(self, name) != fields[name].default]
+            if others:
+                raise ValueError(f"the world {self.world!r} has boards of its own; leave {', '.join(others)} out")
         if paper and (self.split == NOVEL or self.tasks == "reach"):
             given = f"split {NOVEL!r}" if self.split == NOVEL else "tasks 'reach'"
             raise ValueError(f"the paper's world has no {given}; name another one: --world gates")

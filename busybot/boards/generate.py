@@ -11,12 +11,13 @@ import numpy as np
 
 from busybot.boards.config import SPLITS, BoardConfig
 from busybot.boards.layout import place
+from busybot.boards.real_board import real_board
 from busybot.boards.relations import draw_relations
 from busybot.boards.scenes import SCENES, scene_group
 from busybot.boards.spec import PAPER, BoardSpec, PlacedObject, Relation
 from busybot.boards.task import with_reachable_goal, with_task
 from busybot.boards.textures import COLORS, TEXTURES
-from busybot.boards.worlds import links_of, with_world
+from busybot.boards.worlds import REAL_BOARD, links_of, with_world
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.objects.library import Library
@@ -41,6 +42,9 @@ def generate_boards(config: BoardConfig, library: Library, redraws: Redraws | No
     Raises:
         BusybotError: a category is empty, or no board fits the configuration (with the numbers).
     """
+    if config.world == REAL_BOARD:
+        yield from (real_board(config, library, index) for index in range(config.boards))
+        return
     pools = {} if config.world in SCENES else _pools(config, library)
     for group in range((config.boards + config.group_size - 1) // config.group_size):
         yield from _group(config, library, pools, group, Redraws() if redraws is None else redraws)

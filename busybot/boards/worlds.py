@@ -112,6 +112,12 @@ WORLDS: dict[str, World] = {
     ),
 }  # fmt: skip
 """By name, all but the paper's own, whose relations `boards.relations` draws."""
+REAL_BOARD = "real-board"
+BUILT = {
+    REAL_BOARD: World(about="the paper's real board: three switches, three LEDs, six wirings", kinds={DIRECT: 1}),
+    **{name: World(about=scene.about, kinds={DIRECT: 1}) for name, scene in SCENES.items()},
+}
+"""Worlds whose boards have objects and relations of their own, made by `boards.real_board` and `boards.scenes`."""
 
 
 def world_named(name: str, novel: bool = False) -> World:
@@ -123,13 +129,11 @@ def world_named(name: str, novel: bool = False) -> World:
     Raises:
         BusybotError: there is none, or a mechanism that no link drives, or that the split does not have.
     """
-    if name in WORLDS:
-        return WORLDS[name]
-    if name in SCENES and not novel:
-        return World(about=SCENES[name].about, kinds={DIRECT: 1.0})
+    if name in WORLDS or (name in BUILT and not novel):
+        return (WORLDS | BUILT)[name]
     kind = available().get(name)
     if kind is None:
-        known = ", ".join([PAPER, *WORLDS, *SCENES])
+        known = ", ".join([PAPER, *WORLDS, *BUILT])
         raise BusybotError(f"there is no world {name!r}", f"choose from {known}, or the name of a mechanism")
     if not kind.arity[1]:
         raise BusybotError(f"no link drives the mechanism {name!r}", "choose a world that has it: chance or mixed")

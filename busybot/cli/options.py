@@ -74,13 +74,10 @@ def offering(list_them: Callable[[], list[str]]) -> Callable[[str], list[str]]:
 def worlds() -> list[str]:
     """Names that `--world` takes, mechanisms alone among them."""
     from busybot.boards.mechanisms import available
-    from busybot.boards.scenes import SCENES
     from busybot.boards.spec import PAPER
-    from busybot.boards.worlds import WORLDS
+    from busybot.boards.worlds import BUILT, WORLDS
 
-    return list(
-        dict.fromkeys([PAPER, *WORLDS, *SCENES, *(name for name, kind in available().items() if kind.arity[1])])
-    )
+    return list(dict.fromkeys([PAPER, *WORLDS, *BUILT, *(name for name, kind in available().items() if kind.arity[1])]))
 
 
 def interaction_models() -> list[str]:

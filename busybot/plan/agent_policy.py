@@ -26,6 +26,7 @@ from busybot.reason.inputs.appearances import TrackedObject
 from busybot.reason.inputs.object_masks import MaskConfig, ObjectMasks
 from busybot.reason.inputs.observation import Frame, ObservedEpisode
 from busybot.reason.inputs.sequence import CHANNELS
+from busybot.reason.inputs.steady import Steady, steadied
 from busybot.sim.policy import Action
 
 WORDS, OFFERED = "decisions", "offered"
@@ -43,17 +44,18 @@ class OnlineFeatures:
     """
 
     def __init__(self, observed: ObservedEpisode, chosen: FeatureExtractor):
-        self._pixels = ObjectMasks(observed, MaskConfig(depth=chosen.pixels == "own"))
+        self._steady = Steady(observed)
+        self._pixels = ObjectMasks(steadied(observed), MaskConfig(depth=chosen.pixels == "own"))
         self._encoder = chosen.encoder
         regions = self._pixels.regions
         self._watched = {i: TrackedObject(region) for i, region in regions.items() if observed.roles[i] == "responder"}
         self._features = np.zeros((len(observed.roles), CHANNELS), np.float32)
         self._known: dict[int, list[np.ndarray]] = {index: [] for index in self._watched}
-        self._see(observed.frame(0))
+        self._see(self._steady.of(observed.frame(0)))
 
     def see(self, frame: Frame) -> np.ndarray:
         """Features float32 (N, 256) of the next picture; zeros for triggers and objects without a box."""
-        self._see(frame)
+        self._see(self._steady.of(frame))
         return self._features.copy()
 
     def _see(self, frame: Frame) -> None:

@@ -18,9 +18,10 @@ from busybot.common import plugins
 from busybot.common.errors import BusybotError, UsageError
 from busybot.episodes.episode import Episode
 from busybot.reason.inputs.appearances import Appearance, appearances_of
-from busybot.reason.inputs.object_masks import MaskConfig, ObjectMasks, OracleMasks
+from busybot.reason.inputs.object_masks import MASKS, MaskConfig, ObjectMasks, OracleMasks
 from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.inputs.sequence import CHANNELS
+from busybot.reason.inputs.steady import steadied
 
 ENCODERS = ("embedded", "resnet50", "random")
 PIXELS = {
@@ -72,6 +73,7 @@ class FeatureExtractor:
         """
         if self.oracle:
             raise BusybotError(f"{self.name} needs the segmentation, which is not among what a reasoner may read")
+        observed = steadied(observed)
         return self._encode(observed, ObjectMasks(observed, MaskConfig(depth=self.pixels == "own")))
 
     def of_episode(self, episode: Episode) -> np.ndarray:
@@ -105,7 +107,7 @@ def make_extractor(name: str = DEFAULT, weights: Path | None = None) -> FeatureE
     if weights is not None and base != "resnet50":
         raise UsageError(f"{weights}: {base} takes no weights", "they go with `--encoder resnet50`")
     encoder = _make(base, weights)
-    facts = f"{base} {encoder.key} {pixels} {MaskConfig().model_dump_json()}"
+    facts = f"{base} {encoder.key} {pixels} {MASKS} {MaskConfig().model_dump_json()}"
     return FeatureExtractor(name, f"{name}-{hashlib.sha256(facts.encode()).hexdigest()[:8]}", pixels, encoder)
 
 

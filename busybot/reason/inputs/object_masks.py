@@ -1,9 +1,10 @@
 """Tells which pixels of an object's first-frame box show the object itself, and which objects changed in a step.
 
 A pixel inside the box may show the object, the board, or something that reaches in: a neighbour's door leaf, a tall
-neighbour seen at an angle, a lever. Depth tells them apart. Every object has a *home*: the rectangle on the board over
-which its visible points lay in the first frame. Layouts keep homes apart, so a raised point above another place is an
-intruder.
+neighbour seen at an angle, a lever, a hand. Depth tells them apart. Every object has a *home*: the rectangle on the
+board over which its visible points lay in the first frame. Layouts keep homes apart, so a raised point above another
+place is an intruder. So is one that is too high: no part rises above where the highest was by more than the home is
+long. What lies in a hole of the depth is not seen either.
 
 Without depth, a pixel belongs to the smallest box that holds it, and nothing is known of intruders. `OracleMasks` reads
 the recorded segmentation, for rows that tell what recognising own pixels by depth costs.
@@ -27,6 +28,8 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode
 from busybot.reason.inputs.observation import Frame, ObservedEpisode, observe_episode
 
+MASKS = "2"
+"""Changes when masks of the same pictures do; features are then computed anew."""
 CERTAIN = 0.2
 """Share of the raised pixels of a box that must lie in no other box to place the object by them."""
 
@@ -54,7 +57,7 @@ class Region:
     Attributes:
         rows, columns: of its first-frame box.
         mine: bool, box shape: pixels in no smaller box.
-        home: x0, y0, x1, y1, board units; None if depth does not tell.
+        home: x0, y0, x1, y1, and what it never rises above, board units; None if depth does not tell.
     """
 
     rows: slice
@@ -73,7 +76,7 @@ class ObjectMasks:
     def __init__(self, observed: ObservedEpisode, config: MaskConfig | None = None):
         self._observed, self._config = observed, config or MaskConfig()
         self._rays = Rays(observed.camera)
-        first = observed.frame(0)
+        first = observed.boxed
         height, width = first.rgb.shape[:2]
         clipped = [(u0, v0, min(u1, width), min(v1, height)) for u0, v0, u1, v1 in observed.boxes.tolist()]
         shown: dict[int, tuple[int, ...]] = {
@@ -90,7 +93,7 @@ class ObjectMasks:
         }
 
     def masks(self, index: int, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Of an object's box in frame `number`: pixels that show it, and that show an intruder; bool (h, w) each."""
+        """Of an object's box in frame `number`: pixels that show it, and that are hidden; bool (h, w) each."""
         return self.masks_of(index, self._observed.frame(number))
 
     def masks_of(self, index: int, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
@@ -100,11 +103,11 @@ class ObjectMasks:
         if region.home is None:
             return region.mine, np.zeros_like(region.mine)
         if frame.depth is None:
-            frame = self._observed.frame(0)
+            frame = self._observed.boxed
         points = _points(frame, region.rows, region.columns, self._rays)
         raised = points[..., 2] > self._config.elevation
         inside = _within(points, region.home)
-        return raised & inside, raised & ~inside
+        return raised & inside, (raised & ~inside) | np.isnan(points[..., 2])
 
     def _homes(self, boxes: dict[int, tuple[int, ...]], first: Frame) -> dict[int, np.ndarray]:
         """Where the objects' raised points lie; nothing for an object that is too flat to be told by depth.
@@ -145,13 +148,14 @@ def _size(box: tuple[int, ...]) -> int:
 
 
 def _around(points: np.ndarray, margin: float) -> np.ndarray:
-    """Rectangle x0, y0, x1, y1 around points (n, 3), widened by the margin."""
-    return np.concatenate([points[:, :2].min(0) - margin, points[:, :2].max(0) + margin])
+    """Rectangle x0, y0, x1, y1 around points (n, 3), widened by the margin; above their highest, its longer side."""
+    low, high = points[:, :2].min(0) - margin, points[:, :2].max(0) + margin
+    return np.array([*low, *high, points[:, 2].max() + (high - low).max()])
 
 
 def _within(points: np.ndarray, home: np.ndarray) -> np.ndarray:
-    x, y = points[..., 0], points[..., 1]
-    return (x >= home[0]) & (x <= home[2]) & (y >= home[1]) & (y <= home[3])
+    x, y, z = (points[..., axis] for axis in range(3))
+    return (x >= home[0]) & (x <= home[2]) & (y >= home[1]) & (y <= home[3]) & (z <= home[4])
 
 
 def _points(frame: Frame, rows: slice, columns: slice, rays: Rays) -> np.ndarray:

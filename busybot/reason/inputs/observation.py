@@ -61,6 +61,7 @@ class ObservedEpisode:
         actions: T of them; action k leads from frame k to frame k + 1.
         images: stored pictures without segmentation and boxes, decoded when asked for.
         image_of: index into `images` for frames 0..T. Frames with one index are the same picture.
+        boxed_in: index into `images` of the picture that boxes and positions are of; None for frame 0.
     """
 
     camera: Camera
@@ -70,6 +71,13 @@ class ObservedEpisode:
     actions: tuple[ObservedAction, ...]
     images: Sequence[Image]
     image_of: tuple[int, ...]
+    boxed_in: int | None = None
+
+    @property
+    def boxed(self) -> Frame:
+        """The picture that boxes and positions are of."""
+        image = self.images[self.image_of[0] if self.boxed_in is None else self.boxed_in]
+        return Frame(image.rgb, image.depth)
 
     @property
     def triggers(self) -> np.ndarray:
@@ -95,7 +103,13 @@ class ObservedEpisode:
     def first(self, images: int) -> "ObservedEpisode":
         """The same board watched for at most `images` frames (so many minus one actions)."""
         steps = max(0, images - 1)
-        return replace(self, actions=self.actions[:steps], image_of=self.image_of[: steps + 1])
+        return self.window(0, steps)
+
+    def window(self, start: int, steps: int) -> "ObservedEpisode":
+        """The same board watched from frame `start` on for at most so many steps; its boxes stay those they were."""
+        boxed = self.image_of[0] if self.boxed_in is None else self.boxed_in
+        actions, image_of = self.actions[start : start + steps], self.image_of[start : start + steps + 1]
+        return replace(self, actions=actions, image_of=image_of, boxed_in=boxed)
 
 
 def observe_episode(episode: Episode) -> ObservedEpisode:

@@ -4,16 +4,21 @@ Where a trigger's own pixels change, a link moved; moves that change the same pi
 one link. How it stands is read from these pixels: pictures in which they look alike show one state. An action that
 changed nothing on its trigger belongs to the link that was taken hold of nearest to it. Pictures do not tell which
 state is "on", nor that there is a link that never moved.
+
+Pictures of a camera that is not still (`steady`) differ where nothing moved. Between two actions on a trigger it shows
+one state: the median of these pictures is taken for each of them, without what is hidden in it, and a trigger that is
+not seen at all keeps how it looked. A pixel then changed if it did by more than what is left of the noise.
 """
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from busybot.reason.inputs.object_masks import ChangeConfig, ObjectMasks, Region
+from busybot.reason.inputs.object_masks import ChangeConfig, ObjectMasks
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
+from busybot.reason.inputs.steady import Steady, steadied
 
 STATES = 3
 """A link has so many at most."""
@@ -26,6 +31,8 @@ OFTEN = 0.3
 """How a link stands is read from pixels that so large a share of its moves changed."""
 ALIKE = 0.45
 """Two pictures of a link show one state if they differ by less than this share of the largest difference."""
+USUAL, ABOVE = 0.8, 3.0
+"""Of a pixel's noise: what so large a share of its pictures stays within, and how far beyond a change lies."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +53,7 @@ class ObservedLinks:
     owners: np.ndarray
     places: np.ndarray
     directions: tuple[np.ndarray, ...]
+    steadied: bool = False
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -58,63 +66,107 @@ class _Move:
     """What an action changed in a trigger's box: which pixels, bool (h, w), and by how much, float32 (h, w, 3)."""
 
     step: int
-    owner: int
     changed: np.ndarray
     difference: np.ndarray
 
 
+@dataclass(frozen=True)
+class _View:
+    """A trigger's box in P pictures.
+
+    Attributes:
+        pictures: P of uint8 or float32 (h, w, 3).
+        least: float (h, w), what a pixel that did not change may differ by.
+        masks: of two frames, which pixels may have changed, bool (h, w).
+        pixels: more than so many changed, if any did.
+    """
+
+    pictures: Sequence[np.ndarray]
+    least: np.ndarray
+    masks: Callable[[int, int], np.ndarray]
+    pixels: int = 0
+
+
 def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None) -> ObservedLinks:
     """Watch the links of a recording."""
-    config, acted = config or ChangeConfig(), acted_objects(observed)
+    config, acted, unsteady = config or ChangeConfig(), acted_objects(observed), Steady(observed).needed
+    observed = steadied(observed)
     pixels, contacts = ObjectMasks(observed, config), np.array([one.position for one in observed.actions], float)
     pictures = [observed.frame(observed.image_of.index(one)).rgb for one in sorted(set(observed.image_of))]
     frames = np.unique(observed.image_of, return_inverse=True)[1]  # the picture of each frame
-    moves = _moves(observed, acted, pixels, pictures, frames, config)
     clusters = np.full(len(acted), -1)
     places: list[np.ndarray] = []
     owners: list[int] = []
     states: list[np.ndarray] = []
     directions: list[np.ndarray] = []
-    for trigger in observed.triggers:
-        own = [move for move in moves if move.owner == trigger]
-        for group in _together(own):
+    for trigger in map(int, observed.triggers):
+        if trigger not in pixels.regions:
+            continue
+        if unsteady:
+            view, frames = _calm(observed, pixels, trigger, acted == trigger, config), np.arange(len(acted) + 1)
+        else:
+            view = _still(pictures, pixels, trigger, config)
+        for group in _together(_moves(np.flatnonzero(acted == trigger), view, frames)):
             steps = np.array([move.step for move in group])
-            seen = _states(pictures, pixels.regions[int(trigger)], group)[frames]
+            seen = _states(view.pictures, group)[frames]
             moved = seen[steps] != seen[steps + 1]
             if not moved.any():
                 continue
             clusters[steps] = len(places)
             places.append(contacts[steps, :2].mean(0))
-            owners.append(int(trigger))
+            owners.append(trigger)
             states.append(seen)
             directions.append(_directions(observed, seen, steps))
     _join_failed(clusters, acted, contacts, np.array(owners, int), np.array(places).reshape(-1, 2))
     told = np.array(states, int).T.reshape(len(observed.image_of), len(states))
-    return ObservedLinks(clusters, told, np.array(owners, int), np.array(places).reshape(-1, 2), tuple(directions))
+    at = np.array(places).reshape(-1, 2)
+    return ObservedLinks(clusters, told, np.array(owners, int), at, tuple(directions), unsteady)
 
 
-def _moves(
-    observed: ObservedEpisode,
-    acted: np.ndarray,
-    pixels: ObjectMasks,
-    pictures: Sequence[np.ndarray],
-    frames: np.ndarray,
-    config: ChangeConfig,
-) -> list[_Move]:
-    """The actions that changed pixels of their trigger."""
+def _still(pictures: Sequence[np.ndarray], pixels: ObjectMasks, trigger: int, config: ChangeConfig) -> _View:
+    region = pixels.regions[trigger]
+
+    def masks(one: int, other: int) -> np.ndarray:
+        before, after = (pixels.masks(trigger, number) for number in (one, other))
+        return np.asarray((before[0] | after[0]) & ~before[1] & ~after[1])
+
+    boxes = [one[region.rows, region.columns] for one in pictures]
+    return _View(boxes, np.full(region.mine.shape, float(config.tolerance)), masks)
+
+
+def _calm(
+    observed: ObservedEpisode, pixels: ObjectMasks, trigger: int, touched: np.ndarray, config: ChangeConfig
+) -> _View:
+    """A trigger's box in each frame: the median of what was seen of each pixel since the trigger was touched last."""
+    region, count = pixels.regions[trigger], len(observed.image_of)
+    boxes = np.array([observed.frame(k).rgb[region.rows, region.columns] for k in range(count)], np.float32)
+    own, hidden = (np.array(one) for one in zip(*(pixels.masks(trigger, k) for k in range(count)), strict=True))
+    boxes[hidden] = np.nan
+    runs, calm = np.concatenate([[0], np.cumsum(touched)]), np.empty_like(boxes)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # what was never seen has no median
+        last = np.nan_to_num(np.nanmedian(boxes, axis=0))
+        for run in range(int(runs[-1]) + 1):
+            look = np.nanmedian(boxes[runs == run], axis=0)
+            last = np.where(np.isnan(look), last, look)
+            calm[runs == run] = last
+        usual = np.nan_to_num(np.nanquantile(np.abs(boxes - calm).max(axis=-1), USUAL, axis=0))
+    mine = own.mean(axis=0) > 0.5
+    return _View(list(calm), np.maximum(config.tolerance, ABOVE * usual), lambda *_: mine, config.least)
+
+
+def _moves(steps: np.ndarray, view: _View, frames: np.ndarray) -> list[_Move]:
+    """The actions on a trigger that changed pixels of it."""
     found = []
-    for step, owner in enumerate(acted.tolist()):
-        if owner not in pixels.regions or frames[step] == frames[step + 1]:
+    for step in steps.tolist():
+        if frames[step] == frames[step + 1]:
             continue
-        region = pixels.regions[owner]
-        before, after = (pictures[frames[number]][region.rows, region.columns] for number in (step, step + 1))
-        changed = cv2.inRange(cv2.absdiff(before, after), (0, 0, 0), (config.tolerance,) * 3) == 0
+        before, after = (view.pictures[frames[number]].astype(np.float32) for number in (step, step + 1))
+        changed = np.abs(after - before).max(axis=-1) > view.least
         if changed.any():
-            masks = [pixels.masks(owner, number) for number in (step, step + 1)]
-            changed &= (masks[0][0] | masks[1][0]) & ~masks[0][1] & ~masks[1][1]
-        if changed.any():
-            difference = np.where(changed[..., None], after.astype(np.float32) - before, 0)
-            found.append(_Move(step, owner, changed, difference))
+            changed &= view.masks(step, step + 1)
+        if changed.sum() > view.pixels:
+            found.append(_Move(step, changed, np.where(changed[..., None], after - before, 0)))
     return found
 
 
@@ -130,13 +182,13 @@ def _together(moves: list[_Move]) -> list[list[_Move]]:
     return [[move for move, label in zip(moves, labels, strict=True) if label == each] for each in sorted(set(labels))]
 
 
-def _states(pictures: Sequence[np.ndarray], region: Region, moves: list[_Move]) -> np.ndarray:
+def _states(pictures: Sequence[np.ndarray], moves: list[_Move]) -> np.ndarray:
     """State of a link in each picture, int: looks of the pixels that its moves changed."""
     from scipy.cluster.hierarchy import fcluster, linkage
 
     often = np.sum([move.changed for move in moves], axis=0)
     where = often >= min(max(1, OFTEN * len(moves)), often.max())
-    looks = np.array([one[region.rows, region.columns][where].ravel() for one in pictures], np.float32)
+    looks = np.array([one[where].ravel() for one in pictures], np.float32)
     tree = linkage(looks, "average", "cityblock")
     labels = fcluster(tree, ALIKE * tree[:, 2].max(), "distance")
     if len(set(labels)) > STATES:

@@ -11,6 +11,10 @@ from busybot.reason.inputs.sequence import BoardSequence, clusters_of, threshold
 from busybot.reason.inputs.trigger_links import REACH, ObservedLinks
 from busybot.reason.models.mechanism.contexts import STATES, Trace
 
+STILL, APART = 0.3, 2.0
+"""Under a camera that is not still: in so large a share of the steps a responder rests, and two of its looks differ by
+so many times what they do then."""
+
 
 @dataclass(frozen=True)
 class Perceived:
@@ -64,9 +68,17 @@ class Perceived:
 
 
 def perceive(seen: BoardSequence, encoder: str) -> Perceived:
-    """Links and states of a recording, of which the encoder's features are given."""
+    """Links and states of a recording, of which the encoder's features are given.
+
+    Under a camera that was not still, looks are unlike that differ by more than noise: by much more than they do in
+    the steps in which responders changed least.
+    """
     links, responders = seen.links, np.flatnonzero(seen.responders)
-    shown = clusters_of(seen.features, threshold_of(encoder))[:, responders].clip(0, STATES - 1)
+    unlike = threshold_of(encoder)
+    if links.steadied:
+        steps = np.linalg.norm(np.diff(seen.features[:, responders], axis=0), axis=-1)
+        unlike = max(unlike, APART * float(np.median(np.quantile(steps, STILL, axis=0))))
+    shown = clusters_of(seen.features, unlike)[:, responders].clip(0, STATES - 1)
     looks = tuple(
         np.stack([seen.features[states == state, index].mean(0) for state in range(int(states.max()) + 1)])
         for index, states in zip(responders, shown.T, strict=True)

@@ -1,0 +1,109 @@
+"""Makes the pictures of a camera that shakes, rustles and drifts comparable: what a real camera adds is taken away.
+
+Whether a recording needs it is told by itself: where nothing was touched, most pixels of two pictures of a perfect
+camera are equal. If they are in all pictures, the recording is left as it is, to the last bit. Else each picture is
+
+- moved back onto the one that the boxes are of, by the shift at which the two correlate best;
+- made as bright as that one, by the median ratio around each place: what changes is smaller than half of the window;
+- smoothed, as depth is, by about the size of what a sensor does to an edge.
+
+What a hand hides is not mended: masks tell it by its depth (`object_masks`).
+"""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from busybot.episodes.episode import Image
+from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedEpisode
+
+SHIFT, MOST = 16, 30
+"""No camera shakes by more pixels: a larger shift was not found, but made up. So was one that leaves the picture no
+more like the other one, where grey values differ by so much at most."""
+HALF = 2
+"""Pictures are correlated in squares of so many pixels a side: the shift is found to a tenth of one."""
+SQUARE, WINDOW = 4, 21
+"""Brightness is compared in squares of so many pixels a side, by the median of so many squares a side."""
+SMOOTH, EDGE = 1.0, 5
+"""Deviation of the smoothing of colours, and window of the median of depth, pixels."""
+
+
+class Steady:
+    """Steadies pictures of one board.
+
+    Args:
+        observed: tells whether its pictures need it, and which one the others are moved onto.
+
+    Attributes:
+        needed: whether they do.
+    """
+
+    def __init__(self, observed: ObservedEpisode):
+        self._first = observed.boxed
+        grey = [cv2.cvtColor(observed.images[one].rgb, cv2.COLOR_RGB2GRAY) for one in _pictures(observed)]
+        self.needed = any(np.median(cv2.absdiff(*pair)) > 0 for pair in zip(grey, grey[1:], strict=False))
+
+    def of(self, frame: Frame) -> Frame:
+        """The picture, comparable with the others."""
+        if not self.needed:
+            return frame
+        moved = _moved_back(frame, self._first)
+        rgb = cv2.GaussianBlur(_as_bright(moved.rgb, self._first.rgb), (0, 0), SMOOTH)
+        return Frame(rgb, None if moved.depth is None else cv2.medianBlur(moved.depth, EDGE))
+
+
+def steadied(observed: ObservedEpisode) -> ObservedEpisode:
+    """The recording with pictures that differ where the board does; the same recording if all of them already do."""
+    steady = Steady(observed)
+    if not steady.needed:
+        return observed
+    images = list(observed.images)
+    for one in _pictures(observed):
+        frame = steady.of(Frame(images[one].rgb, images[one].depth))
+        images[one] = Image(frame.rgb, frame.depth, None, NO_BOXES)
+    return replace(observed, images=images)
+
+
+def _pictures(observed: ObservedEpisode) -> list[int]:
+    boxed = observed.image_of[0] if observed.boxed_in is None else observed.boxed_in
+    return list(dict.fromkeys((boxed, *observed.image_of)))
+
+
+def _moved_back(frame: Frame, first: Frame) -> Frame:
+    height, width = frame.rgb.shape[:2]
+    size = (width // HALF, height // HALF)
+    small = [cv2.resize(one.rgb, size, interpolation=cv2.INTER_AREA) for one in (first, frame)]
+    there, here = (cv2.cvtColor(one, cv2.COLOR_RGB2GRAY).astype(np.float32) for one in small)
+    shift, _ = cv2.phaseCorrelate(there, here, cv2.createHanningWindow(size, cv2.CV_32F))
+    right, down = (HALF * side for side in shift)
+    moved = _shifted(here, *shift)
+    if max(abs(right), abs(down)) > SHIFT or _unlike(there, moved) >= _unlike(there, here):
+        return frame
+    rgb = _shifted(frame.rgb, right, down)
+    if frame.depth is None:
+        return Frame(rgb, None)
+    rows, columns = (np.arange(side) + round(shift) for side, shift in ((height, down), (width, right)))
+    return Frame(rgb, frame.depth[np.ix_(rows.clip(0, height - 1), columns.clip(0, width - 1))])
+
+
+def _shifted(picture: np.ndarray, right: float, down: float) -> np.ndarray:
+    """The picture moved left and up by so many pixels."""
+    back = np.array([[1, 0, -right], [0, 1, -down]])
+    return cv2.warpAffine(picture, back, picture.shape[1::-1], borderMode=cv2.BORDER_REPLICATE)
+
+
+def _unlike(one: np.ndarray, other: np.ndarray) -> float:
+    """Mean difference, in which what moved on the board counts no more than the rest."""
+    return float(np.minimum(np.abs(one - other), MOST).mean())
+
+
+def _as_bright(rgb: np.ndarray, first: np.ndarray) -> np.ndarray:
+    size = (-(-rgb.shape[1] // SQUARE), -(-rgb.shape[0] // SQUARE))
+    small = [
+        cv2.resize(one, size, interpolation=cv2.INTER_AREA).astype(np.float32).sum(axis=-1) for one in (first, rgb)
+    ]
+    stops = np.log2((small[0] + 3) / (small[1] + 3)).clip(-1, 1)
+    levels = cv2.medianBlur((128 + 120 * stops).round().astype(np.uint8), WINDOW)
+    light = np.exp2((cv2.resize(levels, rgb.shape[1::-1]).astype(np.float32) - 128) / 120)
+    return np.asarray((rgb * light[..., None]).round().clip(0, 255), np.uint8)

@@ -1,0 +1,95 @@
+"""Pictures of a camera that is not still, made comparable; those of one that is stay as they are."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from busybot.episodes.episode import Image
+from busybot.reason.encoders.registry import make_extractor
+from busybot.reason.inputs.object_masks import ObjectMasks
+from busybot.reason.inputs.observation import NO_BOXES, ObservedEpisode
+from busybot.reason.inputs.steady import Steady, steadied
+from busybot.reason.inputs.trigger_links import observe_links
+from tests.reason.inputs.test_trigger_links import MOVES, played
+from tests.reason.scenes import BOARD_DEPTH, Patch, Scene
+
+LAMP = (60, 40, 90, 70)
+
+
+def lamp_scene(colors: list[tuple[int, int, int]]) -> ObservedEpisode:
+    """A lamp on a board with marks, as a still camera sees it."""
+    marks = [
+        Patch((10 * k, 7 * k % 100, 10 * k + 8, 7 * k % 100 + 9), (40 * k % 250, 90, 250 - 15 * k), 0)
+        for k in range(1, 14)
+    ]
+    frames = [[*marks, Patch((50, 30, 100, 80), (150, 150, 150), 0), Patch(LAMP, color)] for color in colors]
+    return Scene(("responder",), [LAMP], frames).observed()
+
+
+def unsteady(observed: ObservedEpisode, shake: int = 3, seed: int = 0) -> ObservedEpisode:
+    """The same seen by a camera that shakes, rustles and drifts."""
+    rng, images = np.random.default_rng(seed), []
+    for number, image in enumerate(observed.images):
+        right, down = rng.integers(-shake, shake + 1, 2) if number else (0, 0)
+        rgb, depth = (np.roll(one, (down, right), (0, 1)) for one in (image.rgb, image.depth))
+        bright = rgb * (1 + 0.1 * np.sin(number)) + rng.normal(0, 5, rgb.shape)
+        images.append(Image(bright.clip(0, 255).astype(np.uint8), depth, None, NO_BOXES))
+    return replace(observed, images=images)
+
+
+def test_pictures_of_a_still_camera_stay_as_they_are() -> None:
+    observed = lamp_scene([(0, 0, 0), (250, 0, 250), (0, 0, 0)])
+    assert steadied(observed) is observed and not Steady(observed).needed
+    assert steadied(observed.first(1)) is not None
+
+
+def test_looks_differ_by_what_the_board_does_and_not_by_what_the_camera_does() -> None:
+    colors = [(0, 0, 0), (0, 0, 0), (250, 0, 250), (250, 0, 250), (0, 0, 0), (0, 0, 0)]
+    seen = unsteady(lamp_scene(colors))
+    assert Steady(seen).needed
+    features = make_extractor("embedded").of(seen)[:, 0].astype(float)
+    steps = np.linalg.norm(np.diff(features, axis=0), axis=-1)
+    assert steps[[1, 3]].min() > 2 * steps[[0, 2, 4]].max()
+
+
+def test_a_window_keeps_the_picture_that_its_boxes_are_of() -> None:
+    observed = lamp_scene([(0, 0, 0), (250, 0, 250), (9, 9, 9), (250, 0, 250)])
+    window = observed.window(1, 2)
+    assert len(window.actions) == 2 and len(window.image_of) == 3
+    np.testing.assert_array_equal(window.boxed.rgb, observed.frame(0).rgb)
+    np.testing.assert_array_equal(window.window(1, 1).frame(1).rgb, observed.frame(3).rgb)
+    assert window.window(1, 1).boxed_in == window.boxed_in
+
+
+@pytest.mark.parametrize("height", [1.5, None])
+def test_a_hand_above_an_object_and_a_hole_in_the_depth_hide_it(height: float | None) -> None:
+    observed = lamp_scene([(250, 0, 250)] * 2)
+    depth = observed.images[1].depth
+    assert depth is not None
+    depth[40:55, 60:90] = 0 if height is None else BOARD_DEPTH - height
+    own, hidden = ObjectMasks(observed).masks(0, 1)
+    assert hidden[:15].all() and not hidden[15:].any() and not own[:15].any() and own[15:].all()
+
+
+def hidden_at(observed: ObservedEpisode, frames: list[int]) -> ObservedEpisode:
+    """A hand before the trigger in these frames."""
+    images = list(observed.images)
+    for number in frames:
+        rgb, depth = images[number].rgb.copy(), np.array(images[number].depth)
+        cv2.rectangle(rgb, (10, 0), (62, 70), (200, 150, 120), -1)
+        depth[:71, 10:63] = BOARD_DEPTH - 2
+        images[number] = Image(rgb, depth, None, NO_BOXES)
+    return replace(observed, images=images)
+
+
+def test_links_are_found_in_noise_and_a_hand_moves_none() -> None:
+    observed, _ = played(MOVES)
+    clear, noisy = observe_links(observed), observe_links(unsteady(observed, shake=0))
+    assert noisy.steadied and not clear.steadied
+    np.testing.assert_array_equal(noisy.states, clear.states)
+    np.testing.assert_array_equal(noisy.clusters, clear.clusters)
+    # after action 8, which moves nothing, nobody sees the trigger
+    found = observe_links(hidden_at(unsteady(observed, shake=0), [9]))
+    np.testing.assert_array_equal(found.states, clear.states)

@@ -1,8 +1,9 @@
 """Chooses the actions that tell most about what causes what: `busybot collect --policy curious`.
 
-Links are found by the learned policy: candidates that nobody tried come first. Of the links that moved, the one is
-moved next of which the reasoner expects to learn most about all responders. What it has to go by are the pictures so
-far, with the objects' boxes in the first of them, as it has of a recording.
+Links are found by the learned policy: candidates that nobody tried come first. Then what the reasoner expects to learn
+about all responders decides: of moving each link, and of trying once more what did not move, which may be a link yet,
+as far as the interaction model believes so. What there is to go by are the pictures so far, with the objects' boxes in
+the first of them, as in a recording.
 """
 
 from dataclasses import dataclass, field, replace
@@ -29,6 +30,8 @@ from busybot.training.model_cards import file_hashes, find_folder
 NAME = "curious"
 REASONER = "mechanism"
 """The shipped reasoner that is asked if none is named."""
+NEW = 1.0
+"""A link that nobody has seen moving would tell so much, nats: what the first actions on known ones do."""
 CERTAIN = 0.95
 """The policy knows what there is to know when it is so sure of all parents (`--until-known`)."""
 
@@ -103,8 +106,8 @@ class CuriousPolicy:
         actions = np.concatenate([positions, DIRECTIONS[directions.ravel()]], axis=1).astype(np.float32)
         observed = self._watched.observed
         acted = np.array([trigger_at(observed, (int(u), int(v))) for u, v in found.pixels], int).repeat(each)
-        told = self._reasoner.expected_information(self._sequence, actions, acted)
-        return told.reshape(directions.shape)
+        told = self._reasoner.expected_information(self._sequence, actions, acted).reshape(directions.shape)
+        return np.where((found.regions > 0)[:, None], told, NEW * found.scores[:, None])
 
 
 def curious_reasoner(name_or_path: str) -> Any:

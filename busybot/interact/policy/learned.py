@@ -69,7 +69,7 @@ class LearnedPolicy(Generic[V]):
     It reads depth (and RGB, if the model sees colours), its own actions, their reward and which pixels they changed.
 
     Args:
-        worth: in mode `collect`, decides among known links when all candidates were tried, instead of chance.
+        worth: in mode `collect`, decides when all candidates were tried once, instead of chance.
 
     Attributes:
         view, candidates, choice: of the last decision, for pictures. `candidates` is None in modes that have none.
@@ -149,15 +149,10 @@ class LearnedPolicy(Generic[V]):
         found = found.take(good)
         if config.candidates == "peaks":  # of the paper's clusters each has one
             found = found.best_of_regions()
-        moved = found.regions > 0
-        if self.worth is not None and moved.any() and not untried.any():
-            found = found.take(moved)
-            ways = np.stack([found.best_directions, np.asarray(OPPOSITE)[found.best_directions]], axis=1)
-            worth = self.worth(found, ways)
-            index, way = rng.permutation(np.argwhere(worth >= worth.max()))[0].tolist()
-            return replace(_chosen(found, index, "known"), direction=int(ways[index, way]))
+        if self.worth is not None and not untried.any():
+            return _worthiest(found, self.worth, rng)
         index = int(rng.integers(len(found)))
-        choice = _chosen(found, index, "known" if found.regions[index] > 0 else "new")
+        choice = _any(found, index)
         two = [choice.direction, int(OPPOSITE[choice.direction])]
         weights = found.directions[index, two] + 1e-6
         direction = two[int(rng.random() * weights.sum() > weights[0])]
@@ -195,6 +190,18 @@ def _chosen(found: Candidates, index: int, why: str) -> ActionChoice:
     column, row = map(int, found.pixels[index])
     direction, pair = int(found.best_directions[index]), found.best_pairs[index]
     return ActionChoice((column, row), direction, why, float(found.beliefs[index]), float(found.pairs[index, pair]))
+
+
+def _any(found: Candidates, index: int) -> ActionChoice:
+    return _chosen(found, index, "known" if found.regions[index] > 0 else "new")
+
+
+def _worthiest(found: Candidates, worth: Worth, rng: np.random.Generator) -> ActionChoice:
+    """What is worth most; chance decides among equals."""
+    ways = np.stack([found.best_directions, np.asarray(OPPOSITE)[found.best_directions]], axis=1)
+    values = worth(found, ways)
+    index, way = rng.permutation(np.argwhere(values >= values.max()))[0].tolist()
+    return replace(_any(found, index), direction=int(ways[index, way]))
 
 
 def _guess(height: np.ndarray, rng: np.random.Generator) -> ActionChoice:

@@ -714,18 +714,23 @@ def exploring() -> str:
 def curiosity() -> str:
     """After how many actions relations are known, by way of choosing them."""
     lines = []
-    for world, parts in result("curiosity")["rows"].items():
-        for part in ("drawn", "recorded"):
-            for choice, told in parts.get(part, {}).items():
+    for part, name in (("drawn", "curiosity"), ("recorded", "curiosity-recorded")):
+        for world, parts in result(name)["rows"].items():
+            for choice, told in parts[part].items():
                 most, (low, high) = len(told["f1"]), told["until_interval"]
-                until = [f"over {most}" if one > most else f"{one:g}" for one in (told["until"], low, high)]
+                until = [f"over {most}" if one > most else f"{one:.0f}" for one in (told["until"], low, high)]
                 shares = " / ".join(f"{100 * told['f1'][after - 1]:.0f}" for after in (10, 22, 30))
                 stops = told.get("stops")
                 knows = f"{stops['boards']} ({stops['wrong']})" if stops else "-"
                 entries = [str(told["boards"]), f"{until[0]} ({until[1]} to {until[2]})", shares, knows]
                 lines.append((f"{world}, {part}: {choice}", entries))
     heads = ("boards", "actions until 95", "F1 after 10 / 22 / 30", "knows (wrong)")
-    return markdown([plain_grid(heads, lines, "percent")])
+    regrets = [
+        (world, [f"{100 * parts['greedy'][choice]['regret']:.1f}" for choice in ("random", "coverage", "curious")])
+        for world, parts in result("curiosity")["rows"].items()
+    ]
+    behind = plain_grid(("random", "coverage", "curious"), regrets, "regret, points of F1")
+    return markdown([plain_grid(heads, lines, "percent"), behind])
 
 
 VIEWS = {"looks": "looks", "picture": "picture", "places": "places", "order": "order", "actions": "actions"}

@@ -108,7 +108,7 @@ def test_an_old_name_works_for_a_version_and_says_so(words: str, old: str, new: 
 
 MODELS = {
     "--model": {"collect", "eval interact", "view", "report", "demo"},
-    "--reasoner": {"eval reason", "eval plan", "view", "report"},
+    "--reasoner": {"collect", "eval reason", "eval plan", "view", "report"},
     "--variant": {"train interact", "train reason"},
     "--images": {"eval reason"},
     "--image-format": {"collect"},
@@ -131,7 +131,7 @@ def test_an_option_has_one_meaning_in_all_commands() -> None:
         ("generate --split nov", ["novel-config", "novel-object", "novel-mechanism"], "train"),
         ("generate --relations one", ["one-to-one", "one-to-many"], "any"),
         ("generate --world ", ["paper", "gates", "toggle"], "clock"),
-        ("collect --policy ", ["random", "learned", "scripted"], ""),
+        ("collect --policy ", ["random", "learned", "curious", "scripted"], ""),
         ("collect --model pro", ["procedural"], ""),
         ("eval reason --reasoner ", ["event", "lookup", "persistence", "count", "pc"], "procedural"),
         ("train interact --variant ", ["fast", "paper"], ""),

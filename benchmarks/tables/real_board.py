@@ -19,9 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.runner import as_typed, assets_name, busybot, finish, generating, parser, settings, train
-from busybot.common.atomic_io import write_json
+from benchmarks.runner import as_typed, assets_name, busybot, finish, generating, one_of, parser, settings, train
+from busybot.common.atomic_io import write_atomically, write_json
 from busybot.datasets.dataset import Dataset
+from busybot.episodes.codec import encode_rgb
 from busybot.episodes.episode import Episode, Image
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.exact import binomial_interval
@@ -63,7 +64,7 @@ FIRST = 1
 """Seed of the first twin."""
 
 
-def main(words: list[str] | None = None) -> None:
+def main(words: list[str]) -> None:
     options = parser(__doc__, out=True)
     options.add_argument("--work", type=Path, required=True, help="for data, models and judgements; continued")
     options.add_argument("--seeds", type=int, default=5)
@@ -198,5 +199,18 @@ def pooled(counts: list[dict[str, int]]) -> dict[str, Any]:
     return told
 
 
+def sheet(words: list[str]) -> None:
+    """Three frames in a row of the first twin under the hardest camera."""
+    options = parser(sheet.__doc__, assets=False)
+    options.add_argument("--work", type=Path, required=True, help="with the recordings")
+    options.add_argument("--frame", type=int, default=0, help="the first of them")
+    arguments = options.parse_args(words)
+    episode = read_episode(Dataset.open(arguments.work / f"twin-{FIRST}-hardest").episode_path(0), "lazy")
+    frames = [episode.image(number).rgb for number in range(arguments.frame, arguments.frame + 3)]
+    height, width = frames[0].shape[:2]
+    cut = [frame[height // 5 : -height // 4, width // 4 : -width // 5] for frame in frames]
+    write_atomically(arguments.out, encode_rgb(np.hstack(cut), "jpeg"))
+
+
 if __name__ == "__main__":
-    main()
+    one_of(main, sheet=sheet)

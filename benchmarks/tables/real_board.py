@@ -34,7 +34,7 @@ from busybot.reason.inputs.sequence import sequence_of
 from busybot.reason.models.counting import CountConfig, count_changes
 from busybot.reason.models.registry import reasoner_of
 from busybot.sim.scene.real_camera import REAL, CameraConfig, take_photo
-from busybot.training.model_cards import file_hashes
+from busybot.training.model_cards import file_hashes, find_folder
 
 STEPS, WINDOW, WINDOWS = 30, 25, 6
 TRAIN_SEED = 24001
@@ -128,7 +128,9 @@ def trained(
 def judged(data: Path, term: str, chosen: dict[str, list[str]], work: Path) -> dict[str, list[dict[str, int]]]:
     """By row and model: how many edges it claims in the windows of a twin, how many are right, how many there are."""
     dataset, note = Dataset.open(data), work / "judged" / f"{data.name}-{term}-{len(chosen)}.json"
-    key = {"content": dataset.hashes().content, "chosen": chosen}
+    trained = {one for found in chosen.values() for one in found} - {"", "lookup"}
+    hashes = {one: file_hashes(find_folder(one, "reason")) for one in sorted(trained)}
+    key = {"content": dataset.hashes().content, "chosen": chosen, "models": hashes}
     if note.exists() and json.loads(note.read_text())["key"] == key:
         return dict(json.loads(note.read_text())["counted"])
     counted = {row: [{"claimed": 0, "right": 0, "true": 0} for _ in models] for row, models in chosen.items()}

@@ -6,7 +6,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from busybot.boards.scenes import SCENES
 from busybot.boards.spec import PAPER, without
-from busybot.boards.worlds import NOVEL, REAL_BOARD, world_named
+from busybot.boards.worlds import BUILT, NOVEL, REAL_BOARD, world_named
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 
@@ -129,19 +129,16 @@ class BoardConfig(FrozenModel):
             paper = self.world == PAPER or not world_named(self.world, self.split == NOVEL)
         except BusybotError as error:
             raise ValueError(f"{error.what}; {error.hint}") from None
-        if self.world == REAL_BOARD:
+        if self.world in BUILT:
             fields = type(self).model_fields
             free = {"split", "world", "boards", "seed", "group_size"}
+            free |= {"tasks", "plan"} if self.world in SCENES else set()
             others = [name for name in fields if name not in free and getattr(self, name) != fields[name].default]
             if others:
                 raise ValueError(f"the world {self.world!r} has boards of its own; leave {', '.join(others)} out")
         if paper and (self.split == NOVEL or self.tasks == "reach"):
             given = f"split {NOVEL!r}" if self.split == NOVEL else "tasks 'reach'"
             raise ValueError(f"the paper's world has no {given}; name another one: --world gates")
-        told = {"include": self.include, "only": self.only, "links": self.links, "uniform": self.uniform}
-        if self.world in SCENES and any(told.values()):
-            named = next(name for name, value in told.items() if value)
-            raise ValueError(f"{named}: what stands in a {self.world} is the scene's to say; leave it out")
         if self.links and not paper and self.links[0] <= self.links[1] < self.least_links:
             what = f"{self.depth[0]} locks behind each other need {self.least_links} links"
             raise ValueError(f"{what}, at most {self.links[1]} allowed: give --links {self.least_links}-12")

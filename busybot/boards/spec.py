@@ -140,6 +140,9 @@ class Task(FrozenModel):
         return without(handler(self), {"responders": None, "shortest": None})
 
 
+Place = Annotated[float, Field(allow_inf_nan=False, ge=-100, le=100)]
+
+
 class BoardCamera(FrozenModel):
     """From where a board is looked at, in place of the camera of the recording's configuration.
 
@@ -148,8 +151,8 @@ class BoardCamera(FrozenModel):
         fov_deg: horizontal field of view, degrees.
     """
 
-    position: tuple[Finite, Finite, Finite]
-    target: tuple[Finite, Finite, Finite]
+    position: tuple[Place, Place, Annotated[float, Field(gt=0, le=100)]]
+    target: tuple[Place, Place, Place]
     fov_deg: Annotated[float, Field(gt=1, lt=170)]
 
 

@@ -200,17 +200,18 @@ class Manifest(FrozenModel):
 def collect_command(path: Path, info: DatasetInfo) -> str:
     """The command that records the missing episodes with the recorded settings.
 
-    A learned model is recorded by its fingerprint, not by name: `--model` is left to the user.
+    A learned model is recorded by its fingerprint, not by name: `--model` and `--reasoner` are left to the user.
     """
     command, collect = f"busybot collect {shlex.quote(str(path))}", info.collect
     if collect is None:
         return command
-    if collect.policy not in ("random", "learned", "scripted"):
+    if collect.policy not in ("random", "learned", "curious", "scripted"):
         return f"repeat the command that began {shlex.quote(str(path))}; its policy was {collect.policy!r}"
     command += f" --steps {collect.steps} --policy {collect.policy}"
     command += f" --image-format {collect.images}" if collect.images != "jpeg" else ""
     command += f" --seed {collect.seed}" if collect.seed != info.seed else ""
     command += " --strict" if collect.strict else ""
+    command += " --until-known" if collect.settings.get("chooser", {}).get("until_known") else ""
     command += f" --set interaction.delta={collect.delta}" if collect.delta != 500 else ""
     look = collect.settings.get("render", {})
     for group in ("camera", "randomise"):

@@ -22,6 +22,7 @@ from busybot.plan.agent_policy import OnlineFeatures
 from busybot.reason.encoders.registry import FeatureExtractor, make_extractor
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedAction, ObservedEpisode, trigger_at
 from busybot.reason.inputs.sequence import BoardSequence, sequence_of
+from busybot.reason.inputs.steady import Steady
 from busybot.reason.models.base import Curious
 from busybot.reason.models.registry import reasoner_of
 from busybot.sim.policy import Action, Detections
@@ -43,8 +44,12 @@ class Watched:
         image = Image(first.rgb, first.depth, None, NO_BOXES)
         found = detections.roles, detections.boxes, detections.positions
         self.observed = ObservedEpisode(first.camera, *found, actions=(), images=[image], image_of=(0,))
-        self._sight, self._latest = OnlineFeatures(self.observed, extractor), first
-        self._features = [self._sight.see(self.observed.frame(0))]
+        self._extractor, self._latest, self._steadied = extractor, first, False
+        self._look_anew()
+
+    def _look_anew(self) -> None:
+        self._sight = OnlineFeatures(self.observed, self._extractor)
+        self._features = [self._sight.see(self.observed.frame(number)) for number in range(len(self.observed.image_of))]
 
     def add(self, action: ObservedAction, after: Observation) -> None:
         """What an action led to; the observation is the same object as before if nothing was seen to change."""
@@ -54,7 +59,11 @@ class Watched:
         self._latest = after
         image_of, actions = (*observed.image_of, len(images) - 1), (*observed.actions, action)
         self.observed = replace(observed, actions=actions, images=images, image_of=image_of)
-        self._features.append(self._sight.see(Frame(after.rgb, after.depth)))
+        if not self._steadied and Steady(self.observed).needed:  # one picture alone does not tell
+            self._steadied = True
+            self._look_anew()
+        else:
+            self._features.append(self._sight.see(Frame(after.rgb, after.depth)))
 
     def sequence(self) -> BoardSequence:
         return sequence_of(self.observed, np.stack(self._features))

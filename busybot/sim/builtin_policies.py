@@ -152,7 +152,7 @@ def builtin_factory(name: str) -> AnyPolicyFactory:
     """The factory of a policy that needs no model, `random` or `scripted`; refuses other names."""
     factories: dict[str, AnyPolicyFactory] = {"random": RandomFactory(), "scripted": ScriptedFactory()}
     if name not in factories:
-        raise BusybotError(f"unknown policy {name!r}", "choose random, learned or scripted")
+        raise BusybotError(f"unknown policy {name!r}", "choose random, learned, curious or scripted")
     return factories[name]
 
 

@@ -16,10 +16,12 @@ from busybot.plan.curious import CuriousFactory, CuriousPolicy, curious_reasoner
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.inputs.sequence import sequence_of
+from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import Detections
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.scene.real_camera import REAL, CameraConfig
 from busybot.sim.scene.render import RenderConfig
 
 STEPS = 14
@@ -39,18 +41,30 @@ def simulator() -> Simulator:
     return Simulator(find("procedural"), RenderConfig(width=320, height=240))
 
 
-def test_it_sees_while_it_acts_what_is_recorded_and_asks_when_nothing_is_new(simulator: Simulator) -> None:
+@pytest.mark.parametrize("camera", [CameraConfig(), CameraConfig.model_validate(REAL)], ids=["clean", "real"])
+def test_it_sees_while_it_acts_what_is_recorded_and_asks_when_nothing_is_new(camera: CameraConfig) -> None:
+    simulator = Simulator(find("procedural"), RenderConfig(width=320, height=240, camera=camera))
     [board] = generate_boards(BoardConfig(world="gates", boards=1, seed=4), simulator.library)
     factory = Kept(LearnedPolicyFactory("procedural", "collect"))
     episode = record_episode(simulator, board, factory, STEPS, InteractionConfig(), 0)
     policy: CuriousPolicy = vars(factory)["policy"]
-    assert policy._watched is not None and policy._sequence is not None
+    assert policy._watched is not None
     online, observed = policy._watched.sequence(), observe_episode(episode)
     recorded = sequence_of(observed, make_extractor("embedded").of(observed))
     assert not episode.oracle and episode.policy == "curious" and len(episode.steps) == STEPS
     for name, values in recorded.arrays.items():
         assert np.array_equal(online.arrays[name], values), name
     assert np.array_equal(online.links.states, recorded.links.states)
+    assert policy._sequence is not None or camera != CameraConfig()
+
+
+def test_nobody_is_certain_while_a_trigger_was_never_seen_moving(simulator: Simulator) -> None:
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+    episode = record_episode(simulator, board, builtin_factory("scripted"), 20, InteractionConfig(), 0)
+    observed = observe_episode(episode)
+    whole, reasoner = sequence_of(observed, make_extractor("embedded").of(observed)), curious_reasoner("mechanism")
+    assert set(whole.links.owners) == set(np.flatnonzero(whole.triggers))
+    assert reasoner.certainty(whole) > 0 == reasoner.certainty(whole.first(1))
 
 
 def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> None:

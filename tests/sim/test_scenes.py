@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
 from busybot.boards.scenes import SCENES
+from busybot.boards.spec import BoardSpec
+from busybot.common.errors import BusybotError
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
@@ -83,3 +86,20 @@ def test_a_camera_drawn_beside_is_drawn_about_the_boards(recorded: Dataset) -> N
     moved = RenderConfig.model_validate({"randomise": {"pose": 0.3}}).of_board(board)
     apart = np.linalg.norm(np.subtract(moved.position, board.camera.position))
     assert 0 < apart <= 0.3
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        {"position": [0, 0, 0.5], "target": [0, 0, 0], "fov_deg": 60},
+        {"position": [1, 1, 1], "target": [1, 1, 1], "fov_deg": 60},
+    ],
+)
+def test_a_boards_camera_that_sees_nothing_is_named(camera: dict[str, object]) -> None:
+    library = find("procedural")
+    [board, *_] = generate_boards(BoardConfig(world="kitchen", boards=1), library)
+    odd = BoardSpec.model_validate({**board.model_dump(mode="json"), "camera": camera})
+    with pytest.raises(BusybotError, match="board 0: its camera"):
+        RenderConfig().of_board(odd)
+    with pytest.raises(ValueError, match="camera"):
+        BoardSpec.model_validate({**board.model_dump(mode="json"), "camera": {**camera, "position": [0, 0, -4]}})

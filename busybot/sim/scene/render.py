@@ -197,14 +197,17 @@ class RenderConfig(FrozenModel):
         were drawn for it. A board's own camera may stand farther away: it sees four times as far as its target.
 
         Raises:
-            BusybotError: a drawn camera does not see the board.
+            BusybotError: a drawn camera, or the board's own, does not see the board.
         """
         if spec.camera is not None:
             own = spec.camera.model_dump()
             far = max(self.far, 4 * float(np.linalg.norm(np.subtract(own["target"], own["position"]))))
-            return self.model_validate({**self.model_dump(), **own, "far": far}).of_board(
-                spec.model_copy(update={"camera": None})
-            )
+            try:
+                there = self.model_validate({**self.model_dump(), **own, "far": far})
+            except ValidationError as error:
+                what = f"board {spec.index}: its camera: {first_fault(error)}"
+                raise BusybotError(what, "mend `camera` in the board's JSON, or draw the board again") from None
+            return there.of_board(spec.model_copy(update={"camera": None}))
         pose, zoom = self.randomise.pose, self.randomise.fov
         if not (pose or zoom):
             return self

@@ -166,8 +166,11 @@ class MechanismReasoner:
         return told[[distinct.index(one) for one in moves]]
 
     def certainty(self, seen: BoardSequence) -> float:
-        """See `Curious`; of links that pictures have shown to move, there may be more."""
+        """See `Curious`; none as long as a trigger that shows was never seen moving, which may control anything."""
         known = self._understand(seen)
+        there = np.flatnonzero(seen.triggers & seen.positions.any(1))
+        if not len(there) or not np.isin(there, known.perceived.links.owners).all():
+            return 0.0
         return certainty(known.found, known.shares[..., -1])
 
     def laws(self, seen: BoardSequence) -> tuple[Perceived, Laws]:

@@ -23,6 +23,9 @@ TURNS = {
     "b": (-0.2, 0.5, 0.2),
     "c": (0.3, -0.5, -0.3),
     "d": (0.7, 0.4, 0.1),
+    "facing": (0.0, 0.0, 0.0),
+    "turned": (0.0, 0.0, 0.2),
+    "back": (0.0, 0.0, -0.2),
 }
 
 
@@ -90,6 +93,33 @@ def test_the_command_writes_what_an_import_reads(tmp_path: Path) -> None:
     assert import_source(folder, None).recordings[0]["camera"] == "known"
     again = busybot("dataset", "calibrate", str(tmp_path / "board"), *words)
     assert again.returncode == 1 and "camera.json" in again.stderr, "nothing is overwritten"
+
+
+def test_pictures_of_one_slant_tell_no_focal_length(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match="fit focal lengths") as error:
+        calibrate(pictures(tmp_path / "facing", "facing turned back"), BOARD, "facing.png", ACROSS)
+    assert "several slants" in error.value.hint
+    same = pictures(tmp_path / "same", "flat")
+    for name in ("again.png", "more.png"):
+        (same / name).write_bytes((same / "flat.png").read_bytes())
+    with pytest.raises(BusybotError, match="fit focal lengths"):
+        calibrate(same, BOARD, "flat.png", ACROSS)
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--side", "inf"), ("--side", "nan"), ("--width", "inf"), ("--corners", "7" * 5_000 + "x5"), ("--corners", "2x5")],
+)
+def test_options_out_of_range_are_refused(option: str, value: str, tmp_path: Path) -> None:
+    words = {
+        "--corners": "7x5",
+        "--side": "2.5",
+        "--width": "40",
+        "--flat": "flat.png",
+        "--out": tmp_path / "made.json",
+    }
+    done = busybot("dataset", "calibrate", tmp_path, *(w for pair in (words | {option: value}).items() for w in pair))
+    assert done.returncode == 2 and option in done.stderr and not list(tmp_path.iterdir())
 
 
 def test_what_is_wrong_is_named_and_nothing_is_written(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ MOST_ERROR = 1.0
 STARTS = (0.5, 1.0, 2.0)
 """Focal lengths from which the search begins, widths of the picture."""
 MOST_SPREAD = 0.02
-"""Part of the focal length by which the searches may differ."""
+"""Part of the focal length by which the searches may differ, and that its standard deviation may have."""
 
 
 @dataclass(frozen=True)
@@ -110,22 +110,25 @@ def _one_size(folder: Path, found: dict[str, tuple[np.ndarray | None, tuple[int,
 def _matrix(board: Checkerboard, seen: Sequence[np.ndarray], size: tuple[int, int]) -> tuple[float, np.ndarray]:
     """The error, pixels, and the matrix of a camera whose pixels are square.
 
-    Pictures of one slant fit cameras of any focal length: where the search begins would decide, so it begins thrice.
+    Pictures of one slant fit cameras of any focal length. Then the search ends where its beginning or the noise of
+    corners takes it: focal lengths from several beginnings differ, their deviation is large, or the middle lies outside
+    the picture.
     """
     flags = cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     flags |= cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_USE_INTRINSIC_GUESS
-    found = []
+    found, points = [], [board.points] * len(seen)
     for focal in (size[0] * factor for factor in STARTS):
         start = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1.0]])
-        points = [board.points] * len(seen)
-        error, matrix, *_ = cv2.calibrateCamera(points, list(seen), size, start, np.zeros(5), flags=flags)
-        found.append((float(error) if np.isfinite(matrix).all() else np.inf, matrix))
-    error, matrix = min(found, key=lambda one: one[0])
+        told = cv2.calibrateCameraExtended(points, list(seen), size, start, np.zeros(5), flags=flags)
+        error, matrix, deviations = told[0], told[1], told[5]
+        found.append((float(error) if np.isfinite(matrix).all() else np.inf, matrix, deviations[:2].max()))
+    error, matrix, deviation = min(found, key=lambda one: one[0])
     if not error <= MOST_ERROR:
         what = f"the corners lie {error:.1f} pixels from where a camera without distortion sees them"
         raise BusybotError(what, "undistort the pictures, hold the checkerboard still, and count its inner corners")
-    focals = [own[0, 0] for _, own in found]
-    if not 0 < max(focals) <= min(focals) * (1 + MOST_SPREAD):
-        what = f"the pictures fit focal lengths of {', '.join(f'{focal:.1f}' for focal in focals)} pixels alike"
+    focals = [own[0, 0] for _, own, _ in found]
+    agree = 0 < max(focals) <= min(focals) * (1 + MOST_SPREAD) and deviation <= MOST_SPREAD * max(focals)
+    if not agree or not (0 < matrix[0, 2] < size[0] and 0 < matrix[1, 2] < size[1]):
+        what = f"the pictures tell no focal length: {min(focals):.0f} to {max(focals):.0f} pixels, ± {deviation:.0f}"
         raise BusybotError(what, "take pictures with the checkerboard held at several slants, not only turned")
     return error, matrix

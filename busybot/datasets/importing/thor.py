@@ -1,7 +1,7 @@
 """Events of AI2-THOR, saved as JSON with their pictures, to recordings. It was written to the documented format; no
 binary of AI2-THOR was run.
 
-    events/000000.json, 000000.png    what `controller.step` returned at first, and after every action, in order
+    events/000000.json, 000000.png    what `controller.step` returned at first, and after every action, by number
 
 A file has `metadata` (`event.metadata`), `instance_detections2D` (object to left, top, right, bottom; needs
 `renderInstanceSegmentation`) and `action` (`controller.last_action`: what was asked for, with its `objectId`). A folder

@@ -23,6 +23,10 @@ TURNS = {
     "b": (-0.2, 0.5, 0.2),
     "c": (0.3, -0.5, -0.3),
     "d": (0.7, 0.4, 0.1),
+    "facing": (0.0, 0.0, 0.0),
+    "turned": (0.0, 0.0, 0.2),
+    "back": (0.0, 0.0, -0.2),
+    "little": (0.05, 0.0, 0.0),
 }
 
 
@@ -90,6 +94,33 @@ def test_the_command_writes_what_an_import_reads(tmp_path: Path) -> None:
     assert import_source(folder, None).recordings[0]["camera"] == "known"
     again = busybot("dataset", "calibrate", str(tmp_path / "board"), *words)
     assert again.returncode == 1 and "camera.json" in again.stderr, "nothing is overwritten"
+
+
+@pytest.mark.parametrize("names", ["facing turned back", "facing turned a", "facing turned back little", "flat"])
+def test_pictures_of_one_slant_tell_no_focal_length(names: str, tmp_path: Path) -> None:
+    folder, first = pictures(tmp_path / "board", names), f"{names.split()[0]}.png"
+    if names == "flat":  # the same picture three times
+        for name in ("again.png", "more.png"):
+            (folder / name).write_bytes((folder / first).read_bytes())
+    with pytest.raises(BusybotError, match="tell no focal length") as error:
+        calibrate(folder, BOARD, first, ACROSS)
+    assert "several slants" in error.value.hint
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--side", "inf"), ("--side", "nan"), ("--width", "inf"), ("--corners", "7" * 5_000 + "x5"), ("--corners", "2x5")],
+)
+def test_options_out_of_range_are_refused(option: str, value: str, tmp_path: Path) -> None:
+    words = {
+        "--corners": "7x5",
+        "--side": "2.5",
+        "--width": "40",
+        "--flat": "flat.png",
+        "--out": tmp_path / "made.json",
+    }
+    done = busybot("dataset", "calibrate", tmp_path, *(w for pair in (words | {option: value}).items() for w in pair))
+    assert done.returncode == 2 and option in done.stderr and not list(tmp_path.iterdir())
 
 
 def test_what_is_wrong_is_named_and_nothing_is_written(tmp_path: Path) -> None:

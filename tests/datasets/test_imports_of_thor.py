@@ -130,6 +130,26 @@ def moved(events: list[dict[str, Any]]) -> None:
     events[4]["metadata"]["agent"]["position"]["x"] = 0.25
 
 
+def nowhere(events: list[dict[str, Any]]) -> None:
+    events[0]["metadata"]["agent"]["position"]["x"] = "nan"
+
+
+def acted_on_what_is_controlled(events: list[dict[str, Any]]) -> None:
+    events[5]["action"]["objectId"] = next(iter(BURNERS))
+
+
+def chained(events: list[dict[str, Any]]) -> None:
+    events[0]["metadata"]["objects"][3]["controlledObjects"] = [list(BURNERS)[1]]
+
+
+def crowded(events: list[dict[str, Any]]) -> None:
+    for one in events:
+        more = [{"objectId": f"Lamp|{n}", "toggleable": True} for n in range(9_900)]
+        one["metadata"]["objects"] = [*one["metadata"]["objects"], *more]
+    events[0]["instance_detections2D"] |= {f"Lamp|{n}": [0, 0, 5, 5] for n in range(9_900)}
+    del events[2:]
+
+
 def walked(events: list[dict[str, Any]]) -> None:
     events[4]["action"] = {"action": "MoveAhead"}
 
@@ -185,6 +205,8 @@ def broken(events: list[dict[str, Any]]) -> None:
         (stranger, 5, "none of the objects"), (unboxed, 0, "no instance_detections2D"), (hidden, 1, "does not show"),
         (outside, 0, "outside of pictures"), (larger, 0, "screenWidth"), (elsewhere, 6, "another scene"),
         (twice, 0, "stands there twice"), (gone, 7, "is gone"), (wordy, 2, "isToggled"), (broken, 2, "metadata"),
+        (nowhere, 0, "position.x"), (acted_on_what_is_controlled, 5, "StoveBurner.* is acted on, and 'StoveKnob"),
+        (chained, 0, "StoveBurner.* controls others, and 'StoveKnob"), (crowded, 0, "9907 objects"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named(change: Change, file: int, what: str, tmp_path: Path) -> None:
@@ -202,6 +224,23 @@ def test_pictures_and_options_that_do_not_fit(tmp_path: Path) -> None:
     (folder / "events" / "000003.png").unlink()
     with pytest.raises(BusybotError, match=r"000003.json: no picture"):
         import_source(folder, None)
+
+
+def test_events_are_in_the_order_of_their_numbers_and_none_is_left_out(tmp_path: Path) -> None:
+    def change(events: list[dict[str, Any]]) -> None:
+        agent = events[3]["metadata"]["agent"]
+        agent["position"] = dict(reversed(agent["position"].items()))
+
+    folder = write_thor(tmp_path / "thor", change)
+    expected = [(step.pixel, step.direction) for step in imported(folder)[0].steps]
+    for file in list((folder / "events").iterdir()):
+        file.rename(file.with_stem(str(int(file.stem))))
+    folder = folder.rename(tmp_path / "unpadded")
+    assert [(step.pixel, step.direction) for step in imported(folder)[0].steps] == expected
+    (folder / "events" / "5.json").unlink()
+    with pytest.raises(BusybotError, match=r"events: 1 missing between 4.json and 6.json") as error:
+        import_source(folder, None)
+    assert "divide" in error.value.hint
 
 
 @pytest.mark.long

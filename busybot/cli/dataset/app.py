@@ -1,5 +1,7 @@
 """`busybot dataset`: look at a dataset, check, mend, freeze, compare, make again, export, import, share it."""
 
+import math
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -269,8 +271,8 @@ def import_(
 def calibrate(
     pictures: Annotated[Path, typer.Argument(metavar="PICTURES", help="Folder with pictures of a checkerboard.")],
     corners: Annotated[str, typer.Option(help="Inner corners, as 7x5: one less than squares, in a row and a column.")],
-    side: Annotated[float, typer.Option(min=1e-6, help="Of a square, in any unit.")],
-    width: Annotated[float, typer.Option(min=1e-6, help="Of your board, in the same unit.")],
+    side: Annotated[float, typer.Option(min=1e-6, max=1e6, help="Of a square, in any unit.")],
+    width: Annotated[float, typer.Option(min=1e-6, max=1e6, help="Of your board, in the same unit.")],
     flat: Annotated[str, typer.Option(help="The picture in which it lies in the middle of the board.")],
     out: Annotated[Path, typer.Option(help="File to write: camera.json of a camera's folder.")],
     json: JsonOption = False,
@@ -279,15 +281,19 @@ def calibrate(
     from busybot.common.atomic_io import refuse_taken, write_json
     from busybot.datasets.importing.checkerboard import Checkerboard, calibrate
 
-    columns, _, rows = corners.partition("x")
-    if not (columns.isdecimal() and rows.isdecimal() and 3 <= int(rows) <= 99 and 3 <= int(columns) <= 99):
-        raise UsageError(f"--corners {corners!r} is no number of corners", "give those of a row and a column, as 7x5")
+    told = re.fullmatch("([0-9]{1,2})x([0-9]{1,2})", corners)
+    columns, rows = map(int, told.groups()) if told else (0, 0)
+    if min(columns, rows) < 3:
+        what = f"--corners {corners[:40]!r} is no number of corners"
+        raise UsageError(what, "give those of a row and a column, 3 to 99, as 7x5")
+    if math.isnan(side + width):  # which no range of an option refuses
+        raise UsageError("--side and --width are lengths", "give both in the same unit, as 2.5")
     refuse_taken(out)
-    told = calibrate(pictures, Checkerboard(int(columns), int(rows), side), flat, width)
-    write_json(out, told["camera"])
-    focal = told["camera"]["matrix"][0][0]
-    line = f"{out}: from {told['pictures']} pictures, focal length {focal:.1f} pixels, error {told['error']} pixels"
-    answer(json, {"out": out, **told}, line)
+    found = calibrate(pictures, Checkerboard(columns, rows, side), flat, width)
+    write_json(out, found["camera"])
+    focal = found["camera"]["matrix"][0][0]
+    line = f"{out}: from {found['pictures']} pictures, focal length {focal:.1f} pixels, error {found['error']} pixels"
+    answer(json, {"out": out, **found}, line)
 
 
 @app.command()

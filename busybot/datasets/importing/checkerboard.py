@@ -23,6 +23,10 @@ LEAST = 3
 """Pictures with the whole checkerboard that are needed."""
 MOST_ERROR = 1.0
 """Mean distance of corners from where the camera would see them, pixels: more is a lens that bends lines, or blur."""
+STARTS = (0.5, 1.0, 2.0)
+"""Focal lengths from which the search begins, widths of the picture."""
+MOST_SPREAD = 0.02
+"""Part of the focal length by which the searches may differ, and that its standard deviation may have."""
 
 
 @dataclass(frozen=True)
@@ -104,15 +108,27 @@ def _one_size(folder: Path, found: dict[str, tuple[np.ndarray | None, tuple[int,
 
 
 def _matrix(board: Checkerboard, seen: Sequence[np.ndarray], size: tuple[int, int]) -> tuple[float, np.ndarray]:
-    """The error, pixels, and the matrix of a camera whose pixels are square."""
-    straight = cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
-    points, start = (
-        [board.points] * len(seen),
-        np.array([[size[0], 0, size[0] / 2], [0, size[0], size[1] / 2], [0, 0, 1.0]]),
-    )
-    flags = straight | cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_USE_INTRINSIC_GUESS
-    error, matrix, *_ = cv2.calibrateCamera(points, list(seen), size, start, np.zeros(5), flags=flags)
-    if not np.isfinite(matrix).all() or error > MOST_ERROR:
+    """The error, pixels, and the matrix of a camera whose pixels are square.
+
+    Pictures of one slant fit cameras of any focal length. Then the search ends where its beginning or the noise of
+    corners takes it: focal lengths from several beginnings differ, their deviation is large, or the middle lies outside
+    the picture.
+    """
+    flags = cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
+    flags |= cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_USE_INTRINSIC_GUESS
+    found, points = [], [board.points] * len(seen)
+    for focal in (size[0] * factor for factor in STARTS):
+        start = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1.0]])
+        told = cv2.calibrateCameraExtended(points, list(seen), size, start, np.zeros(5), flags=flags)
+        error, matrix, deviations = told[0], told[1], told[5]
+        found.append((float(error) if np.isfinite(matrix).all() else np.inf, matrix, deviations[:2].max()))
+    error, matrix, deviation = min(found, key=lambda one: one[0])
+    if not error <= MOST_ERROR:
         what = f"the corners lie {error:.1f} pixels from where a camera without distortion sees them"
         raise BusybotError(what, "undistort the pictures, hold the checkerboard still, and count its inner corners")
-    return float(error), matrix
+    focals = [own[0, 0] for _, own, _ in found]
+    agree = 0 < max(focals) <= min(focals) * (1 + MOST_SPREAD) and deviation <= MOST_SPREAD * max(focals)
+    if not agree or not (0 < matrix[0, 2] < size[0] and 0 < matrix[1, 2] < size[1]):
+        what = f"the pictures tell no focal length: {min(focals):.0f} to {max(focals):.0f} pixels, ± {deviation:.0f}"
+        raise BusybotError(what, "take pictures with the checkerboard held at several slants, not only turned")
+    return error, matrix

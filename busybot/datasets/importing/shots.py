@@ -77,7 +77,7 @@ def find_shots(folder: Path, fps: float | None, camera: str | None = None) -> li
         return _video_shots(folder, videos[0], told, fps)
     if not pictures:
         raise BusybotError(f"{folder}: it has no pictures and no video", f"it reads {', '.join((*PICTURES, *VIDEOS))}")
-    ordered = _in_order(folder, pictures)
+    ordered = in_order(folder, pictures, "name those that are there in frames.csv, column file")
     if rows and len(rows) != len(ordered):
         what = f"{table}: {len(rows)} lines for {len(ordered)} pictures"
         raise BusybotError(what, "add a column file with the pictures' names")
@@ -122,8 +122,8 @@ def _opened(video: Path) -> cv2.VideoCapture:
     return capture
 
 
-def _in_order(folder: Path, names: Sequence[str]) -> list[str]:
-    """By the numbers in the names, 2 before 10.
+def in_order(folder: Path, names: Sequence[str], otherwise: str) -> list[str]:
+    """By the numbers in the names, 2 before 10; `otherwise` is what to do where what is missing is lost.
 
     Raises:
         BusybotError: a number is left out where the others count by one: all later pictures would show something else.
@@ -139,7 +139,7 @@ def _in_order(folder: Path, names: Sequence[str]) -> list[str]:
     if len(steps) > 1 and (steps > 0).all() and (steps == 1).mean() > 0.5 and steps.max() > 1:
         gap = int(steps.argmax())
         what = f"{folder}: {steps[gap] - 1} missing between {ordered[gap]} and {ordered[gap + 1]}"
-        raise BusybotError(what, "put them back; or name those that are there in frames.csv, column file")
+        raise BusybotError(what, f"put them back; or {otherwise}")
     return ordered
 
 

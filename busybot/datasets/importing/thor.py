@@ -1,7 +1,7 @@
 """Events of AI2-THOR, saved as JSON with their pictures, to recordings. It was written to the documented format; no
 binary of AI2-THOR was run.
 
-    events/000000.json, 000000.png    what `controller.step` returned at first, and after every action, in order
+    events/000000.json, 000000.png    what `controller.step` returned at first, and after every action, by number
 
 A file has `metadata` (`event.metadata`), `instance_detections2D` (object to left, top, right, bottom; needs
 `renderInstanceSegmentation`) and `action` (`controller.last_action`: what was asked for, with its `objectId`). A folder
@@ -19,9 +19,9 @@ with several folders with `events` is several recordings.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import ConfigDict, Field, ValidationError
@@ -32,8 +32,9 @@ from busybot.common.atomic_io import inside, read_json
 from busybot.common.errors import BusybotError, UsageError, naming
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.datasets.importing.camera_folder import ImportOptions, narrowed, pictures_of
+from busybot.datasets.importing.proposals import MAX_OBJECTS
 from busybot.datasets.importing.recording import KnownAction, KnownObject, Recording
-from busybot.datasets.importing.shots import PICTURES, Shot, first_size
+from busybot.datasets.importing.shots import PICTURES, Shot, first_size, in_order
 
 EVENTS = "events"
 DIRECTIONS = {"ToggleObjectOn": "press", "ToggleObjectOff": "pull", "OpenObject": "pull", "CloseObject": "press"}
@@ -44,6 +45,7 @@ HINT = 'save {"metadata": event.metadata, "instance_detections2D": ..., "action"
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Names = Annotated[tuple[Name, ...], Field(max_length=10_000)]
 Box = tuple[int, int, int, int]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 class _Told(FrozenModel):
@@ -71,13 +73,15 @@ class _Object(_Told):
 
 
 class _Agent(_Told):
-    position: dict[str, float] = {}
-    rotation: dict[str, float] = {}
-    camera_horizon: float = 0.0
+    position: dict[str, Number] = {}
+    rotation: dict[str, Number] = {}
+    camera_horizon: Number = 0.0
 
-    @property
-    def pose(self) -> list[float]:
-        return [*self.position.values(), *self.rotation.values(), self.camera_horizon]
+    def stays(self, other: "_Agent") -> bool:
+        """Whether the other pose is the same, in whatever order its axes are told."""
+        pairs = [(self.position, other.position), (self.rotation, other.rotation)]
+        pairs += [({"": self.camera_horizon}, {"": other.camera_horizon})]
+        return all(a.keys() == b.keys() and all(abs(a[axis] - b[axis]) <= STILL for axis in a) for a, b in pairs)
 
 
 class _Metadata(_Told):
@@ -107,8 +111,9 @@ class _Read:
     picture: str
     event: _Event
 
-    def object(self, name: str) -> _Object | None:
-        return next((one for one in self.event.metadata.objects if one.object_id == name), None)
+    @cached_property
+    def objects(self) -> dict[str, _Object]:
+        return {one.object_id: one for one in self.event.metadata.objects}
 
     @property
     def kind(self) -> str:
@@ -149,7 +154,7 @@ def read_events(folder: Path, options: ImportOptions) -> Recording:
         shown=[shot.name for shot in shots],
         actions=[_action(before, after) for before, after in zip(frames, frames[1:], strict=False)],
         objects=objects,
-        relations=_relations(first, names),
+        relations=_relations(frames, objects),
         states=np.array([[_state(one, name) for name in names] for one in frames]),
         facts={
             "scene": told.scene_name or "",
@@ -162,7 +167,8 @@ def read_events(folder: Path, options: ImportOptions) -> Recording:
 def _read_all(folder: Path) -> list[_Read]:
     place = inside(folder, EVENTS)
     found = []
-    for file in sorted(place.glob("*.json")):
+    names = in_order(place, sorted(file.name for file in place.glob("*.json")), "divide the recording there")
+    for file in (place / name for name in names):
         try:
             event = _Event.model_validate(read_json(inside(folder, f"{EVENTS}/{file.name}")))
         except ValidationError as error:
@@ -187,8 +193,7 @@ def _frames(events: Sequence[_Read]) -> list[_Read]:
     for one in events[1:]:
         if one.event.metadata.scene_name != events[0].event.metadata.scene_name:
             raise BusybotError(f"{one.file}: another scene than the first", "a recording is of one scene: divide it")
-        began, now = (event.event.metadata.agent.pose for event in (events[0], one))
-        if len(began) != len(now) or np.abs(np.subtract(began, now)).max() > STILL:
+        if not events[0].event.metadata.agent.stays(one.event.metadata.agent):
             raise BusybotError(f"{one.file}: the agent moved, so the camera did", "divide the recording there")
         if one.kind in IDLE:
             kept = found[-1].event
@@ -206,7 +211,7 @@ def _acted(one: _Read) -> str:
     told = one.event.action
     if told is None or told.object_id is None:
         raise BusybotError(f"{one.file}: on which object? `action` has no objectId", HINT)
-    if one.object(told.object_id) is None:
+    if told.object_id not in one.objects:
         raise BusybotError(f"{one.file}: the action's {told.object_id[:80]!r} is none of the objects", HINT)
     return told.object_id
 
@@ -233,6 +238,9 @@ def _objects(frames: Sequence[_Read]) -> tuple[list[str], list[KnownObject]]:
         if name not in found:
             what = f"{one_event.file}: it acts on {name[:80]!r}, which the first picture does not show"
             raise BusybotError(what, "look where all that is acted on shows, and start there")
+    if len(found) > MAX_OBJECTS:
+        what = f"{first.file}: {len(found)} objects to act on or that respond show in its picture"
+        raise BusybotError(what, f"at most {MAX_OBJECTS} stand on a board: keep the boxes of those that matter")
     return list(found), list(found.values())
 
 
@@ -247,16 +255,24 @@ def _action(before: _Read, after: _Read) -> KnownAction:
 
 
 def _state(one: _Read, name: str) -> int:
-    found = one.object(name)
+    found = one.objects.get(name)
     if found is None:
         raise BusybotError(f"{one.file}: {name[:80]!r} of the first event is gone", "divide the recording there")
     return found.state
 
 
-def _relations(first: _Read, names: Sequence[str]) -> tuple[tuple[int, int], ...] | None:
-    listed: Sequence[Any] = first.event.metadata.objects
+def _relations(frames: Sequence[_Read], objects: Sequence[KnownObject]) -> tuple[tuple[int, int], ...] | None:
+    listed = frames[0].event.metadata.objects
     if all(one.controlled_objects is None for one in listed):
         return None
-    number = {name: place for place, name in enumerate(names)}
+    number = {one.name: place for place, one in enumerate(objects)}
     pairs = [(one.object_id, other) for one in listed for other in one.controlled_objects or ()]
-    return tuple((number[a], number[b]) for a, b in pairs if a in number and b in number)
+    known = [(number[a], number[b]) for a, b in pairs if a in number and b in number]
+    for cause, effect in known:
+        if objects[effect].role == "trigger":
+            name = objects[effect].name
+            acted = next((one for one in frames[1:] if _acted(one) == name), None)
+            does = "is acted on" if acted else "controls others"
+            what = f"{(acted or frames[0]).file}: {name[:80]!r} {does}, and {objects[cause].name[:80]!r} controls it"
+            raise BusybotError(what, "what is controlled is a responder, and no trigger: act on what controls it alone")
+    return tuple(known)

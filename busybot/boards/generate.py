@@ -45,8 +45,13 @@ def generate_boards(config: BoardConfig, library: Library, redraws: Redraws | No
     if config.world == REAL_BOARD:
         yield from (real_board(config, library, index) for index in range(config.boards))
         return
-    pools = {} if config.world in SCENES else _pools(config, library)
-    for group in range((config.boards + config.group_size - 1) // config.group_size):
+    groups = range((config.boards + config.group_size - 1) // config.group_size)
+    if config.world in SCENES:
+        for group in groups:
+            yield from _scene(config, library, group)
+        return
+    pools = _pools(config, library)
+    for group in groups:
         yield from _group(config, library, pools, group, Redraws() if redraws is None else redraws)
 
 
@@ -81,9 +86,6 @@ def _refuse_strangers(config: BoardConfig, library: Library, category: str, keys
 
 
 def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redraws: Redraws) -> Iterator[BoardSpec]:
-    if config.world in SCENES:
-        yield from _scene(config, library, group)
-        return
     rng = generator(config.seed, config.split, group, "board")
     counted = Redraws()
     for _ in range(APPEARANCE_TRIES):

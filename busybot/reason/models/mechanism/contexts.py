@@ -60,6 +60,10 @@ class Trace:
         """What was known after so many actions."""
         return Trace(self.links[: actions + 1], self.responders[: actions + 1], self.sizes)
 
+    def longer(self, links: np.ndarray | Sequence[int], responders: np.ndarray) -> "Trace":
+        """After one more action, which left links and responders so."""
+        return Trace(np.vstack([self.links, links]), np.vstack([self.responders, responders]), self.sizes)
+
 
 @dataclass(frozen=True)
 class Explanations:
@@ -140,6 +144,23 @@ def explanations_of(trace: Trace) -> Explanations:
         else:
             found.append(_joint(late[int(rest[0]) if what == "late" else 0][:, group.sets]))
     return Explanations(layout.inputs, layout.memory, np.concatenate(found, axis=1), layout.own)
+
+
+def followed(trace: Trace, found: Explanations, contexts: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """How often each state followed what was the same, float (R, H, STATES).
+
+    Args:
+        contexts: int (H,) or (R, H), after an action; what `own` adds is left out.
+        before: int (R,), the responders' states before it.
+    """
+    shown = trace.responders
+    earlier = np.concatenate([shown[:1], shown[:-1]])
+    each = np.broadcast_to(contexts, (shown.shape[1], len(found.own)))
+    equal = (found.contexts[:, None] == each).astype(float)  # (T + 1, R, H)
+    states = np.eye(STATES)[shown]  # (T + 1, R, S)
+    alike = states * (earlier == before)[..., None]
+    counts = [np.einsum("trh,trs->rhs", equal, each) for each in (alike, states)]
+    return np.where(found.own[None, :, None], *counts)
 
 
 def _late_inputs(trace: Trace) -> list[np.ndarray]:

@@ -11,7 +11,15 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import digamma
 
-from busybot.reason.models.mechanism.contexts import STATES, SURE, UNSURE, Explanations, Trace, explanations_of
+from busybot.reason.models.mechanism.contexts import (
+    STATES,
+    SURE,
+    UNSURE,
+    Explanations,
+    Trace,
+    explanations_of,
+    followed,
+)
 
 
 def expected_information(
@@ -25,15 +33,12 @@ def expected_information(
         moves: states in which each would leave the links.
     """
     before = trace.responders[-1]
-    earlier = np.concatenate([trace.responders[:1], trace.responders[:-1]])
-    shown = np.eye(STATES)[trace.responders]  # (T + 1, R, S)
-    alike = shown * (earlier == before)[..., None]
-    few = np.where(found.own, UNSURE, SURE)[:, None] * (np.arange(STATES) < ways_of(trace)[:, None, None])  # (R, H, S)
+    ways = np.maximum(trace.responders.max(0) + 1, 2)  # states that each responder is known to have
+    few = np.where(found.own, UNSURE, SURE)[:, None] * (np.arange(STATES) < ways[:, None, None])  # (R, H, S)
     told = []
     for links in moves:
-        equal = (found.contexts == context_after(trace, links)).astype(float).T  # (H, T + 1)
-        counts = np.where(found.own[:, None], _counts(equal, alike), _counts(equal, shown)) + few
-        told.append(_information(counts, shares))
+        contexts = explanations_of(trace.longer(links, before)).contexts[-1]
+        told.append(_information(followed(trace, found, contexts, before) + few, shares))
     return np.array(told)
 
 
@@ -60,25 +65,6 @@ def certainty(found: Explanations, shares: np.ndarray) -> float:
     _, which = np.unique(found.inputs, axis=0, return_inverse=True)
     of_sets = np.array([np.bincount(which.ravel(), own) for own in shares])
     return float(of_sets.max(1).prod())
-
-
-def context_after(trace: Trace, links: Sequence[int]) -> np.ndarray:
-    """Contexts (H,) after one more action, which leaves the links so."""
-    longer = Trace(
-        np.vstack([trace.links, np.asarray(links, int)]), np.vstack([trace.responders, trace.responders[-1:]]),
-        trace.sizes,
-    )  # fmt: skip
-    return explanations_of(longer).contexts[-1]
-
-
-def ways_of(trace: Trace) -> np.ndarray:
-    """States that each responder is known to have, two at least, int (R,)."""
-    return np.maximum(trace.responders.max(0) + 1, 2)
-
-
-def _counts(equal: np.ndarray, shown: np.ndarray) -> np.ndarray:
-    """(R, H, S) from (H, T + 1) and (T + 1, R, S)."""
-    return np.einsum("ht,trs->rhs", equal, shown, optimize=True)
 
 
 def _information(counts: np.ndarray, shares: np.ndarray) -> float:

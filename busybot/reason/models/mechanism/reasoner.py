@@ -12,7 +12,7 @@ import torch
 
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks
-from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace, explanations_of
+from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace, explanations_of, followed
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph
@@ -59,17 +59,7 @@ class _Understood:
             contexts: int (H,) or (R, H), after the action; what `own` adds is left out.
             before: int (R,), states before it.
         """
-        shown = self.trace.responders
-        earlier = np.concatenate([shown[:1], shown[:-1]])
-        each = np.broadcast_to(contexts, (shown.shape[1], len(self.found.own)))
-        equal = (self.found.contexts[:, None] == each).astype(float)  # (T + 1, R, H)
-        states = np.eye(STATES)[shown]  # (T + 1, R, S)
-        alike = states * (earlier == before)[..., None]
-        counts = np.where(
-            self.found.own[None, :, None],
-            np.einsum("trh,trs->rhs", equal, alike),
-            np.einsum("trh,trs->rhs", equal, states),
-        )
+        counts, shown = followed(self.trace, self.found, contexts, before), self.trace.responders
         total = counts.sum(2, keepdims=True)
         likely = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), np.eye(STATES)[before][:, None])
         known = np.arange(STATES) <= shown.max(0)[:, None]
@@ -128,8 +118,8 @@ class MechanismReasoner:
             links = past.standing(before, action, int(owner))
             rested = known.trace
             for _ in range(REST):
-                rested = _longer(rested, links, before)
-            moved = _longer(rested, known.perceived.moved(links, action, int(owner)), before)
+                rested = rested.longer(links, before)
+            moved = rested.longer(known.perceived.moved(links, action, int(owner)), before)
             *_, earlier, later = explanations_of(moved).contexts
             after = known.following(past.remembered(earlier, later, before), before)
             changed = np.isin(np.arange(len(looks)), known.perceived.responders[after != before])
@@ -145,8 +135,9 @@ class MechanismReasoner:
             for number, (action, owner) in enumerate(zip(actions[question], acted[question].tolist(), strict=True)):
                 before = trace.responders[-1]
                 links = known.perceived.moved(trace.links[-1], action, owner)
-                after = known.following(self._context(trace, links, before), before)
-                trace = _longer(trace, links, after)
+                contexts = explanations_of(trace.longer(links, before)).contexts[-1]
+                after = known.following(contexts, before)
+                trace = trace.longer(links, after)
                 told[question, number] = known.perceived.shown(after, seen.features[0])
         return told
 
@@ -199,10 +190,6 @@ class MechanismReasoner:
         shares = final.exp().view(trace.responders.shape[1], -1, len(after)).double().numpy()
         return explanations_of(trace), shares
 
-    def _context(self, trace: Trace, links: np.ndarray, before: np.ndarray) -> np.ndarray:
-        """Contexts (H,) after one more action that left the links so."""
-        return explanations_of(_longer(trace, links, before)).contexts[-1]
-
     def _in_words(self, known: _Understood, objects: int) -> tuple[str, ...]:
         """What decides each object; links of a trigger that has several are counted."""
         owners, laws = known.perceived.links.owners.tolist(), known.laws
@@ -228,7 +215,3 @@ class MechanismReasoner:
             if inputs.any():
                 lags[index] = late + int(inputs[count:].any())
         return tuple(kinds), lags
-
-
-def _longer(trace: Trace, links: np.ndarray, responders: np.ndarray) -> Trace:
-    return Trace(np.vstack([trace.links, links]), np.vstack([trace.responders, responders]), trace.sizes)

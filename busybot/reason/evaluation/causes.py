@@ -26,6 +26,7 @@ from busybot.objects.library import Library
 from busybot.reason.evaluation.decoders import StateReadout
 from busybot.reason.evaluation.ground_truth import CauseTruth, causes_of, trace_of
 from busybot.reason.evaluation.hypotheses import NOTHING, Hypothesis, Stages, board_space, lag_of
+from busybot.reason.evaluation.rewirings import ChangeBelief, JudgedRewirings, judge_rewirings, shown_rewirings
 from busybot.reason.evaluation.upper_bound import Belief, Observer
 from busybot.reason.evaluation.what_if import Questions, contacts_of, pairs, told_rightly, tour
 from busybot.reason.inputs.sequence import BoardSequence
@@ -75,6 +76,7 @@ class JudgedCauses:
         mechanisms: of the responders that show in the first frame.
         told: bool (P, 2), whether the model told what happened, and what had happened without an action, in each pair
             of questions; None where it cannot be asked.
+        rewired: whether changed mechanisms are found; None where nobody knows the states.
     """
 
     candidates: np.ndarray
@@ -86,6 +88,7 @@ class JudgedCauses:
     links_bound: np.ndarray | None = None
     mechanisms: tuple[JudgedMechanism, ...] = ()
     told: np.ndarray | None = None
+    rewired: JudgedRewirings | None = None
 
 
 @dataclass(frozen=True)
@@ -183,6 +186,12 @@ def judge_causes(watched: Watched, graph: InferredGraph) -> JudgedCauses:
     belief = None
     if bound is not None:
         judged, belief = replace(judged, bound=bound.objects & candidates, links_bound=bound.links), bound.belief
+    said = None
+    if graph.changed is not None and graph.changed_at is not None:
+        said = ChangeBelief(graph.changed, graph.changed_at)
+    happened = shown_rewirings(replayed.dynamics, replayed.triggers, replayed.states)
+    known = None if bound is None else bound.changes
+    judged = replace(judged, rewired=judge_rewirings(board, happened, watched.judged, count, said, known))
     return _with_mechanisms(judged, watched, replayed, graph, belief)
 
 
@@ -335,6 +344,7 @@ class _Observed:
     objects: np.ndarray
     links: np.ndarray
     belief: Belief
+    changes: ChangeBelief
 
 
 def _observed(replayed: _Replayed, count: int, error: float) -> _Observed | None:
@@ -343,6 +353,7 @@ def _observed(replayed: _Replayed, count: int, error: float) -> _Observed | None
     space, responders = board_space(board, replayed.law.links.sizes, replayed.law.stages)
     shown, owners = replayed.shown[:, responders], [name.object for name in replayed.names]
     pairs_, links = np.zeros((count + 1, objects, objects), bool), np.zeros((count + 1, objects, 3), int)
+    changes = ChangeBelief(np.zeros((count, objects)), np.full(objects, -1))
     last = None
     try:
         observer = Observer(space, triggers[0], shown[0], error)
@@ -355,11 +366,13 @@ def _observed(replayed: _Replayed, count: int, error: float) -> _Observed | None
                 single = np.zeros((len(owners), objects), bool)
                 single[:, responders] = belief.parents() > CLAIMED
                 links[number] = count_parents(single, true_links(board, replayed.names, max(0, number - 1)))
+                if number:
+                    changes.changed[number - 1, responders], changes.changed_at[responders] = belief.changed()
             last = belief if number == replayed.steps else last
     except BusybotError:
         return None
     assert last is not None
-    return _Observed(pairs_, links, last)
+    return _Observed(pairs_, links, last, changes)
 
 
 def _with_mechanisms(

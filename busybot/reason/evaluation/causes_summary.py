@@ -13,6 +13,7 @@ from busybot.common.rng import generator
 from busybot.evaluation.bootstrap import Interval, two_level_interval
 from busybot.evaluation.exact import binomial_interval
 from busybot.reason.evaluation import metrics as m
+from busybot.reason.evaluation import rewirings
 from busybot.reason.evaluation.causes import JudgedCauses, JudgedMechanism
 from busybot.reason.evaluation.hypotheses import NOTHING
 
@@ -51,6 +52,7 @@ KEYS: dict[str, str] = {
     "many",
     "actions_until_found, actions_until_found_bound": f"after how many actions F1 is at least {FOUND}; null if it "
     "never is",
+    **rewirings.KEYS,
     "bound_boards": "boards that the exact observer could follow; bounds are of these alone",
     "cause_intervals": "95 % intervals by a bootstrap over `boards`; over `objects` (the responders') and their "
     "boards; over `mechanisms` (their kinds) and their boards. Over boards, shares of 0 or 1 (not F1) have exact "
@@ -108,6 +110,7 @@ def summarise_causes(
         **_uncertain(causes, steps),
         "uncertain_by_images": [{"images": number, **_uncertain(causes, number - 1, True)} for number in CALIBRATED],
         **_discovery(causes),
+        **rewirings.summarise_rewirings([one.rewired for one in causes if one.rewired is not None]),
         "bound_boards": len(followed),
         "cause_intervals": _intervals(boards, causes, steps, seed),
         "cause_boards": rows,

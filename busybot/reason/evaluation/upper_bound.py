@@ -271,6 +271,15 @@ class Belief:
         """Probability of each lag (`hypotheses.lag_of`), for each responder."""
         return [self._told(self.space.lags.tolist(), column) for column in self.now.T]
 
+    def changed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Probability that another mechanism decides each responder than at the start, float (R,), and the likeliest
+        action, from 0, from which on it does, int (R,); -1 where none may have been."""
+        done = sorted(step for step in self.weights.after if step < self.actions)
+        if not done:
+            return np.zeros(self.space.responders), np.full(self.space.responders, -1)
+        of_step = np.array([self.weights.after[step].sum(0) for step in done])
+        return of_step.sum(0), np.where(of_step.any(0), np.array(done)[of_step.argmax(0)], -1)
+
     def predict(self, triggers: Sequence[int], action: int | None = None) -> np.ndarray:
         """Probability of each responder's states after an action, also instead of one that was done ("what if").
 

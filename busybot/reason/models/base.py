@@ -48,6 +48,10 @@ class InferredGraph:
             there is none; None where the model does not tell lags.
         words: at the end, what decides each object, for people, with "object 3" for names; "" for what is no responder;
             None where the model has no words.
+        changed: float (T, N), after each step the probability that another mechanism decides each object than at the
+            start, and stays so; 0 for what is no responder. None where the model does not tell.
+        changed_at: int (N,), at the end, the number of the step (from 0) after which the new mechanism is believed to
+            decide, as `Rewiring.step`; -1 where none is. None with `changed`.
     """
 
     name: str
@@ -58,6 +62,8 @@ class InferredGraph:
     kinds: tuple[str, ...] | None = None
     lags: np.ndarray | None = None
     words: tuple[str, ...] | None = None
+    changed: np.ndarray | None = None
+    changed_at: np.ndarray | None = None
 
     def after(self, steps: int) -> np.ndarray:
         """Probabilities (N, N) after so many steps; the prior before the first."""

@@ -1,8 +1,10 @@
 """What pictures show of a board's trigger links, without labels: which link each action moved, and how all stand.
 
 Where a trigger's own pixels change, a link moved; moves that change the same pixels, one way or the other, are those of
-one link. How it stands is read from these pixels: pictures in which they look alike show one state. An action that
-changed nothing on its trigger belongs to the link that was taken hold of nearest to it. Pictures do not tell which
+one link. How it stands is read from these pixels, as far as no other link changes them: pictures in which they look
+alike show one state. A link with three states changes other pixels by its second move than by its first: two links at
+one place that never stand in all four ways are one. An action that changed nothing on its trigger belongs to the link
+that was taken hold of nearest to it. Pictures do not tell which
 state is "on", nor that there is a link that never moved.
 
 Pictures of a camera that is not still (`steady`) differ where nothing moved. Between two actions on a trigger it shows
@@ -13,6 +15,7 @@ not seen at all keeps how it looked. A pixel then changed if it did by more than
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -27,6 +30,8 @@ TOGETHER = 0.7
 a link that goes back changes the same pixels the other way round."""
 REACH = 0.1
 """An action that moved nothing belongs to a link that was taken hold of so near, board units."""
+BESIDE = 0.06
+"""Links of one trigger that are taken hold of so near to each other may be one, board units."""
 OFTEN = 0.3
 """How a link stands is read from pixels that so large a share of its moves changed."""
 ALIKE = 0.45
@@ -106,12 +111,13 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
             view, frames = _calm(observed, pixels, trigger, acted == trigger, config), np.arange(len(acted) + 1)
         else:
             view = _still(pictures, pixels, trigger, config)
-        for group in _together(_moves(np.flatnonzero(acted == trigger), view, frames)):
-            steps = np.array([move.step for move in group])
-            seen = _states(view.pictures, group)[frames]
-            moved = seen[steps] != seen[steps + 1]
-            if not moved.any():
-                continue
+        groups = _together(_moves(np.flatnonzero(acted == trigger), view, frames))
+        links = [
+            (np.array([move.step for move in group]), _states(view.pictures, where)[frames])
+            for group, where in zip(groups, _own_pixels(groups), strict=True)
+        ]
+        links = [(steps, seen) for steps, seen in links if (seen[steps] != seen[steps + 1]).any()]
+        for steps, seen in _whole(links, contacts):
             clusters[steps] = len(places)
             places.append(contacts[steps, :2].mean(0))
             owners.append(trigger)
@@ -182,18 +188,39 @@ def _together(moves: list[_Move]) -> list[list[_Move]]:
     return [[move for move, label in zip(moves, labels, strict=True) if label == each] for each in sorted(set(labels))]
 
 
-def _states(pictures: Sequence[np.ndarray], moves: list[_Move]) -> np.ndarray:
-    """State of a link in each picture, int: looks of the pixels that its moves changed."""
+def _own_pixels(groups: list[list[_Move]]) -> list[np.ndarray]:
+    """The pixels that tell how each link stands, bool (h, w): often changed by its moves, and not by another link's if
+    there are such."""
+    changed = [np.sum([move.changed for move in group], axis=0) for group in groups]
+    often = [
+        count >= min(max(1, OFTEN * len(group)), count.max()) for group, count in zip(groups, changed, strict=True)
+    ]
+    alone = [own & (np.sum(often, axis=0) == 1) for own in often]
+    return [one if one.any() else own for one, own in zip(alone, often, strict=True)]
+
+
+def _states(pictures: Sequence[np.ndarray], where: np.ndarray) -> np.ndarray:
+    """State of a link in each picture, int: how the pixels look that tell it."""
     from scipy.cluster.hierarchy import fcluster, linkage
 
-    often = np.sum([move.changed for move in moves], axis=0)
-    where = often >= min(max(1, OFTEN * len(moves)), often.max())
     looks = np.array([one[where].ravel() for one in pictures], np.float32)
     tree = linkage(looks, "average", "cityblock")
     labels = fcluster(tree, ALIKE * tree[:, 2].max(), "distance")
     if len(set(labels)) > STATES:
         labels = fcluster(tree, STATES, "maxclust")
     return _numbered(labels)
+
+
+def _whole(told: list[tuple[np.ndarray, np.ndarray]], contacts: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Links of one trigger, each as its steps and its states in all frames, with those joined that are one of three
+    states."""
+    for (one, seen), (other, also) in combinations(told, 2):
+        both = seen * STATES + also
+        near = np.linalg.norm(contacts[one, :2].mean(0) - contacts[other, :2].mean(0)) < BESIDE
+        if near and seen.max() == also.max() == 1 and len(set(both.tolist())) == STATES:
+            rest = [each for each in told if each[0] is not one and each[0] is not other]
+            return _whole([*rest, (np.union1d(one, other), _numbered(both))], contacts)
+    return told
 
 
 def _numbered(labels: np.ndarray) -> np.ndarray:

@@ -18,6 +18,18 @@ class MechanismNetConfig(FrozenModel):
     width: Annotated[int, Field(ge=4, le=512)] = 32
 
 
+class Blur(FrozenModel):
+    """What pictures do not tell rightly, as shares.
+
+    Attributes:
+        confused: of the actions, whose link is taken for another one.
+        hidden: of the links, which are too small to be seen moving.
+    """
+
+    confused: Annotated[float, Field(ge=0, le=1)] = 0.005
+    hidden: Annotated[float, Field(ge=0, le=1)] = 0.04
+
+
 class MechanismConfig(FrozenModel):
     """Training the `mechanism` model with true parents as labels (amortised inference: Lorenz & others, AVICI, 2022).
 
@@ -26,7 +38,7 @@ class MechanismConfig(FrozenModel):
         drawn: boards of each world of the recordings that are drawn and moved without a simulator, to train on beside
             the recordings.
         actions: random ones on each of these.
-        confused: share of these whose link is taken for another one, as pictures get some wrong.
+        blur: what is told wrongly of these, as pictures do.
         iterations: at most so many.
         batch: boards per iteration.
         moments: numbers of actions after which each board is judged in one iteration; drawn, small ones more often.
@@ -40,7 +52,7 @@ class MechanismConfig(FrozenModel):
     encoder: str = "embedded"
     drawn: Annotated[int, Field(ge=0)] = 200
     actions: Annotated[int, Field(ge=1)] = 30
-    confused: Annotated[float, Field(ge=0, le=1)] = 0.02
+    blur: Blur = Blur()
     iterations: Annotated[int, Field(ge=0)] = 3000
     batch: Annotated[int, Field(ge=1)] = 8
     moments: Annotated[int, Field(ge=1)] = 3

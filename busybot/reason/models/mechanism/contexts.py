@@ -6,8 +6,7 @@ After every action it is in a *context*, a number. If it is the right one, equal
 of the responder, whatever the function from contexts to states is: so an explanation needs no list of functions, and
 gates that training never saw are explained as well as others.
 
-How well explanations do is counted (`evidence_of`) and judged by a network (`networks`). Cost: H explanations of T
-actions compare H T^2 pairs of contexts.
+How well explanations do is counted (`evidence`) and judged by a network (`networks`).
 """
 
 from collections.abc import Sequence
@@ -16,9 +15,6 @@ from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
-import torch
-from torch import Tensor
-from torch.nn.functional import one_hot
 
 STATES = 3
 """A responder has so many at most; so has a link."""
@@ -36,8 +32,6 @@ MEMORIES = (
 )  # fmt: skip
 """What explanations remember. `own` is the responder's state before the action, which is what luck leaves in place. A
 link is pressed up when it comes to rest in its highest state, down in its lowest: pictures do not tell which is on."""
-EVIDENCE = 10
-"""Numbers that are counted of an explanation, see `evidence_of`."""
 SURE, UNSURE = 0.03, 0.4
 """Pseudo-counts of the estimators: of what is determined, and of what has a luck of its own."""
 
@@ -75,12 +69,16 @@ class Explanations:
         contexts: int (T + 1, H), on the new board and after each action; equal ones are equal numbers. What `own` adds
             is left out.
         own: bool (H,), whether the responder's state before the action is part of the context.
+        reads: int (2, E), explanations and inputs that they read.
+        fewer: int (E,), the explanation that remembers the same without this input.
     """
 
     inputs: np.ndarray
     memory: np.ndarray
     contexts: np.ndarray
     own: np.ndarray
+    reads: np.ndarray
+    fewer: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -99,6 +97,8 @@ class _Layout:
     inputs: np.ndarray
     memory: np.ndarray
     own: np.ndarray
+    reads: np.ndarray
+    fewer: np.ndarray
 
 
 @lru_cache(maxsize=64)
@@ -120,7 +120,20 @@ def _layout(links: int, responders: int) -> _Layout:
         row[inputs] = True
     names = [group.memory for group in groups for _ in group.sets]
     memory = np.array([MEMORIES.index(name) for name in names])
-    return _Layout(tuple(groups), told, memory, np.array([name.startswith("own") for name in names]))
+    reads = np.array(np.nonzero(told))
+    own = np.array([name.startswith("own") for name in names])
+    return _Layout(tuple(groups), told, memory, own, reads, _fewer(told, names, reads))
+
+
+def _fewer(told: np.ndarray, names: Sequence[str], reads: np.ndarray) -> np.ndarray:
+    """See `Explanations`; what no other one remembers, as presses, leaves nothing."""
+    place = {(name, *np.flatnonzero(row)): number for number, (name, row) in enumerate(zip(names, told, strict=True))}
+    found = []
+    for number, one in reads.T:
+        rest = [other for other in np.flatnonzero(told[number]) if other != one]
+        nothing = "own" if names[number] == "own and now" else "none"
+        found.append(place.get((names[number], *rest), place[nothing,]) if rest else place[nothing,])
+    return np.array(found, int)
 
 
 def _group(memory: str, sets: Sequence[tuple[int, ...]]) -> _Group:
@@ -143,7 +156,8 @@ def explanations_of(trace: Trace) -> Explanations:
             found.append(np.sign(one - two))
         else:
             found.append(_joint(late[int(rest[0]) if what == "late" else 0][:, group.sets]))
-    return Explanations(layout.inputs, layout.memory, np.concatenate(found, axis=1), layout.own)
+    contexts = np.concatenate(found, axis=1)
+    return Explanations(layout.inputs, layout.memory, contexts, layout.own, layout.reads, layout.fewer)
 
 
 def followed(trace: Trace, found: Explanations, contexts: np.ndarray, before: np.ndarray) -> np.ndarray:
@@ -189,52 +203,3 @@ def _presses(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
 def _joint(states: np.ndarray) -> np.ndarray:
     """One number for each of the last rows of states (..., n)."""
     return np.asarray(states @ (STATES ** np.arange(states.shape[-1])))
-
-
-def evidence_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Tensor:
-    """How well each explanation has done for each responder after so many actions, float32 (R, H, len(after), 10).
-
-    | column | meaning, of the new board and all actions so far |
-    |---|---|
-    | 0, 1 | log probability / 5 that the explanation gave to each state before it showed (Krichevsky & Trofimov 1981, \
-with pseudo-counts `SURE` and `UNSURE`) |
-    | 2 | contexts that were new |
-    | 3 | equal contexts, and never this state before |
-    | 4 | equal contexts, and sometimes this state before |
-    | 5 | equal contexts, and always this state before |
-    | 6 | of these, those that changed the responder |
-    | 7 | of column 2, those that changed the responder |
-    | 8 | changes of the responder |
-    | 9 | actions |
-
-    Columns 2 to 9 are log(1 + number). Luck that several responders have in common is not told here.
-    """
-    shown = torch.from_numpy(np.ascontiguousarray(trace.responders.T))
-    before, now = torch.cat([shown[:, :1], shown[:, :-1]], 1), shown  # a new board has rested for long
-    earlier = _earlier(found, before) @ one_hot(now, STATES).float()[:, None]  # (R, H, T + 1, STATES)
-    total = earlier.sum(-1)
-    agreed = earlier.gather(-1, now[:, None, :, None].expand(*total.shape, 1))[..., 0]
-    ways = (shown.cummax(1).values + 1).clamp(min=2)[:, None]  # states that it is known to have
-    changed = (now != before)[:, None].expand_as(total)
-    fresh, always = total == 0, (total > 0) & (agreed == total)
-    counted = (
-        fresh, (total > 0) & (agreed == 0), (agreed > 0) & ~always, always, always & changed, fresh & changed, changed,
-        torch.ones_like(changed),
-    )  # fmt: skip
-    logs = [torch.log((agreed + few) / (total + few * ways)).cumsum(-1) / 5 for few in (SURE, UNSURE)]
-    numbers = [torch.log1p(each.float().cumsum(-1)) for each in counted]
-    return torch.stack([*logs, *numbers], -1)[:, :, torch.as_tensor(after)]
-
-
-def _earlier(found: Explanations, before: Tensor) -> Tensor:
-    """Which earlier moments had the context of each, float32 (R, H, T + 1, T + 1).
-
-    Args:
-        before: (R, T + 1), the responders' states before each action.
-    """
-    contexts = torch.from_numpy(np.ascontiguousarray(found.contexts.T))
-    steps = contexts.shape[1]
-    equal = (contexts[:, :, None] == contexts[:, None]) & torch.ones(steps, steps, dtype=torch.bool).tril(-1)
-    alike = before[:, None, :, None] == before[:, None, None]  # (R, 1, T + 1, T + 1)
-    own = torch.from_numpy(found.own)[:, None, None]
-    return (equal & (alike | ~own)).float()

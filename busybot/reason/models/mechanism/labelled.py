@@ -18,6 +18,7 @@ from busybot.boards.worlds import links_of
 from busybot.common.rng import generator
 from busybot.episodes.episode import Episode
 from busybot.objects.library import Library
+from busybot.reason.models.mechanism.config import Blur
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.networks import explanation_graph
 from busybot.reason.models.mechanism.perception import Perceived
@@ -74,13 +75,12 @@ def true_parents(
 
 
 def draw_boards(
-    world: str, boards: int, seed: int, library: Library, actions: int, confused: float | None = None
+    world: str, boards: int, seed: int, library: Library, actions: int, blur: Blur | None = None
 ) -> Iterator[tuple[BoardSpec, LabelledTrace]]:
     """Boards of the training split, on which random links were moved, without a simulator or pictures.
 
     Args:
-        confused: tell states as pictures do, which take the moved link for another one in so large a share of actions;
-            None for true states.
+        blur: tell states as pictures do; None for true states.
     """
     config = BoardConfig(world=world, boards=boards, seed=seed, group_size=1)
     for number, board in enumerate(generate_boards(config, library)):
@@ -89,9 +89,10 @@ def draw_boards(
         inputs = [*links.names, *((index, BODY) for index in responders)]
         rows, states = _moved_at_random(board, links, actions, generator(seed, world, number, "mechanisms/actions"))
         trace = Trace(np.array(rows), np.array([state.shown for state in states])[:, responders], links.sizes)
-        if confused is not None:
-            trace = as_pictured(_confused(trace, confused, generator(seed, world, number, "mechanisms/pictures")))
-        yield board, LabelledTrace(trace, true_parents(board, inputs, responders, actions))
+        drawn = LabelledTrace(trace, true_parents(board, inputs, responders, actions))
+        if blur is not None:
+            drawn = _blurred(drawn, blur, generator(seed, world, number, "mechanisms/pictures"))
+        yield board, drawn
 
 
 def _moved_at_random(
@@ -124,6 +125,13 @@ def _confused(trace: Trace, share: float, rng: np.random.Generator) -> Trace:
             else:
                 links[step, link] = trace.links[step, link]
     return replace(trace, links=links)
+
+
+def _blurred(drawn: LabelledTrace, blur: Blur, rng: np.random.Generator) -> LabelledTrace:
+    trace, sizes = _confused(drawn.trace, blur.confused, rng), np.array(drawn.trace.sizes)
+    seen = rng.random(len(sizes)) >= blur.hidden
+    trace = as_pictured(Trace(trace.links[:, seen], trace.responders, tuple(sizes[seen].tolist())))
+    return LabelledTrace(trace, drawn.parents[:, np.concatenate([seen, np.ones(trace.responders.shape[1], bool)])])
 
 
 def as_pictured(trace: Trace) -> Trace:

@@ -2,7 +2,7 @@
 
 Each responder has several explanations at once, which lose weight when something else happens than they foretold (by
 the estimator of `contexts.evidence_of`). What follows is what followed most often in the context of the weightiest one;
-a context that was never met says nothing.
+a context that was never met says what it must if every input is to matter (`completion`), or nothing.
 """
 
 from collections import deque
@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from busybot.reason.models.mechanism.completion import completed
 from busybot.reason.models.mechanism.contexts import DELAYS, LONGEST, MEMORIES, STATES, SURE, UNSURE, WAYS
 
 KEPT = 8
@@ -69,25 +70,29 @@ class _Law:
     """An explanation of one responder.
 
     Attributes:
+        sizes: number of states of each input.
         weight: log probability.
         counts: how often each state followed a context.
     """
 
     inputs: tuple[int, ...]
+    sizes: tuple[int, ...]
     what: str
     ways: tuple[str, ...]
     late: int
     own: bool
     weight: float
     counts: dict[tuple[int, ...], list[int]] = field(default_factory=dict)
+    _unmet: dict[tuple[int, ...], np.ndarray] | None = None
 
     @staticmethod
-    def of(inputs: np.ndarray, memory: str, share: float) -> "_Law":
+    def of(inputs: np.ndarray, memory: str, share: float, sizes: Sequence[int]) -> "_Law":
         what, *rest = memory.replace(",", "").split()
         late = int(rest[0]) if what == "late" else 0
         ways = tuple(way for way in rest if way in WAYS)
         own = what == "own"
-        return _Law(tuple(np.flatnonzero(inputs).tolist()), what, ways, late, own, float(np.log(share + 1e-9)))
+        read = tuple(np.flatnonzero(inputs).tolist())
+        return _Law(read, tuple(sizes[one] for one in read), what, ways, late, own, float(np.log(share + 1e-9)))
 
     def context(self, after: Moment, before: int) -> tuple[int, ...]:
         """After an action, with the responder as it was before it."""
@@ -102,12 +107,29 @@ class _Law:
         told = tuple(after.rows[self.late][one] for one in self.inputs)
         return (*told, before) if self.own else told
 
-    def follows(self, context: tuple[int, ...]) -> int | None:
+    def met(self, context: tuple[int, ...]) -> int | None:
+        """The state that followed mostly, None if the context was never met."""
         counts = self.counts.get(context)
         return None if counts is None else counts.index(max(counts))
 
+    def follows(self, context: tuple[int, ...]) -> int | None:
+        """The state that follows, also if the context was never met; None where that is open."""
+        if (state := self.met(context)) is not None or self.ways or not self.inputs:
+            return state
+        if self._unmet is None:
+            met: dict[tuple[int, ...], np.ndarray] = {}
+            for one, followed in self.counts.items():
+                inputs = one[: len(self.inputs)]
+                met[inputs] = met.get(inputs, 0) + np.array(followed)
+            known = {inputs: int(followed.argmax()) for inputs, followed in met.items()}
+            states = 1 + max(max(known.values()), 1)
+            self._unmet = completed(known, self.sizes, states)
+        shares = self._unmet.get(context[: len(self.inputs)])
+        return int(shares.argmax()) if shares is not None and shares.max() > 0.5 else None
+
     def learn(self, context: tuple[int, ...], state: int, ways: int) -> None:
         counts, few = self.counts.setdefault(context, [0] * STATES), UNSURE if self.own else SURE
+        self._unmet = None
         self.weight += float(np.log((counts[state] + few) / (sum(counts) + few * ways)))
         counts[state] += 1
 
@@ -133,8 +155,9 @@ class Laws:
         responders: np.ndarray,
     ):
         self.sizes, self._ways = tuple(sizes), [max(2, int(column.max()) + 1) for column in responders.T]
+        of_inputs = (*self.sizes, *self._ways)
         self._laws = [
-            [_Law.of(inputs[h], MEMORIES[memory[h]], own[h]) for h in np.argsort(-own, kind="stable")[:KEPT]]
+            [_Law.of(inputs[h], MEMORIES[memory[h]], own[h], of_inputs) for h in np.argsort(-own, kind="stable")[:KEPT]]
             for own in shares
         ]
         weights = [[law.weight for law in laws] for laws in self._laws]
@@ -212,7 +235,8 @@ class Laws:
     def _after(self, moment: Moment, links: Links, laws: list[_Law], hoped: dict[int, int]) -> Moment:
         after, shown = moment.acted(links, self.sizes), list(moment.shown)
         for number, (law, before) in enumerate(zip(laws, moment.shown, strict=True)):
-            follows = law.follows(law.context(after, before))
+            context = law.context(after, before)
+            follows = law.met(context) if number in hoped else law.follows(context)
             shown[number] = hoped.get(number, before) if follows is None else follows
         return replace(after, shown=tuple(shown))
 
@@ -235,7 +259,7 @@ class Laws:
         law = self.best()[number]
         inputs = [names[one] for one in law.inputs]
         if not inputs:
-            states = {law.follows(context) for context in law.counts}
+            states = {law.met(context) for context in law.counts}
             return "changes by itself" if law.own and len(states) > 1 else "nothing moves it"
         if law.what == "odd":
             return f"changes with every press of {inputs[0]}"
@@ -250,7 +274,7 @@ class Laws:
         """How several inputs decide: by the one situation that is unlike all others, if there is one."""
         states: dict[tuple[int, ...], int | None] = {}
         for context in sorted(law.counts):
-            states.setdefault(context[: len(inputs)], law.follows(context))
+            states.setdefault(context[: len(inputs)], law.met(context))
         for state in set(states.values()):
             rare = [context for context, other in states.items() if other == state]
             if len(rare) == 1 < len(states) - 1:

@@ -1,6 +1,8 @@
 """Trains the `mechanism` model with the true parents of simulated boards as labels."""
 
 from collections.abc import Mapping, Sequence
+from copy import copy
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,6 +20,8 @@ from busybot.training.checkpoint import initialise
 from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, cosine_rate, descend
 
+KNOWN = 6
+"""What was counted of each board is kept after so many numbers of actions."""
 JUDGED_AT_ONCE = 16
 JUDGED_AFTER = (4, 10, 22, 30)
 """Held-out boards are judged after so many actions."""
@@ -41,6 +45,30 @@ def loss_of(net: MechanismNet, graph: HeteroData, rough: float) -> Tensor:
     return surprise(final) + rough * surprise(first)
 
 
+def _half(graph: HeteroData) -> HeteroData:
+    """With what was counted in half precision, to be kept."""
+    for kept, names in _COUNTED.items():
+        for name in names:
+            graph[kept][name] = graph[kept][name].half()
+    return graph
+
+
+def _at(graph: HeteroData, moments: Tensor) -> HeteroData:
+    """Of some of its moments, to be judged."""
+    chosen = copy(graph)
+    for kept, names in _COUNTED.items():
+        for name in names:
+            chosen[kept][name] = graph[kept][name][:, moments].float()
+    chosen["explanation"].right = graph["explanation"].right[:, moments]
+    return chosen
+
+
+_COUNTED: dict[Any, tuple[str, ...]] = {
+    "explanation": ("evidence",),
+    ("explanation", "reads", "candidate"): ("witnesses",),
+}
+
+
 class MechanismLearner(Learner):
     """One thread: sums have one order whatever the machine.
 
@@ -59,6 +87,7 @@ class MechanismLearner(Learner):
         repeat_exactly()
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards, self.held_out = boards, held_out
+        self._graphs: dict[int, HeteroData] = {}
         self.network = MechanismNet(config.net)
         draws = generator(seed, "train", 0, "initial weights/mechanism")
         initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))))
@@ -71,19 +100,22 @@ class MechanismLearner(Learner):
         """One step of the optimizer."""
         config, rng = self.config, generator(self.seed, "train", iteration, "reason/mechanism")
         chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
-        after = self._moments(rng)
-        graphs = Batch.from_data_list([self.boards[number].graph(after) for number in chosen])
+        moments = torch.from_numpy(np.sort(rng.choice(KNOWN, min(config.moments, KNOWN), replace=False)))
+        graphs = Batch.from_data_list([_at(self._known(int(number)), moments) for number in chosen])
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, config.iterations)
         self.network.train()
         loss = loss_of(self.network, graphs.to(device()), config.rough)
         descend(self.optimizer, loss, rate, config.clip)
         return float(loss.detach()), rate
 
-    def _moments(self, rng: np.random.Generator) -> list[int]:
-        """Spread evenly on a logarithmic scale: what to claim is hardest to tell when little was seen."""
-        longest = min(len(board.parents) for board in self.boards)
-        drawn = (longest + 1) ** rng.random(self.config.moments)
-        return [int(each) for each in drawn]
+    def _known(self, number: int) -> HeteroData:
+        """A board's graph after `KNOWN` numbers of actions, counted once. They are spread evenly on a logarithmic
+        scale: what to claim is hardest to tell when little was seen."""
+        if number not in self._graphs:
+            board, rng = self.boards[number], generator(self.seed, "train", number, "reason/mechanism/moments")
+            drawn = (len(board.parents) + 1) ** rng.random(KNOWN)
+            self._graphs[number] = _half(board.graph([int(each) for each in drawn]))
+        return self._graphs[number]
 
     @torch.no_grad()
     def judge(self) -> Mapping[str, float]:
@@ -106,7 +138,7 @@ def learner_of(
     worlds = sorted({boards.episode(number).board.world for number in range(len(boards))})
     library, traces = find("procedural"), [_labelled(boards, number, config.encoder) for number in range(len(boards))]
     for world in worlds:
-        drawn = draw_boards(world, config.drawn, seed, library, config.actions, config.confused) if config.drawn else ()
+        drawn = draw_boards(world, config.drawn, seed, library, config.actions, config.blur) if config.drawn else ()
         traces += [trace for _, trace in drawn]
     judged = [_labelled(held_out, number, config.encoder) for number in range(len(held_out))]
     return MechanismLearner(config, traces, judged, seed)

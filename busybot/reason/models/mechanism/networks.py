@@ -16,14 +16,8 @@ import torch
 from torch import Tensor, nn
 
 from busybot.reason.models.mechanism.config import MechanismNetConfig
-from busybot.reason.models.mechanism.contexts import (
-    EVIDENCE,
-    INPUTS,
-    MEMORIES,
-    Trace,
-    evidence_of,
-    explanations_of,
-)
+from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, Trace, explanations_of
+from busybot.reason.models.mechanism.evidence import EVIDENCE, WITNESSES, evidence_of
 from busybot.reason.models.message_passing import GraphModule
 from busybot.reason.pyg import HeteroData, scatter
 
@@ -38,13 +32,14 @@ def explanation_graph(trace: Trace, after: Sequence[int], parents: np.ndarray | 
 
     | nodes and edges | attribute | shape | meaning |
     |---|---|---|---|
-    | `explanation` | `evidence` | float32 (R * H, K, 10) | `contexts.evidence_of` |
+    | `explanation` | `evidence` | float32 (R * H, K, 14) | `Evidence.explanations` |
     | | `kind` | int64 (R * H,) | memory and number of inputs, see `KINDS` |
     | | `possible` | bool (R * H,) | False where it reads its own responder |
     | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
     | `candidate` | `input` | int64 (R * I,) | number of the input, in all boards of a batch |
     | `responder` | | R | |
-    | `explanation`, `reads`, `candidate` | `edge_index` | int64 (2, E) | |
+    | `explanation`, `reads`, `candidate` | `edge_index` | int64 (2, R * E) | |
+    | | `witnesses` | float32 (R * E, K, 2) | `Evidence.inputs` |
     | `explanation`, `explains`, `responder` | `edge_index` | int64 (2, R * H) | |
     | `candidate`, `moves`, `responder` | `edge_index` | int64 (2, R * I) | |
 
@@ -59,17 +54,18 @@ def explanation_graph(trace: Trace, after: Sequence[int], parents: np.ndarray | 
     graph["input"].num_nodes = inputs
     node = graph["explanation"]
     node.num_nodes = responders * count
-    node.evidence = evidence_of(trace, found, after).flatten(0, 1)
+    evidence = evidence_of(trace, found, after)
+    node.evidence = evidence.explanations.flatten(0, 1)
     node.kind = torch.from_numpy(found.memory + len(MEMORIES) * found.inputs.sum(1)).repeat(responders)
     node.possible = torch.from_numpy(~found.inputs[:, links:].T.copy()).flatten()
     if parents is not None:
         right = (found.inputs[None, :, :, None] == parents[:, None]).all(2)  # (K, H, R)
         node.right = torch.from_numpy(right.transpose(2, 1, 0).reshape(responders * count, -1).copy())
     graph["candidate"].num_nodes = responders * inputs
-    row, read = np.nonzero(found.inputs)
-    each = np.arange(responders)[:, None]
-    reads = np.stack([(row + each * count).ravel(), (read + each * inputs).ravel()])
-    graph["explanation", "reads", "candidate"].edge_index = torch.from_numpy(reads)
+    (row, read), each = found.reads, np.arange(responders)[:, None]
+    reads = graph["explanation", "reads", "candidate"]
+    reads.edge_index = torch.from_numpy(np.stack([(row + each * count).ravel(), (read + each * inputs).ravel()]))
+    reads.witnesses = evidence.inputs.flatten(0, 1)
     owner = torch.arange(responders)
     graph["explanation", "explains", "responder"].edge_index = torch.stack(
         [torch.arange(responders * count), owner.repeat_interleave(count)]
@@ -96,14 +92,16 @@ def mlp(*widths: int) -> nn.Sequential:
 
 
 class Gather(GraphModule):
-    """The weighted sum of what the sources of each node's edges say."""
+    """The weighted sum of what the sources of each node's edges say, and of what is known of the edges."""
 
-    def forward(self, edges: Tensor, said: Tensor, weights: Tensor, size: tuple[int, int]) -> Tensor:
-        """(target nodes, K, width) of said (source nodes, K, width) and weights (source nodes, K)."""
-        return self.propagate(edges, said=(weights[..., None] * said, None), size=size)
+    def forward(self, edges: Tensor, said: Tensor, known: Tensor, weights: Tensor, size: tuple[int, int]) -> Tensor:
+        """(target nodes, K, width) of said (source nodes, K, width), known (edges, K, width) and weights (source
+        nodes, K), one for all or each its own."""
+        weights = weights[..., None].expand(len(said), -1, 1)
+        return self.propagate(edges, said=(said, None), known=known, weight=(weights, None), size=size)
 
-    def message(self, said_j: Tensor) -> Tensor:
-        return said_j
+    def message(self, said_j: Tensor, known: Tensor, weight_j: Tensor) -> Tensor:
+        return weight_j * torch.relu(said_j + known)
 
 
 class MechanismNet(nn.Module):
@@ -122,30 +120,33 @@ class MechanismNet(nn.Module):
         self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width))
         self.rough = nn.Linear(width, 1)
         self.sharpness = nn.Parameter(torch.tensor(0.6 * SHARP))
+        self.witnesses = nn.Linear(WITNESSES, 3 * width)
         self.candidate = mlp(2 * width + 2, width, width)
         self.final = mlp(3 * width, width, 1)
         self.gather = Gather()
 
     def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor]:
         """See above."""
-        node, reads = graph["explanation"], graph["explanation", "reads", "candidate"].edge_index
+        node, edges = graph["explanation"], graph["explanation", "reads", "candidate"]
+        source, target = edges.edge_index
         owner = graph["explanation", "explains", "responder"].edge_index[1]
         of_responder = graph["candidate", "moves", "responder"].edge_index[1]
         of_input = graph["candidate", "is", "input"].edge_index[1]
         counts = [graph[name].num_nodes for name in ("explanation", "candidate", "responder", "input")]
         explanations, candidates, responders, inputs = counts
-        token = self.token(self.evidence(node.evidence) + self.kind.weight.T[node.kind][:, None])  # (X, K, width)
+        matters, there, back = self.witnesses(edges.witnesses).chunk(3, -1)
+        mattering = scatter(matters.relu(), source, dim_size=explanations, reduce="sum")
+        token = self.token(self.evidence(node.evidence) + self.kind.weight.T[node.kind][:, None] + mattering)
         first = self._shares(self.rough(token)[..., 0] + self.sharpness * node.evidence[..., 0], node, owner)
         weight = first.exp()
         summary = scatter(weight[..., None] * token, owner, dim_size=responders, reduce="sum")  # (R, K, width)
-        size = (explanations, candidates)
-        heard = self.gather(reads, token, weight, size)
-        needed = self.gather(reads, torch.ones_like(token[..., :1]), weight, size)  # (C, K, 1)
+        heard = self.gather(edges.edge_index, token, there, weight, (explanations, candidates))
+        needed = scatter(weight[source], target, dim_size=candidates, reduce="sum")[..., None]  # (C, K, 1)
         others = scatter(needed, of_input, dim_size=inputs, reduce="sum")[of_input] - needed
-        told = torch.cat([heard / (needed + 1e-3), summary[of_responder], needed, others], -1)
-        back = self.gather(reads.flip(0), self.candidate(told), needed.new_ones(candidates, 1), size[::-1])
-        back = back / scatter(torch.ones_like(reads[0]), reads[0], dim_size=explanations).clamp(min=1)[:, None, None]
-        logits = first + self.final(torch.cat([token, back, summary[owner]], -1))[..., 0]
+        told = self.candidate(torch.cat([heard / (needed + 1e-3), summary[of_responder], needed, others], -1))
+        share = 1 / scatter(torch.ones_like(source), source, dim_size=explanations).clamp(min=1)
+        said = self.gather(edges.edge_index.flip(0), told, back, needed.new_ones(1, 1), (candidates, explanations))
+        logits = first + self.final(torch.cat([token, share[:, None, None] * said, summary[owner]], -1))[..., 0]
         return self._shares(logits, node, owner), first
 
     def _shares(self, logits: Tensor, node: HeteroData, owner: Tensor) -> Tensor:

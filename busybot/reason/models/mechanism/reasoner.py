@@ -1,17 +1,20 @@
 """The `mechanism` model as a reasoner: parents of every responder, and what it shows next.
 
 What a responder shows after an action is what it showed in equal contexts, over all explanations, each with its
-probability. A context that was never seen says that nothing changes.
+probability. In a context that was never seen it shows what it must if each input is to matter (`completion`); where
+that is open, nothing changes.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks
+from busybot.reason.models.mechanism.changes import changes_of
+from busybot.reason.models.mechanism.completion import completed
 from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace, explanations_of, followed
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
@@ -30,6 +33,10 @@ KINDS = {
 }
 """Kinds of mechanisms (`boards.mechanisms`) by what is remembered; what remembers nothing is named by its inputs."""
 
+LIKELY = 0.02
+"""Less probable explanations are not asked about what they never met."""
+_STATES_OF_INPUTS = [number for number, name in enumerate(MEMORIES) if name.startswith(("late", "own and now"))]
+
 
 @dataclass(frozen=True)
 class _Understood:
@@ -42,6 +49,7 @@ class _Understood:
     perceived: Perceived
     found: Explanations
     shares: np.ndarray
+    _unmet: dict[tuple[int, int], dict[int, np.ndarray]] = field(default_factory=dict)
 
     @property
     def trace(self) -> Trace:
@@ -62,8 +70,31 @@ class _Understood:
         counts, shown = followed(self.trace, self.found, contexts, before), self.trace.responders
         total = counts.sum(2, keepdims=True)
         likely = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), np.eye(STATES)[before][:, None])
+        asked = (total[..., 0] == 0) & (self.shares[..., -1] > LIKELY) & np.isin(self.found.memory, _STATES_OF_INPUTS)
+        for responder, row in zip(*np.nonzero(asked), strict=True):
+            context = int(np.broadcast_to(contexts, asked.shape)[responder, row])
+            told = self._completed(responder, row).get(context)
+            if told is not None and told.max() > 0.5:
+                likely[responder, row] = told
         known = np.arange(STATES) <= shown.max(0)[:, None]
         return np.asarray((np.einsum("rh,rhs->rs", self.shares[..., -1], likely) * known).argmax(1))
+
+    def _completed(self, responder: int, row: int) -> dict[int, np.ndarray]:
+        """What an explanation must say of contexts that were never met, float (STATES,) by context."""
+        if (responder, row) not in self._unmet:
+            trace, inputs = self.trace, np.flatnonzero(self.found.inputs[row])
+            sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])[inputs]
+            contexts, shown = self.found.contexts[:, row], trace.responders[:, responder]
+            places = STATES ** np.arange(len(inputs))
+            known = {
+                tuple((context // places % STATES).tolist()): int(np.bincount(shown[contexts == context]).argmax())
+                for context in set(contexts.tolist())
+            }
+            told = completed(known, sizes.tolist(), STATES if shown.max() > 1 else 2)
+            self._unmet[responder, row] = {
+                int(np.array(one) @ places): np.pad(shares, (0, STATES - len(shares))) for one, shares in told.items()
+            }
+        return self._unmet[responder, row]
 
 
 class MechanismReasoner:
@@ -98,6 +129,11 @@ class MechanismReasoner:
         own = known.found.inputs[:, : len(links.owners)]
         single[:, :, known.perceived.responders] = np.einsum("rhk,hi->kir", known.shares, own)
         kinds, lags = self._named(known, objects)
+        changed, changed_at = np.zeros((seen.steps, objects)), np.full(objects, -1)
+        likely, first = changes_of(known.trace, known.found)
+        changed[:, known.perceived.responders] = likely
+        if seen.steps:
+            changed_at[known.perceived.responders] = np.where(likely[-1] > 0.5, first - 1, -1)
         after = slice(1, None) if moments > 1 else slice(None)
         return InferredGraph(
             self.name,
@@ -107,6 +143,8 @@ class MechanismReasoner:
             kinds=kinds,
             lags=lags,
             words=self._in_words(known, objects),
+            changed=changed,
+            changed_at=changed_at,
         )
 
     def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:

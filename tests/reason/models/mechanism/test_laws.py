@@ -98,9 +98,12 @@ def test_what_was_never_met_is_hoped_for_and_a_wrong_law_loses() -> None:
     links, shown = np.array([(0, 0), (1, 0), (0, 0), (0, 1)]), np.zeros((4, 1), int)  # both at once were never met
     laws = laws_of("late 0", AND, links, shown)
     start = Moment.new((0, 0), (0,))
+    assert laws.plan(start, {0: 1}, moves, 4)[-1] == (1, 1), "if both matter, this is all that can light it"
+    assert laws.plan(start, {0: 1}, moves, 1) == [], "it is two actions away"
+    laws = laws_of("late 0", AND, links[:3], shown[:3])  # the second one may light it alone, or with the first one
     assert laws.plan(start, {0: 1}, moves, 4) == []
-    assert laws.plan(start, {0: 1}, moves, 4, hopeful=True)[-1] == (1, 1)
-    assert laws.plan(start, {0: 1}, moves, 1, hopeful=True) == [], "it is two actions away"
+    assert laws.plan(start, {0: 1}, moves, 4, hopeful=True)[-1] == (0, 1)
+    assert laws.plan(start, {0: 1}, moves, 0, hopeful=True) == []
     wrong = Laws((2, 2), np.array([[1, 0, 0], [0, 1, 0]], bool), np.array([MEMORIES.index("late 0")] * 2),
                  np.array([[0.6, 0.4]]), links[:1], shown[:1])  # fmt: skip
     moment = Moment.new((0, 0), (0,))
@@ -134,7 +137,7 @@ def test_laws_remember_what_explanations_remember() -> None:
     for states, now in zip(links[1:].tolist(), shown[1:].tolist(), strict=True):
         moments.append(replace(moments[-1].acted(tuple(states), sizes), shown=tuple(now)))
     for number, memory in enumerate(found.memory):
-        law = _Law.of(found.inputs[number], MEMORIES[memory], 1.0)
+        law = _Law.of(found.inputs[number], MEMORIES[memory], 1.0, (*sizes, 2, 2))
         told = [law.context(moment, 0) for moment in moments]
         pairs = set(zip(found.contexts[:, number].tolist(), told, strict=True))
         assert len(pairs) == len(set(told)) == len({context for context, _ in pairs}), MEMORIES[memory]

@@ -1,5 +1,7 @@
 """Explanations of what responders show, what is counted of them, and the network that judges them."""
 
+import math
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -10,26 +12,27 @@ from benchmarks.studies.mechanisms import JUDGED_SEED, compare, draw
 from busybot.objects.resolve import find
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import (
-    EVIDENCE,
     MEMORIES,
+    STATES,
     SURE,
+    UNSURE,
     Explanations,
     Trace,
-    evidence_of,
     explanations_of,
 )
+from busybot.reason.models.mechanism.evidence import EVIDENCE, RECENT, WITNESSES, evidence_of
 from busybot.reason.models.mechanism.labelled import LabelledTrace
 from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, parents_of
 from busybot.reason.pyg import Batch
 from busybot.training.loop import fit
 
-COLUMNS = {"new": 2, "never": 3, "sometimes": 4, "always": 5, "actions": 9}
+COLUMNS = {"new": 3, "never": 4, "sometimes": 5, "always": 6, "actions": 10}
 
 
 def counted(trace: Trace, after: int) -> tuple[Explanations, np.ndarray]:
     found = explanations_of(trace)
-    return found, np.expm1(evidence_of(trace, found, [after])[:, :, 0].numpy())
+    return found, np.expm1(evidence_of(trace, found, [after]).explanations[:, :, 0].numpy())
 
 
 def explaining(found: Explanations, inputs: tuple[int, ...], memory: str) -> int:
@@ -70,31 +73,70 @@ def test_what_is_right_is_never_contradicted_whatever_it_remembers() -> None:
         row = explaining(found, inputs, memory)
         assert told[responder, row, [COLUMNS["never"], COLUMNS["sometimes"]]].max() == 0, memory
         assert told[responder, row, COLUMNS["always"]] > 25
-        likelier = evidence_of(trace, found, [40])[responder, :, 0, 0]
+        likelier = evidence_of(trace, found, [40]).explanations[responder, :, 0, 0]
         simpler = found.inputs.sum(1) <= len(inputs)
         assert likelier[simpler].max() == likelier[row]
 
 
+def log_share(states: np.ndarray, alike: np.ndarray, moment: int, few: float, ways: int | None = None) -> float:
+    """Log probability of what shows at a moment, after these earlier ones."""
+    same, total = int((states[:moment][alike] == states[moment]).sum()), int(alike.sum())
+    return math.log((same + few) / (total + few * (ways or max(2, states[: moment + 1].max() + 1))))
+
+
 def test_what_is_counted_is_what_brute_force_counts(gates: list[LabelledTrace]) -> None:
-    trace = gates[0].trace.first(12)
-    found, told = counted(trace, 12)
-    logs = evidence_of(trace, found, [12])[:, :, 0, 0].numpy()
+    trace = gates[0].trace.first(18)
+    found, told = counted(trace, 18)
+    counts = evidence_of(trace, found, [18])
     shape = (trace.responders.shape[1], len(found.own))
     for responder, row in np.random.default_rng(1).integers(shape, size=(40, 2)):
-        states, log = trace.responders[:, responder], 0.0
+        states, logs, known = trace.responders[:, responder], np.zeros(5), {}
         before = np.concatenate([states[:1], states[:-1]])
         kinds = {"new": 0, "never": 0, "sometimes": 0, "always": 0}
-        for moment in range(13):
+        for moment in range(19):
             alike = found.contexts[:moment, row] == found.contexts[moment, row]
             if found.own[row]:
                 alike &= before[:moment] == before[moment]
             same, total = int((states[:moment][alike] == states[moment]).sum()), int(alike.sum())
-            log += np.log((same + SURE) / (total + SURE * max(2, states[: moment + 1].max() + 1)))
+            sure, unsure = (log_share(states, alike, moment, few) for few in (SURE, UNSURE))
+            context = (found.contexts[moment, row], before[moment] if found.own[row] else 0)
+            one, other = known.get(context, (0.0, 0.0))
+            known[context] = (one + sure, other + unsure)
+            either = np.logaddexp(*known[context]) - np.logaddexp(one, other)
+            logs[:3] += [sure, unsure, either]
+            if moment > 18 - RECENT:
+                near = alike & (np.arange(moment) >= moment - RECENT)
+                logs[3:] += [sure, log_share(states, near, moment, SURE, STATES)]
             kind = "new" if not total else "always" if same == total else "sometimes" if same else "never"
             kinds[kind] += 1
-        assert logs[responder, row] == pytest.approx(log / 5, abs=1e-4)
+        columns = counts.explanations[responder, row, 0, [0, 1, 2, 11, 12]].numpy()
+        np.testing.assert_allclose(columns, logs / 5, atol=1e-4)
         assert {name: round(float(told[responder, row, COLUMNS[name]])) for name in kinds} == kinds
-        assert round(float(told[responder, row, COLUMNS["actions"]])) == 13
+        assert round(float(told[responder, row, COLUMNS["actions"]])) == 19
+
+
+def test_an_input_matters_where_it_alone_changes_what_shows() -> None:
+    links = walk(3, 40)
+    trace = Trace(links, (links[:, :1] & links[:, 1:2]), (2, 2, 2))
+    found = explanations_of(trace)
+    told = torch.expm1(evidence_of(trace, found, [40]).inputs)[0, :, 0].numpy()
+
+    def pairs(inputs: tuple[int, ...], one: int) -> list[int]:
+        row = explaining(found, inputs, "late 0")
+        (place,) = np.flatnonzero(((row, one) == found.reads.T).all(1))
+        rest = [other for other in inputs if other != one]
+        alone = [
+            (a, b)
+            for a, b in combinations(range(41), 2)
+            if (links[a, rest] == links[b, rest]).all() and links[a, one] != links[b, one]
+        ]
+        differ = sum(bool(trace.responders[a, 0] != trace.responders[b, 0]) for a, b in alone)
+        assert told[place].round().tolist() == [differ, len(alone) - differ]
+        return told[place].round().tolist()
+
+    assert pairs((0, 1), 0)[0] > 0 and pairs((0, 1), 1)[0] > 0
+    assert pairs((0, 1, 2), 2)[0] == 0 and pairs((0, 1, 2), 2)[1] > 0
+    assert pairs((0, 2), 2)[0] > 0, "what is not told of the second link looks like the third one's doing"
 
 
 def test_probabilities_are_those_of_one_explanation_each_and_of_no_responder_by_itself(
@@ -109,6 +151,7 @@ def test_probabilities_are_those_of_one_explanation_each_and_of_no_responder_by_
         assert torch.allclose(sums, torch.ones_like(sums), atol=1e-5)
     assert final.exp()[~graph["explanation"].possible].max() < 1e-6
     assert graph["explanation"].evidence.shape[1:] == (2, EVIDENCE)
+    assert graph["explanation", "reads", "candidate"].witnesses.shape[1:] == (2, WITNESSES)
     alone = explanation_graph(gates[1].trace, [3, 20])
     told = parents_of(net(Batch.from_data_list([alone]))[0], alone)
     assert torch.allclose(told, parents_of(final, graph)[-len(told) :], atol=1e-5), "a batch changes nothing"

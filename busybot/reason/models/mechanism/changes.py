@@ -1,0 +1,58 @@
+"""When another mechanism took the place of the first one: rewirings, as far as what was shown tells.
+
+What a responder showed is either explained by one explanation throughout, or by one until some action and another one,
+which knows nothing of what was before, from then on. Both are weighed by the probability that explanations gave to
+what came, before it came (Adams & MacKay, Bayesian online changepoint detection, 2007, with one change at most). That
+takes no training. Cost: that of the evidence for every action at which the change may have come.
+"""
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import one_hot
+
+from busybot.reason.models.mechanism.contexts import STATES, Explanations, Trace
+from busybot.reason.models.mechanism.evidence import Earlier, log_probabilities
+
+CHANGES = 0.05
+"""Probability that the mechanism of a responder is exchanged in a recording."""
+EARLIEST = 8
+"""What was seen of a mechanism for fewer actions is not taken for another one."""
+
+
+def changes_of(trace: Trace, found: Explanations) -> tuple[np.ndarray, np.ndarray]:
+    """What is believed of R responders after each of T actions, and where the change lies.
+
+    Returns:
+        float (T, R), the probability that another mechanism than at first decides; int (R,), the first action after
+        which it showed what the new one makes of it, if there is one.
+    """
+    shown = torch.from_numpy(np.ascontiguousarray(trace.responders.T))
+    before = torch.cat([shown[:, :1], shown[:, :-1]], 1)
+    prior = _prior(trace, found)
+    moments = shown.shape[1]
+    first = _explained(found, shown, before, 0, prior)  # (R, M)
+    later = torch.full((len(shown), moments, moments), -torch.inf)  # by the moment of the change, and until when
+    for start in range(EARLIEST, moments):
+        later[:, start, start:] = first[:, start - 1, None] + _explained(found, shown, before, start, prior)
+    either = torch.logsumexp(later, 1) - torch.arange(moments).clamp(min=1).log()
+    odds = float(np.log(CHANGES / (1 - CHANGES))) + either - first
+    return odds[:, 1:].sigmoid().T.double().numpy(), later[:, :, -1].argmax(1).numpy()
+
+
+def _prior(trace: Trace, found: Explanations) -> Tensor:
+    """Log probability of each explanation, (R, H): all that remember the same of equally many inputs share one."""
+    kinds = found.memory * (found.inputs.shape[1] + 1) + found.inputs.sum(1)
+    _, which, counts = np.unique(kinds, return_inverse=True, return_counts=True)
+    share = torch.from_numpy(-np.log(counts[which.ravel()] * len(counts))).float()
+    itself = torch.from_numpy(found.inputs[:, trace.links.shape[1] :].T.copy())
+    return torch.where(itself, -torch.inf, share)
+
+
+def _explained(found: Explanations, shown: Tensor, before: Tensor, start: int, prior: Tensor) -> Tensor:
+    """Log probability of all that was shown from a moment on, until each later one, (R, M - start)."""
+    earlier = Earlier(found.contexts[start:], found.own, before[:, start:])
+    own = shown[:, start:]
+    sure, _, either = log_probabilities(earlier, own, earlier.sum(one_hot(own, STATES).float()))
+    told = torch.where(earlier.own[:, None], either, sure)  # what has no luck never shows anything else
+    return torch.logsumexp(told.cumsum(-1) + prior[..., None], 1)

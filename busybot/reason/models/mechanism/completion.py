@@ -1,0 +1,42 @@
+"""What follows in a situation that was never met, told by what a parent is.
+
+An explanation says which inputs decide a responder. Each of them matters then: in some situation it alone changes what
+follows. Of all functions that agree with what was met only those are left in which every input matters, often one.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import numpy as np
+
+MOST = 1024
+"""So many functions are compared at most; with more, nothing is told."""
+
+
+def completed(
+    known: Mapping[tuple[int, ...], int], sizes: Sequence[int], states: int
+) -> dict[tuple[int, ...], np.ndarray]:
+    """What may follow each situation that was not met: the share of functions in which each state does.
+
+    Args:
+        known: what followed each situation that was met, states of the inputs.
+        sizes: number of states of each input.
+        states: so many may follow.
+
+    Returns:
+        float (states,) by situation; nothing if all were met, or no function is left, or too many are.
+    """
+    unmet = [one for one in product(*map(range, sizes)) if one not in known]
+    if not unmet or states ** len(unmet) > MOST:
+        return {}
+    ways = np.array(list(product(range(states), repeat=len(unmet))), int)  # (functions, unmet)
+    tables = np.zeros((*sizes, len(ways)), int)
+    for situation, state in known.items():
+        tables[situation] = state
+    for column, situation in zip(ways.T, unmet, strict=True):
+        tables[situation] = column
+    matter = [(tables.max(one) != tables.min(one)).reshape(-1, len(ways)).any(0) for one in range(len(sizes))]
+    left = ways[np.all(matter, axis=0)]
+    if not len(left):
+        return {}
+    return dict(zip(unmet, np.eye(states)[left].mean(0), strict=True))

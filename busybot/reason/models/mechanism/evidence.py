@@ -1,0 +1,159 @@
+"""How well explanations have done: what the `mechanism` network judges.
+
+An explanation is good when equal contexts were followed by equal states, and an input of it matters when the responder
+showed different states in contexts that differ in this input alone. Both are counted here, after every action. Cost: H
+explanations of T actions, R responders and E inputs that explanations read compare (H + E) R T^2 pairs of moments.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn.functional import one_hot
+
+from busybot.reason.models.mechanism.contexts import STATES, SURE, UNSURE, Explanations, Trace
+
+EVIDENCE = 14
+"""Numbers that are counted of an explanation, see `Evidence`."""
+WITNESSES = 2
+"""Numbers that are counted of an input of an explanation."""
+RECENT = 10
+"""So many actions are recent."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What was counted of R responders after each of K numbers of actions; H explanations read E inputs.
+
+    Columns of explanations, over the new board and all actions so far:
+
+    | column | meaning |
+    |---|---|
+    | 0, 1 | log probability / 5 that the explanation gave to each state before it showed (Krichevsky & Trofimov 1981, \
+with pseudo-counts `SURE` and `UNSURE`) |
+    | 2 | the same where each context is either sure or not, which is found out |
+    | 3 | contexts that were new |
+    | 4 | equal contexts, and never this state before |
+    | 5 | equal contexts, and sometimes this state before |
+    | 6 | equal contexts, and always this state before |
+    | 7 | of these, those that changed the responder |
+    | 8 | of column 3, those that changed the responder |
+    | 9 | changes of the responder |
+    | 10 | actions |
+    | 11 | column 0 of the last `RECENT` actions |
+    | 12 | the same, if nothing but these actions is known |
+    | 13 | column 4 of the last `RECENT` actions |
+
+    Columns 3 to 10 and 13 are log(1 + number). Luck that several responders have in common is not told. Columns of
+    inputs, as log(1 + number): pairs of moments whose contexts differ in this input alone and in which the responder
+    showed different states, or equal ones.
+
+    Attributes:
+        explanations: float32 (R, H, K, 14).
+        inputs: float32 (R, E, K, 2), in the order of `Explanations.reads`.
+    """
+
+    explanations: Tensor
+    inputs: Tensor
+
+
+def evidence_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Evidence:
+    """Count what is known after so many actions each."""
+    shown = torch.from_numpy(np.ascontiguousarray(trace.responders.T))
+    before = torch.cat([shown[:, :1], shown[:, :-1]], 1)  # a new board has rested for long
+    moments = torch.as_tensor(after)
+    earlier = Earlier(found.contexts, found.own, before)
+    counted = _of_explanations(earlier, shown, before)
+    return Evidence(counted[:, :, moments], _of_inputs(earlier, found, shown)[:, :, moments])
+
+
+class Earlier:
+    """Which earlier moments had equal contexts; M moments, H explanations, R responders.
+
+    Args:
+        contexts: int (M, H).
+        own: bool (H,), of `Explanations`.
+        before: (R, M), the responders' states before each action.
+    """
+
+    def __init__(self, contexts: np.ndarray, own: np.ndarray, before: Tensor):
+        each = torch.from_numpy(np.ascontiguousarray(contexts.T))
+        count = each.shape[1]
+        steps = torch.arange(count)
+        self.past = steps[:, None] > steps
+        self.recent = (self.past & (steps[:, None] - steps <= RECENT)).float()
+        self.same = each[:, :, None] == each[:, None]  # (H, M, M)
+        self.alike = before[:, :, None] == before[:, None]  # (R, M, M)
+        self.own = torch.from_numpy(own)
+        self._free = (self.same[~self.own] & self.past).float()
+        self._bound = (self.same[self.own] & self.past & self.alike[:, None]).float()
+
+    def sum(self, numbers: Tensor, recent: bool = False) -> Tensor:
+        """Over earlier moments of equal context, (R, H, M, N) from (R, M, N) or (R, H, M, N)."""
+        free, bound = (one * self.recent if recent else one for one in (self._free, self._bound))
+        each = numbers[:, None] if numbers.dim() == 3 else numbers
+        told = numbers.new_empty(len(numbers), len(self.own), *numbers.shape[-2:])
+        told[:, ~self.own] = free @ (each if len(each[0]) == 1 else each[:, ~self.own])
+        told[:, self.own] = bound @ (each if len(each[0]) == 1 else each[:, self.own])
+        return told
+
+
+def log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Of what was shown, before it was: by sure contexts, unsure ones, and where either is found out, (R, H, M) each.
+
+    Args:
+        shown: int (R, M).
+        follow: (R, H, M, STATES), how often each state followed equal contexts.
+    """
+    right, ways = _right(follow, shown), (shown.cummax(1).values + 1).clamp(min=2)[:, None]
+    both = torch.stack([torch.log((right + few) / (follow.sum(-1) + few * ways)) for few in (SURE, UNSURE)], -1)
+    known = earlier.sum(both)  # log probability of what each has seen in this context
+    either = torch.logsumexp(known + both, -1) - torch.logsumexp(known, -1)
+    return both[..., 0], both[..., 1], either
+
+
+def _right(follow: Tensor, shown: Tensor) -> Tensor:
+    """How often it was the state that shows, (R, H, M)."""
+    return follow.gather(-1, shown[:, None, :, None].expand(*follow.shape[:3], 1))[..., 0]
+
+
+def _of_explanations(earlier: Earlier, shown: Tensor, before: Tensor) -> Tensor:
+    """(R, H, M, 14)."""
+    states = one_hot(shown, STATES).float()
+    follow, lately = earlier.sum(states), earlier.sum(states, recent=True)
+    logs = log_probabilities(earlier, shown, follow)
+    afresh = torch.log((_right(lately, shown) + SURE) / (lately.sum(-1) + SURE * STATES))
+    total, agreed, changed = follow.sum(-1), _right(follow, shown), (shown != before)[:, None].expand(follow.shape[:3])
+    fresh, never, always = total == 0, (total > 0) & (agreed == 0), (total > 0) & (agreed == total)
+    counted = (
+        fresh, never, (agreed > 0) & ~always, always, always & changed, fresh & changed, changed,
+        torch.ones_like(changed),
+    )  # fmt: skip
+    columns = [one.cumsum(-1) / 5 for one in logs]
+    columns += [torch.log1p(one.float().cumsum(-1)) for one in counted]
+    columns += [_lately(logs[0]) / 5, _lately(afresh) / 5, torch.log1p(_lately(never.float()))]
+    return torch.stack(columns, -1)
+
+
+def _lately(numbers: Tensor) -> Tensor:
+    """Sums over the last `RECENT` moments, (..., M)."""
+    total = numbers.cumsum(-1)
+    total[..., RECENT:] -= total[..., :-RECENT].clone()
+    return total
+
+
+def _of_inputs(earlier: Earlier, found: Explanations, shown: Tensor) -> Tensor:
+    """(R, E, M, 2)."""
+    row = torch.from_numpy(found.reads[0])
+    apart = earlier.same[torch.from_numpy(found.fewer)] & ~earlier.same[row] & earlier.past  # (E, M, M)
+    own = earlier.own[row]
+    other = shown[:, :, None] != shown[:, None]  # (R, M, M)
+    told = []
+    for pairs in (other, ~other):
+        count = torch.empty(len(shown), len(row), shown.shape[1])
+        for which, wanted in ((~own, pairs), (own, pairs & earlier.alike)):
+            count[:, which] = torch.einsum("eab,rab->rea", apart[which].float(), wanted.float())
+        told.append(torch.log1p(count.cumsum(-1)))
+    return torch.stack(told, -1)

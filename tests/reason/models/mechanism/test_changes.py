@@ -1,0 +1,40 @@
+"""Mechanisms that are exchanged are noticed, and nothing else is."""
+
+import numpy as np
+import pytest
+
+from busybot.reason.models.mechanism.changes import changes_of
+from busybot.reason.models.mechanism.contexts import Trace, explanations_of
+
+
+def walk(actions: int, seed: int) -> np.ndarray:
+    """States of three links, one of which is flipped in every action."""
+    flips = np.eye(3, dtype=int)[np.random.default_rng(seed).integers(3, size=actions)]
+    return np.concatenate([np.zeros((1, 3), int), np.cumsum(flips, axis=0) % 2])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_another_mechanism_is_noticed_and_placed(seed: int) -> None:
+    links = walk(40, seed)
+    late = np.arange(41) > 22  # from action 22 on, numbered from 0
+    old, new = links[:, 0], links[:, 1] | links[:, 2]
+    shown = np.stack([np.where(late, new, old), links[:, 0] & links[:, 1], np.zeros(41, int)], axis=1)
+    told, first = changes_of(Trace(links, shown, (2, 2, 2)), explanations_of(Trace(links, shown, (2, 2, 2))))
+    showed = int(np.flatnonzero(late & (old != new))[0])
+    assert told.shape == (40, 3) and told[: showed - 1].max() < 0.5, "nobody can know before it shows"
+    assert told[showed : showed + 10, 0].max() > 0.5 and told[-1, 0] > 0.5 and 21 <= first[0] <= showed
+    assert told[:, 1:].max() < 0.5
+
+
+def test_what_shows_by_luck_is_no_other_mechanism() -> None:
+    links, rng = walk(40, 7), np.random.default_rng(7)
+    shown = np.zeros((41, 1), int)
+    for action in range(1, 41):  # it catches up with its link in three of four actions
+        shown[action] = links[action, 0] if rng.random() < 0.75 else shown[action - 1]
+    told, _ = changes_of(Trace(links, shown, (2, 2, 2)), explanations_of(Trace(links, shown, (2, 2, 2))))
+    assert told.max() < 0.5
+
+
+def test_without_actions_nothing_is_said() -> None:
+    trace = Trace(np.zeros((1, 2), int), np.zeros((1, 1), int), (2, 2))
+    assert changes_of(trace, explanations_of(trace))[0].shape == (0, 1)

@@ -1,0 +1,25 @@
+"""What follows in situations that were never met, where each input must matter."""
+
+import numpy as np
+
+from busybot.reason.models.mechanism.completion import completed
+
+
+def test_the_last_situation_is_what_makes_every_input_matter() -> None:
+    assert completed({(0, 0): 0, (0, 1): 0, (1, 0): 0}, (2, 2), 2)[1, 1].tolist() == [0, 1]
+    assert completed({(0, 0): 0, (0, 1): 1, (1, 0): 1}, (2, 2), 2)[1, 1].tolist() == [0.5, 0.5], "or, or exclusive or"
+    assert completed({(0,): 1}, (2,), 2)[1,].tolist() == [1, 0]
+
+
+def test_shares_are_those_of_the_functions_that_are_left() -> None:
+    """Of two inputs ten functions need both: five with each state of any situation."""
+    told = completed({}, (2, 2), 2)
+    assert len(told) == 4 and all(np.allclose(shares, 0.5) for shares in told.values())
+    left = completed({(0, 0): 0}, (2, 2), 2)
+    assert left[0, 1].tolist() == [2 / 5, 3 / 5] and left[1, 1].tolist() == [3 / 5, 2 / 5]
+
+
+def test_nothing_is_told_where_all_was_met_or_nothing_fits_or_too_much_does() -> None:
+    assert completed({(0,): 0, (1,): 1}, (2,), 2) == {}
+    assert completed({(0,): 0}, (2,), 1) == {}
+    assert completed({}, (3, 3, 3), 3) == {}

@@ -23,11 +23,11 @@ class Blur(FrozenModel):
 
     Attributes:
         confused: of the actions, whose link is taken for another one.
-        hidden: of the links, which are too small to be seen moving.
+        hidden: of the links, that nothing tells the moves of.
     """
 
     confused: Annotated[float, Field(ge=0, le=1)] = 0.005
-    hidden: Annotated[float, Field(ge=0, le=1)] = 0.04
+    hidden: Annotated[float, Field(ge=0, le=1)] = 0.02
 
 
 class MechanismConfig(FrozenModel):
@@ -50,10 +50,10 @@ class MechanismConfig(FrozenModel):
 
     model: Literal["mechanism"] = "mechanism"
     encoder: str = "embedded"
-    drawn: Annotated[int, Field(ge=0)] = 200
+    drawn: Annotated[int, Field(ge=0)] = 400
     actions: Annotated[int, Field(ge=1)] = 30
     blur: Blur = Blur()
-    iterations: Annotated[int, Field(ge=0)] = 3000
+    iterations: Annotated[int, Field(ge=0)] = 6000
     batch: Annotated[int, Field(ge=1)] = 8
     moments: Annotated[int, Field(ge=1)] = 3
     learning_rate: PositiveFloat = 3e-3

@@ -1,9 +1,10 @@
 """A recording as a trace: states of links and responders as pictures show them, without labels.
 
-A responder's states are clusters of its looks, numbered as they appear; links are those of `inputs.trigger_links`.
+A responder's states are clusters of its looks, numbered as they appear; links are those of `inputs.trigger_links`, and
+those that cannot be seen to move but are felt: what happens tells that they do.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +15,12 @@ from busybot.reason.models.mechanism.contexts import STATES, Trace
 STILL, APART = 0.3, 2.0
 """Under a camera that is not still: in so large a share of the steps a responder rests, and two of its looks differ by
 so many times what they do then."""
+
+AWAY, BESIDE = 0.05, 0.06
+"""A link that cannot be seen to move is taken hold of so far from where links that can be are, and its contacts lie so
+near to each other, board units."""
+EFFECTS, OFTEN = 2, 0.25
+"""Responders changed in so many of its actions, and in so large a share of them."""
 
 
 @dataclass(frozen=True)
@@ -83,4 +90,64 @@ def perceive(seen: BoardSequence, encoder: str) -> Perceived:
         np.stack([seen.features[states == state, index].mean(0) for state in range(int(states.max()) + 1)])
         for index, states in zip(responders, shown.T, strict=True)
     )
+    links = _with_felt(links, seen, (shown[1:] != shown[:-1]).any(1))
     return Perceived(Trace(links.states, shown, links.sizes), links, responders, looks)
+
+
+def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -> ObservedLinks:
+    """With links that are too small, or too well hidden, to be seen moving.
+
+    There is one where actions on a trigger changed no pixel of it, away from its other links, went both ways, and often
+    made responders change. How it stands is told by the way in which it was pushed last.
+
+    Args:
+        effects: bool (T,), whether any responder changed.
+    """
+    moved = (links.states[1:] != links.states[:-1]).any(1)
+    for trigger in np.flatnonzero(seen.triggers):
+        held = np.flatnonzero((seen.acted == trigger) & ~moved)
+        others = seen.actions[(seen.acted == trigger) & moved, :2]
+        away = np.linalg.norm(seen.actions[held, None, :2] - others, axis=-1)
+        for steps in _groups(held[(away > AWAY).all(1)], seen.actions):
+            pushed = _ways(seen.actions[steps, 3:])
+            if effects[steps].sum() >= max(EFFECTS, OFTEN * len(steps)) and pushed.any() and not pushed.all():
+                links = _joined(links, steps, pushed, seen.actions, int(trigger))
+    return links
+
+
+def _groups(steps: np.ndarray, actions: np.ndarray) -> list[np.ndarray]:
+    """Steps whose contacts lie near to each other."""
+    from scipy.cluster.hierarchy import fclusterdata  # what only reads features does without
+
+    if len(steps) < EFFECTS:
+        return []
+    labels = fclusterdata(actions[steps, :2], BESIDE, "distance", method="average")
+    return [steps[labels == label] for label in np.unique(labels)]
+
+
+def _ways(directions: np.ndarray) -> np.ndarray:
+    """Which way each of these was pushed along their axis, bool (n,)."""
+    return np.asarray(directions @ np.linalg.svd(directions)[2][0] > 0)
+
+
+def _joined(
+    links: ObservedLinks, steps: np.ndarray, pushed: np.ndarray, actions: np.ndarray, trigger: int
+) -> ObservedLinks:
+    """With one more link, which these steps pushed one way or the other."""
+    states = np.zeros(len(links.states), int)
+    for step, way in zip(steps.tolist(), pushed != pushed[0], strict=True):
+        states[step + 1 :] = 0 if way else 1
+    directions = np.zeros((STATES, STATES, 3))
+    for state in (0, 1):
+        there = actions[steps[(pushed != pushed[0]) == (state == 0)], 3:].mean(0)
+        directions[1 - state, state] = there / np.linalg.norm(there)
+    clusters = links.clusters.copy()
+    clusters[steps] = len(links.owners)
+    return replace(
+        links,
+        clusters=clusters,
+        states=np.concatenate([links.states, states[:, None]], axis=1),
+        owners=np.append(links.owners, trigger),
+        places=np.vstack([links.places, actions[steps, :2].mean(0)]),
+        directions=(*links.directions, directions),
+    )

@@ -154,6 +154,25 @@ def test_links_are_mistaken_or_hidden_where_that_is_asked_for() -> None:
     assert fewer.parents.sum() < right.parents.sum()
 
 
+def test_a_link_that_is_not_seen_to_move_is_felt(watched: BoardSequence) -> None:
+    whole = perceive(watched, "embedded")
+    links = whole.links
+
+    def watch(steps: int) -> ObservedLinks:
+        clusters = np.where(links.clusters == 1, -1, links.clusters)
+        return ObservedLinks(
+            clusters[:steps], links.states[: steps + 1, :1], links.owners[:1], links.places[:1], links.directions[:1]
+        )
+
+    felt = perceive(replace(watched, watch=watch), "embedded")
+    np.testing.assert_array_equal(felt.trace.links, whole.trace.links)
+    np.testing.assert_array_equal(felt.links.clusters, links.clusters)
+    assert felt.links.owners.tolist() == links.owners.tolist() and felt.trace.sizes == whole.trace.sizes
+    np.testing.assert_allclose(felt.links.directions[1], links.directions[1], atol=1e-6)
+    still = replace(watched, watch=watch, features=np.repeat(watched.features[:1], len(watched.features), 0))
+    assert len(perceive(still, "embedded").links.owners) == 1, "what has no effects is held"
+
+
 def test_another_recording_is_not_answered_from_memory(watched: BoardSequence) -> None:
     reasoner = MechanismReasoner(Right(), "embedded")
     asked = (watched.features[-1][None], watched.actions[-1][None], watched.acted[-1][None])

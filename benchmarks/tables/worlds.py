@@ -76,6 +76,7 @@ FEW, EXPLORED, GREEDY, TUNING = 40, 60, 10, 6
 """Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
 methods are tuned on."""
 MECHANISMS = ("mechanism_accuracy", "what_if", "what_if_pairs", "ece_uncertain", "uncertain_pairs", "shd")
+REWIRED = [f"rewired_{what}{who}" for what in ("found", "placed", "false_alarms") for who in ("", "_bound")]
 Judged = list[tuple[BoardSpec, JudgedCauses]]
 
 
@@ -142,8 +143,10 @@ def learned(validation: Recorded, model: Path, most: int | None, seed: int) -> d
     ]
     told = summarise_predictions([(one.board, one.forecast) for one in judged if one.forecast is not None])
     row = figures([(one.board, one.causes) for one in judged if one.causes is not None], seed)
+    causes = summarise_causes([(one.board, one.causes) for one in judged if one.causes is not None], IMAGES, None, seed)
+    rewired = {key: causes[key] for key in ("rewirings", *REWIRED)}
     hashes = file_hashes(find_folder(model, "reason"))
-    return {reasoner_of(str(model)).name: {**row, "pred_a": told["pred_a"], "model": hashes}}
+    return {reasoner_of(str(model)).name: {**row, "pred_a": told["pred_a"], **rewired, "model": hashes}}
 
 
 def rows_of(validation: Recorded, found: Tuned, most: int | None, seed: int) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from benchmarks.speed import scale, scale_growth
 from benchmarks.speed.scale import Curve, Point
 from benchmarks.speed.scale_growth import COMMANDS, growth, million
 from busybot.objects.resolve import find
-from tools import tables
+from tools import speed_tables
 
 CURVES = {"some": Curve("boards", [Point(1), Point(3)], ("collect",))}
 POWERS = {"info": 1.0, "verify": 1.5, "read": 0.5}
@@ -84,15 +84,15 @@ def test_a_million_boards_follow_from_the_points() -> None:
 
 
 def test_tables_and_the_figure_tell_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "result", lambda name: result())
-    told = tables.scale()
+    monkeypatch.setattr(speed_tables, "result", lambda name: result())
+    told = speed_tables.scale()
     assert "| `verify` |" in told and "n^1.5, more than linear" in told and "| linear |" in told
     assert "| 10,100 | 1,000.0 | linear |" in told, "2 s and 0.01 s for each action on 10,000 boards, of 20 ms each"
-    assert "| `freeze` | 100 | 100 | 100 | 102 | 120 | 2.00 | hardly grows |" in tables.scale_memory()
-    assert "| 640 x 480, 30 actions | 100.00 | 20.00 | 0.15 | 1.000 |" in tables.scale_disk()
-    assert "0.5" in tables.scale_workers() and "| 300 | cores" not in tables.million_limits()
-    assert "1,000,000 | 100,000 | 10,000" in tables.million()
-    assert "keeps 300 cores busy, 18.7 machines" in tables.million_limits()
+    assert "| `freeze` | 100 | 100 | 100 | 102 | 120 | 2.00 | hardly grows |" in speed_tables.scale_memory()
+    assert "| 640 x 480, 30 actions | 100.00 | 20.00 | 0.15 | 1.000 |" in speed_tables.scale_disk()
+    assert "0.5" in speed_tables.scale_workers() and "| 300 | cores" not in speed_tables.million_limits()
+    assert "1,000,000 | 100,000 | 10,000" in speed_tables.million()
+    assert "keeps 300 cores busy, 18.7 machines" in speed_tables.million_limits()
     scale_growth.scale_figure(tmp_path / "scale.png", result())
     assert (tmp_path / "scale.png").read_bytes()[:4] == b"\x89PNG"
 

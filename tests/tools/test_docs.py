@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.studies import splits as split_study
 from busybot.common.errors import BusybotError
-from tools import docs, prose, tables
+from tools import docs, prose, speed_tables, tables, world_tables
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -124,7 +124,7 @@ def test_decision_times_are_compared_with_the_gate(results: Path) -> None:
         "noop": {"one-to-one": timing(None), "one-to-many": timing(9.0)},
     }
     put(results, "decision_time", "decision-time", gate_ms=50.0, decisions=agents)
-    rows = rows_of(tables.decision_time())
+    rows = rows_of(speed_tables.decision_time())
     assert rows["**search over learned effects**"] == ["9.0 (95 %: 18.0; model 4.0) ✓"] * 2
     assert rows["random actions"][1] == "50.1 (95 %: 100.2; model 0.0) ✗" and rows["doing nothing"][0] == "-"
     assert len(rows) == 4
@@ -174,7 +174,7 @@ def test_what_the_papers_interaction_networks_cost(results: Path) -> None:
     machine = {"processor": "P", "threads": 1}
     told = {"machine": machine, "networks": {"position": network}, "extrapolated": whole}
     put(results, "paper_interact", "paper-interact-speed", **told)
-    text = tables.paper_interact_speed()
+    text = speed_tables.paper_interact_speed()
     assert "| position | 2.1 million | 16 | 50 | 9.0 | 8.5 | 2960 |" in text
     assert "(P, 1 thread) the 400 epochs take 19 hours, of CPU 19: 15 for training and at least 4 for coll" in text
 
@@ -189,7 +189,7 @@ def test_disturbed_recordings(results: Path) -> None:
     }
     what = {"missing": {"what": "lost", "unit": "of frames"}}
     put(results, "reason_robustness", "reason-robustness", models={"event": {}}, rows=rows, disturbances=what)
-    text = tables.robustness()
+    text = world_tables.robustness()
     assert text.splitlines()[0] == "| percent | `event` | lookup | lookup at best | count | count at best | known |"
     found = rows_of(text)
     expected = ["90.0 / 80.0, 70.0", "90.0 / 80.0, 70.0", "-", "-", "- / 80.0", "96.0"]
@@ -234,7 +234,7 @@ def test_parts_of_collecting_stand_beside_their_limits(results: Path) -> None:
         interactions=60,
         assets="procedural",
     )
-    rows = rows_of(tables.collection_parts())
+    rows = rows_of(speed_tables.collection_parts())
     assert rows["JPEG"] == ["3.00", "0.100", "75.0", "1.50", "2.0", "bare"] and "other" not in rows
     assert rows["policy"] == rows["bodies"] == ["3.00", "0.100", "75.0", "-", "-", "-"]
-    assert "memory moves 15.0 GB a second" in tables.collection_parts()
+    assert "memory moves 15.0 GB a second" in speed_tables.collection_parts()

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
-from tools import prose, reference_pages, tables
+from tools import judgements, prose, reference_pages, tables
 
 ROOT = Path(__file__).resolve().parents[1]
 Part = Callable[[], str]
@@ -76,6 +76,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "reason-robustness": tables.robustness,
         "reason-procedural": tables.reason_procedural,
     },
+    "docs/results/judgements.md": {"test-sets": judgements.test_sets},
     "docs/results/real-board.md": {"real-board": tables.real_board},
     "docs/results/worlds.md": {
         "worlds": tables.worlds,

@@ -53,7 +53,12 @@ def reason(
         Path | None, typer.Option(help="Draw the scores against the number of images into this file, F.png.")
     ] = None,
     graph: Annotated[
-        Path | None, typer.Option(help="Judge the graphs in this file or folder, as --graphs writes them, instead.")
+        Path | None,
+        typer.Option(
+            "--graph",
+            "--predictions",
+            help="Judge the graphs in this file or folder, as --graphs writes them, instead.",
+        ),
     ] = None,
     graphs: Annotated[
         Path | None, typer.Option(help="Write the inferred graph of each board into this folder, JSON and text.")

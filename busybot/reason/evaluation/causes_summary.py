@@ -48,8 +48,8 @@ KEYS: dict[str, str] = {
     "ece_uncertain, uncertain_pairs": "expected calibration error over the pairs with .05 < p < .95, and how many that "
     f"is; null below {LEAST_PAIRS}, which say too little",
     "uncertain_by_images": f"the same after {', '.join(map(str, CALIBRATED))} images",
-    "discovery": "`parent_p`, `parent_r`, `parent_f1` and the bound's F1 after 1 to 40 actions, of the boards with so "
-    "many",
+    "discovery": "`parent_p`, `parent_r`, `parent_f1`, the same of links and the bounds' F1 after 1 to 40 actions, of "
+    "the boards with so many; empty for graphs that somebody else inferred, which tell no earlier ones",
     "actions_until_found, actions_until_found_bound": f"after how many actions F1 is at least {FOUND}; null if it "
     "never is",
     **rewirings.KEYS,
@@ -185,7 +185,8 @@ def _discovery(causes: Sequence[JudgedCauses]) -> dict[str, Any]:
         scores = m.micro([_counts(one, number) for one in own], PARENTS)
         bound = m.micro([_counts(one, number, bound=True) for one in own if one.bound is not None], PARENTS)
         told = {f"parent_{name}": share for name, share in scores.items()}
-        curve.append({"actions": number, "boards": len(own), **told, "parent_f1_bound": bound["f1"]})
+        told |= {"parent_f1_bound": bound["f1"], **_links(own, number)}
+        curve.append({"actions": number, "boards": len(own), **told})
 
     def until(key: str) -> int | None:
         return next((number for number, point in enumerate(curve, start=1) if (point[key] or 0) >= FOUND), None)

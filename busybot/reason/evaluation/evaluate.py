@@ -22,6 +22,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
+from busybot.evaluation.judgements import log_judgement
 from busybot.evaluation.results import stamp
 from busybot.objects.library import Library
 from busybot.reason.evaluation.causes import ACTIONS, Watched, judge_causes
@@ -200,16 +201,20 @@ def evaluate_dataset(
         if progress is not None:
             progress(len(judged), len(indices))
     parameters = judging.config or config_class(judging.model)()
-    models = {} if judging.given is not None else _model_hashes(judging.model)
-    return {
+    models = _model_hashes(judging.model) if judging.given is None else judging.given.hashes
+    earlier: dict[str, Any] = {} if judging.given is None else {"discovery": [], "actions_until_found": None}
+    result = {
         **stamp("reason", hashes={"models": models, "data": dict(map(_hashes, sets.values()))}),
         **summarise(judged, judging.images, seed),
+        **earlier,
+        "given": judging.given is not None,
         "images_used": 1 + max(one.steps for one in judged),
         "config": parameters.model_dump(mode="json"),
         "encoder": encoder,
         "dataset": sets[dataset.path],
         "decoders": None if training is None else sets[training.path],
     }
+    return {**result, "logged": log_judgement(dataset, indices, str(result["model"]), result)}
 
 
 def _model_hashes(model: str) -> dict[str, dict[str, str]]:

@@ -63,6 +63,10 @@ def reason(
     graphs: Annotated[
         Path | None, typer.Option(help="Write the inferred graph of each board into this folder, JSON and text.")
     ] = None,
+    boxes: Annotated[
+        Literal["given", "proposed"],
+        typer.Option(help="given: the true objects; proposed: what depth and the observed actions show."),
+    ] = "given",
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     device: DeviceOption = "auto",
@@ -85,12 +89,14 @@ def reason(
     check_file("--out", out, "reason.json")
     check_file("--figure", figure, "reason.png")
     parameters = build(config_class(reasoner), config, set_ or [], {})
-    asked = ReasonEvaluation(reasoner, images, parameters, given=None if graph is None else read_graphs(graph))
+    given_graphs = None if graph is None else read_graphs(graph)
+    asked = ReasonEvaluation(reasoner, images, parameters, given=given_graphs, boxes=boxes)
     training = Dataset.open(decoders) if decoders else None
     with episode_progress("inferring") as progress:
         told = printing.ToldGraphs(graphs)
         result = evaluate_dataset(Dataset.open(dataset), asked, training, assets, seed, workers, progress, told.keep)
     given = {"reasoner": reasoner, "images": images, "seed": seed, "decoders": decoders, "graph": graph}
+    given |= {} if boxes == "given" else {"boxes": boxes}
     result["command"] = _command_again("reason", dataset, set_, config, **given)
     if out is not None:
         write_result(out, result)

@@ -1,8 +1,8 @@
 """Boxes and roles that nobody gave, proposed from what moves in the pictures, and from depth where it was recorded.
 
 Pixels that a step changed belong to an object; places that lie together are one. With depth, an object is what stands
-raised there; what stands raised and never changed is one by request. It is a trigger if most of the steps that changed
-it were actions on it, else a responder. Actions on places where nothing ever changed make triggers, too. Proposals are
+raised there; what stands raised and never changed is one by request. It is a trigger if actions on it changed it more
+often than others did, else a responder. Actions on places where nothing ever changed make triggers, too. Proposals are
 to be looked at: `busybot annotate` shows them.
 """
 
@@ -26,6 +26,8 @@ MOST = 0.15
 """and at most: what is larger is light, or somebody's arm."""
 JOIN = 0.008
 """Changed places this near are one object, share of the picture's width."""
+RIBS = 0.005
+"""What stands this near is one object, as the keys of a keyboard; neighbours on a board are farther apart."""
 ELEVATION = 0.02
 """What is higher above the board stands on it, board units."""
 MAX_OBJECTS = 64
@@ -33,12 +35,19 @@ MAX_OBJECTS = 64
 
 @dataclass
 class _Place:
-    """A part of the picture: which pixels, bool (H, W), and in how many steps it changed, and how many of them acted on
-    it."""
+    """A part of the picture: which pixels, bool (H, W); in how many steps it changed, in how many of these somebody
+    acted on it, and in how many of all."""
 
     mask: np.ndarray
     changed: int = 0
     own: int = 0
+    acted: int = 0
+
+    def moves(self, steps: int) -> bool:
+        """Whether actions on it change it more often than others do; of what never changed whether there were any."""
+        if not self.changed:
+            return self.acted > 0
+        return self.own * (steps - self.acted) > (self.changed - self.own) * self.acted
 
 
 @dataclass(frozen=True)
@@ -86,16 +95,15 @@ def propose(
         every |= changed
     places = [_Place(part) for part in _parts(cv2.morphologyEx(every, cv2.MORPH_CLOSE, kernel))]
     if raised is not None:
-        places = _standing(places, _parts(raised), still)
+        ribbed = np.ones((2 * max(1, round(RIBS * width)) + 1,) * 2, np.uint8)
+        places = _standing(places, _parts(cv2.morphologyEx(raised, cv2.MORPH_CLOSE, ribbed)), still)
     for changed, pixel in zip(steps, pixels, strict=True):
         for place in places:
-            if int((changed > 0)[place.mask].sum()) > LEAST / 4 * width * height:
-                place.changed += 1
-                place.own += pixel is not None and _holds(_box(place.mask), pixel, reach)
-    for place in places:
-        if not place.changed:
-            place.own = any(pixel is not None and _holds(_box(place.mask), pixel, reach) for pixel in pixels)
-    found = [Proposal("trigger" if 2 * one.own > one.changed else "responder", _box(one.mask)) for one in places]
+            acted = pixel is not None and _holds(_box(place.mask), pixel, reach)
+            differs = int((changed > 0)[place.mask].sum()) > LEAST / 4 * width * height
+            place.changed, place.own = place.changed + differs, place.own + (acted and differs)
+            place.acted += acted
+    found = [Proposal("trigger" if one.moves(len(pixels)) else "responder", _box(one.mask)) for one in places]
     sides = [max(one.box[2] - one.box[0], one.box[3] - one.box[1]) for one in found]
     half = (int(np.median(sides)) if sides else width // 16) // 2
     for pixel in pixels:

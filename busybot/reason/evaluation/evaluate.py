@@ -235,15 +235,14 @@ def evaluate_dataset(
     if judging.images < 2:
         raise BusybotError(f"{judging.images} images show no action", "take at least 2")
     _check_boxes(judging, training)
-    alone = judging.given is not None or judging.model in GRAPHS
-    encoder = None if alone else reasoner_of(judging.model, judging.config).encoder
+    encoder = _encoder_of(judging)
     indices = sorted(dataset.finished())
     if not indices:
         what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
         raise BusybotError(what, collect_command(dataset.path, dataset.info))
     sets = {one.path: origin(one) for one in (dataset, training) if one is not None}
-    stored = encoder is not None and judging.boxes == GIVEN
-    features = features_of(dataset, encoder, workers=workers) if encoder is not None and stored else None
+    stored = encoder if judging.boxes == GIVEN else None  # else computed where objects are proposed
+    features = None if stored is None else features_of(dataset, stored, workers=workers)
     if training is not None and encoder is not None:
         learnt = features_of(training, encoder, workers=workers)
         trained = train_decoders(training, learnt, library_of(training, assets))
@@ -259,21 +258,29 @@ def evaluate_dataset(
             each(tasks[len(judged) - 1][1], one)
         if progress is not None:
             progress(len(judged), len(indices))
-    parameters = judging.config or config_class(judging.model)()
     models = _model_hashes(judging.model) if judging.given is None else judging.given.hashes
-    earlier: dict[str, Any] = {} if judging.given is None else {"discovery": [], "actions_until_found": None}
     result = {
         **stamp("reason", hashes={"models": models, "data": dict(map(_hashes, sets.values()))}),
-        **summarise(judged, judging.images, seed),
-        **earlier,
-        "given": judging.given is not None,
+        **_summarised(judged, judging, seed),
         "images_used": 1 + max(one.steps for one in judged),
-        "config": parameters.model_dump(mode="json"),
+        "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
         "encoder": encoder,
         "dataset": sets[dataset.path],
         "decoders": None if training is None else sets[training.path],
     }
     return {**result, "logged": log_judgement(dataset, indices, str(result["model"]), result)}
+
+
+def _encoder_of(judging: ReasonEvaluation) -> str | None:
+    """Of what predicts; a graph alone needs no features."""
+    alone = judging.given is not None or judging.model in GRAPHS
+    return None if alone else reasoner_of(judging.model, judging.config).encoder
+
+
+def _summarised(judged: list[JudgedGraph], judging: ReasonEvaluation, seed: int) -> dict[str, Any]:
+    """All metrics; a graph from a file says nothing of earlier actions."""
+    earlier: dict[str, Any] = {} if judging.given is None else {"discovery": [], "actions_until_found": None}
+    return {**summarise(judged, judging.images, seed), **earlier, "given": judging.given is not None}
 
 
 def _check_boxes(judging: ReasonEvaluation, training: Dataset | None) -> None:

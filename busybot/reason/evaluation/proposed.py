@@ -22,6 +22,7 @@ from busybot.reason.evaluation.decoders import NearestState
 from busybot.reason.evaluation.graph_files import OVERLAP
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
 from busybot.reason.inputs.sequence import CHANNELS, BoardSequence, sequence_of
+from busybot.reason.inputs.steady import steadied
 from busybot.reason.models.base import InferredGraph, InferredLinks, Reasoner, imagine
 
 GIVEN, PROPOSED = "given", "proposed"
@@ -159,7 +160,7 @@ def propose_objects(observed: ObservedEpisode, images: int) -> Proposed:
     from busybot.datasets.importing.proposals import propose
     from busybot.datasets.importing.recording import KnownObject, positions_of
 
-    seen = observed.first(images)
+    seen = steadied(observed.first(images))
     frames = (seen.frame(number) for number in range(len(seen.image_of)))
     pictures = ((frame.rgb, frame.depth) for frame in frames)
     pixels = [action.pixel if min(action.pixel) >= 0 else None for action in seen.actions]

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
-from tools import prose, reference_pages, speed_tables, tables, world_tables
+from tools import judgements, prose, reference_pages, speed_tables, tables, world_tables
 
 ROOT = Path(__file__).resolve().parents[1]
 Part = Callable[[], str]
@@ -77,6 +77,8 @@ PAGES: dict[str, dict[str, Part]] = {
         "reason-procedural": tables.reason_procedural,
     },
     "docs/results/real-board.md": {"real-board": world_tables.real_board},
+    "docs/results/judgements.md": {"test-sets": judgements.test_sets},
+    "docs/results/real-board.md": {"real-board": tables.real_board},
     "docs/results/worlds.md": {
         "worlds": world_tables.worlds,
         "exploring": world_tables.exploring,

@@ -13,7 +13,7 @@ from busybot.common import limits as file_limits
 from busybot.episodes.mcap.channels import SCHEMAS
 from busybot.episodes.schema import SCHEMA_VERSION, STEP_FIELDS, TABLES, Column, StepField
 from busybot.plan import metrics as plan_metrics
-from busybot.reason.evaluation import causes_summary
+from busybot.reason.evaluation import causes_summary, proposed
 from busybot.view.report.page import Block, Heading, Text, markdown, plain_grid
 
 COMMON = ("--help", "--json", "--quiet", "--seed", "--workers", "--config", "--set")
@@ -156,7 +156,7 @@ def _inputs(arity: tuple[int, int]) -> str:
 
 def reason_measures() -> str:
     """The figures of `eval reason` in every world."""
-    return _keys(causes_summary.KEYS)
+    return _keys({**causes_summary.KEYS, **proposed.KEYS})
 
 
 def plan_measures() -> str:

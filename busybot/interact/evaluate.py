@@ -22,6 +22,7 @@ from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.bootstrap import LEVEL
 from busybot.evaluation.folder import BoardWork, EvaluationRecording, conclude, judge_boards
+from busybot.evaluation.judgements import log_judgement
 from busybot.evaluation.results import package_versions, stamp
 from busybot.interact import metrics as m
 from busybot.objects.library import Library
@@ -158,7 +159,9 @@ def evaluate_policy(
     recordings = [EvaluationRecording(record, dataset, _collected(settings))] if record else []
     judged = judge_boards(range(count), work, settings, progress, out, recordings)
     summary = summarise(judged, evaluation.seed, dataset.info.split)
-    return conclude(out, {**stamp("interact", hashes=_hashes(settings)), **summary, **settings})
+    result = {**stamp("interact", hashes=_hashes(settings)), **summary, **settings}
+    result["logged"] = log_judgement(dataset, range(count), str(settings["policy"]), result)
+    return conclude(out, result)
 
 
 def make_work(evaluation: PolicyEvaluation) -> Callable[[int], m.JudgedBoard]:

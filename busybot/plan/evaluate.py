@@ -18,6 +18,7 @@ from busybot.datasets.info import CollectInfo, collect_command
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.folder import BoardWork, EvaluationRecording, conclude, judge_boards
+from busybot.evaluation.judgements import log_judgement
 from busybot.evaluation.results import package_versions, stamp
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 from busybot.objects.library import Library
@@ -84,7 +85,10 @@ def evaluate_agents(
     found = judge_boards(tasks, work, settings, progress, out, recordings)
     rng = generator(seed, dataset.info.split, 0, "plan/bootstrap")
     figures = {**m.summarise(found, names, rng), **settings, "timing": m.timing(found, names)}
-    return conclude(out, {**stamp("plan", hashes=_hashes(settings)), **figures})
+    result = {**stamp("plan", hashes=_hashes(settings)), **figures}
+    result["world"] = ", ".join(sorted({board.world for board in dataset.boards()[: len(tasks)]}))
+    result["logged"] = log_judgement(dataset, tasks, f"{', '.join(names)} ({settings['reasoner']})", result)
+    return conclude(out, result)
 
 
 def make_work(evaluation: PlanEvaluation) -> Callable[[int], m.JudgedTask]:

@@ -53,11 +53,20 @@ def reason(
         Path | None, typer.Option(help="Draw the scores against the number of images into this file, F.png.")
     ] = None,
     graph: Annotated[
-        Path | None, typer.Option(help="Judge the graphs in this file or folder, as --graphs writes them, instead.")
+        Path | None,
+        typer.Option(
+            "--graph",
+            "--predictions",
+            help="Judge the graphs in this file or folder, as --graphs writes them, instead.",
+        ),
     ] = None,
     graphs: Annotated[
         Path | None, typer.Option(help="Write the inferred graph of each board into this folder, JSON and text.")
     ] = None,
+    boxes: Annotated[
+        Literal["given", "proposed"],
+        typer.Option(help="given: the true objects; proposed: what depth and the observed actions show."),
+    ] = "given",
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     device: DeviceOption = "auto",
@@ -80,12 +89,14 @@ def reason(
     check_file("--out", out, "reason.json")
     check_file("--figure", figure, "reason.png")
     parameters = build(config_class(reasoner), config, set_ or [], {})
-    asked = ReasonEvaluation(reasoner, images, parameters, given=None if graph is None else read_graphs(graph))
+    given_graphs = None if graph is None else read_graphs(graph)
+    asked = ReasonEvaluation(reasoner, images, parameters, given=given_graphs, boxes=boxes)
     training = Dataset.open(decoders) if decoders else None
     with episode_progress("inferring") as progress:
         told = printing.ToldGraphs(graphs)
         result = evaluate_dataset(Dataset.open(dataset), asked, training, assets, seed, workers, progress, told.keep)
     given = {"reasoner": reasoner, "images": images, "seed": seed, "decoders": decoders, "graph": graph}
+    given |= {} if boxes == "given" else {"boxes": boxes}
     result["command"] = _command_again("reason", dataset, set_, config, **given)
     if out is not None:
         write_result(out, result)

@@ -61,6 +61,10 @@ def reasoning(result: dict[str, Any], unjudged: Sequence[str] = ()) -> None:
         return
     screen = console()
     screen.print(_edges(result))
+    if result["boxes"] == "proposed":
+        roles = " / ".join(_percent(result[f"proposal_r_{role}"]) for role in ("triggers", "responders"))
+        told = f"{_percent(result['proposal_r'])} % of the objects ({roles}: triggers, responders)"
+        screen.print(f"objects proposed: {told}, {_percent(result['proposal_p'])} % of the proposed are there")
     screen.print(_parents(result))
     if result["predicted_boards"]:
         screen.print(_predictions(result))

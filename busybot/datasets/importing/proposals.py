@@ -1,17 +1,21 @@
 """Boxes and roles that nobody gave, proposed from what moves in the pictures, and from depth where it was recorded.
 
 Pixels that a step changed belong to an object; places that lie together are one. With depth, an object is what stands
-raised there. It is a trigger if most of the steps that changed it were actions on it, else a responder. Actions on
-places where nothing ever changed make triggers, too. Proposals are to be looked at: `busybot annotate` shows them.
+raised there; what stands raised and never changed is one by request. It is a trigger if actions on it changed it more
+often than others did, else a responder. Actions on places where nothing ever changed make triggers, too. Proposals are
+to be looked at: `busybot annotate` shows them.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
 
 from busybot.datasets.importing.recording import KnownObject, Recording, image_camera
 from busybot.episodes.camera import Rays
+from busybot.episodes.episode import Camera
 
 TOLERANCE = 16
 """A pixel changed when a channel of the blurred picture differs by more (of 255)."""
@@ -22,6 +26,8 @@ MOST = 0.15
 """and at most: what is larger is light, or somebody's arm."""
 JOIN = 0.008
 """Changed places this near are one object, share of the picture's width."""
+RIBS = 0.005
+"""What stands this near is one object, as the keys of a keyboard; neighbours on a board are farther apart."""
 ELEVATION = 0.02
 """What is higher above the board stands on it, board units."""
 MAX_OBJECTS = 64
@@ -29,18 +35,59 @@ MAX_OBJECTS = 64
 
 @dataclass
 class _Place:
-    """A part of the picture: which pixels, bool (H, W), and in how many steps it changed, and how many of them acted on
-    it."""
+    """A part of the picture: which pixels, bool (H, W); in how many steps it changed, in how many of these somebody
+    acted on it, and in how many of all."""
 
     mask: np.ndarray
     changed: int = 0
     own: int = 0
+    acted: int = 0
+
+    def moves(self, steps: int) -> bool:
+        """Whether actions on it change it more often than others do; of what never changed whether there were any."""
+        if not self.changed:
+            return self.acted > 0
+        return self.own * (steps - self.acted) > (self.changed - self.own) * self.acted
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """An object that may be there.
+
+    Attributes:
+        box: u0, v0, u1, v1 (exclusive) in the first picture.
+    """
+
+    role: Literal["trigger", "responder"]
+    box: tuple[int, int, int, int]
 
 
 def propose_objects(recording: Recording) -> list[KnownObject]:
     """Objects with boxes and roles; all pictures are decoded."""
-    steps, raised = _changes(recording)
-    width, height = recording.size
+    pixels = [action.pixel for action in recording.actions]
+    found = propose(recording.pictures(), pixels, recording.camera or image_camera(*recording.size))
+    return [
+        KnownObject("", one.role, one.box, None, f"{recording.place}: proposed object {number}")
+        for number, one in enumerate(found)
+    ]
+
+
+def propose(
+    pictures: Iterable[tuple[np.ndarray, np.ndarray | None]],
+    pixels: Sequence[tuple[int, int] | None],
+    camera: Camera,
+    still: bool = False,
+) -> list[Proposal]:
+    """Triggers, then responders, each from the top to the bottom.
+
+    Args:
+        pictures: T + 1 times RGB uint8 (H, W, 3) and depth (H, W), None without depth.
+        pixels: T times where was acted between them, (u, v).
+        still: whether what stands there is proposed, too, if nothing changed it: as a trigger where somebody acted on
+            it, else as a responder.
+    """
+    steps, raised = _changes(pictures, camera)
+    width, height = camera.width, camera.height
     reach = max(1, round(JOIN * width))
     kernel = np.ones((2 * reach + 1,) * 2, np.uint8)
     every = np.zeros((height, width), np.uint8)
@@ -48,36 +95,37 @@ def propose_objects(recording: Recording) -> list[KnownObject]:
         every |= changed
     places = [_Place(part) for part in _parts(cv2.morphologyEx(every, cv2.MORPH_CLOSE, kernel))]
     if raised is not None:
-        places = _standing(places, _parts(raised))
-    for changed, action in zip(steps, recording.actions, strict=True):
+        ribbed = np.ones((2 * max(1, round(RIBS * width)) + 1,) * 2, np.uint8)
+        places = _standing(places, _parts(cv2.morphologyEx(raised, cv2.MORPH_CLOSE, ribbed)), still)
+    for changed, pixel in zip(steps, pixels, strict=True):
         for place in places:
-            if int((changed > 0)[place.mask].sum()) > LEAST / 4 * width * height:
-                place.changed += 1
-                place.own += action.pixel is not None and _holds(_box(place.mask), action.pixel, reach)
-    found = [(_box(place.mask), "trigger" if 2 * place.own > place.changed else "responder") for place in places]
-    side = int(np.median([max(box[2] - box[0], box[3] - box[1]) for box, _ in found])) if found else width // 16
-    boxes = [box for box, _ in found]
-    for action in recording.actions:
-        if action.pixel is not None and not any(_holds(box, action.pixel, reach) for box in boxes):
-            (u, v), half = action.pixel, side // 2
-            boxes.append((max(0, u - half), max(0, v - half), min(width, u + half), min(height, v + half)))
-            found.append((boxes[-1], "trigger"))
-    found.sort(key=lambda one: (one[1] != "trigger", one[0][1], one[0][0]))
-    return [
-        KnownObject("", role, box, None, f"{recording.place}: proposed object {number}")
-        for number, (box, role) in enumerate(found[:MAX_OBJECTS])
-    ]
+            acted = pixel is not None and _holds(_box(place.mask), pixel, reach)
+            differs = int((changed > 0)[place.mask].sum()) > LEAST / 4 * width * height
+            place.changed, place.own = place.changed + differs, place.own + (acted and differs)
+            place.acted += acted
+    found = [Proposal("trigger" if one.moves(len(pixels)) else "responder", _box(one.mask)) for one in places]
+    sides = [max(one.box[2] - one.box[0], one.box[3] - one.box[1]) for one in found]
+    half = (int(np.median(sides)) if sides else width // 16) // 2
+    for pixel in pixels:
+        if pixel is not None and not any(_holds(one.box, pixel, reach) for one in found):
+            u, v = pixel
+            box = (max(0, u - half), max(0, v - half), min(width, u + half), min(height, v + half))
+            found.append(Proposal("trigger", box))
+    found.sort(key=lambda one: (one.role != "trigger", one.box[1], one.box[0]))
+    return found[:MAX_OBJECTS]
 
 
-def _changes(recording: Recording) -> tuple[list[np.ndarray], np.ndarray | None]:
+def _changes(
+    pictures: Iterable[tuple[np.ndarray, np.ndarray | None]], camera: Camera
+) -> tuple[list[np.ndarray], np.ndarray | None]:
     """Pixels that each step changed, and those that stand raised at the beginning, uint8 (H, W) each; None without
     depth."""
     before, raised = None, None
     steps: list[np.ndarray] = []
-    for rgb, depth in recording.pictures():
+    for rgb, depth in pictures:
         smooth = cv2.GaussianBlur(rgb, (BLUR, BLUR), 0)
         if before is None and depth is not None:
-            heights = Rays(recording.camera or image_camera(*recording.size)).heights(depth)
+            heights = Rays(camera).heights(depth)
             raised = (np.nan_to_num(heights) > ELEVATION).astype(np.uint8)
         if before is not None:
             differs = (cv2.absdiff(before, smooth).max(-1) > TOLERANCE).astype(np.uint8)
@@ -94,12 +142,13 @@ def _parts(mask: np.ndarray) -> list[np.ndarray]:
     return [labels == number for number in sorted(kept, key=lambda number: -areas[number - 1])]
 
 
-def _standing(places: list[_Place], raised: list[np.ndarray]) -> list[_Place]:
-    """What moves at an object that stands there is that object; what moves where nothing stands stays."""
+def _standing(places: list[_Place], raised: list[np.ndarray], still: bool) -> list[_Place]:
+    """What moves at an object that stands there is that object; what moves where nothing stands stays, and what stands
+    still only if that is asked for."""
     owners = [max(range(len(raised)), key=lambda n: int((raised[n] & p.mask).sum()), default=-1) for p in places]
     owners = [n if n >= 0 and (raised[n] & p.mask).any() else -1 for n, p in zip(owners, places, strict=True)]
     kept = [place for owner, place in zip(owners, places, strict=True) if owner < 0]
-    return kept + [_Place(raised[number]) for number in sorted(set(owners) - {-1})]
+    return kept + [_Place(raised[n]) for n in (range(len(raised)) if still else sorted(set(owners) - {-1}))]
 
 
 def _box(mask: np.ndarray) -> tuple[int, int, int, int]:

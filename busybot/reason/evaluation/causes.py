@@ -77,6 +77,8 @@ class JudgedCauses:
         told: bool (P, 2), whether the model told what happened, and what had happened without an action, in each pair
             of questions; None where it cannot be asked.
         rewired: whether changed mechanisms are found; None where nobody knows the states.
+        spurious: int (K + 1, 2), pairs of objects, and of links and objects, that are claimed besides, of objects that
+            are not there (`proposed`); None where all objects were given.
     """
 
     candidates: np.ndarray
@@ -89,6 +91,7 @@ class JudgedCauses:
     mechanisms: tuple[JudgedMechanism, ...] = ()
     told: np.ndarray | None = None
     rewired: JudgedRewirings | None = None
+    spurious: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -131,7 +134,7 @@ class Watched:
         seen = self.sequence.first(self.images)
         told = imagine(self.reasoner, seen, questions.steps, questions.actions, questions.acted)
         read = self.judge.read(told.reshape(-1, *told.shape[2:]))
-        return told_rightly(read.reshape(told.shape[:3]), questions)
+        return told_rightly(read.reshape(*told.shape[:2], -1), questions)
 
 
 def candidates_of(board: BoardSpec) -> np.ndarray:

@@ -48,8 +48,8 @@ KEYS: dict[str, str] = {
     "ece_uncertain, uncertain_pairs": "expected calibration error over the pairs with .05 < p < .95, and how many that "
     f"is; null below {LEAST_PAIRS}, which say too little",
     "uncertain_by_images": f"the same after {', '.join(map(str, CALIBRATED))} images",
-    "discovery": "`parent_p`, `parent_r`, `parent_f1` and the bound's F1 after 1 to 40 actions, of the boards with so "
-    "many",
+    "discovery": "`parent_p`, `parent_r`, `parent_f1`, the same of links and the bounds' F1 after 1 to 40 actions, of "
+    "the boards with so many; empty for graphs that somebody else inferred, which tell no earlier ones",
     "actions_until_found, actions_until_found_bound": f"after how many actions F1 is at least {FOUND}; null if it "
     "never is",
     **rewirings.KEYS,
@@ -87,7 +87,7 @@ def summarise_causes(
         },
         "parent_f1_bound": m.micro([_counts(one, steps, bound=True) for one in followed], PARENTS)["f1"],
         **_links(causes, steps),
-        "shd": _mean([hamming(one.claimed[_at(one, steps)], one.true[_at(one, steps)]) for one in causes]),
+        "shd": _mean([_distance(one, steps) for one in causes]),
         "shd_bound": _mean(
             [
                 hamming(one.bound[_at(one, steps)], one.true[_at(one, steps)])
@@ -134,7 +134,17 @@ def _counts(one: JudgedCauses, steps: int, bound: bool = False) -> m.Counts:
     number = _at(one, steps)
     claimed = one.bound if bound else one.claimed
     assert claimed is not None
-    return _of(_columns(claimed[number], one.true[number]).sum(0))
+    return _of(_columns(claimed[number], one.true[number]).sum(0) + (0 if bound else _spurious(one, steps, 0)))
+
+
+def _spurious(one: JudgedCauses, steps: int, level: int) -> np.ndarray:
+    """What is claimed of objects that are not there: rightly claimed, claimed and true parents, int (3,)."""
+    return np.array([0, 0 if one.spurious is None else one.spurious[_at(one, steps), level], 0])
+
+
+def _distance(one: JudgedCauses, steps: int) -> int:
+    number = _at(one, steps)
+    return hamming(one.claimed[number], one.true[number]) + int(_spurious(one, steps, 0)[1])
 
 
 def _columns(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
@@ -149,7 +159,9 @@ def _of(counted: np.ndarray) -> m.Counts:
 
 
 def _links(causes: Sequence[JudgedCauses], steps: int) -> dict[str, float | None]:
-    told = [_of(one.links[_at(one, steps)].sum(0)) for one in causes if one.links is not None]
+    told = [
+        _of(one.links[_at(one, steps)].sum(0) + _spurious(one, steps, 1)) for one in causes if one.links is not None
+    ]
     bound = [_of(one.links_bound[_at(one, steps)].sum(0)) for one in causes if one.links_bound is not None]
     shares = m.micro(told, PARENTS)
     found = {f"link_parent_{name}": share if told else None for name, share in shares.items()}
@@ -185,7 +197,8 @@ def _discovery(causes: Sequence[JudgedCauses]) -> dict[str, Any]:
         scores = m.micro([_counts(one, number) for one in own], PARENTS)
         bound = m.micro([_counts(one, number, bound=True) for one in own if one.bound is not None], PARENTS)
         told = {f"parent_{name}": share for name, share in scores.items()}
-        curve.append({"actions": number, "boards": len(own), **told, "parent_f1_bound": bound["f1"]})
+        told |= {"parent_f1_bound": bound["f1"], **_links(own, number)}
+        curve.append({"actions": number, "boards": len(own), **told})
 
     def until(key: str) -> int | None:
         return next((number for number, point in enumerate(curve, start=1) if (point[key] or 0) >= FOUND), None)
@@ -207,8 +220,10 @@ def _intervals(
     records["mechanism_accuracy"] = []
     for number, (board, one) in enumerate(zip(boards, causes, strict=True)):
         place, kinds = _at(one, steps), {each.responder: each.kind for each in one.mechanisms}
-        for index, counted in enumerate(_columns(one.claimed[place], one.true[place])):
-            named, counts = (board.objects[index].key, kinds.get(index, NOTHING), number), _of(counted)
+        columns = [*_columns(one.claimed[place], one.true[place]), _spurious(one, steps, 0)]
+        for index, counted in enumerate(columns):
+            key = board.objects[index].key if index < len(board.objects) else NOTHING
+            named, counts = (key, kinds.get(index, NOTHING), number), _of(counted)
             for name, (part, whole) in PARENTS.items():
                 records[f"parent_{name}"].append((counts[part], counts[whole], *named))
         for each in one.mechanisms:
@@ -249,12 +264,11 @@ def _exact(records: Sequence[tuple[int, int, str, str, int]]) -> Interval:
 
 def _row(board: BoardSpec, one: JudgedCauses, steps: int) -> dict[str, Any]:
     driven = [each.right for each in one.mechanisms if each.driven]
-    number = _at(one, steps)
     return {
         "board": board.index,
         "parent_f1": m.micro([_counts(one, steps)], PARENTS)["f1"],
         "parent_f1_bound": None if one.bound is None else m.micro([_counts(one, steps, bound=True)], PARENTS)["f1"],
-        "shd": hamming(one.claimed[number], one.true[number]),
+        "shd": _distance(one, steps),
         "mechanism_accuracy": _mean(driven),
         "what_if": None if one.told is None else _mean(np.asarray(one.told.all(axis=1))),
     }

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from busybot.common.atomic_io import read_json, write_atomically, write_json
+from busybot.common.atomic_io import read_json, sha256_of, write_atomically, write_json
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 from busybot.episodes.episode import Episode
@@ -64,10 +64,11 @@ class GraphFile(_Read):
 
 @dataclass(frozen=True)
 class GivenGraphs:
-    """Graphs by board, and where they come from."""
+    """Graphs by board, where they come from, and by the name that they give themselves the SHA-256 of their files."""
 
     path: Path
     graphs: Mapping[int, GraphFile]
+    hashes: Mapping[str, dict[str, str]]
 
     def of(self, episode: Episode) -> InferredGraph:
         """The graph of a board.
@@ -119,6 +120,7 @@ def read_graphs(path: Path) -> GivenGraphs:
     if not files:
         raise BusybotError(f"{path}: no file in it ends in .json", HINT)
     graphs: dict[int, GraphFile] = {}
+    hashes: dict[str, dict[str, str]] = {}
     for file in files:
         values = read_json(file)
         for one in values if isinstance(values, list) else [values]:
@@ -129,7 +131,8 @@ def read_graphs(path: Path) -> GivenGraphs:
             if graph.board in graphs:
                 raise BusybotError(f"{file}: a second graph of board {graph.board}", "give each its board's number")
             graphs[graph.board] = graph
-    return GivenGraphs(path, graphs)
+            hashes.setdefault(graph.model, {})[file.name] = sha256_of(file)
+    return GivenGraphs(path, graphs, hashes)
 
 
 def graph_values(episode: Episode, inferred: InferredGraph, steps: int) -> dict[str, Any]:

@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from busybot.boards.spec import BoardSpec
+from busybot.common.atomic_io import sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.evaluation.folder import BoardWork, conclude, judge_boards
+from busybot.evaluation.judgements import log_judgement
 from busybot.evaluation.results import package_versions, stamp
 from busybot.objects.library import Library
 from busybot.reason.evaluation.causes import JudgedCauses, candidates_of
@@ -99,8 +101,12 @@ def play_boards(
     seconds = STARTING_S + games.timeout_s * (games.actions + MOST_REFUSED + 1)
     work = BoardWork(PlayedBoard, make_work, (games,), workers, seconds)
     played = judge_boards([board.index for board in boards], work, settings, progress, out)
-    stamped = stamp("play", command=command, hashes={"tasks": {info.name: hashes.board}})
-    return conclude(out, {**stamped, **settings, **summarised(boards, played, games.seed)})
+    files = {word: sha256_of(Path(word)) for word in games.agent if Path(word).is_file()}
+    hashed: dict[str, dict[str, Any]] = {"models": {shlex.join(games.agent): files}, "tasks": {info.name: hashes.board}}
+    stamped = stamp("play", command=command, hashes=hashed)
+    result = {**stamped, **settings, **summarised(boards, played, games.seed)}
+    result["logged"] = log_judgement(dataset, [one.index for one in boards], str(settings["agent"]), result)
+    return conclude(out, result)
 
 
 def summarised(boards: Sequence[BoardSpec], played: Sequence[PlayedBoard], seed: int) -> dict[str, Any]:

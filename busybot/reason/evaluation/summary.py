@@ -15,6 +15,7 @@ from busybot.reason.evaluation.causes import JudgedCauses
 from busybot.reason.evaluation.causes_summary import summarise_causes
 from busybot.reason.evaluation.ground_truth import GraphTruth
 from busybot.reason.evaluation.prediction import BOUND, BOUND_KNOWING, DECODED, NEAREST, PERSISTENCE, JudgedPrediction
+from busybot.reason.evaluation.proposed import JudgedProposals, summarise_proposals
 from busybot.reason.models.base import InferredGraph
 
 Forecasts = Sequence[tuple[BoardSpec, JudgedPrediction]]
@@ -139,6 +140,8 @@ class JudgedGraph:
         oracle: whether that policy knew what only the simulator knows.
         forecast: the predicted steps; None where the recording does not know states or ends with the observed images.
         causes: what is judged in every world (`causes`); None if nobody judged it.
+        proposals: how good the objects are that the reasoner was given; None where they are the true ones.
+        spurious: int, after each number of steps, edges that are claimed of objects that are not there.
     """
 
     board: BoardSpec
@@ -149,11 +152,15 @@ class JudgedGraph:
     oracle: bool
     forecast: JudgedPrediction | None = None
     causes: JudgedCauses | None = None
+    proposals: JudgedProposals | None = None
+    spurious: np.ndarray | None = None
 
     def counts(self, steps: int) -> m.Counts:
-        """Edges claimed after so many steps against the truth."""
-        claimed = self.graph.claimed(steps)
-        return m.count_edges(claimed, self.truth.edges, self.truth.candidates)
+        """Edges claimed after so many steps against the truth; those of objects that are not there are wrong."""
+        counted = m.count_edges(self.graph.claimed(steps), self.truth.edges, self.truth.candidates)
+        if self.spurious is None:
+            return counted
+        return {**counted, "claimed": counted["claimed"] + int(self.spurious[min(steps, len(self.spurious) - 1)])}
 
 
 def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str, Any]:
@@ -185,6 +192,7 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
         "by_kind": _summary_by_kind(judged, steps),
         "by_images": _curve(judged, forecasts, images),
         "baselines": _baselines(judged, seed),
+        **summarise_proposals([one.proposals for one in judged]),
         "world": ", ".join(sorted({one.board.world for one in judged})),
         **summarise_causes(causes, images, predicted["pred_a"], seed),
         "seed": seed,

@@ -21,6 +21,7 @@ from busybot.view.report import sections
 from busybot.view.report.gates import Verdict, gate_blocks, summary_tiles, verdicts
 from busybot.view.report.page import Block, Fold, Heading, Items, Picture, Text, document, markdown
 from busybot.view.report.results import InteractResult, ReasonResult, Results, read_results
+from busybot.view.report.worlds import world_blocks
 
 TITLE = "BusyBot, measured"
 MARKDOWN, HTML, FIGURES = "report.md", "report.html", "figures"
@@ -134,10 +135,13 @@ def _measured(results: Results, judged: list[Verdict], figures: Path) -> list[Bl
     singles: list[Block] = []
     if results.singles or results.plans:
         singles = [Heading("Single evaluations"), *sections.single_blocks(results)]
+    worlds = world_blocks(results.worlds, figures)
     rest = [*_courses(results, figures), *_beside(results, figures)]
+    if worlds and not (singles or results.tables):
+        return [Text(LEAD_SINGLES), *worlds, Fold(NO_TABLES, (*tables, *rest))]
     if singles and not results.tables:
-        return [Text(LEAD_SINGLES), *singles, Fold(NO_TABLES, tuple(tables)), *rest]
-    return [Text(LEAD), *tables, *rest, *singles]
+        return [Text(LEAD_SINGLES), *worlds, *singles, Fold(NO_TABLES, tuple(tables)), *rest]
+    return [Text(LEAD), *tables, *worlds, *rest, *singles]
 
 
 def _table(table: Table, results: Results, figures: Path) -> list[Block]:

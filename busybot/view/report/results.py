@@ -15,9 +15,13 @@ from busybot.common.errors import BusybotError
 from busybot.common.text import unlinked
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import KINDS, read_result
+from busybot.view.report.world_results import WorldResults
 
 PICTURES = (".png", ".jpg", ".jpeg")
-SHOWN = ("interact", "reason", "plan", "table1", "table2", "table3", "reason-robustness", "stages")
+SHOWN = (
+    *("interact", "reason", "plan", "play", "table1", "table2", "table3", "worlds", "curiosity"),
+    *("reason-robustness", "stages"),
+)
 """Kinds that a report shows."""
 MOST_PICTURES = 24
 """Of all given folders together: a report is one file."""
@@ -217,6 +221,7 @@ class Results:
         about: assets, machine, commands and profile of each table's file as a whole.
         singles: single evaluations of acting and reasoning by file.
         plans: those of planning.
+        worlds: all of other worlds than the paper's.
         robustness, stages: the last ones given.
         pictures: in the order in which they were given.
         files: SHA-256 of every file that was read.
@@ -227,6 +232,7 @@ class Results:
     about: dict[int, dict[str, Any]] = field(default_factory=dict)
     singles: dict[str, InteractResult | ReasonResult] = field(default_factory=dict)
     plans: dict[str, PlanResult] = field(default_factory=dict)
+    worlds: WorldResults = field(default_factory=WorldResults)
     robustness: dict[str, Any] | None = None
     stages: Stages | None = None
     pictures: list[Path] = field(default_factory=list)
@@ -298,6 +304,8 @@ def _says_kind(results: Results, file: Path) -> bool:
 
 def _take(results: Results, file: Path, value: dict[str, Any]) -> bool:
     """Sort a file's content in by its kind; False if it is none of `SHOWN`."""
+    if results.worlds.take(str(file), value):
+        return True
     match value["kind"]:
         case "interact":
             results.singles[str(file)] = InteractResult.model_validate(value)

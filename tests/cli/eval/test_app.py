@@ -90,6 +90,14 @@ def test_the_command_names_everything_that_decided_the_result(dataset: Path) -> 
     assert told["config"]["reach"] == 0.3 and told["encoder"] == "embedded"
 
 
+def test_boxes_may_be_proposed(dataset: Path) -> None:
+    given = ("--reasoner", "count", "--images", "4", "--boxes", "proposed", "--workers", "1")
+    told = json.loads(run(dataset, *given, "--json").stdout)
+    assert told["command"].endswith("--reasoner count --images 4 --seed 0 --boxes proposed")
+    assert told["boxes"] == "proposed" and 0 <= told["proposal_r"] <= 1
+    assert "objects proposed: " in run(dataset, *given).stdout
+
+
 def test_a_folder_for_a_file_is_refused_before_the_work(dataset: Path, tmp_path: Path) -> None:
     for option in ("--out", "--figure"):
         result = run(dataset, "--reasoner", "count", option, tmp_path)

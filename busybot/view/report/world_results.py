@@ -1,0 +1,316 @@
+"""Results about other worlds than the paper's, as rows that can stand beside each other whoever made them.
+
+Models, graphs that somebody else inferred (`eval reason --graph`), programs that play as text (`play`) and planners are
+rows alike. Rows about the same boards make a group.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict
+
+PAPER = "paper"
+AFTER = (10, 22, 30)
+"""Parents are told after so many actions."""
+OBSERVER = "exact observer"
+OBSERVERS = {"observer": f"{OBSERVER}, truth", "observer-detected": f"{OBSERVER}, detected"}
+"""Rows of `benchmarks.tables.worlds` that no learner could be."""
+MOST_LETTERS = 60
+"""Of a name."""
+
+
+class _Result(BaseModel):
+    """Files have more than a report shows."""
+
+    model_config = ConfigDict(frozen=True, extra="allow")
+
+
+class _OfWorld(_Result):
+    """What `busybot` measured on a dataset."""
+
+    dataset: dict[str, Any]
+    world: str
+    seed: int | None = None
+    command: str | None = None
+    commit: str | None = None
+
+
+class _Curve(_Result):
+    """Parents claimed after so many actions."""
+
+    actions: int
+    parent_p: float | None = None
+    parent_r: float | None = None
+    parent_f1: float | None = None
+    parent_f1_bound: float | None = None
+    link_parent_p: float | None = None
+    link_parent_r: float | None = None
+    link_parent_f1: float | None = None
+    link_parent_f1_bound: float | None = None
+
+
+class _Parents(_OfWorld):
+    boards: int
+    parent_p: float | None = None
+    parent_r: float | None = None
+    parent_f1: float | None = None
+    parent_f1_bound: float | None = None
+    link_parent_p: float | None = None
+    link_parent_r: float | None = None
+    link_parent_f1: float | None = None
+    link_parent_f1_bound: float | None = None
+    shd: float | None = None
+
+
+class WorldReason(_Parents):
+    """Of `busybot eval reason`."""
+
+    model: str | None
+    images: int
+    given: bool = False
+    boxes: str = "given"
+    discovery: list[_Curve] = []
+    actions_until_found: int | None = None
+    mechanism_accuracy: float | None = None
+    mechanism_bound: float | None = None
+    pred_a: float | None = None
+    gap: float | None = None
+    what_if: float | None = None
+    ece_uncertain: float | None = None
+    uncertain_pairs: int | None = None
+    rewirings: int | None = None
+    rewired_found: float | None = None
+    rewired_placed: float | None = None
+    rewired_false_alarms: float | None = None
+    proposal_p: float | None = None
+    proposal_r: float | None = None
+
+
+class Played(_Parents):
+    """Of `busybot play`."""
+
+    agent: str
+    most_actions: int
+    actions_used: float | None = None
+    early_stops: int = 0
+    wrong_early_stops: float | None = None
+    refused: int = 0
+    ends: dict[str, int] = {}
+
+
+class PlannedAgent(_Result):
+    """One agent on the tasks."""
+
+    success: float | None
+    interval: tuple[float, float] | None = None
+    solved: float | None = None
+    steps_over_shortest: float | None = None
+
+
+class WorldPlan(_OfWorld):
+    """Of `busybot eval plan`."""
+
+    tasks: int
+    reasoner: str
+    agents: dict[str, PlannedAgent]
+    by_locks: dict[str, dict[str, float | None]] = {}
+
+
+class _Choice(_Result):
+    """One way of choosing actions."""
+
+    boards: int
+    f1: list[float]
+    until: float
+    regret: float | None = None
+
+
+class Curiosity(_Result):
+    """Of `benchmarks.studies.curiosity`: by world, by kind of boards, by way of choosing."""
+
+    rows: dict[str, dict[str, dict[str, _Choice]]]
+    assets: str | None = None
+
+
+class _Level(_Result):
+    p: float | None = None
+    r: float | None = None
+    f1: float | None = None
+
+
+class _TableRow(_Result):
+    boards: int
+    object: dict[str, _Level]
+    link: dict[str, _Level] = {}
+    mechanism_accuracy: float | None = None
+    pred_a: float | None = None
+    what_if: float | None = None
+    ece_uncertain: float | None = None
+    uncertain_pairs: int | None = None
+
+
+@dataclass(frozen=True)
+class WorldRow:
+    """Who found what on the boards of a group; shares from 0 to 1, None where nobody was asked.
+
+    Attributes:
+        objects, links: precision, recall and F1 of parents by number of actions.
+        curve: F1 of parents (pairs of objects) by number of actions.
+        bound: whether this is no learner, but what the recordings determine.
+        found: the result, for what else it tells.
+    """
+
+    name: str
+    boards: int
+    objects: Mapping[int, tuple[float | None, float | None, float | None]]
+    links: Mapping[int, tuple[float | None, float | None, float | None]]
+    curve: tuple[tuple[int, float], ...] = ()
+    bound: bool = False
+    found: WorldReason | _TableRow | None = None
+
+
+@dataclass
+class WorldResults:
+    """All that was given, by file.
+
+    Attributes:
+        tables: of `benchmarks.tables.worlds`, by file, world and name of the row.
+    """
+
+    reason: dict[str, WorldReason] = field(default_factory=dict)
+    played: dict[str, Played] = field(default_factory=dict)
+    plans: dict[str, WorldPlan] = field(default_factory=dict)
+    curiosity: dict[str, Curiosity] = field(default_factory=dict)
+    tables: dict[str, dict[str, dict[str, _TableRow]]] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return any((self.reason, self.played, self.plans, self.curiosity, self.tables))
+
+    def take(self, file: str, value: dict[str, Any]) -> bool:
+        """Keep a file's content if it is about other worlds.
+
+        Raises:
+            pydantic.ValidationError: it is not what results of its kind are.
+        """
+        other = value.get("world", PAPER) not in ("", PAPER)
+        match value["kind"]:
+            case "reason" if other:
+                self.reason[file] = WorldReason.model_validate(value)
+            case "plan" if other:
+                self.plans[file] = WorldPlan.model_validate(value)
+            case "play":
+                self.played[file] = Played.model_validate(value)
+            case "curiosity":
+                self.curiosity[file] = Curiosity.model_validate(value)
+            case "worlds":
+                self.tables[file] = _table_rows(value)
+            case _:
+                return False
+        return True
+
+    def groups(self) -> dict[str, list[WorldRow]]:
+        """Rows about the same boards, in the order in which they were given; what recordings determine comes last."""
+        found: dict[str, list[WorldRow]] = {}
+        followed: dict[str, WorldReason] = {}
+        for result in self.reason.values():
+            words = boards_of(result)
+            found.setdefault(words, []).append(_row(result))
+            best = followed.setdefault(words, result)
+            if len(result.discovery) > len(best.discovery):
+                followed[words] = result
+        for words, result in followed.items():
+            if result.parent_f1_bound is not None:
+                found[words].append(_bound_row(result))
+        for rows in self.tables.values():
+            for world, own in rows.items():
+                found.setdefault(f"{world}: benchmarks.tables.worlds", []).extend(_rows(own))
+        return found
+
+    def understood(self, world: str, reasoner: str, board_hash: object) -> float | None:
+        """The mechanism accuracy of a reasoner in a world; on these boards if it was measured there."""
+        known = [
+            (one.dataset.get("board_hash") == board_hash, one.mechanism_accuracy)
+            for one in self.reason.values()
+            if (one.world, one.model) == (world, reasoner) and one.mechanism_accuracy is not None
+        ]
+        same = [share for same, share in known if same] or [share for _, share in known]
+        return sum(same) / len(same) if same else None
+
+    def files(self) -> Iterator[tuple[str, WorldReason | Played | WorldPlan]]:
+        """What says on which boards it was measured."""
+        yield from self.reason.items()
+        yield from self.played.items()
+        yield from self.plans.items()
+
+
+def boards_of(result: _OfWorld) -> str:
+    """World and dataset in words; other boards of the same name have another hash."""
+    told = result.dataset
+    return f"{short(result.world)}: {short(told.get('name'))} ({short(told.get('split'))}), `{digest(told)}`"
+
+
+def digest(dataset: Mapping[str, Any]) -> str:
+    return short(str(dataset.get("board_hash") or "?").replace("`", "")[:8])
+
+
+def short(name: object) -> str:
+    """A name that anybody gave, as long as a column bears."""
+    text = " ".join(str(name).split())
+    return text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 3]}..."
+
+
+def name_of(result: WorldReason) -> str:
+    """Who is judged, by the name that it gives itself."""
+    seen = "" if result.boxes == "given" else f", {short(result.boxes)} boxes"
+    return f"{short(result.model)}{' (graphs from files)' if result.given else ''}{seen}"
+
+
+def _row(result: WorldReason) -> WorldRow:
+    points = {one.actions: one for one in result.discovery}
+    objects = {n: (one.parent_p, one.parent_r, one.parent_f1) for n, one in points.items()}
+    links = {n: (one.link_parent_p, one.link_parent_r, one.link_parent_f1) for n, one in points.items()}
+    if not points:  # a graph as it stands at the end
+        objects = {result.images - 1: (result.parent_p, result.parent_r, result.parent_f1)}
+        links = {result.images - 1: (result.link_parent_p, result.link_parent_r, result.link_parent_f1)}
+    curve = tuple((n, one.parent_f1) for n, one in points.items() if one.parent_f1 is not None)
+    return WorldRow(name_of(result), result.boards, objects, links, curve, False, result)
+
+
+def _bound_row(result: WorldReason) -> WorldRow:
+    points = {one.actions: one for one in result.discovery}
+    objects = {n: (None, None, one.parent_f1_bound) for n, one in points.items()}
+    links = {n: (None, None, one.link_parent_f1_bound) for n, one in points.items()}
+    if not points:
+        objects = {result.images - 1: (None, None, result.parent_f1_bound)}
+        links = {result.images - 1: (None, None, result.link_parent_f1_bound)}
+    curve = tuple((n, one.parent_f1_bound) for n, one in points.items() if one.parent_f1_bound is not None)
+    told = {"mechanism_accuracy": result.mechanism_bound}
+    extra = result.model_extra or {}
+    told |= {key: extra.get(f"{key}_bound") for key in ("rewired_found", "rewired_placed", "rewired_false_alarms")}
+    told |= {"actions_until_found": extra.get("actions_until_found_bound"), "rewirings": result.rewirings}
+    empty = dict.fromkeys(("gap", "pred_a", "what_if", "ece_uncertain", "uncertain_pairs", "proposal_r"))
+    found = result.model_copy(update={**empty, **told})
+    return WorldRow(OBSERVER, result.boards, objects, links, curve, True, found)
+
+
+def _table_rows(value: dict[str, Any]) -> dict[str, dict[str, _TableRow]]:
+    """Rows of all parts but for what was chosen and counted on the way."""
+    found: dict[str, dict[str, _TableRow]] = {}
+    for world, parts in dict(value.get("rows") or {}).items():
+        rows = {**parts.get("rows", {}), **parts.get("discovery", {}), **parts.get("learned", {})}
+        found[world] = {name: _TableRow.model_validate(row) for name, row in rows.items() if "object" in row}
+    return found
+
+
+def _rows(rows: Mapping[str, _TableRow]) -> list[WorldRow]:
+    def level(told: Mapping[str, _Level]) -> dict[int, tuple[float | None, float | None, float | None]]:
+        return {int(n): (one.p, one.r, one.f1) for n, one in told.items() if n.isdigit()}
+
+    found = []
+    for name, row in rows.items():
+        objects = level(row.object)
+        curve = tuple((n, f1) for n, (_, _, f1) in objects.items() if f1 is not None)
+        words, bound = OBSERVERS.get(name, short(name)), name in OBSERVERS
+        found.append(WorldRow(words, row.boards, objects, level(row.link), curve, bound, row))
+    return sorted(found, key=lambda row: row.bound)

@@ -78,7 +78,6 @@ PAGES: dict[str, dict[str, Part]] = {
     },
     "docs/results/real-board.md": {"real-board": world_tables.real_board},
     "docs/results/judgements.md": {"test-sets": judgements.test_sets},
-    "docs/results/real-board.md": {"real-board": tables.real_board},
     "docs/results/worlds.md": {
         "worlds": world_tables.worlds,
         "exploring": world_tables.exploring,

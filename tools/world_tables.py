@@ -241,6 +241,58 @@ def _over_actions(told: dict[str, Any]) -> str:
     return f"{first} / {middle} ({whole(low)}-{whole(high)}) / {last}"
 
 
+def world_gates() -> str:
+    """What the shipped model reaches on the frozen boards, the exact observer beside it, and which gates it misses."""
+    lines = []
+    for world, sets in result("world-gates")["rows"].items():
+        for name, models in sets.items():
+            for told in models.values():
+                found, bound = ([point[key] for point in told["after"].values()] for key in BOTH)
+                uncertain = [one for one in told["uncertain"] if one["ece_uncertain"] is not None]
+                worst = max(uncertain, key=lambda one: one["ece_uncertain"], default=None)
+                lines.append(
+                    (
+                        f"{world}, {name}",
+                        [
+                            str(told["boards"]),
+                            f"{' / '.join(map(whole, found))} ({' / '.join(map(whole, bound))})",
+                            f"{whole(told['mechanism_accuracy'])} ({whole(told['mechanism_bound'])})",
+                            whole(told["what_if"]),
+                            f"{whole(worst['ece_uncertain'])} ({worst['images']})" if worst else "-",
+                            ", ".join(_missed(world, name, told, worst)) or "none",
+                        ],
+                    )
+                )
+    heads = ("boards", "F1, links (bound)", "mechanism (bound)", "what if", "ECE (images)", "gates missed")
+    return markdown([plain_grid(heads, lines, "percent after 10 / 22 / 30")])
+
+
+BOTH = ("link_parent_f1", "link_parent_f1_bound")
+
+
+def _missed(world: str, name: str, told: dict[str, Any], uncertain: dict[str, Any] | None) -> list[str]:
+    """Gates of the world that the model misses."""
+    after, both = told["after"], (told["parent_p"] or 0, told["parent_r"] or 0)
+    behind = {int(actions): point[BOTH[1]] - (point[BOTH[0]] or 0) for actions, point in after.items()}
+    judged = {
+        f"F1 after {actions}": lag <= 0.04 for actions, lag in behind.items() if world in ("gates", "time")
+    }  # fmt: skip
+    if world in ("gates", "time"):
+        judged["mechanism"] = told["mechanism_bound"] - (told["mechanism_accuracy"] or 0) <= 0.08
+    if name == "novel-mechanism":
+        judged = {"F1 after 30": behind[30] <= 0.08}
+    if world == "chance":
+        judged["P, R"] = min(both) >= 0.95
+    if world == "chain":
+        judged["F1"] = after["22"]["parent_f1"] >= 0.9
+    if told["rewirings"] and told["rewired_placed"] is not None and world == "rewired":
+        judged["found and placed"] = told["rewired_placed"] >= 0.9
+    judged["what if"] = (told["what_if"] or 0) >= 0.9
+    if uncertain is not None:
+        judged["calibration"] = uncertain["ece_uncertain"] <= 0.06
+    return [gate for gate, met in judged.items() if not met]
+
+
 PLANNERS = ("mechanism", "search", "random", "noop", "oracle")
 """Agents of the table of planning in worlds, in its order."""
 

@@ -83,6 +83,7 @@ KINDS = {
     "hostile": "python -m tests.hostile.run",
     "kills": "python -m benchmarks.reliability.kills",
     "world-plans": "python -m benchmarks.tables.world_plans",
+    "world-gates": "python -m benchmarks.tables.world_gates",
     "worlds-kept": "python -m benchmarks.reliability.worlds",
     "s3": "python -m benchmarks.reliability.s3",
     "same-results": "python -m benchmarks.reliability.same_results",

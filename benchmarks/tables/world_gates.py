@@ -1,0 +1,101 @@
+"""The gates of worlds: what a model of relations reaches on the frozen boards of every world, and what it misses.
+
+    python -m benchmarks.tables.world_gates --work FOLDER --assets DIR --out benchmarks/results/world-gates.json
+        [--models mechanism,FOLDER] [--sets validation] [--only gates,time] [--boards 200]
+
+The boards are those of `datasets/worlds`, whose hashes are compared. The shipped interaction policy acts on them, 30
+actions each, and every model is judged by `busybot eval reason`, which logs each judging of a test set. Sets are
+`validation`, on which choices may be made, and the three test splits. The exact observer of the true states is judged
+beside, on the same recordings.
+
+Every command resumes, so this one does; what a model was judged on already is not judged again.
+"""
+
+import argparse
+from collections.abc import Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from benchmarks.runner import assets_name, busybot, chosen, finish, generating, parser, told_rows
+from busybot.boards.worlds import WORLDS
+from busybot.common.atomic_io import read_json
+from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
+from busybot.training.model_cards import file_hashes, find_folder
+
+frozen: Any = import_module("datasets.worlds")
+"""`datasets/worlds.py`; a folder of the same name hides it from type checkers."""
+KIND, STEPS, AFTER, SEED = "world-gates", 30, (10, 22, 30), frozen.SEED
+FIGURES = (
+    "mechanism_accuracy", "mechanism_bound", "parent_p", "parent_r", "what_if", "what_if_pairs", "pred_a", "rewirings",
+    "rewired_found", "rewired_found_bound", "rewired_placed", "rewired_placed_bound", "rewired_false_alarms",
+)  # fmt: skip
+POINT = ("parent_f1", "parent_f1_bound", "link_parent_f1", "link_parent_f1_bound")
+
+
+def recorded(world: str, name: str, options: argparse.Namespace) -> Path:
+    """A set's first boards, acted on by the shipped policy.
+
+    Raises:
+        BusybotError: the boards are not those that were frozen.
+    """
+    folder = options.work / world / name
+    busybot(*generating(folder, frozen.SETS[name], options.boards, SEED, options.assets), "--world", world)
+    dataset = Dataset.open(folder)
+    cards = read_json(frozen.FILES / f"{world}.json")["objects"].get(assets_name(options.assets), {})
+    if name not in cards or frozen.unlike(cards[name], dataset):
+        raise BusybotError(
+            f"{world}/{name}: not the frozen boards", "draw them with the same objects; see datasets/worlds/README.md"
+        )
+    acting = ("--policy", "learned", "--steps", str(STEPS), "--seed", str(SEED), "--assets", str(options.assets))
+    busybot("collect", str(folder), *acting)
+    return Path(folder)
+
+
+def judged(dataset: Path, model: str, out: Path, assets: str) -> dict[str, Any]:
+    """What counts of an evaluation; one that is there is not made again."""
+    told = read_json(out) if out.exists() else busybot(
+        "eval", "reason", str(dataset), "--reasoner", model, "--assets", assets, "--out", str(out)
+    )  # fmt: skip
+    points = {point["actions"]: point for point in told["discovery"]}
+    return {
+        "boards": told["boards"],
+        "after": {str(actions): {key: points[actions][key] for key in POINT} for actions in AFTER if actions in points},
+        "uncertain": told["uncertain_by_images"],
+        **{key: told[key] for key in FIGURES},
+    }
+
+
+def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """The result file's content after every set of every world."""
+    rows = told_rows(options.out, KIND)
+    models = options.models.split(",")
+    hashes = {model: file_hashes(find_folder(model, "reason")) for model in models}
+    for world in chosen(options.only, tuple(WORLDS)) if options.only else WORLDS:
+        for name in chosen(options.sets, tuple(frozen.SETS)):
+            dataset = recorded(world, name, options)
+            cells = rows.setdefault(world, {}).setdefault(name, {})
+            for model in models:
+                digest = hashes[model]["weights.safetensors"][:12]
+                out = options.work / f"{world}-{name}-{options.boards}-{digest}.json"
+                cells[Path(model).name] = {
+                    "model": hashes[model], **judged(dataset, model, out, str(options.assets))
+                }  # fmt: skip
+            yield {"assets": assets_name(options.assets), "boards": options.boards, "rows": rows}
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    options = parser(__doc__)
+    options.add_argument("--work", type=Path, required=True, help="for recordings and evaluations")
+    options.add_argument("--models", default="mechanism", help="shipped models' names and folders, comma-separated")
+    options.add_argument("--sets", default=frozen.VALIDATION, help=f"of {', '.join(frozen.SETS)}, comma-separated")
+    options.add_argument("--only", help="names of worlds, comma-separated; all by default")
+    options.add_argument("--boards", type=int, default=200, help="of each set, the first ones")
+    arguments = options.parse_args(words)
+    for figures in measured(arguments):
+        finish(KIND, arguments, figures, seed=SEED)
+
+
+if __name__ == "__main__":
+    main()

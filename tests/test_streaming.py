@@ -234,6 +234,6 @@ def test_what_takes_a_path_refuses_an_address(
     words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code, out, error = said(capsys, *words.replace("A", "s3://bucket/d").split())
+    code, out, error = said(capsys, *words.replace("A", "s3://me:secret@bucket/d").split())
     assert (code, out) == (2, "") and "s3://bucket/d: an address" in error and "load_dataset" in error
     assert not list(tmp_path.iterdir()), "no folder s3: is made"

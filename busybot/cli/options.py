@@ -14,7 +14,7 @@ from typer.main import get_command
 from busybot.cli.common import JSON_WANTED, be_quiet, warn
 from busybot.common.device import CHOICE, choose, gpus
 from busybot.common.errors import UsageError
-from busybot.common.remote import SCHEME
+from busybot.common.remote import SCHEME, RemotePath
 
 RENAMED = {
     "collect": {"--images": "--image-format"},
@@ -54,7 +54,8 @@ def refusing_addresses(command: Any) -> None:
         def processed(context: Any, value: Any) -> Any:
             found = process(context, value)
             if isinstance(found, Path) and isinstance(value, str) and SCHEME.match(value):
-                raise UsageError(f"{value}: an address, and this is a path of this machine", HINT_ADDRESS)
+                what = f"{RemotePath(value)}: an address, and this is a path of this machine"
+                raise UsageError(what, HINT_ADDRESS)
             return found
 
         return processed

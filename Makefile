@@ -7,13 +7,13 @@ PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 4 --dist workstea
 PROFILE ?= smoke
 
 .PHONY: help setup demo test test-all lint reproduce dvc site extras lock check-resolve check-exports check-lerobot \
-	check-install clean
+	check-loader check-install clean
 
 help:
 	@echo "make demo           set up and run the demo: boards, recordings, relations, a report and pictures"
 	@echo "make test           set up and run the fast tests, in as many processes as there are processors, 4 at most"
 	@echo "                    (WORKERS=N: in N; WORKERS=0: in one, as a debugger needs it)"
-	@echo "make test-all       the linter, the type checker and all tests, the site, the exports in others' tools"
+	@echo "make test-all       the linter, the type checker and all tests, the site, exports and examples in others' tools"
 	@echo "make lint           the linter, the type checker, and is the documentation what is generated?"
 	@echo "make site           the documentation as a site in build/site, with an API reference"
 	@echo "make reproduce      run the whole pipeline, PROFILE=smoke by default; what is up to date is not run again"
@@ -24,6 +24,7 @@ help:
 	@echo "                    (UPGRADE=--upgrade: in newer versions)"
 	@echo "make check-exports  open exports of the tiny dataset in the real tools, installed beside the project (1.4 GB)"
 	@echo "make check-lerobot  open one in the newest LeRobot, in a Debian 13 below .tools (needs root, mmdebstrap; 2 GB)"
+	@echo "make check-loader   run the example of Rerun's loader for PyTorch, with its packages beside the project (0.3 GB)"
 	@echo "make check-install  install the reading side alone, with the lowest versions, and use it (needs the registry)"
 	@echo "make check-resolve  do the pins resolve for every supported Python? (needs the registry)"
 
@@ -36,7 +37,7 @@ demo: setup
 test: setup
 	@$(PYTEST) -m "not long" $(PYTEST_ARGS)
 
-test-all: setup lint dvc site check-exports extras
+test-all: setup lint dvc site check-exports check-loader extras
 	@$(PYTEST) --require-extras $(PYTEST_ARGS)
 
 lint: setup
@@ -84,6 +85,8 @@ lock: setup
 		-o requirements/lerobot.txt -
 	@echo "lerobot[dataset]" | $(UV_COMPILE) --python-version 3.13 --python-platform x86_64-manylinux_2_36 \
 		--generate-hashes $(UPGRADE) $(ROBOTLESS) --no-emit-package torchvision -o requirements/lerobot-debian.txt -
+	@printf '%s\n' "datafusion==54.0.0" "torchvision==0.28.*" "av==17.*" | $(UV_COMPILE) --universal --no-deps \
+		--python-version 3.11 --generate-hashes $(UPGRADE) --custom-compile-command "make lock" -o requirements/loader.txt -
 	@printf '%s\n' "mkdocs==1.*" mkdocs-material "mkdocstrings[python]" ruff | $(UV_COMPILE) --universal --python-version 3.11 \
 		--generate-hashes $(UPGRADE) --custom-compile-command "make lock" -o requirements/site.txt -
 
@@ -100,6 +103,10 @@ check-resolve: setup
 check-exports: setup
 	@$(PYTHON) -m provision.extras tables lerobot
 	@$(BIN)/python tools/check_exports.py --tools .tools --only tables lerobot
+
+check-loader: setup
+	@$(PYTHON) -m provision.extras loader
+	@$(BIN)/python tools/check_loader.py --tools .tools
 
 check-lerobot: setup
 	@tools/debian_root.sh .tools/debian

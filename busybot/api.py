@@ -1,10 +1,8 @@
 """The package from Python in a few calls: datasets by their address, boards by their seed."""
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
-from urllib.parse import unquote, urlsplit
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
@@ -13,7 +11,7 @@ from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError, naming_extras
 from busybot.common.frozen_model import first_fault
-from busybot.common.remote import RemotePath
+from busybot.common.remote import place_of
 from busybot.datasets.dataset import Dataset as Recordings
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
@@ -21,8 +19,6 @@ from busybot.objects.resolve import find
 if TYPE_CHECKING:
     from busybot.frames import Frames, Picture
     from busybot.reason.inputs.board_dataset import BoardDataset
-
-_SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.:-]+://")
 
 
 class Dataset(Recordings):
@@ -79,20 +75,7 @@ def load_dataset(address: str | Path, storage_options: Mapping[str, Any] | None 
     Raises:
         BusybotError: there is no dataset, it has another schema version, or the address cannot be read.
     """
-    return Dataset.open(_place(address, storage_options or {}))
-
-
-def _place(address: str | Path, options: Mapping[str, Any]) -> Path:
-    if not isinstance(address, str) or _SCHEME.match(address) is None:
-        return Path(address)
-    parts = urlsplit(address)
-    if parts.scheme in ("file", "local"):
-        if parts.netloc not in ("", "localhost"):
-            raise BusybotError(f"{address}: a folder of another machine", "write file:///PATH for one of this machine")
-        return Path(unquote(parts.path))
-    remote = RemotePath(address, dict(options))
-    remote.forget()  # what an earlier call listed may have grown
-    return cast(Path, remote)  # it has what reading needs, and refuses all else
+    return Dataset.open(place_of(address, storage_options))
 
 
 def make_board(seed: int = 0, assets: str | Library = "procedural", **config: Any) -> BoardSpec:

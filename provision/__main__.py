@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 from provision import driver, packages, system
-from provision.steps import Log, SetupError, say
+from provision.steps import Log, SetupError, alone_in, say
 
 ROOT = Path(__file__).resolve().parents[1]
 OLDEST, NEWEST = (3, 11), (3, 13)
@@ -30,8 +30,8 @@ def main() -> int:
     start = time.monotonic()
     try:
         _right_python()
-        log = Log(ROOT / ".setup.log")
-        line = set_up(log)
+        with alone_in(ROOT):
+            line = set_up(Log(ROOT / ".setup.log"))
     except SetupError as error:
         say(f"error: {error.what}")
         print(error.hint, file=sys.stderr)

@@ -1,9 +1,10 @@
-"""`python3 -m provision.extras dvc|site|tables|lerobot|packages`: what only some need, after `python3 -m provision`.
+"""`python3 -m provision.extras dvc|site|tables|lerobot|loader|packages`: what only some need, after the set-up.
 
 - `dvc`: DVC in an environment of its own, `.tools/dvc`, where `make reproduce` and `busybot dataset push` find it. Its
   packages would fight ours, so it is a tool beside the project, not an import.
 - `site`: MkDocs, which makes the documentation a site, in `.tools/site`.
 - `tables` and `lerobot`: the packages that `make check-exports` opens exports with, in folders of `.tools`, too.
+- `loader`: what Rerun's loader for PyTorch needs beside the project's packages, for `make check-loader`.
 - `packages`: the optional packages of pyproject.toml (`cluster`, `causal`, `import`, `baselines`, `s3`) in `.venv`.
   Their lock lists only what the base does not have and is installed alone, so that no pinned package of the base
   changes.
@@ -21,7 +22,7 @@ from functools import partial
 from pathlib import Path
 
 from provision.packages import REGISTRY_HINT, STAMP
-from provision.steps import Log, SetupError, say
+from provision.steps import Log, SetupError, alone_in, say
 
 ROOT = Path(__file__).resolve().parents[1]
 BASE = ROOT / ".venv"
@@ -30,6 +31,7 @@ TOOLS = {
     "site": ("MkDocs", "mkdocs"),
     "tables": ("readers of exported tables", "datasets-cli"),
     "lerobot": ("LeRobot", "lerobot-info"),
+    "loader": ("Rerun's loader", "python"),
 }
 """Name and program of each tool; its folder is `.tools/KEY`, its lock `requirements/KEY.txt`."""
 PACKAGES_LOCK = ROOT / "requirements" / "extras.txt"
@@ -45,12 +47,16 @@ def main() -> int:
         print(f"usage: python3 -m provision.extras {'|'.join(ways)}", file=sys.stderr)
         return 2
     try:
-        for name in sys.argv[1:]:
-            ways[name]()
+        with alone_in(ROOT):
+            for name in sys.argv[1:]:
+                ways[name]()
     except SetupError as error:
         say(f"error: {error.what}")
         print(error.hint, file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        say("interrupted; the same command goes on from here")
+        return 130
     return 0
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 LOG_LINES_SHOWN = 15
@@ -24,6 +26,26 @@ class SetupError(Exception):
 def say(message: str) -> None:
     """One line for the person who waits."""
     print(f"setup: {message}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Let one set-up at a time work in a folder; another one says that it waits, and goes on when the first has ended.
+
+    The system takes the lock from a process that ends, however it does, and commands that are run do not inherit it.
+    """
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            say(f"another set-up works in {folder}; waiting until it has ended")
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        except OSError:  # some file systems of other machines lock no folders
+            pass
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def clean_environment() -> dict[str, str]:

@@ -66,9 +66,7 @@ def test_code_runs_as_it_stands(code: str, tmp_path: Path) -> None:
     if "stable_baselines3" in code:
         pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: `make extras`")
     if "rerun.experimental" in code:
-        pytest.importorskip(
-            "datafusion", reason="Rerun's catalogue is absent: it needs a torchvision that fits PyTorch"
-        )
+        pytest.importorskip("datafusion", reason="Rerun's catalogue is absent: `make check-loader` runs the example")
     (tmp_path / "example.py").write_text(code)
     done = subprocess.run(
         [sys.executable, "example.py"], cwd=tmp_path, capture_output=True, text=True, timeout=300, env=dict(os.environ)

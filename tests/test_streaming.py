@@ -1,5 +1,6 @@
 """Datasets at an address: the same as in a folder, read only, by ranges, and nothing outside them."""
 
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +12,7 @@ from torch.utils.data import DataLoader
 
 import busybot
 from benchmarks.reliability.s3 import BUCKET, CREDENTIALS, serving
+from busybot.cli.main import app
 from busybot.common.errors import BusybotError
 from busybot.common.remote import RemotePath
 from busybot.episodes.mcap import pictures, ranges, writer
@@ -198,3 +200,40 @@ def test_from_s3(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             busybot.load_dataset(f"s3://{BUCKET}/none", options)
         with pytest.raises(BusybotError, match=r"s3://elsewhere/tiny: "):
             busybot.load_dataset("s3://elsewhere/tiny", options)
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    """Exit code, standard output and standard error of a command that runs in this process, where the store is."""
+    with pytest.raises(SystemExit) as end:
+        app(list(words), prog_name="busybot")
+    told = capsys.readouterr()
+    return int(end.value.code or 0), told.out, told.err
+
+
+def test_info_reads_an_address(
+    store: fsspec.AbstractFileSystem, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make_dataset(tmp_path / "d")
+    put(store, tmp_path / "d")
+    here = json.loads(said(capsys, "dataset", "info", str(tmp_path / "d"), "--json")[1])
+    there = json.loads(said(capsys, "dataset", "info", ADDRESS, "--json")[1])
+    hashes = {f"{kind}_hash": None for kind in ("board", "trace", "content")}
+    assert there == here | hashes and all(here[name] for name in hashes)
+    assert here == json.loads(said(capsys, "dataset", "info", f"file://{tmp_path}/d", "--json")[1])
+    code, out, error = said(capsys, "dataset", "info", "memory://bucket/none")
+    assert (
+        (code, out) == (1, "") and "memory://bucket/none: there is no such folder" in error and "generate" not in error
+    )
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["dataset verify A", "dataset export A --out x", "view A", "eval reason A", "generate A", "dataset diff x A"],
+)
+def test_what_takes_a_path_refuses_an_address(
+    words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, out, error = said(capsys, *words.replace("A", "s3://me:secret@bucket/d").split())
+    assert (code, out) == (2, "") and "s3://bucket/d: an address" in error and "load_dataset" in error
+    assert not list(tmp_path.iterdir()), "no folder s3: is made"

@@ -7,7 +7,6 @@ Needs `make check-exports` (for the table), npm and Chromium: `apt-get install n
 
 import argparse
 import http.server
-import json
 import re
 import shutil
 import subprocess
@@ -116,18 +115,14 @@ def main() -> int:
 
 
 def foxglove(place: Path, picture: Path) -> None:
-    """A recording from its start; images in the panels of that version, whose new ones were an experiment."""
+    """A recording from its start, in the layout as it stands."""
     place.mkdir(parents=True, exist_ok=True)
     if not (place / "node_modules" / "@foxglove").is_dir():
         words = ["npm", "install", "--silent", "--ignore-scripts", "--no-audit", "--no-fund", "--legacy-peer-deps"]
         subprocess.run([*words, *STUDIO], cwd=place, check=True)
-    layout = json.loads(LAYOUT.read_text().replace("Image!", "ImageViewPanel!"))
-    for name, panel in layout["configById"].items():
-        if name.startswith("ImageViewPanel"):
-            panel |= {"cameraTopic": panel["imageMode"]["imageTopic"]}
     served = place / "node_modules"
     shutil.copyfile(EPISODE, served / "episode.mcap")
-    (served / "index.html").write_text(PAGE.replace("LAYOUT", json.dumps(layout)))
+    (served / "index.html").write_text(PAGE.replace("LAYOUT", LAYOUT.read_text()))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), partial(Pages, directory=str(served))) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         shoot(f"http://127.0.0.1:{server.server_port}/index.html", picture, (1600, 900))

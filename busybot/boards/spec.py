@@ -6,6 +6,7 @@ picture, z towards the camera.
 
 import hashlib
 import json
+import math
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -141,6 +142,8 @@ class Task(FrozenModel):
 
 
 Place = Annotated[float, Field(allow_inf_nan=False, ge=-100, le=100)]
+LEAST_VIEW = 1e-3
+"""Distance of a camera from what it looks at, board units, below which nobody knows where it looks."""
 
 
 class BoardCamera(FrozenModel):
@@ -154,6 +157,12 @@ class BoardCamera(FrozenModel):
     position: tuple[Place, Place, Annotated[float, Field(gt=0, le=100)]]
     target: tuple[Place, Place, Place]
     fov_deg: Annotated[float, Field(gt=1, lt=170)]
+
+    @model_validator(mode="after")
+    def _looks_somewhere(self) -> "BoardCamera":
+        if math.dist(self.position, self.target) < LEAST_VIEW:
+            raise ValueError("position and target are the same point")
+        return self
 
 
 class BoardSpec(FrozenModel):

@@ -16,7 +16,7 @@ from typer.main import get_command as command_of
 from typer.main import get_group as group_of
 
 from busybot.cli.common import CONTEXT, native_output_on_stderr, report_errors
-from busybot.cli.options import RENAMED, quiet_option, with_new_names
+from busybot.cli.options import RENAMED, quiet_option, refusing_addresses, with_new_names
 
 COMMANDS = (
     "doctor",
@@ -88,6 +88,7 @@ def _finished(command: Any, words: str) -> Any:
         for name, inner in command.commands.items():
             _finished(inner, f"{words} {name}")
         return command
+    refusing_addresses(command)
     command.params.append(quiet_option())
     if words in RENAMED:
         command.parse_args = with_new_names(command.parse_args, RENAMED[words])

@@ -5,6 +5,7 @@ networks to train; `--images` a number of images; `--image-format` how they are 
 """
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -12,6 +13,8 @@ from typer.main import get_command
 
 from busybot.cli.common import JSON_WANTED, be_quiet, warn
 from busybot.common.device import CHOICE, choose, gpus
+from busybot.common.errors import UsageError
+from busybot.common.remote import SCHEME, RemotePath
 
 RENAMED = {
     "collect": {"--images": "--image-format"},
@@ -23,6 +26,10 @@ RENAMED = {
 """Options that were called otherwise before version 0.2."""
 UNTIL = "0.3"
 """The version in which old names work no more."""
+HINT_ADDRESS = (
+    "name a folder of this machine, and copy a dataset into one before; `busybot dataset info` and, in Python, "
+    "`load_dataset` read addresses"
+)
 
 
 def with_new_names(parse: Callable[[Any, list[str]], Any], renamed: dict[str, str]) -> Callable[[Any, list[str]], Any]:
@@ -38,6 +45,23 @@ def with_new_names(parse: Callable[[Any, list[str]], Any], renamed: dict[str, st
         return parse(context, words)
 
     return parse_args
+
+
+def refusing_addresses(command: Any) -> None:
+    """Let the command refuse an address (`s3://...`) where it takes a path, which would be read as a folder `s3:`."""
+
+    def checked(process: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        def processed(context: Any, value: Any) -> Any:
+            found = process(context, value)
+            if isinstance(found, Path) and isinstance(value, str) and SCHEME.match(value):
+                what = f"{RemotePath(value)}: an address, and this is a path of this machine"
+                raise UsageError(what, HINT_ADDRESS)
+            return found
+
+        return processed
+
+    for parameter in command.params:
+        parameter.process_value = checked(parameter.process_value)
 
 
 def quiet_option() -> Any:

@@ -422,13 +422,18 @@ def _finite(digits: str) -> float:
     return number
 
 
+MAX_NAME_BYTES = 255
+"""Of a file's name, as systems have it."""
+
+
 def inside(folder: Path, relative: str) -> Path:
-    """`folder / relative`, refused when it is absolute, climbs out, or leaves the folder through a link."""
+    """`folder / relative`, refused when it is absolute, climbs out, leaves the folder by a link, or is too long."""
     if is_remote(folder):
         return cast(Path, folder / relative)  # which refuses the same
     candidate = folder / relative
     try:
         stays = not Path(relative).is_absolute() and candidate.resolve().is_relative_to(folder.resolve())
+        stays &= all(len(os.fsencode(part)) <= MAX_NAME_BYTES for part in candidate.parts)
     except (OSError, RuntimeError, ValueError):  # a link to itself, a NUL
         stays = False
     if not stays:

@@ -8,10 +8,14 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeGuard
+from pathlib import Path
+from typing import Any, TypeGuard, cast
+from urllib.parse import unquote, urlsplit
 
 from busybot.common.errors import BusybotError, needs_extra
 
+SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.:-]+://")
+"""What an address of fsspec begins with."""
 HINT_COPY = "copy the dataset into a folder of this machine first"
 _SECRET = re.compile(r"(?<=//)[^/@]*@")
 """Name and password in an address."""
@@ -142,3 +146,24 @@ class RemotePath:
 def is_remote(path: object) -> TypeGuard[RemotePath]:
     """Whether a dataset's path is an address."""
     return isinstance(path, RemotePath)
+
+
+def place_of(address: str | Path, options: Mapping[str, Any] | None = None) -> Path:
+    """A folder of this machine, or an address, which stands for one where it is only read.
+
+    Args:
+        options: for the file system of an address.
+
+    Raises:
+        BusybotError: it is of another machine, or its file system cannot be reached.
+    """
+    if not isinstance(address, str) or SCHEME.match(address) is None:
+        return Path(address)
+    parts = urlsplit(address)
+    if parts.scheme in ("file", "local"):
+        if parts.netloc not in ("", "localhost"):
+            raise BusybotError(f"{address}: a folder of another machine", "write file:///PATH for one of this machine")
+        return Path(unquote(parts.path))
+    remote = RemotePath(address, dict(options or {}))
+    remote.forget()  # what an earlier call listed may have grown
+    return cast(Path, remote)  # it has what reading needs, and refuses all else

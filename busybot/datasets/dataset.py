@@ -146,7 +146,8 @@ class Dataset:
             if path.is_file():
                 raise BusybotError(f"{path} is a file", "name the dataset's folder")
             if not path.is_dir():
-                raise BusybotError(f"{path}: there is no such folder", "`busybot generate OUT` makes a dataset")
+                hint = "check the address" if is_remote(path) else "`busybot generate OUT` makes a dataset"
+                raise BusybotError(f"{path}: there is no such folder", hint)
             raise BusybotError(f"{path}: not a dataset, it has no {INFO_FILE}", "`busybot generate OUT` makes one")
         file = inside(path, INFO_FILE)
         values = read_description(file, "schema", SCHEMA_VERSION)
@@ -214,8 +215,13 @@ class Dataset:
             raise BusybotError(f"{file}: {len(lines)} boards, expected {expected}", HINT_GENERATE)
         return lines
 
+    def board_place(self, index: int) -> str:
+        """File and line of a board, for messages."""
+        shard, number = divmod(index, BOARDS_PER_SHARD)
+        return f"{self.path / _boards_name(shard)}: line {number + 1}"
+
     def _board(self, shard: int, number: int, line: bytes) -> BoardSpec:
-        place = f"{self.path / _boards_name(shard)}: line {number + 1}"
+        place = self.board_place(shard * BOARDS_PER_SHARD + number)
         try:
             board = BoardSpec.model_validate_json(line)
         except ValidationError as error:

@@ -6,6 +6,7 @@ from typing import Any
 import pyarrow.compute as pc
 
 from busybot.common.errors import BusybotError
+from busybot.common.remote import is_remote
 from busybot.datasets.dataset import HASHED, Dataset
 from busybot.datasets.info import collect_command, is_frozen
 
@@ -16,13 +17,14 @@ def summarise(path: Path) -> dict[str, Any]:
     """Counts, hashes and origin of the dataset; JSON values.
 
     `episodes` counts finished ones, `bytes` their files, `success_share` is successes per proposed action (null where
-    no truth was recorded), `images_per_episode` counts stored images.
+    no truth was recorded), `images_per_episode` counts stored images. Of a dataset at an address the hashes are None:
+    its recordings' checksums are not compared there.
     """
     dataset = Dataset.open(path)
     info, collect = dataset.info, dataset.info.collect
     rows = dataset.episodes_table(columns=_COLUMNS)
     collect = collect if rows.num_rows else None  # settings of an attempt that recorded nothing say nothing
-    hashes = dataset.hashes(rows)
+    hashes = None if is_remote(path) else dataset.hashes(rows)
     known = rows.filter(rows["truth"])
     return {
         "name": info.name,
@@ -35,9 +37,9 @@ def summarise(path: Path) -> dict[str, Any]:
         "episodes": rows.num_rows,
         "steps": _total(rows["steps"]),
         "bytes": _total(rows["bytes"]),
-        "board_hash": hashes.board,
-        "trace_hash": hashes.trace,
-        "content_hash": hashes.content,
+        "board_hash": hashes and hashes.board,
+        "trace_hash": hashes and hashes.trace,
+        "content_hash": hashes and hashes.content,
         "policy": collect.policy if collect else None,
         "oracle_episodes": _total(rows["oracle"]),
         "steps_per_episode": collect.steps if collect else None,

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from busybot.common.errors import naming
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.process_pool import Engine, Progress, run_tasks
 from busybot.datasets.dataset import Dataset
@@ -148,7 +149,8 @@ def _make_work(
 
     def work(index: int) -> Rows:
         board = dataset.board(index)
-        episode = record_episode(simulator, board, factory, config.steps, config.interaction, seed)
+        with naming(dataset.board_place(index)):
+            episode = record_episode(simulator, board, factory, config.steps, config.interaction, seed)
         file = dataset.episode_path(index)
         write_episode(file, episode, config.images, path)
         return episode_rows(file, index)

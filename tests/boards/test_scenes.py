@@ -88,6 +88,12 @@ def test_a_camera_is_read_written_and_hashed(library: Library) -> None:
     assert other.digest() != board.digest()
 
 
+def test_a_camera_at_its_target_is_refused() -> None:
+    near = {"position": (0, 0, 1e-4), "target": (0, 0, 0), "fov_deg": 60}
+    with pytest.raises(ValueError, match="position and target are the same point"):
+        BoardCamera.model_validate(near)
+
+
 def test_a_longer_dataset_begins_with_a_shorter_one(library: Library) -> None:
     assert drawn(library, "room", boards=3) == drawn(library, "room", boards=8)[:3]
 

@@ -123,6 +123,16 @@ def test_options_out_of_range_are_refused(option: str, value: str, tmp_path: Pat
     assert done.returncode == 2 and option in done.stderr and not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("shift", [80, 200])
+def test_a_picture_that_was_cut_is_named(shift: int, tmp_path: Path) -> None:
+    folder = pictures(tmp_path / "board")
+    cv2.imwrite(str(folder / "b.png"), np.roll(drawn("b"), shift, axis=1))
+    with pytest.raises(BusybotError, match=r"b.png: the other pictures tell a focal length of 60\d pixels"):
+        calibrate(folder, BOARD, "flat.png", ACROSS)
+    (folder / "b.png").unlink()
+    assert calibrate(folder, BOARD, "flat.png", ACROSS)["pictures"] == 4
+
+
 def test_what_is_wrong_is_named_and_nothing_is_written(tmp_path: Path) -> None:
     few = pictures(tmp_path / "few", "flat a")
     with pytest.raises(BusybotError, match="2 of 2 pictures show"):

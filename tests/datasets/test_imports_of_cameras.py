@@ -362,3 +362,32 @@ def test_the_command(tmp_path: Path) -> None:
     judged = busybot("eval", "reason", out, "--reasoner", "count", "--graphs", tmp_path / "graphs")
     assert judged.returncode == 0 and "-> lamp" in judged.stdout and "nothing is judged" in judged.stderr
     assert "-> lamp" in (tmp_path / "graphs" / "000000.txt").read_text()
+
+
+@pytest.mark.parametrize("name", ["frames.csv", "objects.csv", "relations.csv", "camera.json"])
+def test_a_link_that_leads_nowhere_is_not_passed_over(name: str, tmp_path: Path) -> None:
+    folder = write_camera_folder(tmp_path / "table", make_episode(0, steps=3), camera=True, times=True)
+    (folder / name).unlink()
+    (folder / name).symlink_to(name)
+    with pytest.raises(BusybotError, match=name):
+        import_source(folder, None)
+
+
+def test_faults_name_the_file_that_tells_them(tmp_path: Path) -> None:
+    folder = write_camera_folder(tmp_path / "table", make_episode(0, steps=3), camera=True, times=True)
+    told = json.loads((folder / "camera.json").read_text())
+    for key, value, fault in (
+        ("pose", np.eye(4) * 2, "pose does not end in 0, 0, 0, 1"),
+        ("matrix", np.eye(2), "as many"),
+    ):
+        (folder / "camera.json").write_text(json.dumps(told | {key: value.tolist()}))
+        with pytest.raises(BusybotError, match=rf"table/camera.json: the camera's .*{fault}"):
+            import_source(folder, None)
+    (folder / "camera.json").write_text(json.dumps(told))
+    frames = (folder / "frames.csv").read_text()
+    (folder / "frames.csv").write_text(frames.replace("depth/0001.png", f"depth/{'n' * 5000}.png"))
+    with pytest.raises(BusybotError, match=r"frames.csv: line 3"):
+        import_source(folder, None)
+    (folder / "frames.csv").write_text("\n".join(frames.split("\n")[:-2]) + "\n")
+    with pytest.raises(BusybotError, match=r"outside of the pictures.*frames.csv: line 4"):
+        import_source(folder, None)

@@ -1,6 +1,7 @@
 """Events in AI2-THOR's documented format, written by hand, to a dataset; what is wrong in them is named."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -247,3 +248,11 @@ def test_events_are_in_the_order_of_their_numbers_and_none_is_left_out(tmp_path:
 def test_the_command_reads_events(tmp_path: Path) -> None:
     done = busybot("dataset", "import", str(write_thor(tmp_path / "thor")), "--out", str(tmp_path / "made"), "--json")
     assert done.returncode == 0 and json.loads(done.stdout)["kind"] == "ai2thor"
+
+
+def test_what_is_no_file_is_no_picture(tmp_path: Path) -> None:
+    source = write_thor(tmp_path / "thor")
+    (source / "events" / "000004.png").unlink()
+    os.mkfifo(source / "events" / "000004.png")
+    with pytest.raises(BusybotError, match="000004.png"):
+        imported(source)

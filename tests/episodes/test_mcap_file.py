@@ -143,6 +143,13 @@ def test_times_are_simulation_times(file: Path) -> None:
     assert times == [k * 1_000_000_000 for k in range(6)]
 
 
+def test_every_message_of_the_scene_shows_the_board(file: Path) -> None:
+    with file.open("rb") as stream:
+        scenes = [message.data for _, _, message in make_reader(stream).iter_messages(channels.SCENE)]
+    assert len(scenes) == 7 and all(b"board" in data for data in scenes)
+    assert [b"action" in data for data in scenes] == [False, *[True] * 6]
+
+
 def test_everything_privileged_lies_under_truth(file: Path) -> None:
     public = {topic for topic in read_records(file).schema_names if not topic.startswith("/truth/")}
     assert public == {

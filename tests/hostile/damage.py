@@ -215,7 +215,8 @@ def odd_key(data: bytes, rng: np.random.Generator) -> bytes:
 
 def _with_value(data: bytes, rng: np.random.Generator, values: tuple[Json, ...], kind: type = object) -> bytes:
     value = json.loads(data)
-    places = [(holder, key) for holder, key in _places(value) if isinstance(holder[key], kind)]
+    found = list(_places(value))
+    places = [(holder, key) for holder, key in found if isinstance(holder[key], kind)] or found
     holder, key = places[int(rng.integers(len(places)))]
     holder[key] = values[int(rng.integers(len(values)))]
     return json.dumps(value).encode()

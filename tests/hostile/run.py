@@ -24,8 +24,10 @@ from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.evaluation.results import KINDS, stamp, write_result
 from tests.hostile.damage import damage
+from tests.hostile.doors import DOORS
 from tests.hostile.targets import NOTICED, TARGETS, Target, exchange
 
+KINDS_OF_FILES = TARGETS | DOORS
 SECONDS = 30.0
 """One copy may take so long."""
 MEGABYTES = 1500
@@ -34,7 +36,7 @@ MEGABYTES = 1500
 
 def child(name: str, first: int, cases: int, scratch: Path) -> None:
     """Read the copies from `first` on, one line of JSON each."""
-    target, pristine, outside = TARGETS[name], scratch / "pristine", scratch / "work"
+    target, pristine, outside = KINDS_OF_FILES[name], scratch / "pristine", scratch / "work"
     if not pristine.exists():
         pristine.mkdir(parents=True)
         target.make(pristine)
@@ -132,10 +134,11 @@ def main() -> int:
     if arguments.child:
         child(arguments.child, int(arguments.first), arguments.cases, Path(arguments.scratch))
         return 0
-    names = arguments.only.split(",") if arguments.only else list(TARGETS)
+    names = arguments.only.split(",") if arguments.only else list(KINDS_OF_FILES)
     kinds = {}
     for name in names:
-        kinds[name] = {"class": TARGETS[name].line, **parent(name, -(-arguments.cases // TARGETS[name].every), SECONDS)}
+        kind = KINDS_OF_FILES[name]
+        kinds[name] = {"class": kind.line, **parent(name, -(-arguments.cases // kind.every), SECONDS)}
         print(name, kinds[name]["results"], f"{len(kinds[name]['findings'])} findings", file=sys.stderr, flush=True)
     command = f"{KINDS['hostile']} --cases {arguments.cases}" + (f" --only {arguments.only}" if arguments.only else "")
     result = {**stamp("hostile", command=command), "cases": arguments.cases, "kinds": kinds}

@@ -4,14 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.hostile.run import SECONDS, parent
-from tests.hostile.targets import TARGETS
+from tests.hostile.run import KINDS_OF_FILES, SECONDS, parent
 
 CASES = 12
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", TARGETS)
+@pytest.mark.parametrize("name", KINDS_OF_FILES)
 def test_every_copy_is_refused_by_name_or_harmless(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(Path(__file__).resolve().parents[2])
     result = parent(name, CASES, SECONDS)

@@ -15,6 +15,7 @@ import psutil
 import pytest
 
 from busybot.boards.config import BoardConfig
+from busybot.boards.spec import BoardCamera
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
@@ -65,6 +66,15 @@ def test_collecting_again_continues_and_other_settings_are_refused(tmp_path: Pat
     assert dataset.hashes() == whole
     with pytest.raises(BusybotError, match="steps 4, now 5"):
         collect(dataset, library, SMALL.model_copy(update={"steps": 5}), 1)
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_board_that_its_camera_does_not_see_is_named(tmp_path: Path) -> None:
+    dataset = make(tmp_path / "data", boards=2)
+    camera = BoardCamera(position=(0, 0, 0.5), target=(0, 0, 0), fov_deg=60)
+    dataset.replace_board(dataset.board(1).model_copy(update={"camera": camera}))
+    with pytest.raises(BusybotError, match=r"boards-00000.jsonl: line 2: .*its camera: the target is 0.5 away"):
+        collect(dataset, find("procedural"), SMALL, 1)
 
 
 @pytest.mark.usefixtures("in_process")

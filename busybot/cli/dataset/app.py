@@ -30,15 +30,27 @@ EndpointOption = Annotated[str | None, typer.Option(help="Of S3-compatible stora
 
 
 @app.command()
-def info(dataset: DatasetArgument, json: JsonOption = False) -> None:
-    """What is in a dataset, with the hashes over its boards, traces and content."""
+def info(
+    dataset: Annotated[
+        str,
+        typer.Argument(metavar="DATASET", help="Folder of the dataset, or its address, s3://BUCKET/FOLDER."),
+    ],
+    json: JsonOption = False,
+) -> None:
+    """What is in a dataset, with the hashes over its boards, traces and content.
+
+    At an address the tables are read, the recordings are only listed, and there are no hashes. Options of its file
+    system come from fsspec's configuration, as FSSPEC_S3_ENDPOINT_URL.
+    """
+    from busybot.common.remote import place_of
     from busybot.datasets.summary import summarise
 
-    summary = summarise(dataset)
+    place = place_of(dataset)
+    summary = summarise(place)
     if json:
         print_json(summary)
     else:
-        printing.summary(dataset, summary)
+        printing.summary(place, summary)
 
 
 @app.command()

@@ -64,13 +64,14 @@ def frames_around(file: Path, actions: Times, pictures: Times) -> list[int]:
         hint = "frames.csv with columns file and time tells it"
         raise BusybotError(f"{file}: actions have times; when was each picture taken?", hint)
     whens, times = _ordered(actions), _ordered(pictures)
-    _check_within(whens, times, [where for _, where in actions])
+    _check_within(whens, times, [where for _, where in actions], (pictures[0][1], pictures[-1][1]))
     places = (np.searchsorted(times, whens, side="left") - 1).tolist()
     for (before, after), (at, where) in zip(
         zip(places, [*places[1:], len(times) - 1], strict=True), actions, strict=True
     ):
         if before == after:
-            what = f"{where}: no picture shows what the action at {at:.10g} s left"
+            then = f"{pictures[before][1]} is the last before it"
+            what = f"{where}: no picture shows what the action at {at:.10g} s left; {then}"
             raise BusybotError(what, "a picture is needed before and after each; is time when the hand comes in?")
     return [*places, len(times) - 1]
 
@@ -87,13 +88,15 @@ def _ordered(told: Times) -> list[float]:
     return times
 
 
-def _check_within(actions: Sequence[float], times: Sequence[float], places: Sequence[str]) -> None:
+def _check_within(
+    actions: Sequence[float], times: Sequence[float], places: Sequence[str], ends: tuple[str, str]
+) -> None:
     """Actions lie between the first and the last picture; else a shift is proposed, never taken."""
     outside = [number for number, at in enumerate(actions) if not times[0] < at < times[-1]]
     if not outside:
         return
     what = f"{places[outside[0]]}: the action at {actions[outside[0]]:.10g} s is outside of the pictures, "
-    what += f"which are from {times[0]:.10g} s to {times[-1]:.10g} s"
+    what += f"which are from {times[0]:.10g} s to {times[-1]:.10g} s ({ends[0]}; {ends[1]})"
     if len(outside) < len(actions):
         raise BusybotError(what, "was the recording cut? Remove the actions without pictures, or add the pictures")
     apart = np.round((times[0] - actions[0]) / QUARTER_S) * QUARTER_S + np.array([0, QUARTER_S, -QUARTER_S])

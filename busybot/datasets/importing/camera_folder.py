@@ -18,6 +18,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from os.path import lexists
 from pathlib import Path
 from typing import Annotated
 
@@ -43,6 +44,7 @@ from busybot.datasets.importing.recording import (
 from busybot.datasets.importing.shots import FRAMES_FILE, Shot, decode_picture, each_colours, find_shots, first_size
 from busybot.datasets.importing.states import read_states
 from busybot.episodes.episode import Camera
+from busybot.episodes.validation import check_camera
 
 ACTIONS_FILE = "actions.csv"
 HINT = "docs/guides/own-recordings.md tells which files a camera's folder has"
@@ -116,9 +118,9 @@ class _Camera(FrozenModel):
 
 def camera_folders(source: Path) -> list[Path]:
     """The folder itself, or those in it that hold a recording; none where there are no actions."""
-    if (source / ACTIONS_FILE).exists():
+    if lexists(source / ACTIONS_FILE):
         return [source]
-    found = sorted(path.name for path in source.iterdir() if (path / ACTIONS_FILE).exists()) if source.is_dir() else []
+    found = sorted(path.name for path in source.iterdir() if lexists(path / ACTIONS_FILE)) if source.is_dir() else []
     return [inside(source, name) for name in found]
 
 
@@ -234,7 +236,7 @@ def _action(where: str, row: _Action, camera: _Camera | None) -> KnownAction:
 
 def _objects(folder: Path, unit: float) -> tuple[list[KnownObject], list[str | None]]:
     """The objects, and by which key a log of states tells of each."""
-    if not (folder / "objects.csv").exists():
+    if not lexists(folder / "objects.csv"):
         return [], []
     keys: list[str | None] = []
     found: list[KnownObject] = []
@@ -261,10 +263,10 @@ def _relations(folder: Path, objects: Sequence[KnownObject]) -> tuple[tuple[int,
     """Pairs of objects from relations.csv or relations.json; None where there is neither."""
     table, list_ = folder / "relations.csv", folder / "relations.json"
     hint = "a relation is a cause and an effect, by the names or numbers of objects.csv"
-    if table.exists():
+    if lexists(table):
         rows = read_table(inside(folder, table.name), _Relation, hint)
         told = [(f"{table}: line {row.line}", row.cause, row.effect) for row in rows if absent(row.cause)]
-    elif list_.exists():
+    elif lexists(list_):
         values = read_json(inside(folder, list_.name))
         pairs = values if isinstance(values, list) else [None]
         if any(not isinstance(pair, list) or len(pair) != 2 for pair in pairs):
@@ -278,15 +280,19 @@ def _relations(folder: Path, objects: Sequence[KnownObject]) -> tuple[tuple[int,
     for where, cause, effect in told:
         for name, role in ((cause, "trigger"), (effect, "responder")):
             if name.strip() not in names:
-                raise BusybotError(f"{where}: there is no object {name[:40]!r}", hint)
+                raise BusybotError(f"{where}: objects.csv has no object {name[:40]!r}", hint)
             if (is_role := objects[names[name.strip()]].role) != role and role == "responder":
                 raise BusybotError(f"{where}: {name[:40]!r} is a {is_role}, not a {role}", hint)
         found.append((names[cause.strip()], names[effect.strip()]))
     return tuple(found)
 
 
+def _camera_files(folder: Path) -> list[str]:
+    return [name for name in ("camera.json", "camera.yaml", "camera.yml") if lexists(folder / name)]
+
+
 def _camera(folder: Path) -> _Camera | None:
-    there = [name for name in ("camera.json", "camera.yaml", "camera.yml") if (folder / name).exists()]
+    there = _camera_files(folder)
     if not there:
         return None
     file, hint = inside(folder, there[0]), "matrix: [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], and pose or corners"
@@ -303,6 +309,13 @@ def _camera(folder: Path) -> _Camera | None:
 
 def _pinhole(folder: Path, told: _Camera, size: tuple[int, int]) -> Camera:
     """The camera; where the pose is not told, from where the corners of the board are in the picture."""
+    with naming(folder / _camera_files(folder)[0]):
+        camera = _told_camera(told, size)
+        check_camera(camera)
+    return camera
+
+
+def _told_camera(told: _Camera, size: tuple[int, int]) -> Camera:
     try:
         matrix = np.array(told.matrix, float).reshape(3, 3)
         if told.pose is not None:
@@ -312,12 +325,12 @@ def _pinhole(folder: Path, told: _Camera, size: tuple[int, int]) -> Camera:
         corners = np.array(told.corners, float).reshape(4, 1, 2)
     except ValueError:
         hint = "matrix has 3 x 3 numbers, pose 4 x 4, corners 4 x 2: upper left, upper right, lower right, lower left"
-        raise BusybotError(f"{folder}: the camera's numbers are not as many as they must be", hint) from None
+        raise BusybotError("the camera's numbers are not as many as they must be", hint) from None
     half = BOARD / 2
     board = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
     done, turn, shift = cv2.solvePnP(board, corners, matrix, None, flags=cv2.SOLVEPNP_SQPNP)
     if not done or not np.isfinite(shift).all():
-        raise BusybotError(f"{folder}: no camera sees a board with such corners", "upper left, then clockwise")
+        raise BusybotError("no camera sees a board with such corners", "upper left, then clockwise")
     pose = np.eye(4)
     pose[:3, :3] = cv2.Rodrigues(turn)[0].T
     pose[:3, 3] = -pose[:3, :3] @ shift.ravel()

@@ -6,7 +6,7 @@ the board, its rows along its width: that one tells the pose. Its first corner i
 picture.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,10 @@ MOST_ERROR = 1.0
 """Mean distance of corners from where the camera would see them, pixels: more is a lens that bends lines, or blur."""
 STARTS = (0.5, 1.0, 2.0)
 """Focal lengths from which the search begins, widths of the picture."""
+LEAST_ERROR = 0.1
+"""Pixels that corners are found to: less is not looked into."""
+MOST_LEFT_OUT = 30
+"""Pictures of which it is tried whether the others agree better without."""
 MOST_SPREAD = 0.02
 """Part of the focal length by which the searches may differ, and that its standard deviation may have."""
 
@@ -67,7 +71,7 @@ def calibrate(folder: Path, board: Checkerboard, flat: str, width: float) -> dic
         what = f"{folder}: {len(seen)} of {len(found)} pictures show {board.columns} x {board.rows} inner corners"
         hint = f"{LEAST} are needed, {flat} among them; count the inner corners, and keep the rim of paper white"
         raise BusybotError(what, hint)
-    error, matrix = _matrix(board, list(seen.values()), size)
+    error, matrix = _matrix(board, seen, size, folder)
     _, turn, place = cv2.solvePnP(board.points, seen[flat], matrix, np.zeros(5))
     rotation = cv2.Rodrigues(turn)[0]
     pose = np.eye(4)
@@ -107,28 +111,64 @@ def _one_size(folder: Path, found: dict[str, tuple[np.ndarray | None, tuple[int,
     return shape[1], shape[0]
 
 
-def _matrix(board: Checkerboard, seen: Sequence[np.ndarray], size: tuple[int, int]) -> tuple[float, np.ndarray]:
+def _matrix(
+    board: Checkerboard, seen: Mapping[str, np.ndarray], size: tuple[int, int], folder: Path
+) -> tuple[float, np.ndarray]:
     """The error, pixels, and the matrix of a camera whose pixels are square.
 
     Pictures of one slant fit cameras of any focal length. Then the search ends where its beginning or the noise of
     corners takes it: focal lengths from several beginnings differ, their deviation is large, or the middle lies outside
     the picture.
     """
-    flags = cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
-    flags |= cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_USE_INTRINSIC_GUESS
-    found, points = [], [board.points] * len(seen)
-    for focal in (size[0] * factor for factor in STARTS):
-        start = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1.0]])
-        told = cv2.calibrateCameraExtended(points, list(seen), size, start, np.zeros(5), flags=flags)
-        error, matrix, deviations = told[0], told[1], told[5]
-        found.append((float(error) if np.isfinite(matrix).all() else np.inf, matrix, deviations[:2].max()))
+    found = [_search(board, list(seen.values()), size, size[0] * factor) for factor in STARTS]
     error, matrix, deviation = min(found, key=lambda one: one[0])
+    _refuse_odd_one(board, seen, size, folder, (error, matrix[0, 0]))
     if not error <= MOST_ERROR:
-        what = f"the corners lie {error:.1f} pixels from where a camera without distortion sees them"
+        what = f"{folder}: the corners lie {error:.1f} pixels from where a camera without distortion sees them"
         raise BusybotError(what, "undistort the pictures, hold the checkerboard still, and count its inner corners")
     focals = [own[0, 0] for _, own, _ in found]
     agree = 0 < max(focals) <= min(focals) * (1 + MOST_SPREAD) and deviation <= MOST_SPREAD * max(focals)
     if not agree or not (0 < matrix[0, 2] < size[0] and 0 < matrix[1, 2] < size[1]):
-        what = f"the pictures tell no focal length: {min(focals):.0f} to {max(focals):.0f} pixels, ± {deviation:.0f}"
+        told = f"{min(focals):.0f} to {max(focals):.0f} pixels, ± {deviation:.0f}"
+        what = f"{folder}: the pictures tell no focal length: {told}"
         raise BusybotError(what, "take pictures with the checkerboard held at several slants, not only turned")
     return error, matrix
+
+
+def _search(
+    board: Checkerboard, seen: Sequence[np.ndarray], size: tuple[int, int], focal: float
+) -> tuple[float, np.ndarray, float]:
+    """Error, matrix, and the focal length's standard deviation, pixels, from this focal length on."""
+    flags = cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
+    flags |= cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_USE_INTRINSIC_GUESS
+    start = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1.0]])
+    points = [board.points] * len(seen)
+    told = cv2.calibrateCameraExtended(points, list(seen), size, start, np.zeros(5), flags=flags)
+    error, matrix, deviations = told[0], told[1], told[5]
+    return float(error) if np.isfinite(matrix).all() else np.inf, matrix, deviations[:2].max()
+
+
+def _refuse_odd_one(
+    board: Checkerboard,
+    seen: Mapping[str, np.ndarray],
+    size: tuple[int, int],
+    folder: Path,
+    told: tuple[float, float],
+) -> None:
+    """Refuse a picture that the camera of the others did not take: one that was cut or made larger bends the whole.
+
+    Args:
+        told: error and focal length of all, pixels.
+    """
+    if len(seen) <= LEAST or told[0] < LEAST_ERROR:
+        return
+    without = {}
+    for name in list(seen)[:MOST_LEFT_OUT]:
+        others = [corners for other, corners in seen.items() if other != name]
+        error, matrix, deviation = _search(board, others, size, size[0])
+        if deviation <= MOST_SPREAD * matrix[0, 0]:
+            without[name] = (error, matrix[0, 0])
+    name, (error, focal) = min(without.items(), key=lambda one: one[1], default=("", (np.inf, 1.0)))
+    if error < told[0] / 2 and (told[0] > MOST_ERROR or abs(told[1] / focal - 1) > MOST_SPREAD):
+        what = f"{folder / name}: the other pictures tell a focal length of {focal:.0f} pixels, {told[1]:.0f} with it"
+        raise BusybotError(what, "remove it: is it of another camera, or was it cut, turned or made larger?")

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from os.path import lexists
 from pathlib import Path
 
 import cv2
@@ -58,7 +59,7 @@ def find_shots(folder: Path, fps: float | None, camera: str | None = None) -> li
         BusybotError: there are none, some are missing, or it could be one thing or another.
     """
     table = folder / FRAMES_FILE
-    rows = read_table(inside(folder, FRAMES_FILE), _Frame, "columns are file, time, depth") if table.exists() else []
+    rows = read_table(inside(folder, FRAMES_FILE), _Frame, "columns are file, time, depth") if lexists(table) else []
     told = [(read_time(row.time, f"{table}: line {row.line}"), row.depth, f"{table}: line {row.line}") for row in rows]
     if any(row.file is not None for row in rows):
         for row in rows:

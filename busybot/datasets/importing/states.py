@@ -9,6 +9,7 @@ frame is what its key (column `state` of objects.csv) had last when the picture 
 """
 
 from collections.abc import Mapping, Sequence
+from os.path import lexists
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,7 @@ def _joined(named: str, told: Sequence[tuple[float, float]], times: Sequence[flo
 def _log(folder: Path, container: Path | None) -> list[tuple[float, Mapping[str, float]]]:
     """Values by key, in the order of time."""
     lines: list[tuple[str, str, float | None]] = []
-    if (folder / STATES_FILE).exists():
+    if lexists(folder / STATES_FILE):
         text = read_text(inside(folder, STATES_FILE), MAX_LINES_BYTES, HINT)
         lines = [(f"{folder / STATES_FILE}: line {n}", line, None) for n, line in enumerate(text.splitlines(), start=1)]
     elif container is not None:

@@ -17,6 +17,7 @@ with several folders with `events` is several recordings.
 - **Pass** and **Done** let things come to rest: their picture takes the place of the one before.
 """
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -173,7 +174,7 @@ def _read_all(folder: Path) -> list[_Read]:
             event = _Event.model_validate(read_json(inside(folder, f"{EVENTS}/{file.name}")))
         except ValidationError as error:
             raise BusybotError(f"{file}: {first_fault(error)}", HINT) from None
-        pictures = [file.stem + end for end in PICTURES if (place / (file.stem + end)).is_file()]
+        pictures = [file.stem + end for end in PICTURES if os.path.lexists(place / (file.stem + end))]
         if len(pictures) != 1:
             what = f"{file}: {'no picture' if not pictures else 'several pictures'} of that name beside it"
             raise BusybotError(what, f"save event.frame as {file.stem}.png")
@@ -192,9 +193,11 @@ def _frames(events: Sequence[_Read]) -> list[_Read]:
     found = [events[0]]
     for one in events[1:]:
         if one.event.metadata.scene_name != events[0].event.metadata.scene_name:
-            raise BusybotError(f"{one.file}: another scene than the first", "a recording is of one scene: divide it")
+            what = f"{one.file}: another scene than in {events[0].file.name}"
+            raise BusybotError(what, "a recording is of one scene: divide it")
         if not events[0].event.metadata.agent.stays(one.event.metadata.agent):
-            raise BusybotError(f"{one.file}: the agent moved, so the camera did", "divide the recording there")
+            what = f"{one.file}: the agent moved, and so the camera, since {events[0].file.name}"
+            raise BusybotError(what, "divide the recording there")
         if one.kind in IDLE:
             kept = found[-1].event
             rested = one.event.model_copy(update={"action": kept.action})
@@ -236,7 +239,7 @@ def _objects(frames: Sequence[_Read]) -> tuple[list[str], list[KnownObject]]:
             found[name] = KnownObject(name, role, boxes[name], None, where)
     for name, one_event in acted.items():
         if name not in found:
-            what = f"{one_event.file}: it acts on {name[:80]!r}, which the first picture does not show"
+            what = f"{one_event.file}: it acts on {name[:80]!r}, which {first.file.name} does not show"
             raise BusybotError(what, "look where all that is acted on shows, and start there")
     if len(found) > MAX_OBJECTS:
         what = f"{first.file}: {len(found)} objects to act on or that respond show in its picture"
@@ -257,7 +260,7 @@ def _action(before: _Read, after: _Read) -> KnownAction:
 def _state(one: _Read, name: str) -> int:
     found = one.objects.get(name)
     if found is None:
-        raise BusybotError(f"{one.file}: {name[:80]!r} of the first event is gone", "divide the recording there")
+        raise BusybotError(f"{one.file}: {name[:80]!r}, which was there before, is gone", "divide the recording there")
     return found.state
 
 

@@ -77,7 +77,7 @@ def quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
     return x, y, z, w
 
 
-def board(spec: BoardSpec, positions: np.ndarray) -> fg.SceneUpdate:
+def board(spec: BoardSpec, positions: np.ndarray) -> fg.SceneEntity:
     """The surface, and a ball in the role's colour at each visible object's centre."""
     surface = fg.CubePrimitive(pose=_pose((0, 0, -0.02)), size=_vector((*spec.size, 0.04)), color=_color(spec.color))
     balls = [
@@ -85,11 +85,15 @@ def board(spec: BoardSpec, positions: np.ndarray) -> fg.SceneUpdate:
         for placed, position in zip(spec.objects, positions, strict=True)
         if np.isfinite(position).all()
     ]
-    entity = fg.SceneEntity(timestamp=_stamp(0), frame_id=BOARD_FRAME, id="board", cubes=[surface], spheres=balls)
-    return fg.SceneUpdate(entities=[entity])
+    return fg.SceneEntity(timestamp=_stamp(0), frame_id=BOARD_FRAME, id="board", cubes=[surface], spheres=balls)
 
 
-def action(step: Step, index: int) -> fg.SceneUpdate:
+def scene(board: fg.SceneEntity, action: fg.SceneEntity | None = None) -> fg.SceneUpdate:
+    """All that shows: after a jump in time a viewer asks for the last message of a topic alone."""
+    return fg.SceneUpdate(entities=[board] if action is None else [board, action])
+
+
+def action(step: Step, index: int) -> fg.SceneEntity:
     """An arrow where and how the gripper was told to pull; it replaces the one before."""
     arrow = fg.ArrowPrimitive(
         pose=_pose(step.position, _quaternion(towards(DIRECTIONS[step.direction]))),
@@ -99,8 +103,7 @@ def action(step: Step, index: int) -> fg.SceneUpdate:
         head_diameter=0.07,
         color=_color((0.9, 0.1, 0.3)),
     )
-    entity = fg.SceneEntity(timestamp=_stamp(index), frame_id=BOARD_FRAME, id="action", arrows=[arrow])
-    return fg.SceneUpdate(entities=[entity])
+    return fg.SceneEntity(timestamp=_stamp(index), frame_id=BOARD_FRAME, id="action", arrows=[arrow])
 
 
 def towards(direction: np.ndarray) -> tuple[float, float, float, float]:

@@ -69,12 +69,13 @@ def _encoded(episode: Episode, image_format: ImageFormat) -> bytes:
         for name, value in ((channels.BOARD_FILE, board), (channels.RECORDING_FILE, _recording(episode))):
             data = json.dumps(value, sort_keys=True, allow_nan=False).encode()
             file.attach(log_time=0, create_time=0, name=name, media_type="application/json", data=data)
-        _write_static(episode)
+        shown = foxglove_messages.board(episode.board, episode.positions)
+        _write_static(episode, shown)
         write_image(channels.CAMERA, episode.images[0], 0, 0)
         for image in episode.goals:
             write_image(channels.GOAL, image, 0, 0)
         for index, step in enumerate(episode.steps):
-            _write_step(episode, index, step)
+            _write_step(episode, index, step, shown)
             before, after = episode.frame_of[index : index + 2]
             if after != before:
                 write_image(channels.CAMERA, episode.images[after], after, index + 1)
@@ -129,11 +130,11 @@ def _recording(episode: Episode) -> dict[str, Any]:
     }
 
 
-def _write_static(episode: Episode) -> None:
+def _write_static(episode: Episode, shown: fg.SceneEntity) -> None:
     """What holds for the whole episode, at time 0."""
     _log(channels.CALIBRATION, foxglove_messages.calibration(episode.camera).encode(), 0)
     _log(channels.TRANSFORMS, foxglove_messages.transforms(episode.camera).encode(), 0)
-    _log(channels.SCENE, foxglove_messages.board(episode.board, episode.positions).encode(), 0)
+    _log(channels.SCENE, foxglove_messages.scene(shown).encode(), 0)
     objects = zip(episode.board.objects, episode.positions, episode.images[0].boxes, strict=True)
     rows = [{"role": o.role, "position": p.tolist(), "box": b.tolist()} for o, p, b in objects]
     _log_own(channels.OBJECTS, 0, objects=rows)
@@ -156,7 +157,7 @@ def _write_image(place: channels.Pictures, image: EncodedImage, index: int, fram
     _log_own(place.boxes, frame, image=index, frame=frame, corners=image.boxes.ravel().tolist())
 
 
-def _write_step(episode: Episode, index: int, step: Step) -> None:
+def _write_step(episode: Episode, index: int, step: Step, shown: fg.SceneEntity) -> None:
     values = episode.values(index)
     for field in STEP_FIELDS:
         if field.wire and field.wire.each:
@@ -164,7 +165,7 @@ def _write_step(episode: Episode, index: int, step: Step) -> None:
     for topic in (channels.STEP, channels.STEP_TRUTH):
         names = channels.message_class(channels.SCHEMAS[topic]).DESCRIPTOR.fields_by_name
         _log_own(topic, index, **{name: values[name] for name in names})
-    _log(channels.SCENE, foxglove_messages.action(step, index).encode(), index)
+    _log(channels.SCENE, foxglove_messages.scene(shown, foxglove_messages.action(step, index)).encode(), index)
     _log(channels.LOG, foxglove_messages.sentence(step, index).encode(), index)
 
 

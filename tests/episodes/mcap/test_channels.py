@@ -83,6 +83,9 @@ def test_the_layout_for_foxglove_shows_what_recordings_have(tmp_path: Path) -> N
         else:
             placed.append(part)
     assert placed == list(layout["configById"]), "in order, each once"
+    images = {name: panel for name, panel in layout["configById"].items() if name.startswith("ImageViewPanel!")}
+    told = {name: (panel["cameraTopic"], panel["imageMode"]["imageTopic"]) for name, panel in images.items()}
+    assert told == {"ImageViewPanel!rgb": (RGB, RGB), "ImageViewPanel!depth": (DEPTH, DEPTH)}, "old and new keys"
 
 
 def test_rerun_alone_has_every_frame_and_its_step_at_their_times(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ class MechanismConfig(FrozenModel):
     drawn: Annotated[int, Field(ge=0)] = 400
     actions: Annotated[int, Field(ge=1)] = 30
     blur: Blur = Blur()
-    iterations: Annotated[int, Field(ge=0)] = 6000
+    iterations: Annotated[int, Field(ge=0)] = 5000
     batch: Annotated[int, Field(ge=1)] = 8
     moments: Annotated[int, Field(ge=1)] = 3
     learning_rate: PositiveFloat = 3e-3
@@ -62,4 +62,4 @@ class MechanismConfig(FrozenModel):
     clip: PositiveFloat = 1.0
     rough: NonNegativeFloat = 0.3
     net: MechanismNetConfig = MechanismNetConfig()
-    loop: LoopConfig = LoopConfig(judge=100)
+    loop: LoopConfig = LoopConfig(judge=100, patience=20)

@@ -3,8 +3,9 @@
 A graph of three kinds of nodes. An *explanation* of a responder (`contexts`) knows what was counted of it; a
 *candidate* is a pair of an input and a responder; edges lead from each explanation to the candidates that it reads. Two
 rounds of messages along them: candidates gather what their explanations say, weighted by how good they look, and hear
-how much other responders seem to need the same input; explanations gather what their candidates say. A softmax over the
-explanations of a responder ends it.
+how much other responders seem to need the same input; explanations gather what their candidates say, and hear how all
+responders of the board behave: where none has luck, or all come late, this one will not be otherwise. A softmax over
+the explanations of a responder ends it.
 
 Letters: X explanations and C candidates of R responders of all boards, K moments.
 """
@@ -38,6 +39,7 @@ def explanation_graph(trace: Trace, after: Sequence[int], parents: np.ndarray | 
     | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
     | `candidate` | `input` | int64 (R * I,) | number of the input, in all boards of a batch |
     | `responder` | | R | |
+    | `responder`, `lies on`, `board` | `edge_index` | int64 (2, R) | |
     | `explanation`, `reads`, `candidate` | `edge_index` | int64 (2, R * E) | |
     | | `witnesses` | float32 (R * E, K, 2) | `Evidence.inputs` |
     | `explanation`, `explains`, `responder` | `edge_index` | int64 (2, R * H) | |
@@ -73,6 +75,8 @@ def explanation_graph(trace: Trace, after: Sequence[int], parents: np.ndarray | 
     graph["candidate", "moves", "responder"].edge_index = torch.stack(
         [torch.arange(responders * inputs), owner.repeat_interleave(inputs)]
     )
+    graph["board"].num_nodes = 1
+    graph["responder", "lies on", "board"].edge_index = torch.stack([owner, torch.zeros_like(owner)])
     graph["candidate", "is", "input"].edge_index = torch.stack(
         [torch.arange(responders * inputs), torch.arange(inputs).repeat(responders)]
     )
@@ -122,7 +126,8 @@ class MechanismNet(nn.Module):
         self.sharpness = nn.Parameter(torch.tensor(0.6 * SHARP))
         self.witnesses = nn.Linear(WITNESSES, 3 * width)
         self.candidate = mlp(2 * width + 2, width, width)
-        self.final = mlp(3 * width, width, 1)
+        self.board = mlp(width, width, width)
+        self.final = mlp(4 * width, width, 1)
         self.gather = Gather()
 
     def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor]:
@@ -140,13 +145,16 @@ class MechanismNet(nn.Module):
         first = self._shares(self.rough(token)[..., 0] + self.sharpness * node.evidence[..., 0], node, owner)
         weight = first.exp()
         summary = scatter(weight[..., None] * token, owner, dim_size=responders, reduce="sum")  # (R, K, width)
+        of_board = graph["responder", "lies on", "board"].edge_index[1]
+        board = scatter(self.board(summary), of_board, dim_size=graph["board"].num_nodes, reduce="mean")[of_board]
         heard = self.gather(edges.edge_index, token, there, weight, (explanations, candidates))
         needed = scatter(weight[source], target, dim_size=candidates, reduce="sum")[..., None]  # (C, K, 1)
         others = scatter(needed, of_input, dim_size=inputs, reduce="sum")[of_input] - needed
         told = self.candidate(torch.cat([heard / (needed + 1e-3), summary[of_responder], needed, others], -1))
         share = 1 / scatter(torch.ones_like(source), source, dim_size=explanations).clamp(min=1)
         said = self.gather(edges.edge_index.flip(0), told, back, needed.new_ones(1, 1), (candidates, explanations))
-        logits = first + self.final(torch.cat([token, share[:, None, None] * said, summary[owner]], -1))[..., 0]
+        around = torch.cat([summary, board], -1)[owner]
+        logits = first + self.final(torch.cat([token, share[:, None, None] * said, around], -1))[..., 0]
         return self._shares(logits, node, owner), first
 
     def _shares(self, logits: Tensor, node: HeteroData, owner: Tensor) -> Tensor:

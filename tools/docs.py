@@ -80,6 +80,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/judgements.md": {"test-sets": judgements.test_sets},
     "docs/results/worlds.md": {
         "worlds": world_tables.worlds,
+        "rewirings": world_tables.rewirings,
         "exploring": world_tables.exploring,
         "curiosity": world_tables.curiosity,
         "world-plans": world_tables.world_plans,

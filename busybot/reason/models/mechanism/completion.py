@@ -19,20 +19,22 @@ def completed(
     """What may follow each situation that was not met: the share of functions in which each state does.
 
     Args:
-        known: what followed each situation that was met, states of the inputs.
+        known: what followed each situation that was met, states of the inputs; one with a state that an input is not
+            known to have tells nothing.
         sizes: number of states of each input.
         states: so many may follow.
 
     Returns:
         float (states,) by situation; nothing if all were met, or no function is left, or too many are.
     """
-    unmet = [one for one in product(*map(range, sizes)) if one not in known]
+    situations = list(product(*map(range, sizes)))
+    unmet = [one for one in situations if one not in known]
     if not unmet or states ** len(unmet) > MOST:
         return {}
     ways = np.array(list(product(range(states), repeat=len(unmet))), int)  # (functions, unmet)
     tables = np.zeros((*sizes, len(ways)), int)
-    for situation, state in known.items():
-        tables[situation] = state
+    for situation in set(situations) & known.keys():
+        tables[situation] = known[situation]
     for column, situation in zip(ways.T, unmet, strict=True):
         tables[situation] = column
     matter = [(tables.max(one) != tables.min(one)).reshape(-1, len(ways)).any(0) for one in range(len(sizes))]

@@ -25,6 +25,10 @@ KNOWN = 6
 JUDGED_AT_ONCE = 16
 JUDGED_AFTER = (4, 10, 22, 30)
 """Held-out boards are judged after so many actions."""
+_COUNTED: dict[Any, tuple[str, ...]] = {
+    "explanation": ("evidence",),
+    ("explanation", "reads", "candidate"): ("witnesses",),
+}
 
 
 def loss_of(net: MechanismNet, graph: HeteroData, rough: float) -> Tensor:
@@ -61,12 +65,6 @@ def _at(graph: HeteroData, moments: Tensor) -> HeteroData:
             chosen[kept][name] = graph[kept][name][:, moments].float()
     chosen["explanation"].right = graph["explanation"].right[:, moments]
     return chosen
-
-
-_COUNTED: dict[Any, tuple[str, ...]] = {
-    "explanation": ("evidence",),
-    ("explanation", "reads", "candidate"): ("witnesses",),
-}
 
 
 class MechanismLearner(Learner):

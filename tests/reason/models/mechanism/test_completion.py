@@ -23,3 +23,4 @@ def test_nothing_is_told_where_all_was_met_or_nothing_fits_or_too_much_does() ->
     assert completed({(0,): 0, (1,): 1}, (2,), 2) == {}
     assert completed({(0,): 0}, (2,), 1) == {}
     assert completed({}, (3, 3, 3), 3) == {}
+    assert completed({(0,): 0, (2,): 1}, (2,), 2)[1,].tolist() == [0, 1], "a third state that nobody knew of"

@@ -1,5 +1,6 @@
 """The pictures of a camera's folder: files in order, or frames of a video, found first and decoded when needed."""
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -117,6 +118,7 @@ def _video_shots(
 
 def _opened(video: Path) -> cv2.VideoCapture:
     open_regular(video, MAX_RECORDING_BYTES, "cut it into shorter ones").close()
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # else each damaged block is told at the terminal
     capture = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
     if not capture.isOpened():
         raise BusybotError(f"{video}: it cannot be read as a video", "save it as mp4, or its frames as pictures")

@@ -35,6 +35,9 @@ class _Opened:
         except (OSError, RuntimeError):
             raise _FaultError("it cannot be read as HDF5") from None
 
+    def close(self) -> None:
+        self._root.close()
+
     def names(self, path: str) -> list[str]:
         """Names of what is in a group, none where it is not; those that are no text are left out."""
         try:
@@ -72,7 +75,7 @@ class _Opened:
         return told
 
     def row(self, path: str, number: int, start: int) -> list[Any]:
-        """A piece of a row's bytes, from `start` on, and how many it has; zeros at the end of packed ones are cut off."""
+        """A piece of a row's bytes, from `start` on, and how many it has; without zeros that pad it."""
         if self._kept[0] != (path, number):
             found = self._array(path)
             data = found[number].tobytes()
@@ -107,7 +110,10 @@ def main() -> None:
         key = (asked.pop("file"), asked.pop("serial"))
         try:
             if key not in opened:
-                opened = {key: _Opened(key[0])}
+                for one in opened.values():  # else the library answers from what it knows of a file with this inode
+                    one.close()
+                opened.clear()
+                opened[key] = _Opened(key[0])
             told = {"answer": getattr(opened[key], asked.pop("do"))(**asked)}
         except _FaultError as error:
             told = {"fault": str(error)[:1000]}

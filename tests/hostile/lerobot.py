@@ -89,7 +89,7 @@ def odd_cell(columns: dict[str, Any], rng: np.random.Generator) -> None:
 def rows_bomb(columns: dict[str, Any], rng: np.random.Generator) -> None:
     """So many rows that are equal that a small file holds gigabytes."""
     picture = int(rng.integers(2))
-    times = int(rng.choice([1000, 200_000])) if picture else 30_000_000
+    times = int(rng.choice([1000, 200_000])) if picture else 3_000_000
     for name, column in list(columns.items()):
         if name not in COLUMNS or (not picture and name not in ("timestamp", "episode_index")):
             columns.pop(name)

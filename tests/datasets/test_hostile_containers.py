@@ -15,6 +15,7 @@ from busybot.common.errors import BusybotError
 from busybot.datasets.exporting.lerobot import RGB
 from busybot.datasets.exporting.targets import export_recordings
 from busybot.datasets.importing import containers
+from busybot.datasets.importing import lerobot as reader
 from busybot.datasets.importing.camera_folder import ImportOptions
 from busybot.datasets.importing.sources import import_source
 from tests.datasets.test_imports_of_containers import folder_of, state_rows, with_keys, write_hdf5
@@ -177,6 +178,15 @@ def test_an_episode_in_two_tables_is_not_read_from_the_first(tmp_path: Path) -> 
     pq.write_table(table.slice(0, 3), file)
     pq.write_table(table.slice(3), file.with_name("file-001.parquet"))
     with pytest.raises(BusybotError, match="file-001.parquet: row 0: of episode 0, but not after"):
+        import_source(tmp_path / "lerobot", None, ImportOptions(camera=RGB))
+
+
+def test_a_long_episode_is_refused_before_anything_is_made_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reader, "MOST_ROWS", 6)
+    file, _ = lerobot(tmp_path)
+    with pytest.raises(BusybotError, match=f"{file.name}: row 6: episode 0 has more than 6 rows"):
         import_source(tmp_path / "lerobot", None, ImportOptions(camera=RGB))
 
 

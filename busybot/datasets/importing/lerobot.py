@@ -23,8 +23,8 @@ from busybot.datasets.importing.recording import KnownAction, Recording
 from busybot.datasets.importing.shots import Shot, first_size
 
 INFO_FILE = "meta/info.json"
-BATCH = 4096
-"""Rows that are decoded at once, without pictures."""
+BATCH, MOST_ROWS = 4096, 100_000
+"""Rows that are decoded at once, without pictures, and of an episode."""
 HINT = "it reads version 3.0 with pictures in the tables; save the frames of videos as pictures, with frames.csv"
 
 
@@ -81,6 +81,10 @@ def _episodes(source: Path, camera: str, own: bool) -> dict[int, list[tuple[Shot
             if rows and (rows[-1][0].name != name or at <= rows[-1][0].time):
                 what = f"{where}: of episode {episode}, but not after {rows[-1][0].where} in the same file"
                 raise BusybotError(what, "an episode lies in one file, its rows in the order of timestamp")
+            if len(rows) == MOST_ROWS:
+                raise BusybotError(
+                    f"{where}: episode {episode} has more than {MOST_ROWS} rows", "cut it into shorter ones"
+                )
             rows.append((Shot(name, number, float(at), None, where, camera), row))
     if not found:
         raise BusybotError(f"{source}: it has no rows in data/chunk-000", HINT)

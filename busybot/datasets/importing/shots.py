@@ -152,11 +152,11 @@ def first_size(folder: Path, chosen: Sequence[Shot]) -> tuple[int, int]:
     Raises:
         BusybotError: naming one that is not.
     """
-    for shot in chosen:
+    first = {name: shot for shot in reversed(chosen) for name in (shot.name, shot.depth) if name}
+    for name, shot in reversed(first.items()):  # each file once: a table may hold all pictures
         with naming(shot.where):
-            for name in filter(None, (shot.name, shot.depth)):
-                if not inside(folder, name).is_file():
-                    raise BusybotError(f"there is no picture {folder / name}", "put it there, or correct the name")
+            if not inside(folder, name).is_file():
+                raise BusybotError(f"there is no picture {folder / name}", "put it there, or correct the name")
     _, rgb = next(each_colours(folder, chosen[:1]))
     return rgb.shape[1], rgb.shape[0]
 

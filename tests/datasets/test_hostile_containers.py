@@ -213,3 +213,12 @@ def test_a_log_that_does_not_fit_is_named(tmp_path: Path) -> None:
     folder = hdf5_folder(tmp_path)
     (folder / "states.jsonl").write_text(json.dumps({"ts": 5000.0, "device": "box", "values": [0] * 5}) + "\n")
     refused(folder, "states.jsonl: 'box.0': its log is from", "states.jsonl")
+
+
+def test_a_link_in_place_of_what_a_dataset_says_of_itself(tmp_path: Path) -> None:
+    lerobot(tmp_path)
+    info = tmp_path / "lerobot" / "meta" / "info.json"
+    info.unlink()
+    info.symlink_to("nowhere")
+    with pytest.raises(BusybotError, match="meta/info.json: there is no such file"):
+        import_source(tmp_path / "lerobot", None, ImportOptions(camera=RGB))

@@ -22,7 +22,9 @@ from busybot.common.process_pool import end_with
 from busybot.common.text import plain
 
 MOST_LINE = 1 << 16
-"""Bytes of an answer."""
+"""Bytes of an answer, where nobody asks for more."""
+READ = 1 << 16
+"""Bytes that are read at once."""
 KEPT = 2000
 """Bytes of its standard error that are kept, the last ones."""
 TOLD = 300
@@ -41,7 +43,8 @@ class NoAnswerError(Exception):
 class Child:
     """A program that is asked by lines, within limits; `close` kills it with its process group."""
 
-    def __init__(self, words: Sequence[str], timeout_s: float):
+    def __init__(self, words: Sequence[str], timeout_s: float, most_line: int = MOST_LINE):
+        self._most_line = most_line
         self._timeout_s, self._unsent, self._came, self._said, self._ended = timeout_s, b"", b"", b"", False
         # no shell, and a process group of its own; if this process is killed, the child is as well
         self._process = subprocess.Popen(
@@ -73,7 +76,7 @@ class Child:
         until = time.monotonic() + self._timeout_s
         while True:
             line, found, rest = self._came.partition(b"\n")
-            if len(line) > MOST_LINE:
+            if len(line) > self._most_line:
                 raise NoAnswerError("line too long")
             if found or (self._ended and line):
                 self._came = rest
@@ -98,7 +101,7 @@ class Child:
             if not self._unsent:
                 self._selector.unregister(descriptor)
             return
-        data = os.read(descriptor, MOST_LINE)
+        data = os.read(descriptor, READ)
         if descriptor == self._stderr:
             self._said = (self._said + data)[-KEPT:]
         else:
@@ -112,7 +115,7 @@ class Child:
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
         with suppress(OSError):
-            self._said = (self._said + os.read(self._stderr, MOST_LINE))[-KEPT:]
+            self._said = (self._said + os.read(self._stderr, READ))[-KEPT:]
         self._selector.close()
         for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
             if stream is not None:

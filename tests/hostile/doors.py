@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 
 from busybot.boards.spec import SCENES_VERSION, BoardCamera
-from busybot.common.errors import naming
+from busybot.common.errors import BusybotError, naming
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
+from busybot.datasets.importing.camera_folder import ImportOptions
 from busybot.datasets.importing.checkerboard import calibrate
 from busybot.datasets.importing.sources import import_source
 from busybot.episodes.mcap.reader import read_episode
@@ -40,15 +41,25 @@ def _camera_folder(folder: Path) -> None:
     write_camera_folder(folder / "t", make_episode(0, steps=4), camera=True, times=True)
 
 
-def _imported(folder: Path) -> Any:
-    """What is told of the source, and all that is in the dataset that is made of it."""
-    told = import_source(folder / "t", None).recordings
+def imported_from(source: Path, **options: Any) -> Any:
+    """What is told of the source, and all that is in the dataset that is made of it; after an error there is none."""
+    asked = ImportOptions(**options)
+    told = import_source(source, None, asked).recordings
     json.dumps(told, allow_nan=False)
     with tempfile.TemporaryDirectory(prefix="busybot-hostile-import-") as place:
-        made = import_source(folder / "t", Path(place) / "d").dataset
+        try:
+            made = import_source(source, Path(place) / "d", asked).dataset
+        except BusybotError as error:
+            if list(Path(place).iterdir()):
+                raise ValueError(f"something is left half-written after {error}") from None
+            raise
         assert made is not None
         found = [_plain(read_episode(made.episode_path(index))) for index in sorted(made.finished())]
         return told, made.boards(), found
+
+
+def _imported(folder: Path) -> Any:
+    return imported_from(folder / "t")
 
 
 def odd_picture(data: bytes, rng: np.random.Generator) -> bytes:

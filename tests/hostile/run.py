@@ -2,6 +2,8 @@
 
     python -m tests.hostile.run [--cases 500] [--only mcap,urdf] [--out benchmarks/results/hostile.json]
 
+With `--only`, a result that is there keeps the rows of other kinds; each row tells the commit that it was made at.
+
 A copy passes if reading it ends in an error of ours that names the file, or if the answer is the same as for the
 undamaged file (or, where a change can be valid, is another valid one). Anything else is a finding: a traceback, a
 crash, a hang, too much memory, a file written elsewhere, a wrong answer.
@@ -22,12 +24,14 @@ from typing import Any
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.evaluation.results import KINDS, stamp, write_result
+from busybot.evaluation.results import KINDS, read_result, stamp, write_result
+from tests.hostile.containers import CONTAINERS
 from tests.hostile.damage import damage
 from tests.hostile.doors import DOORS
+from tests.hostile.lerobot import LEROBOT
 from tests.hostile.targets import NOTICED, TARGETS, Target, exchange
 
-KINDS_OF_FILES = TARGETS | DOORS
+KINDS_OF_FILES = TARGETS | DOORS | CONTAINERS | LEROBOT
 SECONDS = 30.0
 """One copy may take so long."""
 MEGABYTES = 1500
@@ -100,27 +104,38 @@ def parent(name: str, cases: int, seconds: float) -> dict[str, Any]:
             command = [sys.executable, "-m", "tests.hostile.run", "--child", name, "--first", str(len(lines))]
             command += ["--cases", str(cases), "--scratch", scratch]
             environment = dict(os.environ, OMP_NUM_THREADS="1")
-            with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment) as process:
-                lines += _follow(process, len(lines), cases, seconds)
+            with (
+                tempfile.TemporaryFile() as said,  # a pipe that nobody empties would stop who writes much
+                subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, env=environment) as process,
+            ):
+                lines += _follow(process, said, (len(lines), cases), seconds)
     findings = [line for line in lines if line["finding"]]
     return {"cases": cases, "results": dict(Counter(line["result"] for line in lines)), "findings": findings}
 
 
-def _follow(process: Any, done: int, cases: int, seconds: float) -> list[dict[str, Any]]:
-    lines: list[dict[str, Any]] = []
+def _follow(process: Any, said: Any, numbers: tuple[int, int], seconds: float) -> list[dict[str, Any]]:
+    (done, cases), lines = numbers, list[dict[str, Any]]()
     patience = 4 * seconds  # for the start
     while done + len(lines) < cases:
         ready, _, _ = select.select([process.stdout], [], [], patience)
         text = process.stdout.readline() if ready else b""
         if not text:
             process.kill()
-            said = process.stderr.read().decode(errors="replace")[-300:]
-            finding = f"the process died: {said}" if ready else f"no end after {seconds:g} s"
+            process.wait()
+            said.seek(0)
+            last = said.read().decode(errors="replace")[-300:]
+            finding = f"the process died: {last}" if ready else f"no end after {seconds:g} s"
             lines.append({"number": done + len(lines), "result": "lost", "finding": finding})
             return lines
         lines.append(json.loads(text))
         patience = seconds
     return lines
+
+
+def with_others(before: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
+    """These kinds and those of an earlier result, in the order of all kinds."""
+    others = {name: {"commit": before["commit"], **kind} for name, kind in before["kinds"].items()}
+    return {name: (others | kinds)[name] for name in KINDS_OF_FILES if name in others | kinds}
 
 
 def main() -> int:
@@ -140,8 +155,14 @@ def main() -> int:
         kind = KINDS_OF_FILES[name]
         kinds[name] = {"class": kind.line, **parent(name, -(-arguments.cases // kind.every), SECONDS)}
         print(name, kinds[name]["results"], f"{len(kinds[name]['findings'])} findings", file=sys.stderr, flush=True)
-    command = f"{KINDS['hostile']} --cases {arguments.cases}" + (f" --only {arguments.only}" if arguments.only else "")
-    result = {**stamp("hostile", command=command), "cases": arguments.cases, "kinds": kinds}
+    command = f"{KINDS['hostile']} --cases {arguments.cases}"
+    merged = arguments.only and arguments.out and arguments.out.exists()
+    command += f" --only {arguments.only}" if arguments.only and not merged else ""
+    head = stamp("hostile", command=command)
+    kinds = {name: {**kind, "commit": head["commit"]} for name, kind in kinds.items()}
+    if merged:
+        kinds = with_others(read_result(arguments.out, "hostile"), kinds)
+    result = {**head, "cases": arguments.cases, "kinds": kinds}
     if arguments.out:
         write_result(arguments.out, result)
     else:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.hostile.run import KINDS_OF_FILES, SECONDS, parent
+from tests.hostile.run import KINDS_OF_FILES, SECONDS, parent, with_others
 
 CASES = 12
 
@@ -16,3 +16,11 @@ def test_every_copy_is_refused_by_name_or_harmless(name: str, monkeypatch: pytes
     result = parent(name, CASES, SECONDS)
     assert not result["findings"]
     assert sum(result["results"].values()) == CASES
+
+
+def test_kinds_that_were_not_tried_again_keep_their_rows_and_commits() -> None:
+    first, second, *_ = KINDS_OF_FILES
+    before = {"commit": "a", "kinds": {second: {"cases": 1}, first: {"cases": 2, "commit": "b"}, "gone": {}}}
+    merged = with_others(before, {second: {"cases": 3, "commit": "c"}})
+    assert merged == {first: {"cases": 2, "commit": "b"}, second: {"cases": 3, "commit": "c"}}
+    assert list(merged) == [first, second]

@@ -12,6 +12,8 @@ QUARTER_S = 900.0
 """Time zones differ by multiples of it."""
 LONGEST_S = 26 * 3600.0
 """And by no more."""
+LATEST_S = 1e12
+"""A number beyond it is no time in seconds."""
 
 
 def read_time(cell: str | None, where: str) -> float | None:
@@ -34,7 +36,7 @@ def read_time(cell: str | None, where: str) -> float | None:
 
 
 def _finite(number: float) -> float:
-    if not abs(number) < 1e12:
+    if not abs(number) < LATEST_S:
         raise ValueError
     return number
 

@@ -5,7 +5,15 @@ HDF5: `observations/images/CAMERA`, (T, H, W, 3) as RGB, or (T, bytes) with a JP
 Of MCAP the time is that of logging. What such files link to outside of themselves is not followed.
 """
 
+import atexit
+import base64
+import json
+import math
+import sys
 from collections.abc import Iterator, Sequence
+from functools import cache
+from importlib.util import find_spec
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +25,17 @@ from mcap.records import Chunk
 
 from busybot.common.atomic_io import open_regular, read_regular
 from busybot.common.errors import BusybotError, needs_extra
-from busybot.common.limits import MAX_IMAGE_PIXELS, MAX_PICTURE_BYTES, MAX_RECORDING_BYTES, MAX_TABLE_BYTES, Budget
+from busybot.common.limits import (
+    MAX_CONTENT_BYTES,
+    MAX_IMAGE_PIXELS,
+    MAX_PICTURE_BYTES,
+    MAX_RECORDING_BYTES,
+    MAX_TABLE_BYTES,
+    Budget,
+)
+from busybot.common.line_child import Child, NoAnswerError
+from busybot.datasets.importing import hdf5_reader
+from busybot.datasets.importing.alignment import LATEST_S
 from busybot.episodes.mcap import channels
 from busybot.episodes.mcap.records import (
     FAULTS,
@@ -36,6 +54,9 @@ IMAGE_SCHEMA, IMAGES, TIMES = "foxglove.CompressedImage", "observations/images",
 STATES, STATE_TIMES = "busybox/state_json", "busybox/timestamp"
 MOST_FRAMES = 1_000_000
 HINT = "--camera NAME takes one"
+HDF5_SECONDS = 20.0
+"""To wait for a piece of an HDF5 file."""
+HDF5_HINT = "copy it again; docs/guides/own-recordings.md tells what such a file has"
 
 
 def camera_in(file: Path, wanted: str | None) -> str:
@@ -44,7 +65,7 @@ def camera_in(file: Path, wanted: str | None) -> str:
     Raises:
         BusybotError: the file has none of that name, or several and none was named.
     """
-    names = _topics(_records(file), file) if file.suffix.lower() == ".mcap" else _hdf5_cameras(file)
+    names = _topics(_records(file), file) if file.suffix.lower() == ".mcap" else _Hdf5(file).names(IMAGES)
     if wanted is not None and wanted not in names:
         raise BusybotError(f"{file}: it has no camera {wanted!r}", f"it has {', '.join(names) or 'none'}")
     if wanted is None and len(names) != 1:
@@ -59,11 +80,11 @@ def container_times(file: Path, camera: str) -> list[float]:
     """When each picture was taken, seconds."""
     if file.suffix.lower() == ".mcap":
         return [message.log_time / 1e9 for topic, message in _records(file).messages if topic == camera]
-    with _Hdf5(file) as opened:
-        times, count = opened.array(TIMES, 1), len(opened.array(f"{IMAGES}/{camera}"))
-        if len(times) != count:
-            raise BusybotError(f"{file}: {len(times)} times for {count} pictures of {camera}", "record it again")
-        return [float(at) for at in times[:]]
+    opened = _Hdf5(file)
+    times, pictures = opened.times(TIMES), opened.shape(f"{IMAGES}/{camera}")[0][0]
+    if len(times) != pictures:
+        raise BusybotError(f"{file}: {len(times)} times for {pictures} pictures of {camera}", "record it again")
+    return times
 
 
 def container_pictures(file: Path, camera: str, numbers: Sequence[int]) -> Iterator[np.ndarray | bytes]:
@@ -80,49 +101,72 @@ def container_pictures(file: Path, camera: str, numbers: Sequence[int]) -> Itera
                 what = f"{file}: picture {number} of {camera}: {reason_of(error)}"
                 raise BusybotError(what, "record Foxglove's images as Protobuf") from None
         return
-    with _Hdf5(file) as opened:
-        images = opened.array(f"{IMAGES}/{camera}")
-        most = MAX_PICTURE_BYTES if images.ndim == 2 else 3 * MAX_IMAGE_PIXELS
-        if (
-            images.dtype != np.uint8
-            or images.ndim not in (2, 4)
-            or images.shape[3:] not in ((), (3,))
-            or int(np.prod(images.shape[1:])) > most
-        ):
-            what = f"{file}: {IMAGES}/{camera} is {images.dtype} {images.shape}"
-            raise BusybotError(what, "pictures are uint8 (T, H, W, 3), or (T, bytes) with a JPEG each")
-        for number in numbers:
-            row = images[number]
-            yield row if images.ndim == 4 else row.tobytes().rstrip(b"\0")
+    opened, path = _Hdf5(file), f"{IMAGES}/{camera}"
+    shape, dtype = opened.shape(path)
+    most = MAX_PICTURE_BYTES if len(shape) == 2 else 3 * MAX_IMAGE_PIXELS
+    fits = len(shape) in (2, 4) and shape[3:] in ((), (3,)) and 0 < math.prod(shape[1:]) <= most
+    if dtype != "uint8" or not fits:
+        what = f"{file}: {path} is {dtype} {shape}"
+        raise BusybotError(what, "pictures are uint8 (T, H, W, 3), or (T, bytes) with a JPEG each")
+    for number in numbers:
+        row = opened.row(path, number)
+        yield row if len(shape) == 2 else np.frombuffer(row, np.uint8).reshape(shape[1:])
+
+
+def read_rows(file: Path, columns: Sequence[str], batch: int, first: int = 0) -> Iterator[dict[str, Any]]:
+    """Rows of a table from `first` on, so many at once, so that equal ones that are stored once fill no memory.
+
+    Raises:
+        BusybotError: naming the file, if it is damaged, lacks a column, or has too many rows.
+    """
+    data, hint = pa.BufferReader(read_regular(file, MAX_TABLE_BYTES)), "write the table again"
+    try:
+        table = pq.ParquetFile(data)
+        names, told = table.schema_arrow.names, table.metadata
+        for name in columns:
+            if names.count(name) != 1:
+                raise BusybotError(f"{file}: it has {names.count(name)} columns {name!r}", hint)
+        if told.num_rows > MOST_FRAMES:
+            raise BusybotError(f"{file}: {told.num_rows} rows, at most {MOST_FRAMES} are read", hint)
+        counts = [told.row_group(group).num_rows for group in range(told.num_row_groups)]
+        skipped = int(np.searchsorted(np.cumsum(counts), first, side="right"))
+        groups, first = list(range(skipped, len(counts))), first - sum(counts[:skipped])
+        for rows in table.iter_batches(batch, groups, list(columns), use_threads=False):
+            yield from rows.slice(min(first, rows.num_rows)).to_pylist()
+            first = max(0, first - rows.num_rows)
+    except (pa.ArrowException, OSError, KeyError, ValueError, OverflowError, MemoryError) as error:
+        what = f"{file}: {', '.join(columns)} cannot be read: {type(error).__name__}: {str(error)[:200]}"
+        raise BusybotError(what, hint) from None
 
 
 def _of_table(file: Path, column: str, numbers: Sequence[int]) -> Iterator[bytes]:
     """Rows of a column of pictures, as LeRobot and Hugging Face store them: bytes and a path, which is not followed."""
-    try:
-        data = pa.BufferReader(read_regular(file, MAX_TABLE_BYTES))
-        rows = pq.read_table(data, columns=[column], use_threads=False)[column].take(pa.array(numbers))
-    except (pa.ArrowException, KeyError, ValueError) as error:
-        raise BusybotError(f"{file}: {column} cannot be read: {str(error)[:200]}", "write the table again") from None
-    for number, row in zip(numbers, rows, strict=True):
-        picture = row.as_py()
-        found = picture.get("bytes") if isinstance(picture, dict) else picture
+    wanted = iter(numbers)
+    number = next(wanted, None)
+    for place, row in enumerate(read_rows(file, [column], 8, min(numbers)), min(numbers)):
+        if place != number:
+            continue
+        found = row[column].get("bytes") if isinstance(row[column], dict) else row[column]
         if not isinstance(found, bytes):
             raise BusybotError(f"{file}: row {number}: {column} holds no picture", "put its bytes into the table")
         yield found
+        if (number := next(wanted, None)) is None:
+            return
+    raise BusybotError(f"{file}: it has no row {number}", "write the table again")
 
 
 def logged_states(file: Path) -> list[tuple[str, str, float | None]]:
     """Lines of JSON about a device's states in an HDF5 file: where, text and seconds; none in other files."""
     if file.suffix.lower() in (".mcap", ".parquet"):
         return []
-    with _Hdf5(file) as opened:
-        if not opened.has(STATES):
-            return []
-        texts, times = opened.array(STATES, 1), opened.array(STATE_TIMES, 1)
-        if len(texts) != len(times):
-            raise BusybotError(f"{file}: {len(texts)} states at {len(times)} times", "record it again")
-        lines = zip(texts[:], times[:], strict=True)
-        return [(f"{file}: {STATES}[{n}]", bytes(text).decode(), float(at)) for n, (text, at) in enumerate(lines)]
+    opened, (group, _, name) = _Hdf5(file), STATES.partition("/")
+    if name not in opened.names(group):
+        return []
+    texts, times = opened.texts(STATES), opened.times(STATE_TIMES)
+    if len(texts) != len(times):
+        raise BusybotError(f"{file}: {len(texts)} states at {len(times)} times", "record it again")
+    lines = zip(texts, times, strict=True)
+    return [(f"{file}: {STATES}[{n}]", text, at) for n, (text, at) in enumerate(lines)]
 
 
 def _records(file: Path) -> Records:
@@ -158,53 +202,76 @@ def _topics(records: Records, file: Path) -> list[str]:
     return topics
 
 
-def _hdf5_cameras(file: Path) -> list[str]:
-    with _Hdf5(file) as opened:
-        return opened.names(IMAGES)
-
-
 class _Hdf5:
-    """An HDF5 file whose links to other files are refused."""
+    """An HDF5 file, read by a program of its own (`hdf5_reader`); what it links to elsewhere is refused."""
+
+    serials = count()
 
     def __init__(self, file: Path):
-        try:
-            import h5py
-        except ImportError:
-            raise needs_extra("h5py", "import") from None
-        self._h5py, self._file = h5py, file
-
-    def __enter__(self) -> "_Hdf5":
-        open_regular(self._file, 64 * MAX_RECORDING_BYTES, "cut it into episodes").close()
-        try:
-            self._root = self._h5py.File(self._file, "r")
-        except (OSError, RuntimeError):
-            raise BusybotError(f"{self._file}: it cannot be read as HDF5", "copy it again; was it cut?") from None
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._root.close()
-
-    def has(self, path: str) -> bool:
-        return path in self._root
+        if find_spec("h5py") is None:
+            raise needs_extra("h5py", "import")
+        open_regular(file, 64 * MAX_RECORDING_BYTES, "cut it into episodes").close()
+        self._file, self._key = file, {"file": str(file.absolute()), "serial": next(self.serials)}
 
     def names(self, path: str) -> list[str]:
-        return sorted(self._found(path)) if path in self._root else []
+        return list(self._ask("names", path))
 
-    def array(self, path: str, axes: int | None = None) -> Any:
-        """A dataset, whose rows are read when asked for."""
-        found = self._found(path)
-        if not isinstance(found, self._h5py.Dataset) or found.is_virtual or found.external or len(found.shape) < 1:
-            raise BusybotError(f"{self._file}: {path} is no array in this file", "save all of it in one file")
-        if (axes is not None and found.ndim != axes) or len(found) > MOST_FRAMES:
-            raise BusybotError(
-                f"{self._file}: {path} has the shape {found.shape}", f"at most {MOST_FRAMES} rows are read"
-            )
+    def shape(self, path: str, axes: int | None = None) -> tuple[tuple[int, ...], str]:
+        """Shape and type of an array of at most `MOST_FRAMES` rows."""
+        shape, dtype = self._ask("facts", path)
+        if (axes is not None and len(shape) != axes) or shape[0] > MOST_FRAMES:
+            what = f"{self._file}: {path} has the shape {tuple(shape)}"
+            raise BusybotError(what, f"at most {MOST_FRAMES} rows are read")
+        return tuple(shape), dtype
+
+    def times(self, path: str) -> list[float]:
+        """A list of seconds."""
+        found = self._values(path)
+        for number, at in enumerate(found):
+            if not isinstance(at, float) or not abs(at) < LATEST_S:
+                raise BusybotError(f"{self._file}: {path}[{number}] is no time: {str(at)[:40]}", "seconds, as numbers")
         return found
 
-    def _found(self, path: str) -> Any:
-        place = self._root
-        for part in path.split("/"):
-            if part not in place or not isinstance(place.get(part, getlink=True), self._h5py.HardLink):
-                raise BusybotError(f"{self._file}: it has no {path}", "docs/guides/own-recordings.md tells what it has")
-            place = place[part]
-        return place
+    def texts(self, path: str) -> list[str]:
+        found = self._values(path)
+        if any(not isinstance(text, str) for text in found):
+            raise BusybotError(f"{self._file}: {path} holds numbers", "texts of JSON are read")
+        return found
+
+    def row(self, path: str, number: int) -> bytes:
+        """The bytes of a row."""
+        data, size = b"", 1
+        while len(data) < size:
+            piece, size = self._ask("row", path, number=number, start=len(data))
+            data += base64.b64decode(piece)
+        return data
+
+    def _values(self, path: str) -> list[Any]:
+        (rows,), _ = self.shape(path, 1)
+        found: list[Any] = []
+        while len(found) < rows:
+            found += self._ask("values", path, start=len(found))
+        return found
+
+    def _ask(self, do: str, path: str, **more: int) -> Any:
+        reader = _reader()
+        try:
+            told = json.loads(reader.ask(self._key | {"do": do, "path": path} | more))
+        except NoAnswerError as error:
+            atexit.unregister(reader.close)
+            reader.close()
+            _reader.cache_clear()
+            end = f"no end after {HDF5_SECONDS:g} s" if error.end == "timeout" else "the HDF5 library gave up"
+            raise BusybotError(f"{self._file}: it is damaged: {end} at {path}", HDF5_HINT) from None
+        if "fault" in told:
+            raise BusybotError(f"{self._file}: {told['fault']}", HDF5_HINT)
+        return told["answer"]
+
+
+@cache
+def _reader() -> Child:
+    """The program that reads HDF5, which waits for the next file until this process ends, or until it hangs."""
+    words = [sys.executable, "-P", str(Path(hdf5_reader.__file__)), str(MAX_CONTENT_BYTES)]
+    reader = Child(words, HDF5_SECONDS, 8 * hdf5_reader.PIECE)
+    atexit.register(reader.close)
+    return reader

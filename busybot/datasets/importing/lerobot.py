@@ -11,19 +11,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from busybot.boards.directions import direction_of
-from busybot.common.atomic_io import inside, read_json, read_regular
+from busybot.common.atomic_io import inside, read_json
 from busybot.common.errors import BusybotError, naming
-from busybot.common.limits import MAX_TABLE_BYTES
 from busybot.datasets.exporting.lerobot import POSITION_AND_DIRECTION
+from busybot.datasets.importing.alignment import LATEST_S
 from busybot.datasets.importing.camera_folder import ImportOptions, narrowed, pictures_of, read_camera_folder
+from busybot.datasets.importing.containers import read_rows
 from busybot.datasets.importing.recording import KnownAction, Recording
 from busybot.datasets.importing.shots import Shot, first_size
 
 INFO_FILE = "meta/info.json"
+BATCH, MOST_ROWS = 4096, 100_000
+"""Rows that are decoded at once, without pictures, and of an episode."""
 HINT = "it reads version 3.0 with pictures in the tables; save the frames of videos as pictures, with frames.csv"
 
 
@@ -41,7 +42,7 @@ def read_lerobot(source: Path, options: ImportOptions) -> list[Recording]:
     action = features.get("action")
     own = isinstance(action, dict) and action.get("names") == list(POSITION_AND_DIRECTION) and "pixel" in features
     if not own and options.tables is None:
-        what = f"{source}: its actions do not say where something was held, and in which direction it was moved"
+        what = f"{source / INFO_FILE}: actions do not say where something was held, and in which direction it was moved"
         raise BusybotError(what, "--tables DIR: a folder for each episode, as DIR/000000/actions.csv")
     found = []
     for episode, rows in _episodes(source, camera, own).items():
@@ -58,11 +59,11 @@ def _camera(source: Path, features: dict[str, Any], wanted: str | None) -> str:
     kinds = {name: one.get("dtype") for name, one in features.items() if isinstance(one, dict)}
     names = sorted(name for name, kind in kinds.items() if kind in ("image", "video"))
     if wanted is None and len(names) != 1 or wanted is not None and wanted not in names:
-        what = f"{source}: which of its cameras? {', '.join(names) or 'it has none'}"
+        what = f"{source / INFO_FILE}: which of its cameras? {', '.join(names) or 'it has none'}"
         raise BusybotError(what, "--camera NAME takes one")
     chosen = wanted or names[0]
     if kinds[chosen] == "video":
-        raise BusybotError(f"{source}: {chosen} is a video", HINT)
+        raise BusybotError(f"{source / INFO_FILE}: {chosen} is a video", HINT)
     return chosen
 
 
@@ -72,17 +73,19 @@ def _episodes(source: Path, camera: str, own: bool) -> dict[int, list[tuple[Shot
     found: dict[int, list[tuple[Shot, dict[str, Any]]]] = {}
     for path in sorted(source.glob("data/*/*.parquet")):
         name = path.relative_to(source).as_posix()
-        data = pa.BufferReader(read_regular(inside(source, name), MAX_TABLE_BYTES))
-        try:
-            rows = pq.read_table(data, columns=names, use_threads=False).select(names).to_pylist()
-        except (pa.ArrowException, KeyError, ValueError) as error:
-            raise BusybotError(f"{path}: it cannot be read: {str(error)[:200]}", HINT) from None
-        for number, row in enumerate(rows):
-            where = f"{path}: row {number}"
-            if not isinstance(row["episode_index"], int) or not isinstance(row["timestamp"], int | float):
+        for number, row in enumerate(read_rows(inside(source, name), names, BATCH)):
+            where, episode, at = f"{path}: row {number}", row["episode_index"], row["timestamp"]
+            if type(episode) is not int or type(at) not in (int, float) or not abs(at) < LATEST_S:
                 raise BusybotError(f"{where}: no episode_index, or no timestamp", HINT)
-            shot = Shot(name, number, float(row["timestamp"]), None, where, camera)
-            found.setdefault(row["episode_index"], []).append((shot, row))
+            rows = found.setdefault(episode, [])
+            if rows and (rows[-1][0].name != name or at <= rows[-1][0].time):
+                what = f"{where}: of episode {episode}, but not after {rows[-1][0].where} in the same file"
+                raise BusybotError(what, "an episode lies in one file, its rows in the order of timestamp")
+            if len(rows) == MOST_ROWS:
+                raise BusybotError(
+                    f"{where}: episode {episode} has more than {MOST_ROWS} rows", "cut it into shorter ones"
+                )
+            rows.append((Shot(name, number, float(at), None, where, camera), row))
     if not found:
         raise BusybotError(f"{source}: it has no rows in data/chunk-000", HINT)
     return dict(sorted(found.items()))
@@ -93,11 +96,18 @@ def _recording(source: Path, episode: int, shots: Sequence[Shot], rows: Sequence
     actions = []
     for shot, row in zip(shots[:-1], rows[:-1], strict=True):
         with naming(shot.where):
-            (u, v), values = row["pixel"], row["action"]
-            if min(u, v) < 0 or len(values) != 6 or not np.isfinite(values).all():
+            pixel, values = (_numbers(row[name], size) for name, size in (("pixel", 2), ("action", 6)))
+            if not pixel or not values or min(pixel) < 0 or any(side % 1 for side in pixel):
                 raise BusybotError("the action has no pixel, or no six numbers", "--tables DIR tells actions otherwise")
+            u, v = map(int, pixel)
             actions.append(KnownAction((u, v), None, direction_of(values[3:]), shot.where))
     size = first_size(source, shots)
     names = [f"{shot.name}, row {shot.number}" for shot in shots]
     place = source / f"episode {episode}"
     return Recording(place, size, partial(pictures_of, source, shots, size, None), names, actions)
+
+
+def _numbers(cell: Any, size: int) -> Sequence[float]:
+    """The numbers of a row's list; empty where they are not so many, or not all of them are numbers."""
+    fits = isinstance(cell, list) and len(cell) == size and all(type(one) in (int, float) for one in cell)
+    return cell if fits and np.isfinite(cell).all() else ()

@@ -279,7 +279,7 @@ def episode_of(source: str, told: Recording, board: BoardSpec) -> Episode:
     if len(told.shown) * width * height > MAX_PIXELS:
         what = f"{len(told.shown)} pictures of {width} x {height} pixels, at most {MAX_PIXELS} in all are read"
         raise BusybotError(f"{told.place}: {what}", "--width makes pictures smaller; or make shorter recordings")
-    boxes = boxes_of(told.objects, width, height)
+    boxes = boxes_of(told.objects, width, height, f" ({told.shown[0]})")
     images: list[Image] = []
     frame_of: list[int] = []
     steps: list[Step] = []
@@ -289,7 +289,7 @@ def episode_of(source: str, told: Recording, board: BoardSpec) -> Episode:
             images.append(Image(rgb, depth, None, np.full_like(boxes, -1) if images else boxes))
         frame_of.append(len(images) - 1)
         if frame < len(told.actions):
-            steps.append(_step(told.actions[frame], camera, depth))
+            steps.append(_step(told.actions[frame], camera, depth, told.shown[frame]))
     links, steps = _with_states(told, steps)
     facts = {"source": source, "camera": "known" if told.camera else "image", **told.facts}
     return Episode(
@@ -310,7 +310,7 @@ def _alike(depth: np.ndarray | None, other: np.ndarray | None) -> bool:
     return depth is other or (depth is not None and other is not None and np.array_equal(depth, other))
 
 
-def boxes_of(objects: Sequence[KnownObject], width: int, height: int) -> np.ndarray:
+def boxes_of(objects: Sequence[KnownObject], width: int, height: int, first: str = "") -> np.ndarray:
     """Boxes of the first picture, int16 (N, 4), -1 where nobody drew one.
 
     Raises:
@@ -321,6 +321,7 @@ def boxes_of(objects: Sequence[KnownObject], width: int, height: int) -> np.ndar
             u0, v0, u1, v1 = one.box
             if not (0 <= u0 < u1 <= width and 0 <= v0 < v1 <= height):
                 what = f"{one.where}: the box {one.box} is empty, or outside of pictures of {width} x {height} pixels"
+                what += first
                 raise BusybotError(what, "u0 and u1 are left and right, v0 and v1 top and bottom, counted from 0")
     rows = [(-1,) * 4 if one.box is None else one.box for one in objects]
     return np.array(rows, np.int16).reshape(-1, 4)
@@ -341,11 +342,11 @@ def positions_of(objects: Sequence[KnownObject], camera: Camera, depth: np.ndarr
     return found
 
 
-def _step(told: KnownAction, camera: Camera, depth: np.ndarray | None) -> Step:
+def _step(told: KnownAction, camera: Camera, depth: np.ndarray | None, shown: str) -> Step:
     with naming(told.where):
         pixel = told.pixel or _seen(camera, told.point)
         if told.pixel is not None and not (0 <= pixel[0] < camera.width and 0 <= pixel[1] < camera.height):
-            what = f"pixel {pixel} is outside of pictures of {camera.width} x {camera.height} pixels"
+            what = f"pixel {pixel} is outside of pictures of {camera.width} x {camera.height} pixels ({shown})"
             raise BusybotError(what, "u counts columns from the left, v rows from the top, both from 0")
         far = 0.0 if depth is None or pixel == UNKNOWN_PIXEL else float(depth[pixel[1], pixel[0]])
         x, y, z = (float(np.float32(value)) for value in told.point or point_at(camera, pixel, far))

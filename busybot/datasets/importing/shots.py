@@ -1,5 +1,6 @@
 """The pictures of a camera's folder: files in order, or frames of a video, found first and decoded when needed."""
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -117,6 +118,7 @@ def _video_shots(
 
 def _opened(video: Path) -> cv2.VideoCapture:
     open_regular(video, MAX_RECORDING_BYTES, "cut it into shorter ones").close()
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # else each damaged block is told at the terminal
     capture = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
     if not capture.isOpened():
         raise BusybotError(f"{video}: it cannot be read as a video", "save it as mp4, or its frames as pictures")
@@ -150,11 +152,11 @@ def first_size(folder: Path, chosen: Sequence[Shot]) -> tuple[int, int]:
     Raises:
         BusybotError: naming one that is not.
     """
-    for shot in chosen:
+    first = {name: shot for shot in reversed(chosen) for name in (shot.name, shot.depth) if name}
+    for name, shot in reversed(first.items()):  # each file once: a table may hold all pictures
         with naming(shot.where):
-            for name in filter(None, (shot.name, shot.depth)):
-                if not inside(folder, name).is_file():
-                    raise BusybotError(f"there is no picture {folder / name}", "put it there, or correct the name")
+            if not inside(folder, name).is_file():
+                raise BusybotError(f"there is no picture {folder / name}", "put it there, or correct the name")
     _, rgb = next(each_colours(folder, chosen[:1]))
     return rgb.shape[1], rgb.shape[0]
 

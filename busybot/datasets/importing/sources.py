@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from os.path import lexists
 from pathlib import Path
 
 from busybot.common.errors import BusybotError, UsageError
@@ -57,7 +58,7 @@ def import_source(
 
 
 def _read(source: Path, options: ImportOptions) -> tuple[str, Sequence[Recording]]:
-    if (source / INFO_FILE).exists():
+    if lexists(source / INFO_FILE):
         return LEROBOT, _proposed(read_lerobot(source, options), options)
     if events := event_folders(source):
         return THOR, [read_events(folder, options) for folder in events]

@@ -41,7 +41,7 @@ def read_states(
     """
     if not any(keys):
         return None
-    log = _log(folder, container)
+    named, log = _log(folder, container)
     if any(at is None for at in times):
         raise BusybotError(f"{folder}: states are joined by time; when was each picture taken?", "frames.csv tells it")
     found = np.full((len(times), len(keys)), -1)
@@ -51,8 +51,8 @@ def read_states(
         told = [(at, values[key]) for at, values in log if key in values]
         if not told:
             known = sorted({name for _, values in log for name in values})
-            raise BusybotError(f"{folder}: no line of the log tells of {key!r}", f"it tells of {', '.join(known[:20])}")
-        found[:, number] = _joined(f"{folder}: {key!r}", told, [at for at in times if at is not None])
+            raise BusybotError(f"{named}: no line of the log tells of {key!r}", f"it tells of {', '.join(known[:20])}")
+        found[:, number] = _joined(f"{named}: {key!r}", told, [at for at in times if at is not None])
     return found
 
 
@@ -70,16 +70,17 @@ def _joined(named: str, told: Sequence[tuple[float, float]], times: Sequence[flo
     return np.searchsorted(kinds, values[last])
 
 
-def _log(folder: Path, container: Path | None) -> list[tuple[float, Mapping[str, float]]]:
-    """Values by key, in the order of time."""
+def _log(folder: Path, container: Path | None) -> tuple[Path, list[tuple[float, Mapping[str, float]]]]:
+    """The file, and values by key in the order of time."""
+    file = folder / STATES_FILE
     lines: list[tuple[str, str, float | None]] = []
-    if lexists(folder / STATES_FILE):
+    if lexists(file):
         text = read_text(inside(folder, STATES_FILE), MAX_LINES_BYTES, HINT)
-        lines = [(f"{folder / STATES_FILE}: line {n}", line, None) for n, line in enumerate(text.splitlines(), start=1)]
+        lines = [(f"{file}: line {n}", line, None) for n, line in enumerate(text.splitlines(), start=1)]
     elif container is not None:
-        lines = logged_states(container)
+        file, lines = container, logged_states(container)
     if not lines:
-        raise BusybotError(f"{folder}: objects have states, but nobody logged any", f"put {STATES_FILE} there; {HINT}")
+        raise BusybotError(f"{file}: objects have states, but nobody logged any", f"put {STATES_FILE} there; {HINT}")
     found: list[tuple[float, Mapping[str, float]]] = []
     for where, line, at in lines:
         if not line.strip():
@@ -93,7 +94,7 @@ def _log(folder: Path, container: Path | None) -> list[tuple[float, Mapping[str,
                 f"{where}: its time {at:.10g} s is before that of the line before", "sort the log by time"
             )
         found.append((at, values))
-    return found
+    return file, found
 
 
 def _line(where: str, line: str) -> tuple[float | None, dict[str, float]]:

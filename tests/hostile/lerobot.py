@@ -1,0 +1,124 @@
+"""Datasets in LeRobot's layout that others wrote: what they say of themselves, and their tables."""
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from busybot.datasets.exporting.lerobot import RGB
+from busybot.datasets.exporting.targets import export_recordings
+from tests.episodes.folders import make_dataset
+from tests.hostile.containers import NAME
+from tests.hostile.damage import ANY, JSON, PATHS, TEXT, TEXTS, Damage, flipped
+from tests.hostile.doors import imported_from, odd_picture
+from tests.hostile.targets import Target, _printed
+
+COLUMNS = ("timestamp", "episode_index", "action", "pixel", RGB)
+
+
+def _dataset(folder: Path) -> None:
+    made = make_dataset(folder / "made", boards=2, finished=(0, 1))
+    export_recordings(made, "lerobot", folder / "t")
+
+
+def _read(folder: Path) -> Any:
+    return imported_from(folder / "t", camera=RGB)
+
+
+def in_table(change: Callable[[dict[str, Any], np.random.Generator], object]) -> Damage:
+    """The change, done to the columns by name; the file stays valid."""
+
+    def damaged(data: bytes, rng: np.random.Generator) -> bytes:
+        table = pq.read_table(pa.BufferReader(data))
+        columns = dict(zip(table.column_names, table.columns, strict=True))
+        change(columns, rng)
+        buffer = io.BytesIO()
+        pq.write_table(pa.Table.from_arrays(list(columns.values()), list(columns)), buffer, compression="zstd")
+        return buffer.getvalue()
+
+    damaged.__name__ = change.__name__
+    return damaged
+
+
+def _name(rng: np.random.Generator) -> str:
+    return COLUMNS[int(rng.integers(len(COLUMNS)))]
+
+
+def odd_column(columns: dict[str, Any], rng: np.random.Generator) -> None:
+    """A column is gone, is called otherwise or has values of another type."""
+    name = _name(rng)
+    old, kind = columns.pop(name), int(rng.integers(10))
+    count = len(old)
+    if kind == 1:
+        columns[TEXTS[int(rng.integers(len(TEXTS)))].encode(errors="replace").decode()] = old
+    others = [pa.nulls(count), pa.array(["1"] * count), pa.array([True] * count), pa.array([[0.5]] * count)]
+    others += [pa.array([b"x"] * count), pa.array([{"a": 1}] * count), pa.array([2**64 - 1] * count, pa.uint64())]
+    others += [pa.array([10**18] * count, pa.timestamp("ns", "Asia/Kolkata"))]
+    if kind > 1:
+        columns[name] = others[kind - 2]
+
+
+def odd_cell(columns: dict[str, Any], rng: np.random.Generator) -> None:
+    """One value is another one of the same type."""
+    name = _name(rng)
+    values: list[Any] = columns[name].to_pylist()
+    row, kind = int(rng.integers(len(values))), columns[name].type
+    odd: dict[str, tuple[Any, ...]] = {
+        "timestamp": (None, float("nan"), float("inf"), -1.0, 0.0, 1e30, 1e-30),
+        "episode_index": (None, -1, 2**40, 1, 10**6),
+        "action": (None, [], [0.0] * 5, [0.0] * 6, [float("nan")] * 6, [1e38] * 6, [None] * 6, [0.0] * 7),
+        "pixel": (None, [], [1], [-1, 0], [2**31, 0], [2**62, 2**62], [1, 2, 3], [None, None]),
+    }
+    if name in odd:
+        values[row] = odd[name][int(rng.integers(len(odd[name])))]
+        free = {"action": pa.list_(pa.float32()), "pixel": pa.list_(pa.int64()), "timestamp": pa.float64()}
+        free["episode_index"] = pa.int64()
+        columns[name] = pa.array(values, free.get(name, kind))
+        return
+    data, choice = values[row]["bytes"], int(rng.integers(4))
+    path = PATHS[int(rng.integers(len(PATHS)))]
+    changed = (None, {"bytes": None, "path": path}, {"bytes": odd_picture(data, rng), "path": path})
+    values[row] = (*changed, {"bytes": flipped(data, rng), "path": None})[choice]
+    columns[name] = pa.array(values, kind)
+
+
+def rows_bomb(columns: dict[str, Any], rng: np.random.Generator) -> None:
+    """So many rows that are equal that a small file holds gigabytes."""
+    picture = int(rng.integers(2))
+    times = int(rng.choice([1000, 200_000])) if picture else 3_000_000
+    for name, column in list(columns.items()):
+        if name not in COLUMNS or (not picture and name not in ("timestamp", "episode_index")):
+            columns.pop(name)
+            continue
+        whole = column.combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+        if name == RGB:
+            data = np.random.default_rng(0).bytes(300_000 if picture else 1)
+            struct = pa.DictionaryArray.from_arrays(pa.array(np.zeros(times, np.int32)), pa.array([data], pa.binary()))
+            columns[name] = pa.StructArray.from_arrays([struct], ["bytes"])
+        else:
+            columns[name] = whole.take(pa.array(np.zeros(times, np.int32)))
+        if name == "timestamp":
+            columns[name] = pa.array(np.arange(times) / 10)
+    if not picture:
+        columns["action"] = columns["pixel"] = columns[RGB] = pa.nulls(times)
+
+
+TABLE = tuple(in_table(change) for change in (odd_column, odd_column, *[odd_cell] * 5))
+LEROBOT: dict[str, Target] = {
+    "lerobot info": Target(_dataset, "t/meta/info.json", (*TEXT, *JSON, *JSON, *JSON), _read, False, NAME, 8),
+    "lerobot tables": Target(_dataset, "t/data/*/*.parquet", (*ANY, *TABLE), _read, False, NAME, 4),
+    "lerobot bombs": Target(_dataset, "t/data/*/*.parquet", (in_table(rows_bomb),), _read, False, NAME, 16),
+    "printed lerobot": Target(
+        _dataset,
+        "t/meta/info.json",
+        JSON,
+        _printed("dataset", "import", "t", "--dry-run", "--camera", RGB),
+        False,
+        NAME,
+        16,
+    ),
+}

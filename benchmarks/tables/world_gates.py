@@ -40,7 +40,7 @@ def recorded(world: str, name: str, options: argparse.Namespace) -> Path:
     Raises:
         BusybotError: the boards are not those that were frozen.
     """
-    folder = options.work / world / name
+    folder: Path = options.work / world / name
     busybot(*generating(folder, frozen.SETS[name], options.boards, SEED, options.assets), "--world", world)
     dataset = Dataset.open(folder)
     cards = read_json(frozen.FILES / f"{world}.json")["objects"].get(assets_name(options.assets), {})
@@ -50,7 +50,7 @@ def recorded(world: str, name: str, options: argparse.Namespace) -> Path:
         )
     acting = ("--policy", "learned", "--steps", str(STEPS), "--seed", str(SEED), "--assets", str(options.assets))
     busybot("collect", str(folder), *acting)
-    return Path(folder)
+    return folder
 
 
 def judged(dataset: Path, model: str, out: Path, assets: str) -> dict[str, Any]:

@@ -76,7 +76,10 @@ FEW, EXPLORED, GREEDY, TUNING = 40, 60, 10, 6
 """Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
 methods are tuned on."""
 MECHANISMS = ("mechanism_accuracy", "what_if", "what_if_pairs", "ece_uncertain", "uncertain_pairs", "shd")
-REWIRED = [f"rewired_{what}{who}" for what in ("found", "placed", "false_alarms") for who in ("", "_bound")]
+REWIRED = (
+    "rewirings",
+    *(f"rewired_{what}{who}" for what in ("found", "placed", "false_alarms") for who in ("", "_bound")),
+)
 Judged = list[tuple[BoardSpec, JudgedCauses]]
 
 
@@ -142,11 +145,10 @@ def learned(validation: Recorded, model: Path, most: int | None, seed: int) -> d
         for index in sorted(validation.dataset.finished())[:most]
     ]
     told = summarise_predictions([(one.board, one.forecast) for one in judged if one.forecast is not None])
-    row = figures([(one.board, one.causes) for one in judged if one.causes is not None], seed)
-    causes = summarise_causes([(one.board, one.causes) for one in judged if one.causes is not None], IMAGES, None, seed)
-    rewired = {key: causes[key] for key in ("rewirings", *REWIRED)}
+    causes = [(one.board, one.causes) for one in judged if one.causes is not None]
+    row = figures(causes, seed, (*MECHANISMS, *REWIRED))
     hashes = file_hashes(find_folder(model, "reason"))
-    return {reasoner_of(str(model)).name: {**row, "pred_a": told["pred_a"], **rewired, "model": hashes}}
+    return {reasoner_of(str(model)).name: {**row, "pred_a": told["pred_a"], "model": hashes}}
 
 
 def rows_of(validation: Recorded, found: Tuned, most: int | None, seed: int) -> dict[str, Any]:
@@ -222,7 +224,7 @@ def observer_of(judged: JudgedCauses) -> JudgedCauses:
     )  # fmt: skip
 
 
-def figures(judged: Judged, seed: int) -> dict[str, Any]:
+def figures(judged: Judged, seed: int, asked: Sequence[str] = MECHANISMS) -> dict[str, Any]:
     """Parents after each of `ACTIONS` at both levels, and what is asked after 22."""
     told = summarise_causes([*judged], IMAGES, None, seed)
     objects = [[_columns(one.claimed[k], one.true[k]) for k in ACTIONS] for _, one in judged]
@@ -232,7 +234,7 @@ def figures(judged: Judged, seed: int) -> dict[str, Any]:
         empty = [np.zeros_like(own) for own in objects[0]]
         found["link"] = _parents(judged, [empty if one is None else one for one in links], seed)
     mechanism = told["cause_intervals"]["objects"]["mechanism_accuracy"]
-    return {**found, **{key: told[key] for key in MECHANISMS}, "mechanism_interval": mechanism}
+    return {**found, **{key: told[key] for key in asked}, "mechanism_interval": mechanism}
 
 
 def _columns(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ a link that goes back changes the same pixels the other way round."""
 REACH = 0.1
 """An action that moved nothing belongs to a link that was taken hold of so near, board units."""
 BESIDE = 0.06
-"""Links of one trigger that are taken hold of so near to each other may be one, board units."""
+"""What is taken hold of so near to each other on one trigger may be one link, board units."""
 OFTEN = 0.3
 """How a link stands is read from pixels that so large a share of its moves changed."""
 ALIKE = 0.45
@@ -97,6 +97,7 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
     config, acted, unsteady = config or ChangeConfig(), acted_objects(observed), Steady(observed).needed
     observed = steadied(observed)
     pixels, contacts = ObjectMasks(observed, config), np.array([one.position for one in observed.actions], float)
+    pushed = np.array([one.direction for one in observed.actions], float)
     pictures = [observed.frame(observed.image_of.index(one)).rgb for one in sorted(set(observed.image_of))]
     frames = np.unique(observed.image_of, return_inverse=True)[1]  # the picture of each frame
     clusters = np.full(len(acted), -1)
@@ -122,7 +123,7 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
             places.append(contacts[steps, :2].mean(0))
             owners.append(trigger)
             states.append(seen)
-            directions.append(_directions(observed, seen, steps))
+            directions.append(directions_of(pushed, seen, steps))
     _join_failed(clusters, acted, contacts, np.array(owners, int), np.array(places).reshape(-1, 2))
     told = np.array(states, int).T.reshape(len(observed.image_of), len(states))
     at = np.array(places).reshape(-1, 2)
@@ -235,10 +236,17 @@ def _numbered(labels: np.ndarray) -> np.ndarray:
     return np.array([order.index(label) for label in labels.tolist()])
 
 
-def _directions(observed: ObservedEpisode, states: np.ndarray, steps: np.ndarray) -> np.ndarray:
+def directions_of(pushed: np.ndarray, states: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Mean direction in which a link was pushed from one state to another, float (STATES, STATES, 3), as of
+    `ObservedLinks`.
+
+    Args:
+        pushed: float (T, 3), directions of all actions.
+        states: int (T + 1,), of the link.
+        steps: its actions.
+    """
     found = np.zeros((STATES, STATES, 3))
-    for step in steps.tolist():
-        found[states[step], states[step + 1]] += observed.actions[step].direction
+    np.add.at(found, (states[steps], states[steps + 1]), pushed[steps])
     lengths = np.linalg.norm(found, axis=-1, keepdims=True)
     return np.divide(found, lengths, out=np.zeros_like(found), where=lengths > 0)
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import Field, ValidationError, field_validator
 
 from busybot.common.atomic_io import read_json, scan, sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.text import unlinked
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import KINDS, read_result
-from busybot.view.report.world_results import WorldResults
+from busybot.view.report.world_results import Evaluation, ResultFile, WorldResults
 
 PICTURES = (".png", ".jpg", ".jpeg")
 SHOWN = (
@@ -27,21 +27,7 @@ MOST_PICTURES = 24
 """Of all given folders together: a report is one file."""
 
 
-class _ResultFile(BaseModel):
-    """Files have more than a report shows."""
-
-    model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True)
-
-
-class _Evaluation(_ResultFile):
-    """One of `busybot eval`, on a dataset."""
-
-    dataset: dict[str, Any]
-    seed: int | None = None
-    command: str | None = None
-
-
-class InteractResult(_Evaluation):
+class InteractResult(Evaluation):
     """Of `busybot eval interact`."""
 
     precision: float | None
@@ -54,7 +40,7 @@ class InteractResult(_Evaluation):
     by_step: list[dict[str, float | None]] = []
 
 
-class ReasonResult(_Evaluation):
+class ReasonResult(Evaluation):
     """Of `busybot eval reason`."""
 
     model: str | None = None
@@ -74,7 +60,7 @@ class ReasonResult(_Evaluation):
     persistence: dict[str, Any] | None = None
 
 
-class AgentScores(_ResultFile):
+class AgentScores(ResultFile):
     """One agent on the tasks of a dataset; in a table the success of several seeds."""
 
     success: float | None
@@ -84,7 +70,7 @@ class AgentScores(_ResultFile):
     seeds: list[float] = []
 
 
-class PlanResult(_Evaluation):
+class PlanResult(Evaluation):
     """Of `busybot eval plan`; `kinds` has the number of tasks by the kind of their relations."""
 
     agents: dict[str, AgentScores]
@@ -92,7 +78,7 @@ class PlanResult(_Evaluation):
     tasks: int
 
 
-class _Row(_ResultFile):
+class _Row(ResultFile):
     """A row of a table, with its commands and trainings; Table 2 keeps a training and its cost beside each other."""
 
     commands: list[str] = []
@@ -111,7 +97,7 @@ class _InteractRow(_Row):
     object: InteractResult | None = Field(None, alias="novel-object")
 
 
-class _Seeds(_ResultFile):
+class _Seeds(ResultFile):
     """One split of Table 2: scores over seeds."""
 
     mean: dict[str, float | None]
@@ -128,14 +114,14 @@ class _PlanRow(_Row):
     splits: dict[str, dict[str, AgentScores]] = {}
 
 
-class _Scores(_ResultFile):
+class _Scores(ResultFile):
     edge_p: float | None = None
     edge_r: float | None = None
     edge_f1: float | None
     pred_a: float | None = None
 
 
-class _Disturbed(_ResultFile):
+class _Disturbed(ResultFile):
     """One strength of a disturbance: scores by model, and the share of steps that could be known in spite of it."""
 
     strength: float
@@ -144,7 +130,7 @@ class _Disturbed(_ResultFile):
     models: dict[str, _Scores]
 
 
-class _Disturbance(_ResultFile):
+class _Disturbance(ResultFile):
     """What is done to recordings; older files have no title."""
 
     what: str
@@ -152,7 +138,7 @@ class _Disturbance(_ResultFile):
     title: str = ""
 
 
-class _Robustness(_ResultFile):
+class _Robustness(ResultFile):
     """Of `benchmarks.studies.reason_robustness`: trained models, and rows by disturbance in growing strength."""
 
     boards: int
@@ -161,14 +147,14 @@ class _Robustness(_ResultFile):
     rows: dict[str, list[_Disturbed]]
 
 
-class Stage(_ResultFile):
+class Stage(ResultFile):
     """One stage of a pipeline."""
 
     seconds: float
     done: bool
 
 
-class Stages(_ResultFile):
+class Stages(ResultFile):
     """What the stages of a run took, by their output."""
 
     machine: dict[str, Any] | None = None

@@ -20,50 +20,50 @@ MOST_LETTERS = 60
 """Of a name."""
 
 
-class _Result(BaseModel):
+class ResultFile(BaseModel):
     """Files have more than a report shows."""
 
-    model_config = ConfigDict(frozen=True, extra="allow")
+    model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True)
 
 
-class _OfWorld(_Result):
-    """What `busybot` measured on a dataset."""
+class Evaluation(ResultFile):
+    """Of a command of `busybot`, on a dataset."""
 
     dataset: dict[str, Any]
-    world: str
     seed: int | None = None
     command: str | None = None
+
+
+class _OfWorld(Evaluation):
+    world: str
     commit: str | None = None
 
 
-class _Curve(_Result):
+class _Parents(ResultFile):
+    """Parents claimed, as pairs of objects and as links."""
+
+    parent_p: float | None = None
+    parent_r: float | None = None
+    parent_f1: float | None = None
+    parent_f1_bound: float | None = None
+    link_parent_p: float | None = None
+    link_parent_r: float | None = None
+    link_parent_f1: float | None = None
+    link_parent_f1_bound: float | None = None
+
+
+class _Curve(_Parents):
     """Parents claimed after so many actions."""
 
     actions: int
-    parent_p: float | None = None
-    parent_r: float | None = None
-    parent_f1: float | None = None
-    parent_f1_bound: float | None = None
-    link_parent_p: float | None = None
-    link_parent_r: float | None = None
-    link_parent_f1: float | None = None
-    link_parent_f1_bound: float | None = None
 
 
-class _Parents(_OfWorld):
+class _Judged(_OfWorld, _Parents):
     boards: int
-    parent_p: float | None = None
-    parent_r: float | None = None
-    parent_f1: float | None = None
-    parent_f1_bound: float | None = None
-    link_parent_p: float | None = None
-    link_parent_r: float | None = None
-    link_parent_f1: float | None = None
-    link_parent_f1_bound: float | None = None
     shd: float | None = None
 
 
-class WorldReason(_Parents):
+class WorldReason(_Judged):
     """Of `busybot eval reason`."""
 
     model: str | None
@@ -87,7 +87,7 @@ class WorldReason(_Parents):
     proposal_r: float | None = None
 
 
-class Played(_Parents):
+class Played(_Judged):
     """Of `busybot play`."""
 
     agent: str
@@ -99,7 +99,7 @@ class Played(_Parents):
     ends: dict[str, int] = {}
 
 
-class PlannedAgent(_Result):
+class PlannedAgent(ResultFile):
     """One agent on the tasks."""
 
     success: float | None
@@ -117,7 +117,7 @@ class WorldPlan(_OfWorld):
     by_locks: dict[str, dict[str, float | None]] = {}
 
 
-class _Choice(_Result):
+class _Choice(ResultFile):
     """One way of choosing actions."""
 
     boards: int
@@ -126,20 +126,20 @@ class _Choice(_Result):
     regret: float | None = None
 
 
-class Curiosity(_Result):
+class Curiosity(ResultFile):
     """Of `benchmarks.studies.curiosity`: by world, by kind of boards, by way of choosing."""
 
     rows: dict[str, dict[str, dict[str, _Choice]]]
     assets: str | None = None
 
 
-class _Level(_Result):
+class _Level(ResultFile):
     p: float | None = None
     r: float | None = None
     f1: float | None = None
 
 
-class _TableRow(_Result):
+class _TableRow(ResultFile):
     boards: int
     object: dict[str, _Level]
     link: dict[str, _Level] = {}

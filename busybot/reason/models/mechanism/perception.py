@@ -9,16 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from busybot.reason.inputs.sequence import BoardSequence, clusters_of, threshold_of
-from busybot.reason.inputs.trigger_links import REACH, ObservedLinks
+from busybot.reason.inputs.trigger_links import BESIDE, REACH, ObservedLinks, directions_of
 from busybot.reason.models.mechanism.contexts import STATES, Trace
 
 STILL, APART = 0.3, 2.0
 """Under a camera that is not still: in so large a share of the steps a responder rests, and two of its looks differ by
 so many times what they do then."""
 
-AWAY, BESIDE = 0.05, 0.06
-"""A link that cannot be seen to move is taken hold of so far from where links that can be are, and its contacts lie so
-near to each other, board units."""
+AWAY = 0.05
+"""A link that cannot be seen to move is taken hold of so far from where links that can be are, board units."""
 EFFECTS, OFTEN = 2, 0.25
 """Responders changed in so many of its actions, and in so large a share of them."""
 
@@ -137,10 +136,6 @@ def _joined(
     states = np.zeros(len(links.states), int)
     for step, way in zip(steps.tolist(), pushed != pushed[0], strict=True):
         states[step + 1 :] = 0 if way else 1
-    directions = np.zeros((STATES, STATES, 3))
-    for state in (0, 1):
-        there = actions[steps[(pushed != pushed[0]) == (state == 0)], 3:].mean(0)
-        directions[1 - state, state] = there / np.linalg.norm(there)
     clusters = links.clusters.copy()
     clusters[steps] = len(links.owners)
     return replace(
@@ -149,5 +144,5 @@ def _joined(
         states=np.concatenate([links.states, states[:, None]], axis=1),
         owners=np.append(links.owners, trigger),
         places=np.vstack([links.places, actions[steps, :2].mean(0)]),
-        directions=(*links.directions, directions),
+        directions=(*links.directions, directions_of(actions[:, 3:], states, steps)),
     )

@@ -193,6 +193,7 @@ WORLD_ROWS = {
     "observer": "exact observer, truth",
     "observer-detected": "exact observer, detected",
     "mechanism": "mechanism network, pictures",
+    "mechanism, world not told": "the same, not told the world",
     "count": "counting",
     "lookup": "lookup",
     "pc": "PC",
@@ -224,13 +225,13 @@ def rewirings() -> str:
     """Who notices that a mechanism was exchanged: the network and, in brackets, the exact observer."""
     lines = []
     for world, parts in result("worlds")["rows"].items():
-        row = parts.get("learned", {}).get("mechanism", {})
-        if "rewirings" in row:
+        for name, row in parts.get("learned", {}).items():
             shares = [[row[f"rewired_{what}{who}"] for who in ("", "_bound")] for what in ("found", "placed")]
             told = [f"{whole(own)} ({whole(bound)})" for own, bound in shares]
             alarms = [row[f"rewired_false_alarms{who}"] for who in ("", "_bound")]
             of_board = ["-" if one is None else f"{one:.2f}" for one in alarms]
-            lines.append((world, [str(row["rewirings"]), *told, f"{of_board[0]} ({of_board[1]})"]))
+            words = f"{world}{name.removeprefix('mechanism')}"
+            lines.append((words, [str(row["rewirings"]), *told, f"{of_board[0]} ({of_board[1]})"]))
     return markdown([plain_grid(("rewirings", "found", "placed", "false alarms a board"), lines, "percent")])
 
 

@@ -109,7 +109,7 @@ class Player:
         """What the model makes of the trace, which curiosity reads next."""
         board = self._board
         self._trace = Trace(np.array(self._links), np.array(self._shown), board.links.sizes)
-        self._found, shares = self._reasoner.explain(self._trace, [len(self._links) - 1])
+        self._found, shares, _ = self._reasoner.explain(self._trace, [len(self._links) - 1])
         self._shares = shares[..., 0]
         claimed = (self._shares @ self._found.inputs).T > CLAIMED
         true = np.zeros_like(claimed)

@@ -26,11 +26,11 @@ from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.reason.evaluation.hypotheses import Space
 from busybot.reason.evaluation.upper_bound import Observer
-from busybot.reason.models.mechanism.config import MechanismConfig
+from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards
 from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner
-from busybot.reason.models.mechanism.networks import MechanismNet, parents_of
+from busybot.reason.models.mechanism.networks import MechanismNet, parents_of, world_number
 from busybot.reason.pyg import Batch
 from busybot.training.loop import fit
 from busybot.training.run_folder import begin_folder
@@ -67,7 +67,8 @@ def compare(net: MechanismNet, boards: Sequence[tuple[LabelledTrace, np.ndarray 
     """F1 of parents link by link, of the network and of the exact observer, by number of actions."""
     told = []
     for board, believed in boards:
-        graph = Batch.from_data_list([board.graph(JUDGED_AFTER)])
+        graph = Batch.from_data_list([board.graph(JUDGED_AFTER, world_number(net.config, board.world))])
+        assert board.parents is not None
         true = board.parents[np.array(JUDGED_AFTER) - 1]  # (K, I, R)
         found = parents_of(net(graph)[0], graph).view(true.shape[2], true.shape[1], len(JUDGED_AFTER)).numpy()
         assert believed is not None
@@ -94,7 +95,10 @@ def _counts(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
 def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     """The whole result; the training goes on where it was stopped."""
     worlds = chosen(arguments.worlds, WORLDS) if arguments.worlds else tuple(WORLDS)
-    library, config = find("procedural"), MechanismConfig(iterations=arguments.iterations)
+    library, config = (
+        find("procedural"),
+        MechanismConfig(iterations=arguments.iterations, net=MechanismNetConfig(worlds=worlds)),
+    )
     begin_folder(arguments.work, config, arguments.seed, data=[{"worlds": list(worlds), "boards": arguments.boards}])
     trained = [board for world in worlds for board, _ in draw(world, arguments.boards, arguments.seed, library)]
     held = max(1, len(trained) // 20)

@@ -80,6 +80,7 @@ REWIRED = (
     "rewirings",
     *(f"rewired_{what}{who}" for what in ("found", "placed", "false_alarms") for who in ("", "_bound")),
 )
+UNTOLD = ", world not told"
 Judged = list[tuple[BoardSpec, JudgedCauses]]
 
 
@@ -138,8 +139,13 @@ def chosen_constants(training: Recorded) -> Tuned:
 
 
 def learned(validation: Recorded, model: Path, most: int | None, seed: int) -> dict[str, Any]:
-    """Figures of a trained model, under its name."""
-    judging = ReasonEvaluation(str(model), library=validation.library, curve=())
+    """Figures of a trained model, under its name, and of the same one where it is not told the world."""
+    name = reasoner_of(str(model)).name
+    return {f"{name}{'' if told else UNTOLD}": _learned(validation, model, most, seed, told) for told in (True, False)}
+
+
+def _learned(validation: Recorded, model: Path, most: int | None, seed: int, world: bool) -> dict[str, Any]:
+    judging = ReasonEvaluation(str(model), library=validation.library, curve=(), told=world)
     judged = [
         judge_episode(read_episode(validation.dataset.episode_path(index), "lazy"), judging, validation.features[index])
         for index in sorted(validation.dataset.finished())[:most]
@@ -147,8 +153,7 @@ def learned(validation: Recorded, model: Path, most: int | None, seed: int) -> d
     told = summarise_predictions([(one.board, one.forecast) for one in judged if one.forecast is not None])
     causes = [(one.board, one.causes) for one in judged if one.causes is not None]
     row = figures(causes, seed, (*MECHANISMS, *REWIRED))
-    hashes = file_hashes(find_folder(model, "reason"))
-    return {reasoner_of(str(model)).name: {**row, "pred_a": told["pred_a"], "model": hashes}}
+    return {**row, "pred_a": told["pred_a"], "model": file_hashes(find_folder(model, "reason"))}
 
 
 def rows_of(validation: Recorded, found: Tuned, most: int | None, seed: int) -> dict[str, Any]:

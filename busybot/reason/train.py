@@ -8,14 +8,15 @@ metrics.csv, metrics.json   losses, and figures on boards of appearance groups t
 training.png                the same as a picture
 checkpoints/, metrics/      to go on from where a killed training stopped
 
-Relations, states and what the gripper truly held are never read (`observed`), but by the model `mechanism`: the labels
-that it learns from are the true parents of the boards that it is trained on.
+Relations, states and what the gripper truly held are never read (`observed`), but by the model `mechanism`: unless it
+is trained from pictures alone, its labels are the true parents of the boards that it is trained on.
 """
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
+from busybot.boards.spec import PAPER
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.summary import origin_of
@@ -62,6 +63,7 @@ def train_reason(
         BusybotError: the folder holds another training, or a dataset cannot be trained on.
     """
     datasets = [Dataset.open(path) for path in data]
+    config = _suited(config, datasets)
     origin = [origin_of(dataset) for dataset in datasets]
     begin_folder(out, config, seed, data=origin)
     if (out / "model" / INFO_FILE).exists():
@@ -83,7 +85,7 @@ def train_reason(
             "data": origin,
             "features": features[0].key,
             "oracle": any(found.oracle for found in features),
-            **({"labels": "true parents"} if config.model == "mechanism" else {}),
+            **({"labels": LABELS[config.labels]} if isinstance(config, MechanismConfig) else {}),
             "boards": len(boards),
             "boards_held_out": len(held_out),
             **figures,
@@ -92,6 +94,18 @@ def train_reason(
     )
     save_model(out / "model", info, learner.network.state_dict())
     return info
+
+
+LABELS = {"parents": "true parents", "pictures": "none"}
+
+
+def _suited(config: Config, datasets: list[Dataset]) -> Config:
+    """The same with what the `mechanism` network hears and says: worlds of the datasets, and changes with labels."""
+    if not isinstance(config, MechanismConfig):
+        return config
+    told = {str(dataset.info.generator.config.get("world", PAPER)) for dataset in datasets}
+    heard = {"worlds": config.net.worlds or tuple(sorted(told)), "changes": config.labels == "parents"}
+    return config.model_copy(update={"net": config.net.model_copy(update=heard)})
 
 
 def make_learner(config: Config, boards: RecordedBoards, held_out: RecordedBoards, seed: int) -> Learner:

@@ -81,6 +81,7 @@ class ReasonEvaluation:
         given: graphs that somebody else inferred, to be judged in place of the model's.
         boxes: of `BOXES`: whether the model is given the true objects, or has to do with proposed ones (`proposed`).
         curve: numbers of observed images after which predictions are judged, beside `images`.
+        told: whether the model is told in which world the board was drawn.
     """
 
     model: str = "count"
@@ -91,6 +92,7 @@ class ReasonEvaluation:
     given: GivenGraphs | None = None
     boxes: str = GIVEN
     curve: tuple[int, ...] = CURVE
+    told: bool = True
 
 
 def judge_episode(
@@ -103,6 +105,7 @@ def judge_episode(
     """
     judging = judging or ReasonEvaluation()
     observed, truth = observe_episode(episode), states_of(episode)
+    observed = observed if judging.told else replace(observed, world="")
     judged, predicted = judged_objects(observed), None
     proposed = propose_objects(observed, judging.images) if judging.boxes == PROPOSED else None
     told = _told(episode, observed, judging, features, proposed)

@@ -230,6 +230,7 @@ class PlacedReasoner:
             proposed.to_places(own.acted),
             proposed.spread(own.triggers, 0),
             proposed.spread(own.responders, 0),
+            own.world,
         )
 
     def graph(self, seen: BoardSequence) -> InferredGraph:

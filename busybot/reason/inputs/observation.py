@@ -62,6 +62,7 @@ class ObservedEpisode:
         images: stored pictures without segmentation and boxes, decoded when asked for.
         image_of: index into `images` for frames 0..T. Frames with one index are the same picture.
         boxed_in: index into `images` of the picture that boxes and positions are of; None for frame 0.
+        world: in which world its dataset says that the board was drawn (docs/guides/worlds.md), "" where nobody says.
     """
 
     camera: Camera
@@ -72,6 +73,7 @@ class ObservedEpisode:
     images: Sequence[Image]
     image_of: tuple[int, ...]
     boxed_in: int | None = None
+    world: str = ""
 
     @property
     def boxed(self) -> Frame:
@@ -128,6 +130,7 @@ def observe_episode(episode: Episode) -> ObservedEpisode:
         actions=tuple(ObservedAction(s.pixel, s.position, _vector(s.direction)) for s in episode.steps),
         images=images,
         image_of=tuple(episode.frame_of),
+        world=episode.board.world,
     )
 
 

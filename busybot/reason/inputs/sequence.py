@@ -38,6 +38,7 @@ class BoardSequence:
         acted: int64 (T,), index of the trigger acted on as far as boxes tell (`acted_objects`), -1 for none.
         triggers: bool (N,).
         responders: bool (N,).
+        world: as of `ObservedEpisode`.
         watch: tells what pictures show of the trigger links in the first so many actions; None without pictures.
     """
 
@@ -47,6 +48,7 @@ class BoardSequence:
     acted: np.ndarray
     triggers: np.ndarray
     responders: np.ndarray
+    world: str = ""
     watch: "Callable[[int], ObservedLinks] | None" = None
 
     @property
@@ -62,8 +64,8 @@ class BoardSequence:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """All but `watch`, by name."""
-        return {name: value for name, value in vars(self).items() if name != "watch"}
+        """All but `world` and `watch`, by name."""
+        return {name: value for name, value in vars(self).items() if name not in ("world", "watch")}
 
     @property
     def steps(self) -> int:
@@ -109,6 +111,7 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
         acted=acted_objects(observed).astype(np.int64),
         triggers=roles == "trigger",
         responders=roles == "responder",
+        world=observed.world,
         watch=lru_cache(maxsize=2)(lambda steps: observe_links(observed.first(steps + 1))),
     )
 

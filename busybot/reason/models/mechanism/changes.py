@@ -1,9 +1,10 @@
 """When another mechanism took the place of the first one: rewirings, as far as what was shown tells.
 
 What a responder showed is either explained by one explanation throughout, or by one until some action and another one,
-which knows nothing of what was before, from then on. Both are weighed by the probability that explanations gave to
-what came, before it came (Adams & MacKay, Bayesian online changepoint detection, 2007, with one change at most). That
-takes no training. Cost: that of the evidence for every action at which the change may have come.
+which knows nothing of what was before, from then on. Both are weighed by the probability that explanations gave to what
+came, before it came (Adams & MacKay, Bayesian online changepoint detection, 2007, with one change at most). How seldom
+changes are, and what is luck, the network learns (`networks`). Cost: that of the evidence for every action at which the
+change may have come.
 """
 
 import numpy as np
@@ -14,18 +15,18 @@ from torch.nn.functional import one_hot
 from busybot.reason.models.mechanism.contexts import STATES, Explanations, Trace
 from busybot.reason.models.mechanism.evidence import Earlier, log_probabilities
 
-CHANGES = 0.05
-"""Probability that the mechanism of a responder is exchanged in a recording."""
+NOTHING = -20.0
+"""Log odds where nothing can have changed."""
 EARLIEST = 8
 """What was seen of a mechanism for fewer actions is not taken for another one."""
 
 
 def changes_of(trace: Trace, found: Explanations) -> tuple[np.ndarray, np.ndarray]:
-    """What is believed of R responders after each of T actions, and where the change lies.
+    """What speaks for a change of R responders' mechanisms, and where it lies.
 
     Returns:
-        float (T, R), the probability that another mechanism than at first decides; int (R,), the first action after
-        which it showed what the new one makes of it, if there is one.
+        float32 (T + 1, R), log odds on the new board and after each action, if changed and unchanged mechanisms were as
+        frequent; int (R,), the first action after which it showed what the new one makes of it, if there is one.
     """
     shown = torch.from_numpy(np.ascontiguousarray(trace.responders.T))
     before = torch.cat([shown[:, :1], shown[:, :-1]], 1)
@@ -36,8 +37,8 @@ def changes_of(trace: Trace, found: Explanations) -> tuple[np.ndarray, np.ndarra
     for start in range(EARLIEST, moments):
         later[:, start, start:] = first[:, start - 1, None] + _explained(found, shown, before, start, prior)
     either = torch.logsumexp(later, 1) - torch.arange(moments).clamp(min=1).log()
-    odds = float(np.log(CHANGES / (1 - CHANGES))) + either - first
-    return odds[:, 1:].sigmoid().T.double().numpy(), later[:, :, -1].argmax(1).numpy()
+    odds = (either - first).clamp(min=NOTHING)
+    return odds.T.numpy(), later[:, :, -1].argmax(1).numpy()
 
 
 def _prior(trace: Trace, found: Explanations) -> Tensor:

@@ -13,9 +13,13 @@ class MechanismNetConfig(FrozenModel):
 
     Attributes:
         width: of hidden layers.
+        worlds: that may be told, by name; what is told of others is not heard. Training takes those of its recordings.
+        changes: whether it says which mechanisms changed; training without labels does not teach that.
     """
 
     width: Annotated[int, Field(ge=4, le=512)] = 32
+    worlds: Annotated[tuple[Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")], ...], Field(max_length=64)] = ()
+    changes: bool = True
 
 
 class Blur(FrozenModel):
@@ -31,12 +35,13 @@ class Blur(FrozenModel):
 
 
 class MechanismConfig(FrozenModel):
-    """Training the `mechanism` model with true parents as labels (amortised inference: Lorenz & others, AVICI, 2022).
+    """Training the `mechanism` model.
 
     Attributes:
+        labels: `parents`, the true ones, or `pictures`, none: what is seen later (`learner`).
         encoder: which features it reads of responders.
         drawn: boards of each world of the recordings that are drawn and moved without a simulator, to train on beside
-            the recordings.
+            the recordings; none without labels.
         actions: random ones on each of these.
         blur: what is told wrongly of these, as pictures do.
         iterations: at most so many.
@@ -46,9 +51,12 @@ class MechanismConfig(FrozenModel):
         weight_decay: of AdamW.
         clip: greatest norm of a gradient.
         rough: weight of the loss before messages were passed.
+        changes: weight of the loss of what is said of mechanisms that changed.
+        untold: share of the boards whose world is not told in training.
     """
 
     model: Literal["mechanism"] = "mechanism"
+    labels: Literal["parents", "pictures"] = "parents"
     encoder: str = "embedded"
     drawn: Annotated[int, Field(ge=0)] = 400
     actions: Annotated[int, Field(ge=1)] = 30
@@ -61,5 +69,7 @@ class MechanismConfig(FrozenModel):
     weight_decay: NonNegativeFloat = 1e-3
     clip: PositiveFloat = 1.0
     rough: NonNegativeFloat = 0.3
+    changes: NonNegativeFloat = 0.3
+    untold: Annotated[float, Field(ge=0, le=1)] = 0.3
     net: MechanismNetConfig = MechanismNetConfig()
     loop: LoopConfig = LoopConfig(judge=100, patience=20)

@@ -32,6 +32,8 @@ MEMORIES = (
 )  # fmt: skip
 """What explanations remember. `own` is the responder's state before the action, which is what luck leaves in place. A
 link is pressed up when it comes to rest in its highest state, down in its lowest: pictures do not tell which is on."""
+_OF_PRESSES = [number for number, name in enumerate(MEMORIES) if name.startswith(("odd", "last"))]
+_SINCE = [number for number, name in enumerate(MEMORIES) if name.startswith("since")]
 SURE, UNSURE = 0.03, 0.4
 """Pseudo-counts of the estimators: of what is determined, and of what has a luck of its own."""
 
@@ -71,6 +73,10 @@ class Explanations:
         own: bool (H,), whether the responder's state before the action is part of the context.
         reads: int (2, E), explanations and inputs that they read.
         fewer: int (E,), the explanation that remembers the same without this input.
+        parts: int (H, 2 ** INPUTS), itself first, and those that remember the same of some of its inputs, or of none.
+        signs: int (H, 2 ** INPUTS), of inclusion and exclusion: 1 where an even number of inputs is left out, -1 where
+            an odd one is, 0 where there are no more.
+        met: int (H,), how many contexts there are. What `own` adds is left out, and of presses what was never pressed.
     """
 
     inputs: np.ndarray
@@ -79,6 +85,9 @@ class Explanations:
     own: np.ndarray
     reads: np.ndarray
     fewer: np.ndarray
+    parts: np.ndarray
+    signs: np.ndarray
+    met: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,8 @@ class _Layout:
     own: np.ndarray
     reads: np.ndarray
     fewer: np.ndarray
+    parts: np.ndarray
+    signs: np.ndarray
 
 
 @lru_cache(maxsize=64)
@@ -122,18 +133,27 @@ def _layout(links: int, responders: int) -> _Layout:
     memory = np.array([MEMORIES.index(name) for name in names])
     reads = np.array(np.nonzero(told))
     own = np.array([name.startswith("own") for name in names])
-    return _Layout(tuple(groups), told, memory, own, reads, _fewer(told, names, reads))
+    return _Layout(tuple(groups), told, memory, own, reads, *_fewer(told, names, reads))
 
 
-def _fewer(told: np.ndarray, names: Sequence[str], reads: np.ndarray) -> np.ndarray:
-    """See `Explanations`; what no other one remembers, as presses, leaves nothing."""
+def _fewer(told: np.ndarray, names: Sequence[str], reads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`fewer`, `parts` and `signs` of `Explanations`; what no other one remembers, as presses, leaves nothing."""
     place = {(name, *np.flatnonzero(row)): number for number, (name, row) in enumerate(zip(names, told, strict=True))}
-    found = []
-    for number, one in reads.T:
-        rest = [other for other in np.flatnonzero(told[number]) if other != one]
-        nothing = "own" if names[number] == "own and now" else "none"
-        found.append(place.get((names[number], *rest), place[nothing,]) if rest else place[nothing,])
-    return np.array(found, int)
+
+    def without(number: int, left_out: Sequence[int]) -> int:
+        rest = [one for one in np.flatnonzero(told[number]) if one not in left_out]
+        nothing = place["own" if names[number].startswith("own") else "none",]
+        return place.get((names[number], *rest), nothing) if rest else nothing
+
+    parts, signs = np.zeros((2, len(told), 2**INPUTS), int)
+    for number, row in enumerate(told):
+        inputs = np.flatnonzero(row).tolist()
+        some = [left_out for count in range(len(inputs) + 1) for left_out in combinations(inputs, count)]
+        if names[number].startswith("last"):
+            some = [(), tuple(inputs[:1])]  # with one press of the two there is nothing to compare
+        parts[number, : len(some)] = [without(number, left_out) for left_out in some]
+        signs[number, : len(some)] = [(-1) ** len(left_out) for left_out in some]
+    return np.array([without(number, [one]) for number, one in reads.T], int), parts, signs
 
 
 def _group(memory: str, sets: Sequence[tuple[int, ...]]) -> _Group:
@@ -157,7 +177,13 @@ def explanations_of(trace: Trace) -> Explanations:
         else:
             found.append(_joint(late[int(rest[0]) if what == "late" else 0][:, group.sets]))
     contexts = np.concatenate(found, axis=1)
-    return Explanations(layout.inputs, layout.memory, contexts, layout.own, layout.reads, layout.fewer)
+    sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])
+    met = np.where(layout.inputs, sizes, 1).prod(1)
+    met = np.where(np.isin(layout.memory, _OF_PRESSES), 2, met)
+    met = np.where(np.isin(layout.memory, _SINCE), LONGEST + 1, met)
+    return Explanations(
+        layout.inputs, layout.memory, contexts, layout.own, layout.reads, layout.fewer, layout.parts, layout.signs, met
+    )
 
 
 def followed(trace: Trace, found: Explanations, contexts: np.ndarray, before: np.ndarray) -> np.ndarray:

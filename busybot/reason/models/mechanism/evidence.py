@@ -15,10 +15,14 @@ from torch.nn.functional import one_hot
 
 from busybot.reason.models.mechanism.contexts import STATES, SURE, UNSURE, Explanations, Trace
 
-EVIDENCE = 14
+EVIDENCE = 15
 """Numbers that are counted of an explanation, see `Evidence`."""
+EITHER, SCALE = 2, 5.0
+"""A column and a unit of these, see there."""
 WITNESSES = 2
 """Numbers that are counted of an input of an explanation."""
+FEWEST = 1e-3
+"""Of the functions that agree with what was shown at least so many are left; sums of rounded shares may be none."""
 RECENT = 10
 """So many actions are recent."""
 
@@ -31,8 +35,8 @@ class Evidence:
 
     | column | meaning |
     |---|---|
-    | 0, 1 | log probability / 5 that the explanation gave to each state before it showed (Krichevsky & Trofimov 1981, \
-with pseudo-counts `SURE` and `UNSURE`) |
+    | 0, 1 | log probability / `SCALE` that the explanation gave to each state before it showed (Krichevsky & Trofimov \
+1981, with pseudo-counts `SURE` and `UNSURE`) |
     | 2 | the same where each context is either sure or not, which is found out |
     | 3 | contexts that were new |
     | 4 | equal contexts, and never this state before |
@@ -45,13 +49,14 @@ with pseudo-counts `SURE` and `UNSURE`) |
     | 11 | column 0 of the last `RECENT` actions |
     | 12 | the same, if nothing but these actions is known |
     | 13 | column 4 of the last `RECENT` actions |
+    | 14 | column 0 if every input is to matter (column 2 for what remembers the responder's own state) |
 
     Columns 3 to 10 and 13 are log(1 + number). Luck that several responders have in common is not told. Columns of
     inputs, as log(1 + number): pairs of moments whose contexts differ in this input alone and in which the responder
     showed different states, or equal ones.
 
     Attributes:
-        explanations: float32 (R, H, K, 14).
+        explanations: float32 (R, H, K, 15).
         inputs: float32 (R, E, K, 2), in the order of `Explanations.reads`.
     """
 
@@ -65,7 +70,7 @@ def evidence_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Evid
     before = torch.cat([shown[:, :1], shown[:, :-1]], 1)  # a new board has rested for long
     moments = torch.as_tensor(after)
     earlier = Earlier(found.contexts, found.own, before)
-    counted = _of_explanations(earlier, shown, before)
+    counted = _of_explanations(earlier, found, shown, before)
     return Evidence(counted[:, :, moments], _of_inputs(earlier, found, shown)[:, :, moments])
 
 
@@ -119,8 +124,8 @@ def _right(follow: Tensor, shown: Tensor) -> Tensor:
     return follow.gather(-1, shown[:, None, :, None].expand(*follow.shape[:3], 1))[..., 0]
 
 
-def _of_explanations(earlier: Earlier, shown: Tensor, before: Tensor) -> Tensor:
-    """(R, H, M, 14)."""
+def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, before: Tensor) -> Tensor:
+    """(R, H, M, 15)."""
     states = one_hot(shown, STATES).float()
     follow, lately = earlier.sum(states), earlier.sum(states, recent=True)
     logs = log_probabilities(earlier, shown, follow)
@@ -131,10 +136,30 @@ def _of_explanations(earlier: Earlier, shown: Tensor, before: Tensor) -> Tensor:
         fresh, never, (agreed > 0) & ~always, always, always & changed, fresh & changed, changed,
         torch.ones_like(changed),
     )  # fmt: skip
-    columns = [one.cumsum(-1) / 5 for one in logs]
+    sums = [one.cumsum(-1) for one in logs]
+    columns = [one / SCALE for one in sums]
     columns += [torch.log1p(one.float().cumsum(-1)) for one in counted]
-    columns += [_lately(logs[0]) / 5, _lately(afresh) / 5, torch.log1p(_lately(never.float()))]
+    columns += [_lately(logs[0]) / SCALE, _lately(afresh) / SCALE, torch.log1p(_lately(never.float()))]
+    every = _if_every_input_matters(found, sums[0], shown)
+    columns.append(torch.where(earlier.own[:, None], sums[2], every) / SCALE)
     return torch.stack(columns, -1)
+
+
+def _if_every_input_matters(found: Explanations, logs: Tensor, shown: Tensor) -> Tensor:
+    """Log probability of what was shown, (R, H, M), if the functions that do without an input are left out.
+
+    The probability of an explanation is the share of its functions that agree with what was shown. Of these and of all
+    functions those of fewer inputs are taken away, by inclusion and exclusion.
+    """
+    states = (shown.cummax(1).values + 1).clamp(min=2)[:, None]  # (R, 1, M)
+    functions = torch.from_numpy(found.met)[:, None] * states.log()  # log number of functions, (R, H, M)
+    parts, signs = torch.from_numpy(found.parts), torch.from_numpy(found.signs)[..., None]
+
+    def left(counts: Tensor) -> Tensor:
+        share = ((counts[:, parts] - counts[:, :, None]).exp() * signs).sum(2)
+        return share.clamp(min=FEWEST).log() + counts
+
+    return left(logs + functions) - left(functions)
 
 
 def _lately(numbers: Tensor) -> Tensor:

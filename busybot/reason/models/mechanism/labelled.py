@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 
 from busybot.boards.causal_graph import periods
 from busybot.boards.config import BoardConfig
@@ -18,8 +19,10 @@ from busybot.boards.worlds import links_of
 from busybot.common.rng import generator
 from busybot.episodes.episode import Episode
 from busybot.objects.library import Library
+from busybot.reason.models.mechanism.changes import changes_of
 from busybot.reason.models.mechanism.config import Blur
-from busybot.reason.models.mechanism.contexts import Trace
+from busybot.reason.models.mechanism.contexts import Trace, explanations_of
+from busybot.reason.models.mechanism.evidence import EITHER, SCALE
 from busybot.reason.models.mechanism.networks import explanation_graph
 from busybot.reason.models.mechanism.perception import Perceived
 from busybot.reason.pyg import HeteroData
@@ -33,15 +36,39 @@ class LabelledTrace:
     """A board's trace and what was true.
 
     Attributes:
-        parents: bool (T, I, R), the inputs that decided each responder after each action.
+        world: in which the board was drawn.
+        parents: bool (T, I, R), the inputs that decided each responder after each action; None if nobody says.
+        changed: bool (T, R), whether another mechanism than at first did; None if nobody says.
     """
 
     trace: Trace
-    parents: np.ndarray
+    world: str
+    parents: np.ndarray | None = None
+    changed: np.ndarray | None = None
 
-    def graph(self, after: Sequence[int]) -> HeteroData:
-        """The board's graph after so many actions each."""
-        return explanation_graph(self.trace, after, self.parents[np.asarray(after) - 1])
+    @property
+    def actions(self) -> int:
+        """T."""
+        return len(self.trace.links) - 1
+
+    def graph(self, after: Sequence[int], world: int = 0) -> HeteroData:
+        """See `explanation_graph`; with what is true of the board, or else with what explanations foretold."""
+        if self.parents is None or self.changed is None:
+            return self._foretold(after, world)
+        steps = np.asarray(after) - 1
+        odds, _ = changes_of(self.trace, explanations_of(self.trace))
+        graph = explanation_graph(self.trace, after, world, parents=self.parents[steps], odds=odds)
+        graph["responder"].changed = torch.from_numpy(self.changed[steps].T.copy())
+        return graph
+
+    def _foretold(self, after: Sequence[int], world: int) -> HeteroData:
+        """With `later`, float32 (R * H, K): log probability that explanations gave to all that was shown after that."""
+        graph = explanation_graph(self.trace, [*after, self.actions], world)
+        node, reads = graph["explanation"], graph["explanation", "reads", "candidate"]
+        logs = SCALE * node.evidence[..., EITHER]
+        node.later = logs[:, -1:] - logs[:, :-1]
+        node.evidence, reads.witnesses = node.evidence[:, :-1], reads.witnesses[:, :-1]
+        return graph
 
 
 WORKS = 0.97
@@ -56,12 +83,12 @@ def labelled(episode: Episode, seen: Perceived) -> LabelledTrace:
         own = [held[step] for step in np.flatnonzero(seen.links.clusters == link)]
         inputs.append(max(sorted(set(own)), key=own.count))
     inputs += [(int(index), BODY) for index in seen.responders]
-    return LabelledTrace(seen.trace, true_parents(episode.board, inputs, seen.responders, len(episode.steps)))
+    board, responders, steps = episode.board, seen.responders.tolist(), len(episode.steps)
+    true = true_parents(board, inputs, responders, steps), true_changes(board, responders, steps)
+    return LabelledTrace(seen.trace, board.world, *true)
 
 
-def true_parents(
-    board: BoardSpec, inputs: Sequence[Named], responders: Sequence[int] | np.ndarray, actions: int
-) -> np.ndarray:
+def true_parents(board: BoardSpec, inputs: Sequence[Named], responders: Sequence[int], actions: int) -> np.ndarray:
     """bool (T, I, R), as of `LabelledTrace`."""
     place = {int(index): number for number, index in enumerate(responders)}
     found = np.zeros((actions, len(inputs), len(place)), bool)
@@ -72,6 +99,13 @@ def true_parents(
             if period.holds(action + 1) and period.relation.responder in place:
                 found[action, rows, place[period.relation.responder]] = True
     return found
+
+
+def true_changes(board: BoardSpec, responders: Sequence[int], actions: int) -> np.ndarray:
+    """bool (T, R), as of `LabelledTrace`."""
+    steps = [[one.step for one in board.rewirings if one.relation.responder == index] for index in responders]
+    first = np.array([min(own, default=actions) for own in steps])
+    return np.asarray(np.arange(actions)[:, None] >= first)
 
 
 def draw_boards(
@@ -89,7 +123,8 @@ def draw_boards(
         inputs = [*links.names, *((index, BODY) for index in responders)]
         rows, states = _moved_at_random(board, links, actions, generator(seed, world, number, "mechanisms/actions"))
         trace = Trace(np.array(rows), np.array([state.shown for state in states])[:, responders], links.sizes)
-        drawn = LabelledTrace(trace, true_parents(board, inputs, responders, actions))
+        true = true_parents(board, inputs, responders, actions), true_changes(board, responders, actions)
+        drawn = LabelledTrace(trace, world, *true)
         if blur is not None:
             drawn = _blurred(drawn, blur, generator(seed, world, number, "mechanisms/pictures"))
         yield board, drawn
@@ -131,7 +166,9 @@ def _blurred(drawn: LabelledTrace, blur: Blur, rng: np.random.Generator) -> Labe
     trace, sizes = _confused(drawn.trace, blur.confused, rng), np.array(drawn.trace.sizes)
     seen = rng.random(len(sizes)) >= blur.hidden
     trace = as_pictured(Trace(trace.links[:, seen], trace.responders, tuple(sizes[seen].tolist())))
-    return LabelledTrace(trace, drawn.parents[:, np.concatenate([seen, np.ones(trace.responders.shape[1], bool)])])
+    kept = np.concatenate([seen, np.ones(trace.responders.shape[1], bool)])
+    parents = None if drawn.parents is None else drawn.parents[:, kept]
+    return replace(drawn, trace=trace, parents=parents)
 
 
 def as_pictured(trace: Trace) -> Trace:

@@ -1,4 +1,9 @@
-"""Trains the `mechanism` model with the true parents of simulated boards as labels."""
+"""Trains the `mechanism` model, with the true parents of simulated boards as labels or from pictures alone.
+
+*True parents* are those of simulated boards of the training split (amortised inference: Lorenz & others, AVICI, 2022).
+*Pictures alone* tell, too: an explanation is as good after some actions as it foretells all that is seen later, while
+it goes on learning. The network learns to know early which explanations will; no true relation or state is read.
+"""
 
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -7,13 +12,14 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import binary_cross_entropy_with_logits
 
 from busybot.common.rng import generator
 from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import RecordedBoards
 from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, labelled
-from busybot.reason.models.mechanism.networks import MechanismNet
+from busybot.reason.models.mechanism.networks import IMPOSSIBLE, MechanismNet, world_number
 from busybot.reason.models.mechanism.perception import perceive
 from busybot.reason.pyg import Batch, HeteroData, scatter
 from busybot.training.checkpoint import initialise
@@ -30,23 +36,34 @@ _COUNTED: dict[Any, tuple[str, ...]] = {
     ("explanation", "reads", "candidate"): ("witnesses",),
 }
 
+_TRUE = (("explanation", "right"), ("explanation", "later"), ("responder", "odds"), ("responder", "changed"))
+MOST = 14.0
+"""What was thought to be almost impossible costs no more than this, nats."""
 
-def loss_of(net: MechanismNet, graph: HeteroData, rough: float) -> Tensor:
-    """Mean negative log probability of the responders' true parent sets, where some explanation reads them.
+
+def loss_of(net: MechanismNet, graph: HeteroData, rough: float, changes: float) -> Tensor:
+    """Mean negative log probability of the responders' true parent sets, where some explanation reads them; without
+    labels that of all that they showed later.
 
     Args:
         rough: weight of the same before messages were passed.
+        changes: weight of the mean negative log probability of what is true of changes.
     """
-    owner = graph["explanation", "explains", "responder"].edge_index[1]
-    right = graph["explanation"].right
-    known = scatter(right.float(), owner, reduce="max") > 0
+    owner, node = graph["explanation", "explains", "responder"].edge_index[1], graph["explanation"]
+    final, first, change = net(graph)
+    if "right" not in node:
+        return _surprise(final + node.later, owner).mean() + rough * _surprise(first + node.later, owner).mean()
+    known = scatter(node.right.float(), owner, reduce="max") > 0
+    right = torch.where(node.right, 0.0, IMPOSSIBLE)
+    said, early = (_surprise(told + right, owner)[known].clamp(max=MOST).mean() for told in (final, first))
+    changed = binary_cross_entropy_with_logits(change, graph["responder"].changed.float())
+    return said + rough * early + changes * changed
 
-    def surprise(log_shares: Tensor) -> Tensor:
-        mass = scatter(log_shares.exp() * right, owner, reduce="sum")
-        return -torch.log(mass.clamp(min=1e-6))[known].mean()
 
-    final, first = net(graph)
-    return surprise(final) + rough * surprise(first)
+def _surprise(logs: Tensor, owner: Tensor) -> Tensor:
+    """Negative log of the sums over the explanations of each responder, (R, K)."""
+    top = scatter(logs, owner, reduce="max").detach()
+    return -(top + scatter((logs - top[owner]).exp(), owner, reduce="sum").log())
 
 
 def _half(graph: HeteroData) -> HeteroData:
@@ -63,7 +80,9 @@ def _at(graph: HeteroData, moments: Tensor) -> HeteroData:
     for kept, names in _COUNTED.items():
         for name in names:
             chosen[kept][name] = graph[kept][name][:, moments].float()
-    chosen["explanation"].right = graph["explanation"].right[:, moments]
+    for kept, name in _TRUE:
+        if name in graph[kept]:
+            chosen[kept][name] = graph[kept][name][:, moments]
     return chosen
 
 
@@ -100,9 +119,11 @@ class MechanismLearner(Learner):
         chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
         moments = torch.from_numpy(np.sort(rng.choice(KNOWN, min(config.moments, KNOWN), replace=False)))
         graphs = Batch.from_data_list([_at(self._known(int(number)), moments) for number in chosen])
+        told = torch.from_numpy(rng.random(len(chosen)) >= config.untold)
+        graphs["board"].world = graphs["board"].world * told
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, config.iterations)
         self.network.train()
-        loss = loss_of(self.network, graphs.to(device()), config.rough)
+        loss = loss_of(self.network, graphs.to(device()), config.rough, config.changes)
         descend(self.optimizer, loss, rate, config.clip)
         return float(loss.detach()), rate
 
@@ -111,9 +132,12 @@ class MechanismLearner(Learner):
         scale: what to claim is hardest to tell when little was seen."""
         if number not in self._graphs:
             board, rng = self.boards[number], generator(self.seed, "train", number, "reason/mechanism/moments")
-            drawn = (len(board.parents) + 1) ** rng.random(KNOWN)
-            self._graphs[number] = _half(board.graph([int(each) for each in drawn]))
+            drawn = (board.actions + 1) ** rng.random(KNOWN)
+            self._graphs[number] = _half(self._graph(board, [int(each) for each in drawn]))
         return self._graphs[number]
+
+    def _graph(self, board: LabelledTrace, after: Sequence[int]) -> HeteroData:
+        return board.graph(after, world_number(self.config.net, board.world))
 
     @torch.no_grad()
     def judge(self) -> Mapping[str, float]:
@@ -122,9 +146,9 @@ class MechanismLearner(Learner):
         total, count = 0.0, 0
         for start in range(0, len(self.held_out), JUDGED_AT_ONCE):
             some = self.held_out[start : start + JUDGED_AT_ONCE]
-            batch = Batch.from_data_list([board.graph(JUDGED_AFTER) for board in some])
+            batch = Batch.from_data_list([self._graph(board, JUDGED_AFTER) for board in some])
             responders = int(batch["responder"].num_nodes)
-            total += float(loss_of(self.network, batch.to(device()), 0.0)) * responders
+            total += float(loss_of(self.network, batch.to(device()), 0.0, self.config.changes)) * responders
             count += responders
         return {"loss": total / count} if count else {}
 
@@ -134,13 +158,14 @@ def learner_of(
 ) -> MechanismLearner:
     """A learner from recordings, with as many drawn boards of their worlds as the configuration asks for."""
     worlds = sorted({boards.episode(number).board.world for number in range(len(boards))})
-    library, traces = find("procedural"), [_labelled(boards, number, config.encoder) for number in range(len(boards))]
-    for world in worlds:
-        drawn = draw_boards(world, config.drawn, seed, library, config.actions, config.blur) if config.drawn else ()
+    library, traces = find("procedural"), [_trace(boards, number, config) for number in range(len(boards))]
+    for world in worlds if config.drawn and config.labels == "parents" else ():
+        drawn = draw_boards(world, config.drawn, seed, library, config.actions, config.blur)
         traces += [trace for _, trace in drawn]
-    judged = [_labelled(held_out, number, config.encoder) for number in range(len(held_out))]
+    judged = [_trace(held_out, number, config) for number in range(len(held_out))]
     return MechanismLearner(config, traces, judged, seed)
 
 
-def _labelled(boards: RecordedBoards, number: int, encoder: str) -> LabelledTrace:
-    return labelled(boards.episode(number), perceive(boards[number], encoder))
+def _trace(boards: RecordedBoards, number: int, config: MechanismConfig) -> LabelledTrace:
+    seen, episode = perceive(boards[number], config.encoder), boards.episode(number)
+    return labelled(episode, seen) if config.labels == "parents" else LabelledTrace(seen.trace, episode.board.world)

@@ -28,17 +28,24 @@ SHARP = 5.0
 """Column 0 of the evidence times this is a log probability."""
 
 
-def explanation_graph(trace: Trace, after: Sequence[int], parents: np.ndarray | None = None) -> HeteroData:
+def explanation_graph(
+    trace: Trace,
+    after: Sequence[int],
+    world: int = 0,
+    parents: np.ndarray | None = None,
+    odds: np.ndarray | None = None,
+) -> HeteroData:
     """One board after so many actions each of K moments; R responders, H explanations, I = L + R inputs.
 
     | nodes and edges | attribute | shape | meaning |
     |---|---|---|---|
-    | `explanation` | `evidence` | float32 (R * H, K, 14) | `Evidence.explanations` |
+    | `explanation` | `evidence` | float32 (R * H, K, 15) | `Evidence.explanations` |
     | | `kind` | int64 (R * H,) | memory and number of inputs, see `KINDS` |
     | | `possible` | bool (R * H,) | False where it reads its own responder |
     | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
     | `candidate` | `input` | int64 (R * I,) | number of the input, in all boards of a batch |
-    | `responder` | | R | |
+    | `responder` | `odds` | float32 (R, K) | what speaks for a change of its mechanism; with `odds` only |
+    | `board` | `world` | int64 (1,) | which world is told, 0 for none |
     | `responder`, `lies on`, `board` | `edge_index` | int64 (2, R) | |
     | `explanation`, `reads`, `candidate` | `edge_index` | int64 (2, R * E) | |
     | | `witnesses` | float32 (R * E, K, 2) | `Evidence.inputs` |
@@ -46,13 +53,17 @@ def explanation_graph(trace: Trace, after: Sequence[int], parents: np.ndarray | 
     | `candidate`, `moves`, `responder` | `edge_index` | int64 (2, R * I) | |
 
     Args:
+        world: number of the world that is told, see `world_number`.
         parents: bool (K, I, R), the true parents at each moment.
+        odds: float32 (T + 1, R), of `changes_of`.
     """
     found = explanations_of(trace)
     (count, inputs), responders = found.inputs.shape, trace.responders.shape[1]
     links = inputs - responders
     graph = HeteroData()
     graph["responder"].num_nodes = responders
+    if odds is not None:
+        graph["responder"].odds = torch.from_numpy(odds[np.asarray(after)].T.copy())
     graph["input"].num_nodes = inputs
     node = graph["explanation"]
     node.num_nodes = responders * count
@@ -76,6 +87,7 @@ def explanation_graph(trace: Trace, after: Sequence[int], parents: np.ndarray | 
         [torch.arange(responders * inputs), owner.repeat_interleave(inputs)]
     )
     graph["board"].num_nodes = 1
+    graph["board"].world = torch.tensor([world])
     graph["responder", "lies on", "board"].edge_index = torch.stack([owner, torch.zeros_like(owner)])
     graph["candidate", "is", "input"].edge_index = torch.stack(
         [torch.arange(responders * inputs), torch.arange(inputs).repeat(responders)]
@@ -85,6 +97,11 @@ def explanation_graph(trace: Trace, after: Sequence[int], parents: np.ndarray | 
 
 KINDS = len(MEMORIES) * (INPUTS + 1)
 """Memories by number of inputs."""
+
+
+def world_number(config: MechanismNetConfig, name: str) -> int:
+    """Of a world that may be told, 0 for others."""
+    return config.worlds.index(name) + 1 if name in config.worlds else 0
 
 
 def mlp(*widths: int) -> nn.Sequential:
@@ -113,12 +130,13 @@ class MechanismNet(nn.Module):
 
     Shapes:
         input: a batch of `explanation_graph`.
-        output: (X, K), and the same before messages were passed, which training holds near the truth, too.
+        output: (X, K); the same before messages were passed, which training holds near the truth, too; (R, K), log odds
+            that another mechanism than at first decides a responder, None where nothing is known of changes.
     """
 
     def __init__(self, config: MechanismNetConfig):
         super().__init__()
-        width = config.width
+        self.config, width = config, config.width
         self.kind = nn.Linear(KINDS, width, bias=False)
         self.evidence = nn.Linear(EVIDENCE, width)
         self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width))
@@ -128,9 +146,11 @@ class MechanismNet(nn.Module):
         self.candidate = mlp(2 * width + 2, width, width)
         self.board = mlp(width, width, width)
         self.final = mlp(4 * width, width, 1)
+        self.world = nn.Linear(len(config.worlds) + 1, width, bias=False)
+        self.change = mlp(2 * width + 2, width, 1)
         self.gather = Gather()
 
-    def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor]:
+    def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor, Tensor | None]:
         """See above."""
         node, edges = graph["explanation"], graph["explanation", "reads", "candidate"]
         source, target = edges.edge_index
@@ -141,21 +161,28 @@ class MechanismNet(nn.Module):
         explanations, candidates, responders, inputs = counts
         matters, there, back = self.witnesses(edges.witnesses).chunk(3, -1)
         mattering = scatter(matters.relu(), source, dim_size=explanations, reduce="sum")
-        token = self.token(self.evidence(node.evidence) + self.kind.weight.T[node.kind][:, None] + mattering)
+        of_board = graph["responder", "lies on", "board"].edge_index[1]
+        known = self.kind.weight.T[node.kind] + self.world.weight.T[graph["board"].world[of_board][owner]]
+        token = self.token(self.evidence(node.evidence) + known[:, None] + mattering)
         first = self._shares(self.rough(token)[..., 0] + self.sharpness * node.evidence[..., 0], node, owner)
         weight = first.exp()
         summary = scatter(weight[..., None] * token, owner, dim_size=responders, reduce="sum")  # (R, K, width)
-        of_board = graph["responder", "lies on", "board"].edge_index[1]
-        board = scatter(self.board(summary), of_board, dim_size=graph["board"].num_nodes, reduce="mean")[of_board]
+        boards = graph["board"].num_nodes
+        board = scatter(self.board(summary), of_board, dim_size=boards, reduce="mean")[of_board]
         heard = self.gather(edges.edge_index, token, there, weight, (explanations, candidates))
         needed = scatter(weight[source], target, dim_size=candidates, reduce="sum")[..., None]  # (C, K, 1)
         others = scatter(needed, of_input, dim_size=inputs, reduce="sum")[of_input] - needed
         told = self.candidate(torch.cat([heard / (needed + 1e-3), summary[of_responder], needed, others], -1))
         share = 1 / scatter(torch.ones_like(source), source, dim_size=explanations).clamp(min=1)
         said = self.gather(edges.edge_index.flip(0), told, back, needed.new_ones(1, 1), (candidates, explanations))
-        around = torch.cat([summary, board], -1)[owner]
-        logits = first + self.final(torch.cat([token, share[:, None, None] * said, around], -1))[..., 0]
-        return self._shares(logits, node, owner), first
+        around = torch.cat([summary, board], -1)
+        logits = first + self.final(torch.cat([token, share[:, None, None] * said, around[owner]], -1))[..., 0]
+        change = None
+        if self.config.changes and "odds" in graph["responder"]:
+            odds = graph["responder"].odds
+            rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
+            change = self.change(torch.cat([around, torch.stack([odds, rivals], -1) / SHARP], -1))[..., 0]
+        return self._shares(logits, node, owner), first, change
 
     def _shares(self, logits: Tensor, node: HeteroData, owner: Tensor) -> Tensor:
         """Log softmax over the explanations of each responder."""

@@ -18,7 +18,7 @@ from busybot.reason.models.mechanism.completion import completed
 from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace, explanations_of, followed
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
-from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph
+from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, world_number
 from busybot.reason.models.mechanism.perception import Perceived, perceive
 from busybot.reason.models.mechanism.present import RARE, REST, Past
 from busybot.reason.pyg import Batch
@@ -116,7 +116,10 @@ class MechanismReasoner:
         What counts as one link, and as one look, is found in all pictures of `seen`: rows of earlier steps have their
         evidence alone from the actions until then. Kinds and lags are those of the end.
         """
-        known = self._explained(seen, range(seen.steps + 1))
+        perceived = perceive(seen, self.encoder)
+        odds, first = changes_of(perceived.trace, explanations_of(perceived.trace))
+        found, shares, believed = self.explain(perceived.trace, range(seen.steps + 1), seen.world, odds)
+        known = _Understood(perceived, found, shares)
         links, objects = known.perceived.links, len(seen.triggers)
         owners = np.concatenate([links.owners, known.perceived.responders]).astype(int)
         of_objects = np.zeros((len(known.found.inputs), objects), bool)
@@ -129,11 +132,11 @@ class MechanismReasoner:
         own = known.found.inputs[:, : len(links.owners)]
         single[:, :, known.perceived.responders] = np.einsum("rhk,hi->kir", known.shares, own)
         kinds, lags = self._named(known, objects)
-        changed, changed_at = np.zeros((seen.steps, objects)), np.full(objects, -1)
-        likely, first = changes_of(known.trace, known.found)
-        changed[:, known.perceived.responders] = likely
-        if seen.steps:
-            changed_at[known.perceived.responders] = np.where(likely[-1] > 0.5, first - 1, -1)
+        changed = changed_at = None
+        if believed is not None:
+            changed, changed_at = np.zeros((seen.steps, objects)), np.full(objects, -1)
+            changed[:, known.perceived.responders] = believed[:, 1:].T
+            changed_at[known.perceived.responders] = np.where(believed[:, -1] > 0.5, first - 1, -1)
         after = slice(1, None) if moments > 1 else slice(None)
         return InferredGraph(
             self.name,
@@ -212,21 +215,33 @@ class MechanismReasoner:
         if self._last is not None:
             known, understood = self._last
             same = zip(known.arrays.values(), seen.arrays.values(), strict=True)
-            if known.watch is seen.watch and all(np.array_equal(one, other) for one, other in same):
+            if (known.watch, known.world) == (seen.watch, seen.world) and all(
+                np.array_equal(one, other) for one, other in same
+            ):
                 return understood
-        self._last = (seen, self._explained(seen, [seen.steps]))
+        perceived = perceive(seen, self.encoder)
+        found, shares, _ = self.explain(perceived.trace, [seen.steps], seen.world)
+        self._last = (seen, _Understood(perceived, found, shares))
         return self._last[1]
 
-    def _explained(self, seen: BoardSequence, after: Sequence[int]) -> _Understood:
-        perceived = perceive(seen, self.encoder)
-        return _Understood(perceived, *self.explain(perceived.trace, after))
-
     @torch.no_grad()
-    def explain(self, trace: Trace, after: Sequence[int]) -> tuple[Explanations, np.ndarray]:
-        """What explains a trace, and how probable each is after so many actions each, float (R, H, K)."""
-        final, _ = self._net(Batch.from_data_list([explanation_graph(trace, after)]))
+    def explain(
+        self, trace: Trace, after: Sequence[int], world: str = "", odds: np.ndarray | None = None
+    ) -> tuple[Explanations, np.ndarray, np.ndarray | None]:
+        """What explains a trace after so many actions each.
+
+        Args:
+            world: that is told.
+            odds: of `changes_of`.
+
+        Returns:
+            The explanations; how probable each is, float (R, H, K); and, with odds, how probable it is that another
+            mechanism than at first decides each responder, float (R, K), None if the network does not say so.
+        """
+        graph = explanation_graph(trace, after, world_number(self._net.config, world), odds=odds)
+        final, _, change = self._net(Batch.from_data_list([graph]))
         shares = final.exp().view(trace.responders.shape[1], -1, len(after)).double().numpy()
-        return explanations_of(trace), shares
+        return explanations_of(trace), shares, None if change is None else change.sigmoid().double().numpy()
 
     def _in_words(self, known: _Understood, objects: int) -> tuple[str, ...]:
         """What decides each object; links of a trigger that has several are counted."""

@@ -59,7 +59,7 @@ def test_the_shipped_model_becomes_sure_of_a_gate_and_wants_to_see_what_it_has_n
     assert isinstance(reasoner, MechanismReasoner)
     links, shown = watched(Gate(sizes=(2, 2), table=(0, 0, 0, 1), function="and"), 30)
     trace = Trace(links, shown, (2, 2))
-    found, shares = reasoner.explain(trace, range(31))
+    found, shares, _ = reasoner.explain(trace, range(31))
     sure = [certainty(found, shares[..., after]) for after in (0, 3, 30)]
     assert sure[0] < 0.7 < 0.9 < sure[-1]
     early = trace.first(1)

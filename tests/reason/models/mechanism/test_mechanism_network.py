@@ -1,7 +1,7 @@
 """Explanations of what responders show, what is counted of them, and the network that judges them."""
 
 import math
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from busybot.reason.models.mechanism.contexts import (
     Trace,
     explanations_of,
 )
-from busybot.reason.models.mechanism.evidence import EVIDENCE, RECENT, WITNESSES, evidence_of
+from busybot.reason.models.mechanism.evidence import EITHER, EVIDENCE, RECENT, SCALE, WITNESSES, evidence_of
 from busybot.reason.models.mechanism.labelled import LabelledTrace
 from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, parents_of
@@ -115,6 +115,28 @@ def test_what_is_counted_is_what_brute_force_counts(gates: list[LabelledTrace]) 
         assert round(float(told[responder, row, COLUMNS["actions"]])) == 19
 
 
+def test_functions_that_do_without_an_input_are_left_out() -> None:
+    links = walk(3, 12)
+    trace = Trace(links, links[:, :1] & links[:, 1:2], (2, 2, 2))
+    found = explanations_of(trace)
+    told = 5 * evidence_of(trace, found, [12]).explanations[0, :, 0, 14]
+    for inputs in ((0,), (0, 1), (1, 2), (0, 1, 2)):
+        read = {tuple(row[list(inputs)]): int(state) for row, state in zip(links, trace.responders[:, 0], strict=True)}
+        situations = list(product((0, 1), repeat=len(inputs)))
+        every = [dict(zip(situations, states, strict=True)) for states in product((0, 1), repeat=len(situations))]
+        needed = [
+            one for one in every
+            if all(any(one[s] != one[(*s[:k], 1 - s[k], *s[k + 1 :])] for s in situations) for k in range(len(inputs)))
+        ]  # fmt: skip
+        agree = [one for one in needed if all(one[s] == state for s, state in read.items())]
+        row, alone = explaining(found, inputs, "late 0"), {int(one) for one in inputs}
+        if {0, 1} <= alone:
+            assert float(told[row]) == pytest.approx(math.log(len(agree) / len(needed)), abs=0.5)
+            assert math.log(len(agree) / len(needed)) != pytest.approx(math.log(len(agree) / len(every)), abs=0.1)
+        else:
+            assert not agree and told[row] < -4, "it is contradicted"
+
+
 def test_an_input_matters_where_it_alone_changes_what_shows() -> None:
     links = walk(3, 40)
     trace = Trace(links, (links[:, :1] & links[:, 1:2]), (2, 2, 2))
@@ -144,7 +166,7 @@ def test_probabilities_are_those_of_one_explanation_each_and_of_no_responder_by_
 ) -> None:
     net = MechanismNet(MechanismNetConfig())
     graph = Batch.from_data_list([board.graph([3, 20]) for board in gates[:2]])
-    final, first = net(graph)
+    final, first, _ = net(graph)
     owner = graph["explanation", "explains", "responder"].edge_index[1]
     for shares in (final, first):
         sums = torch.zeros(graph["responder"].num_nodes, 2).index_add(0, owner, shares.exp())
@@ -163,6 +185,21 @@ def test_later_actions_do_not_change_what_was_believed(gates: list[LabelledTrace
     early, late = explanation_graph(trace.first(10), [10]), explanation_graph(trace, [10, 30])
     one, two = (parents_of(net(Batch.from_data_list([each]))[0], each) for each in (early, late))
     assert torch.allclose(one[:, 0], two[:, 0], atol=1e-5) and not torch.allclose(two[:, 0], two[:, 1], atol=1e-2)
+
+
+def test_it_learns_from_what_is_seen_later_alone(gates: list[LabelledTrace]) -> None:
+    boards = [LabelledTrace(board.trace, board.world) for board in gates]
+    graph = boards[0].graph([5, 30])
+    assert "right" not in graph["explanation"] and "changed" not in graph["responder"], "nothing true is there"
+    found = evidence_of(boards[0].trace, explanations_of(boards[0].trace), [5, 30]).explanations[..., EITHER]
+    later = graph["explanation"].later.view(*found.shape)
+    assert torch.allclose(later[..., 0], SCALE * (found[..., 1] - found[..., 0]), atol=1e-4) and not later[..., 1].any()
+    config = MechanismConfig(iterations=60, batch=4, labels="pictures", net=MechanismNetConfig(changes=False))
+    learner = MechanismLearner(config, boards[:5], boards[5:], 0)
+    before = learner.judge()["loss"]
+    for iteration in range(60):
+        learner.iterate(iteration)
+    assert learner.judge()["loss"] < before - 0.1
 
 
 @pytest.mark.long

@@ -66,7 +66,7 @@ class Right(MechanismNet):
             rows = torch.arange(3 * count) // count == responder
             [row] = torch.nonzero(rows & (inputs == right).all(1) & (kinds == MEMORIES.index(memory))).tolist()
             shares[row] = 0.0
-        return shares, shares
+        return shares, shares, None
 
 
 def test_what_it_understands_is_told_as_a_graph(watched: BoardSequence) -> None:
@@ -135,6 +135,24 @@ def test_drawn_boards_follow_their_law_as_pictures_would_show_them() -> None:
             )
     again = as_pictured(seen.trace)
     assert np.array_equal(again.links, seen.trace.links) and np.array_equal(again.responders, seen.trace.responders)
+
+
+def test_what_is_rewired_is_another_mechanism_from_then_on() -> None:
+    for board, seen in draw_boards("rewired", 3, 5, find("procedural"), 30):
+        responders = [index for index, placed in enumerate(board.objects) if placed.role == "responder"]
+        changed = {one.relation.responder: one.step for one in board.rewirings}
+        assert changed and seen.world == "rewired"
+        for index, column in zip(responders, seen.changed.T, strict=True):
+            assert column.tolist() == [action >= changed.get(index, 30) for action in range(30)]
+
+
+def test_a_world_is_heard_where_it_was_learned_and_forgotten_where_it_was_not(watched: BoardSequence) -> None:
+    torch.manual_seed(0)
+    reasoner = MechanismReasoner(MechanismNet(MechanismNetConfig(worlds=("gates", "time"))), "embedded")
+    told = {name: reasoner.graph(replace(watched, world=name)) for name in ("", "gates", "time", "chance")}
+    assert np.array_equal(told[""].probabilities, told["chance"].probabilities)
+    assert len({one.probabilities.tobytes() for one in told.values()}) == 3
+    assert told["time"].changed is not None and 0 < told["time"].changed[:, [1, 2, 4]].min() < 1
 
 
 def test_links_are_mistaken_or_hidden_where_that_is_asked_for() -> None:

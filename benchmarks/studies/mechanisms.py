@@ -72,7 +72,7 @@ def compare(net: MechanismNet, boards: Sequence[tuple[LabelledTrace, np.ndarray 
         true = board.parents[np.array(JUDGED_AFTER) - 1]  # (K, I, R)
         found = parents_of(net(graph)[0], graph).view(true.shape[2], true.shape[1], len(JUDGED_AFTER)).numpy()
         assert believed is not None
-        told.append([_counts(found.T > CLAIMED, true), _counts(believed > CLAIMED, true)])
+        told.append([parent_counts(found.T > CLAIMED, true), parent_counts(believed > CLAIMED, true)])
     counts = np.array(told)  # (B, 2, K, 3)
     picked = generator(seed, "bootstrap", 0, "mechanisms").integers(0, len(counts), (DRAWS, len(counts)))
 
@@ -87,7 +87,7 @@ def compare(net: MechanismNet, boards: Sequence[tuple[LabelledTrace, np.ndarray 
     }
 
 
-def _counts(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
+def parent_counts(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
     """(K, 3): rightly claimed, claimed and true, of bool (K, I, R)."""
     return np.stack([each.sum((1, 2)) for each in (claimed & true, claimed, true)], axis=1)
 

@@ -54,6 +54,7 @@ KINDS = {
     "stages": "python -m pipelines.tables",
     "reason-robustness": "python -m benchmarks.studies.reason_robustness",
     "bounds": "python -m benchmarks.studies.bounds",
+    "mechanism-ablations": "python -m benchmarks.studies.mechanism_ablations",
     "mechanisms": "python -m benchmarks.studies.mechanisms",
     "changed-pixels": "python -m benchmarks.studies.splits changed-pixels",
     "coverage": "python -m benchmarks.studies.policy_constants coverage",

@@ -17,8 +17,8 @@ from busybot.reason.models.mechanism.contexts import STATES, SURE, UNSURE, Expla
 
 EVIDENCE = 15
 """Numbers that are counted of an explanation, see `Evidence`."""
-EITHER, SCALE = 2, 5.0
-"""A column and a unit of these, see there."""
+EITHER, LEFT, SCALE = 2, 14, 5.0
+"""Two of its columns, and a unit."""
 WITNESSES = 2
 """Numbers that are counted of an input of an explanation."""
 FEWEST = 1e-3

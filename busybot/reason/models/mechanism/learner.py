@@ -133,10 +133,11 @@ class MechanismLearner(Learner):
         if number not in self._graphs:
             board, rng = self.boards[number], generator(self.seed, "train", number, "reason/mechanism/moments")
             drawn = (board.actions + 1) ** rng.random(KNOWN)
-            self._graphs[number] = _half(self._graph(board, [int(each) for each in drawn]))
+            self._graphs[number] = _half(self.graph(board, [int(each) for each in drawn]))
         return self._graphs[number]
 
-    def _graph(self, board: LabelledTrace, after: Sequence[int]) -> HeteroData:
+    def graph(self, board: LabelledTrace, after: Sequence[int]) -> HeteroData:
+        """A board's graph, with the world that is told."""
         return board.graph(after, world_number(self.config.net, board.world))
 
     @torch.no_grad()
@@ -146,7 +147,7 @@ class MechanismLearner(Learner):
         total, count = 0.0, 0
         for start in range(0, len(self.held_out), JUDGED_AT_ONCE):
             some = self.held_out[start : start + JUDGED_AT_ONCE]
-            batch = Batch.from_data_list([self._graph(board, JUDGED_AFTER) for board in some])
+            batch = Batch.from_data_list([self.graph(board, JUDGED_AFTER) for board in some])
             responders = int(batch["responder"].num_nodes)
             total += float(loss_of(self.network, batch.to(device()), 0.0, self.config.changes)) * responders
             count += responders

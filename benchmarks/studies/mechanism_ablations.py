@@ -1,0 +1,213 @@
+"""Trains the `mechanism` network on less, or without something that it reads, and judges it on recorded boards.
+
+    python -m benchmarks.studies.mechanism_ablations --data DATA --assets DIR --work FOLDER
+        --out benchmarks/results/mechanism-ablations.json [--only NAMES] [--worlds NAMES] [--iterations 1000]
+        [--most BOARDS]
+
+DATA is what `benchmarks.tables.worlds record` made: recorded boards of the training split, real objects, of seven
+worlds. All but those called `validation` are trained on; on these, parents of links that were seen are judged. Nothing
+is chosen by them: all trainings are equally long, and the last weights are judged. A result gains the rows that it
+lacks, and trainings that were stopped go on.
+"""
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from benchmarks.runner import chosen, finish, parser
+from benchmarks.studies.bounds import CLAIMED, DRAWS
+from benchmarks.studies.mechanisms import parent_counts
+from benchmarks.tables.world_rows import ENCODER
+from benchmarks.tables.worlds import Recorded
+from busybot.boards.spec import PAPER
+from busybot.boards.worlds import WORLDS
+from busybot.common.atomic_io import read_json
+from busybot.common.rng import generator
+from busybot.datasets.dataset import INFO_FILE
+from busybot.evaluation.bootstrap import share_interval
+from busybot.objects.resolve import find
+from busybot.reason.models.mechanism.config import Blur, MechanismConfig, MechanismNetConfig
+from busybot.reason.models.mechanism.contexts import MEMORIES
+from busybot.reason.models.mechanism.evidence import LEFT
+from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, labelled
+from busybot.reason.models.mechanism.learner import MechanismLearner
+from busybot.reason.models.mechanism.networks import parents_of
+from busybot.reason.models.mechanism.perception import Perceived, perceive
+from busybot.reason.pyg import Batch, HeteroData
+from busybot.training.loop import fit
+from busybot.training.run_folder import begin_folder
+
+KIND = "mechanism-ablations"
+ACTIONS = (10, 22, 30)
+JUDGED = tuple(name for name in WORLDS if name != PAPER)
+NOW = [number for number, name in enumerate(MEMORIES) if name in ("none", "own", "late 0", "own and now")]
+
+
+def _no_past(graph: HeteroData) -> None:
+    node = graph["explanation"]
+    node.possible &= torch.isin(node.kind % len(MEMORIES), torch.tensor(NOW))
+
+
+def _no_witnesses(graph: HeteroData) -> None:
+    graph["explanation", "reads", "candidate"].witnesses.zero_()
+
+
+def _any_function(graph: HeteroData) -> None:
+    graph["explanation"].evidence[..., LEFT] = graph["explanation"].evidence[..., 0]
+
+
+def _not_told(graph: HeteroData) -> None:
+    graph["board"].world.zero_()
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """What a network is trained on, and does without.
+
+    Attributes:
+        recorded, drawn: boards of all worlds together; None for all that there are.
+        hide: takes something out of a board's graph.
+        unseen: how links stand is not looked at: every action that takes hold of one flips it.
+    """
+
+    labels: Any = "parents"
+    recorded: int | None = None
+    drawn: int = 0
+    hide: Callable[[HeteroData], None] = field(default=lambda graph: None)
+    unseen: bool = False
+
+
+ABLATIONS: Mapping[str, Ablation] = {
+    "labels recorded and drawn": Ablation(drawn=2800),
+    "labels 100": Ablation(recorded=100),
+    "labels 300": Ablation(recorded=300),
+    "labels": Ablation(),
+    "labels 3000 drawn": Ablation(recorded=0, drawn=3000),
+    "pictures 100": Ablation("pictures", 100),
+    "pictures 300": Ablation("pictures", 300),
+    "pictures": Ablation("pictures"),
+    "labels no past": Ablation(hide=_no_past),
+    "labels no witnesses": Ablation(hide=_no_witnesses),
+    "labels any function": Ablation(hide=_any_function),
+    "labels world not told": Ablation(hide=_not_told),
+    "labels links not seen": Ablation(unseen=True),
+}
+
+
+class _Ablated(MechanismLearner):
+    """A learner that does without something."""
+
+    hide: Callable[[HeteroData], None]
+
+    def graph(self, board: LabelledTrace, after: Sequence[int]) -> HeteroData:
+        made = super().graph(board, after)
+        self.hide(made)
+        return made
+
+
+def _flipping(seen: Perceived, board: LabelledTrace) -> LabelledTrace:
+    """The same with links that every action flips."""
+    held = seen.links.clusters[:, None] == np.arange(len(seen.links.owners))
+    states = np.concatenate([np.zeros((1, held.shape[1]), int), np.cumsum(held, axis=0) % 2])
+    return replace(board, trace=replace(board.trace, links=states, sizes=(2,) * held.shape[1]))
+
+
+Boards = list[tuple[Perceived, LabelledTrace]]
+
+
+def seen_boards(folder: Path, assets: str, most: int | None) -> Boards:
+    """The recorded boards of a dataset as pictures show them, with their true parents."""
+    found = []
+    for seen in Recorded.at(folder, assets).boards(most):
+        perceived = perceive(seen.sequence, ENCODER)
+        found.append((perceived, labelled(seen.episode, perceived)))
+    return found
+
+
+def trained(name: str, boards: Boards, arguments: argparse.Namespace) -> _Ablated:
+    """The network of a row; boards of all worlds take turns, so that fewer are fewer of each."""
+    row = ABLATIONS[name]
+    traces = [_flipping(*one) if row.unseen else one[1] for one in boards[: row.recorded]]
+    if row.labels == "pictures":
+        traces = [LabelledTrace(one.trace, one.world) for one in traces]
+    library, worlds = find("procedural"), sorted({one.world for _, one in boards})
+    share = row.drawn // len(worlds)
+    for world in worlds if share else ():
+        traces += [trace for _, trace in draw_boards(world, share, arguments.seed, library, max(ACTIONS), Blur())]
+    net = MechanismNetConfig(worlds=tuple(worlds), changes=row.labels == "parents")
+    config = MechanismConfig(iterations=arguments.iterations, labels=row.labels, net=net)
+    folder = arguments.work / name.replace(" ", "-")
+    begin_folder(folder, config, arguments.seed, data=[{"row": name, "boards": len(traces)}])
+    learner = _Ablated(config, traces, [], arguments.seed)
+    learner.hide = row.hide
+    fit(learner, folder, config.loop)
+    return learner
+
+
+@torch.no_grad()
+def judged(learner: _Ablated, boards: Boards, unseen: bool) -> dict[str, Any]:
+    """F1 of parents among the links that were seen, after each of `ACTIONS`."""
+    learner.network.eval()
+    counts = []
+    for seen, board in boards:
+        graph = Batch.from_data_list([learner.graph(_flipping(seen, board) if unseen else board, ACTIONS)])
+        assert board.parents is not None
+        true = board.parents[np.array(ACTIONS) - 1]  # (K, I, R)
+        found = parents_of(learner.network(graph)[0], graph).view(true.shape[2], true.shape[1], len(ACTIONS)).numpy()
+        links = board.trace.links.shape[1]
+        counts.append(parent_counts(found.T[:, :links] > CLAIMED, true[:, :links]))
+    picked = generator(learner.seed, "bootstrap", 0, KIND).integers(0, len(counts), (DRAWS, len(counts)))
+    told = {}
+    for place, after in enumerate(ACTIONS):
+        right, whole = 2 * np.array(counts)[:, place, 0], np.array(counts)[:, place, 1:].sum(1)
+        interval = share_interval(right[picked].sum(1), whole[picked].sum(1))
+        told[str(after)] = {"share": float(right.sum() / max(whole.sum(), 1)), "interval": interval}
+    return told
+
+
+def measure(arguments: argparse.Namespace) -> dict[str, Any]:
+    """All rows, those of an earlier result among them."""
+    names = chosen(arguments.only, ABLATIONS) if arguments.only else tuple(ABLATIONS)
+    rows = read_json(arguments.out)["rows"] if arguments.out.exists() else {}
+    worlds = chosen(arguments.worlds, JUDGED) if arguments.worlds else JUDGED
+    of_world: dict[str, Boards] = {world: [] for world in worlds}
+    held: dict[str, Boards] = {}
+    for world in worlds:
+        folders = sorted(path for path in (arguments.data / world).iterdir() if (path / INFO_FILE).exists())
+        for folder in folders:
+            read = seen_boards(folder, arguments.assets, arguments.most)
+            if folder.name == "validation":
+                held[world] = read
+            else:
+                of_world[world] += read
+        print(world, {"trained on": len(of_world[world]), "judged": len(held[world])}, flush=True)
+    longest = max(map(len, of_world.values()))
+    turns = [own[k] for k in range(longest) for own in of_world.values() if k < len(own)]
+    for name in names:
+        learner = trained(name, turns, arguments)
+        row = {world: judged(learner, own, ABLATIONS[name].unseen) for world, own in held.items()}
+        rows[name] = {"boards": len(learner.boards), "worlds": row}
+        print(name, {world: [round(100 * one["share"], 1) for one in told.values()] for world, told in row.items()})
+        finish(KIND, arguments, {"rows": rows, "judged": {world: len(own) for world, own in held.items()}})
+    return rows
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    options = parser(__doc__)
+    options.add_argument("--data", type=Path, required=True, help="folder of recordings")
+    options.add_argument("--work", type=Path, required=True, help="folder of the trainings")
+    options.add_argument("--only", help="names of rows, separated by commas; all by default")
+    options.add_argument("--worlds", help="names of worlds, separated by commas; all by default")
+    options.add_argument("--iterations", type=int, default=1000)
+    options.add_argument("--most", type=int, help="boards of each dataset; all by default")
+    options.add_argument("--seed", type=int, default=0)
+    measure(options.parse_args(words))
+
+
+if __name__ == "__main__":
+    main()

@@ -383,13 +383,13 @@ WITHIN_HDF5 = tuple(in_hdf5(change) for change in (*CHANGES, link_elsewhere, lin
 WITHIN_MCAP = (*(in_mcap(change) for change in (odd_time, odd_channel, odd_image, odd_image)), chunk_bomb)
 PRINTED = _printed("dataset", "import", "t", "--dry-run")
 CONTAINERS: dict[str, Target] = {
-    "hdf5 episodes": Target(_hdf5, "t/*.hdf5", ANY, _read(), False, NAME, 4),
+    "hdf5 episodes": Target(_hdf5, "t/*.hdf5", ANY, _read(), False, NAME, 2),
     "hdf5 values": Target(_hdf5, "t/*.hdf5", WITHIN_HDF5, _read(), False, NAME, 2),
-    "logs of states": Target(_states, "t/*.jsonl", LOGGED, _read(), False, NAME, 4),
-    "foxglove images": Target(_mcap, "t/*.mcap", ANY, _read(), False, NAME, 8),
-    "foxglove values": Target(_mcap, "t/*.mcap", WITHIN_MCAP, _read(), False, NAME, 4),
-    "videos": Target(_video, "t/*.mp4", (*ANY, playlist, playlist), _read(1.0), False, NAME, 8),
+    "logs of states": Target(_states, "t/*.jsonl", LOGGED, _read(), False, NAME, 2),
+    "foxglove images": Target(_mcap, "t/*.mcap", ANY, _read(), False, NAME, 2),
+    "foxglove values": Target(_mcap, "t/*.mcap", WITHIN_MCAP, _read(), False, NAME, 2),
+    "videos": Target(_video, "t/*.mp4", (*ANY, playlist, playlist), _read(1.0), False, NAME, 2),
     "video bombs": Target(_video, "t/*.mp4", (video_bomb,), _read(1.0), True, "bombs", 8),
-    "printed hdf5": Target(_hdf5, "t/*.hdf5", (in_hdf5(odd_camera), in_hdf5(odd_log)), PRINTED, False, NAME, 16),
-    "printed foxglove": Target(_mcap, "t/*.mcap", (in_mcap(odd_channel),), PRINTED, False, NAME, 16),
+    "printed hdf5": Target(_hdf5, "t/*.hdf5", (in_hdf5(odd_camera), in_hdf5(odd_log)), PRINTED, False, NAME, 8),
+    "printed foxglove": Target(_mcap, "t/*.mcap", (in_mcap(odd_channel),), PRINTED, False, NAME, 8),
 }

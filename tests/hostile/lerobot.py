@@ -161,9 +161,9 @@ TABLES = "tables beside recordings"
 TABLED = (*TEXT, *[odd_beside] * 24)
 TABLE = tuple(in_table(change) for change in (odd_column, odd_column, *[odd_cell] * 5))
 LEROBOT: dict[str, Target] = {
-    "lerobot info": Target(_dataset, "t/meta/info.json", (*TEXT, *JSON, *JSON, *JSON), _read, False, NAME, 8),
-    "lerobot tables": Target(_dataset, "t/data/*/*.parquet", (*ANY, *TABLE), _read, False, NAME, 4),
-    "lerobot bombs": Target(_dataset, "t/data/*/*.parquet", (in_table(rows_bomb),), _read, False, NAME, 16),
+    "lerobot info": Target(_dataset, "t/meta/info.json", (*TEXT, *JSON, *JSON, *JSON), _read, False, NAME, 2),
+    "lerobot tables": Target(_dataset, "t/data/*/*.parquet", (*ANY, *TABLE), _read, False, NAME, 2),
+    "lerobot bombs": Target(_dataset, "t/data/*/*.parquet", (in_table(rows_bomb),), _read, False, NAME, 8),
     "tables beside recordings": Target(_tabled, "tables/*/*.*", TABLED, _read_tabled, False, TABLES, 2),
     "printed tables": Target(
         _tabled,
@@ -172,7 +172,7 @@ LEROBOT: dict[str, Target] = {
         _printed("dataset", "import", "t", "--dry-run", "--camera", RGB, "--tables", "tables"),
         False,
         TABLES,
-        16,
+        8,
     ),
     "printed lerobot": Target(
         _dataset,
@@ -181,6 +181,6 @@ LEROBOT: dict[str, Target] = {
         _printed("dataset", "import", "t", "--dry-run", "--camera", RGB),
         False,
         NAME,
-        16,
+        8,
     ),
 }

@@ -50,8 +50,8 @@ def child(name: str, first: int, cases: int, scratch: Path) -> None:
     outside.mkdir(exist_ok=True)
     os.chdir(outside)
     expected = target.read(pristine)
-    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    limit = used + MEGABYTES * 1_000_000
+    status = dict(line.split(":\t", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    limit = int(status["VmData"].split()[0]) * 1024 + MEGABYTES * 1_000_000
     resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
     for number in range(first, cases):
         print(json.dumps(one(name, target, number, pristine, outside, expected)), flush=True)

@@ -42,8 +42,8 @@ def replaced(folder: Path, rng: np.random.Generator) -> tuple[Path, str]:
     """Put something else in the place of an entry, or beside it; returns which, and what."""
     commands = json.loads((folder / COMMAND).read_text())["all"]
     words = commands[int(rng.integers(len(commands)))]
-    hidden = (AWAY, COMMAND)
-    entries = sorted(path for path in folder.rglob("*") if path.relative_to(folder).parts[0] not in hidden)
+    named = {word[1:] for word in words if word.startswith("@")}  # with what lies beside: OUT.partial, DATASET.features
+    entries = sorted(p for p in folder.rglob("*") if p.relative_to(folder).parts[0].partition(".")[0] in named)
     depths = [len(path.parts) for path in entries]
     depth = sorted(set(depths))[int(rng.integers(len(set(depths))))]  # folders are few, and as tempting
     chosen = [path for path in entries if len(path.parts) == depth]

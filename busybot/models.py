@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import BaseModel, ConfigDict
 from safetensors import SafetensorError, safe_open
 
-from busybot.common.atomic_io import inside, open_regular, scan, sha256_of
+from busybot.common.atomic_io import RESTORE, inside, open_regular, regular_files, sha256_of
 from busybot.common.errors import BusybotError, without_name
 from busybot.common.limits import MAX_WEIGHTS_BYTES
 from busybot.training.model_cards import INFO_FILE, SHIPPED, Hashes, Training, find_folder, read_info
@@ -117,8 +117,8 @@ def models_below(folder: Path) -> list[Path]:
         BusybotError: there is no such folder, or it has no model.
     """
     if not folder.is_dir():
-        raise BusybotError(f"{folder}: there is no such folder")
-    found = sorted(folder / name for name in scan(folder).files if Path(name).name == INFO_FILE)
+        raise BusybotError(f"{folder}: there is no such folder", "name one that models lie in, or leave it out")
+    found = sorted(regular_files(folder, INFO_FILE.__eq__))
     if not found:
         raise BusybotError(f"{folder}: no {INFO_FILE} lies in it", "`busybot train interact --out DIR` makes a model")
     return [path.parent for path in found]
@@ -202,7 +202,7 @@ def _card(folder: Path) -> tuple[Card, str, str]:
     for skill, kind in (("interact", card.variant), ("reason", card.model), ("plan", card.agent)):
         if kind is not None:
             return card, skill, kind
-    raise BusybotError(f"{folder / INFO_FILE}: it has none of `variant`, `model` and `agent`: not a model's card")
+    raise BusybotError(f"{folder / INFO_FILE}: not a model's card: it has no `variant`, `model` or `agent`", RESTORE)
 
 
 def _compared(folder: Path, name: str, known: str) -> str | None:

@@ -32,6 +32,7 @@ from busybot.common.limits import MAX_HASHED_BYTES, MAX_JSON_BYTES
 from busybot.common.remote import is_remote
 
 LOCK_FILE = ".lock"
+RESTORE = "restore it from a copy, or make it again with the command that wrote it"
 _FOLDER = os.O_PATH | os.O_DIRECTORY
 _NEW = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
 _TEMPORARY_NAME = re.compile(r"^\..*\.(\d+)(-[0-9a-f]{16})?\.tmp$")
@@ -336,7 +337,7 @@ def _alive(process: int) -> bool:
     return True
 
 
-def open_regular(path: Path, max_bytes: int, hint: str | None = None) -> BufferedReader:
+def open_regular(path: Path, max_bytes: int, hint: str = RESTORE) -> BufferedReader:
     """Open a file to read that may be anything: only a regular one of at most `max_bytes` is opened.
 
     Raises:
@@ -359,21 +360,24 @@ def open_regular(path: Path, max_bytes: int, hint: str | None = None) -> Buffere
     raise _too_large(path, facts.st_size, max_bytes, hint)
 
 
-def _too_large(path: object, size: int, max_bytes: int, hint: str | None) -> BusybotError:
+def _too_large(path: object, size: int, max_bytes: int, hint: str) -> BusybotError:
     return BusybotError(f"{path}: {size} bytes are more than the {max_bytes} that such a file may have", hint)
 
 
-def read_regular(path: Path, max_bytes: int, hint: str | None = None) -> bytes:
+def read_regular(path: Path, max_bytes: int, hint: str = RESTORE) -> bytes:
     """The bytes of such a file, which may lie at an address."""
     if is_remote(path):
         if (size := path.size()) > max_bytes:
             raise _too_large(path, size, max_bytes, hint)
         return path.read(0, size)
     with open_regular(path, max_bytes, hint) as file:
-        return file.read()
+        try:
+            return file.read(os.fstat(file.fileno()).st_size)  # the kernel's own say that they are empty, and never end
+        except OSError as error:
+            raise BusybotError(f"{path}: cannot be read: {error.strerror}", hint) from None
 
 
-def read_text(path: Path, max_bytes: int, hint: str | None = None) -> str:
+def read_text(path: Path, max_bytes: int, hint: str = RESTORE) -> str:
     """The text of such a file, in UTF-8."""
     try:
         return read_regular(path, max_bytes, hint).decode()
@@ -383,12 +387,11 @@ def read_text(path: Path, max_bytes: int, hint: str | None = None) -> str:
 
 def read_json(path: Path, max_bytes: int = MAX_JSON_BYTES) -> Any:
     """Read JSON from such a file; errors name the file and the line."""
-    hint = "restore it from a copy, or make it again with the command that wrote it"
-    text = read_text(path, max_bytes, hint)
+    text = read_text(path, max_bytes)
     try:
         return parse_json(text)
     except (ValueError, RecursionError) as error:  # of JSON, and of numbers with thousands of digits
-        raise BusybotError(f"{path}: not valid JSON: {error}", hint) from None
+        raise BusybotError(f"{path}: not valid JSON: {error}", RESTORE) from None
 
 
 _HALVES = re.compile(rb"\\u[dD]")
@@ -476,3 +479,17 @@ def scan(folder: Path) -> Scan:
                 else:
                     found.others.append(name)
     return Scan(dict(sorted(found.files.items())), sorted(found.others))
+
+
+def regular_files(folder: Path, wanted: Callable[[str], bool]) -> list[Path]:
+    """The files in the folder and in all folders in it whose names are wanted; no link is followed.
+
+    Raises:
+        BusybotError: something else has such a name.
+    """
+    found = scan(folder)
+    for name in found.others:
+        if wanted(Path(name).name):
+            what = f"{folder / name}: a link, or no regular file"
+            raise BusybotError(what, "put a copy of what it leads to in its place, or remove it")
+    return [folder / name for name in found.files if wanted(Path(name).name)]

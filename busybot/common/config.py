@@ -167,7 +167,7 @@ def _assign(values: dict[str, Any], path: list[str], value: Any, where: str) -> 
     for name in path[:-1]:
         inner = values.setdefault(name, {})
         if not isinstance(inner, dict):
-            raise BusybotError(f"{where}: {name} is a value, not a group of parameters")
+            raise BusybotError(f"{where}: {name} is a value, not a group of parameters", f"give {name} alone")
         values = inner
     values[path[-1]] = value
 

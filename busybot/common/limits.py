@@ -27,6 +27,12 @@ MAX_IMAGE_PIXELS = 8_400_000
 """Of one image: 3840 x 2160 is less."""
 MAX_PIXELS = 1_000_000_000
 """Of all images of a recording: 3,255 of 640 x 480, decoded in 13 s of one core."""
+MAX_VIDEO_FRAMES = 100_000
+"""Of a video: 55 minutes at 30 frames per second."""
+MAX_VIDEO_PIXELS = 10_000_000_000
+"""Of all its frames: 2 min 40 s of 1920 x 1080 at 30 frames per second, 18 min of 640 x 480."""
+MAX_VIDEO_SECONDS = 120.0
+"""To decode a video's frames."""
 MAX_TABLE_BYTES = 1024 * MIB
 """Of a Parquet file of a table."""
 MAX_LINES_BYTES = 256 * MIB

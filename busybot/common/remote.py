@@ -100,7 +100,7 @@ class RemotePath:
         with self._told() as (system, location):
             facts = system.info(location)
             if facts["type"] != "file" or facts["size"] is None:
-                raise BusybotError(f"{self}: not a regular file")
+                raise BusybotError(f"{self}: not a regular file", "name the address of a dataset's folder")
             return int(facts["size"])
 
     def read(self, start: int, end: int) -> bytes:

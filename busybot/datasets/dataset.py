@@ -28,6 +28,7 @@ from pydantic import ValidationError
 
 from busybot.boards.spec import BoardSpec
 from busybot.common.atomic_io import (
+    RESTORE,
     inside,
     make_folder,
     one_writer,
@@ -260,15 +261,25 @@ class Dataset:
         return read_episode(path, "stored")
 
     def finished(self) -> set[int]:
-        """Indices of episodes that are there under their final names."""
+        """Indices of episodes that are there under their final names.
+
+        Raises:
+            BusybotError: they lie in no folder, or one of them is no regular file.
+        """
         folder = inside(self.path, "episodes")
         if is_remote(folder):
             names = list(folder.sizes())
-        elif not folder.is_dir():
-            return set()
-        else:
+        elif folder.is_dir():
             with os.scandir(folder) as entries:
-                names = [entry.name for entry in entries if entry.is_file(follow_symlinks=False)]
+                regular = {entry.name: entry.is_file(follow_symlinks=False) for entry in entries}
+            names = list(regular)
+            if odd := [name for name in names if _EPISODE_NAME.match(name) and not regular[name]]:
+                what = f"{folder / min(odd)}: a link, or no regular file"
+                raise BusybotError(what, "remove it, or put the recording itself in its place")
+        elif os.path.lexists(folder):
+            raise BusybotError(f"{folder}: not a folder", RESTORE)
+        else:
+            return set()
         found = {int(match[1]) for name in names if (match := _EPISODE_NAME.match(name))}
         return {index for index in found if index < self.info.boards}
 

@@ -77,7 +77,7 @@ class Library:
 
 
 def object_folders(path: Path) -> dict[str, Path]:
-    """Object folders by key; links are refused, files and unknown folders beside the categories are ignored."""
+    """Object folders by key. Links, and files where folders belong, are refused; what lies beside is ignored."""
     if not path.is_dir():
         raise BusybotError(f"{path}: not a folder", _HINT)
     found = {}
@@ -87,6 +87,8 @@ def object_folders(path: Path) -> dict[str, Path]:
         for entry in entries:
             if entry.is_symlink():
                 raise BusybotError(f"{entry}: is a link; links in a library are not followed", "copy the folder itself")
+            if entry.exists() and not entry.is_dir() and "." not in entry.name:  # else somebody's notes
+                raise BusybotError(f"{entry}: not a folder, where one belongs", "remove it, or copy the objects again")
         found.update({f"{category}/{entry.name}": entry for entry in entries[1:] if entry.is_dir()})
     if not found:
         raise BusybotError(f"{path}: holds no objects", _HINT)

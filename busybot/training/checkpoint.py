@@ -108,7 +108,7 @@ def load_weights(network: nn.Module, tensors: dict[str, Tensor], where: Path) ->
         network.load_state_dict(tensors)
     except RuntimeError as error:
         what = str(error).splitlines()[-1].strip()
-        raise BusybotError(f"{where}: not the weights of this network: {what}") from None
+        raise BusybotError(f"{where}: not the weights of this network: {what}", "copy the model again") from None
 
 
 def training_tensors(network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:

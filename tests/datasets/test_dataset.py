@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from busybot.common.atomic_io import remove
 from busybot.common.errors import BusybotError
 from busybot.datasets import dataset as module
 from busybot.datasets.dataset import Dataset
@@ -127,8 +128,17 @@ def test_only_episodes_of_the_dataset_count(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "d")
     for name in ("000099.mcap", "1.mcap", "000002.mcap.bak", "notes.txt"):
         (tmp_path / "d/episodes" / name).write_bytes(b"")
-    (tmp_path / "d/episodes/000002.mcap").symlink_to(tmp_path / "d/episodes/000000.mcap")
     assert dataset.finished() == {0, 1, 3}
+    odd = tmp_path / "d/episodes/000002.mcap"
+    for make in (lambda: odd.symlink_to(dataset.episode_path(0)), odd.mkdir, lambda: os.mkfifo(odd)):
+        make()
+        with pytest.raises(BusybotError, match="000002.mcap: a link, or no regular file"):
+            dataset.finished()
+        remove(odd)
+    (tmp_path / "d/episodes").rename(tmp_path / "d/away")
+    (tmp_path / "d/episodes").touch()
+    with pytest.raises(BusybotError, match="episodes: not a folder"):
+        dataset.finished()
 
 
 def test_nothing_is_read_through_a_link_that_leaves(tmp_path: Path) -> None:

@@ -14,13 +14,15 @@ import pytest
 from busybot.common.errors import BusybotError
 from busybot.datasets.exporting.lerobot import RGB
 from busybot.datasets.exporting.targets import export_recordings
-from busybot.datasets.importing import containers
+from busybot.datasets.importing import containers, shots
 from busybot.datasets.importing import lerobot as reader
 from busybot.datasets.importing.camera_folder import ImportOptions
 from busybot.datasets.importing.sources import import_source
+from tests.datasets.camera_folders import read_rows, write_table, write_video
 from tests.datasets.test_imports_of_containers import folder_of, state_rows, with_keys, write_hdf5
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
+from tests.hostile.containers import _one_frame, repeated_frame
 
 CAMERA, TIMES, LOG = "observations/images/cam_0", "observations/timestamp", "busybox/state_json"
 
@@ -49,13 +51,49 @@ def test_a_file_in_which_the_library_finds_no_end(tmp_path: Path, monkeypatch: p
     folder = hdf5_folder(tmp_path)
     whole = (folder / "x.h5").read_bytes()
     heap = whole.index(b"GCOL") + 16
+    import_source(folder, None)  # the reader has started: 2 s would be few for that
     (folder / "x.h5").write_bytes(whole[:heap] + bytes(2000) + whole[heap + 2000 :])
-    containers._reader.cache_clear()
-    monkeypatch.setattr(containers, "HDF5_SECONDS", 2.0)
+    monkeypatch.setattr(containers, "PIECE_SECONDS", 2.0)
+    monkeypatch.setattr(containers._reader(), "_timeout_s", 2.0)
     refused(folder, "it is damaged: no end after 2 s at busybox/state_json")
     monkeypatch.undo()
     (folder / "x.h5").write_bytes(whole)
     assert import_source(folder, None).recordings[0]["states"], "another reader is started"
+
+
+BUDGETS: dict[str, dict[str, float]] = {
+    "more than 4 frames": {"MAX_VIDEO_FRAMES": 4},
+    "more than 100000 pixels in all": {"MAX_VIDEO_PIXELS": 100_000},
+    "more than the 0 s": {"MAX_VIDEO_SECONDS": 0.0},
+    "frames of 160 x 120 pixels, at most 1000": {"MAX_IMAGE_PIXELS": 1000},
+}
+
+
+@pytest.mark.parametrize("told", BUDGETS)
+def test_a_video_costs_no_more_than_is_said(tmp_path: Path, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether its frames are counted or named."""
+    episode = make_episode(0)
+    folder = folder_of(tmp_path, episode)
+    write_video(folder / "x.mp4", [episode.image(number).rgb for number in range(7)])
+    write_table(
+        folder / "actions.csv", [row | {"time": n + 0.5} for n, row in enumerate(read_rows(folder / "actions.csv"))]
+    )
+    assert import_source(folder, None, ImportOptions(fps=1.0)).recordings[0]["frames"] == 7
+    for name, limit in BUDGETS[told].items():
+        monkeypatch.setattr(shots, name, limit)
+    for fps in (1.0, None):
+        with pytest.raises(BusybotError, match=f"x.mp4: {told}") as error:
+            import_source(folder, tmp_path / "made", ImportOptions(fps=fps))
+        assert error.value.hint and not (tmp_path / "made").exists()
+        write_table(folder / "frames.csv", [{"time": float(number)} for number in range(7)])
+
+
+def test_a_small_file_of_a_million_frames_is_refused_early(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = folder_of(tmp_path, make_episode(0))
+    (folder / "x.mp4").write_bytes(repeated_frame(_one_frame(160, 120), 10**6))
+    monkeypatch.setattr(shots, "MAX_VIDEO_FRAMES", 2000)
+    with pytest.raises(BusybotError, match="x.mp4: more than 2000 frames"):
+        import_source(folder, None, ImportOptions(fps=1.0))
 
 
 def replaced(place: str, value: Any) -> Callable[[Any, Any], None]:

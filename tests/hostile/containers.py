@@ -2,8 +2,11 @@
 
 import io
 import json
+import struct
+import tempfile
 import zlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -314,6 +317,54 @@ def playlist(data: bytes, rng: np.random.Generator) -> bytes:
     return (hls, concat, sdp, mpd)[int(rng.integers(4))].encode()
 
 
+def _boxes(data: bytes, changed: dict[bytes, bytes]) -> bytes:
+    """The boxes of an MP4, those of some names with another content."""
+    made, place = b"", 0
+    while place < len(data):
+        size, name = int.from_bytes(data[place : place + 4]), data[place + 4 : place + 8]
+        body = data[place + 8 : place + size]
+        if name in (b"moov", b"trak", b"mdia", b"minf", b"stbl"):
+            body = _boxes(body, changed)
+        body = changed.get(name, body)
+        made, place = made + struct.pack(">I4s", 8 + len(body), name) + body, place + size
+    return made
+
+
+@cache
+def _one_frame(width: int, height: int) -> bytes:
+    """An MP4 of one frame; all of its first box but one, the data, come last."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "x.mp4"
+        write_video(file, [np.zeros((height, width, 3), np.uint8)])
+        return file.read_bytes()
+
+
+def repeated_frame(film: bytes, count: int, other: bytes = b"") -> bytes:
+    """An MP4 of one frame whose tables name it again and again, perhaps told to be of the kind and size of another."""
+    sizes, offsets = film.index(b"stsz") + 8, film.index(b"stco") + 12
+    size, offset = (int.from_bytes(film[place : place + 4]) for place in (sizes, offsets))
+    changed = {
+        b"edts": b"",  # an edit would end the film after its one frame
+        b"stts": struct.pack(">IIII", 0, 1, count, 1),
+        b"stsz": struct.pack(">III", 0, size, count),
+        b"stsc": struct.pack(">IIIII", 0, 1, 1, 1, 1),
+        b"stco": struct.pack(">II", 0, count) + struct.pack(">I", offset) * count,
+    }
+    if other:
+        place = other.index(b"stsd") - 4
+        changed[b"stsd"] = other[place + 8 : place + int.from_bytes(other[place : place + 4])]
+    return _boxes(film, changed)
+
+
+def video_bomb(data: bytes, rng: np.random.Generator) -> bytes:
+    """A small file that becomes 100 gigapixels or more, or frames that are larger than any picture may be."""
+    sides = ((3840, 2160), (1920, 1080), (640, 480), (160, 120), (4096, 4096), (8000, 8000))
+    width, height = sides[int(rng.integers(len(sides)))]
+    count = int(rng.choice([max(10**11 // (width * height), 100_001), 10**6]))
+    other = _one_frame(*sides[int(rng.integers(4))]) if rng.random() < 0.3 else b""
+    return repeated_frame(_one_frame(width, height), count, other)
+
+
 def _read(fps: float | None = None) -> Callable[[Path], Any]:
     def read(folder: Path) -> Any:
         answer = imported_from(folder / "t", fps=fps)
@@ -332,12 +383,13 @@ WITHIN_HDF5 = tuple(in_hdf5(change) for change in (*CHANGES, link_elsewhere, lin
 WITHIN_MCAP = (*(in_mcap(change) for change in (odd_time, odd_channel, odd_image, odd_image)), chunk_bomb)
 PRINTED = _printed("dataset", "import", "t", "--dry-run")
 CONTAINERS: dict[str, Target] = {
-    "hdf5 episodes": Target(_hdf5, "t/*.hdf5", ANY, _read(), False, NAME, 4),
+    "hdf5 episodes": Target(_hdf5, "t/*.hdf5", ANY, _read(), False, NAME, 2),
     "hdf5 values": Target(_hdf5, "t/*.hdf5", WITHIN_HDF5, _read(), False, NAME, 2),
-    "logs of states": Target(_states, "t/*.jsonl", LOGGED, _read(), False, NAME, 4),
-    "foxglove images": Target(_mcap, "t/*.mcap", ANY, _read(), False, NAME, 8),
-    "foxglove values": Target(_mcap, "t/*.mcap", WITHIN_MCAP, _read(), False, NAME, 4),
-    "videos": Target(_video, "t/*.mp4", (*ANY, playlist, playlist), _read(1.0), False, NAME, 8),
-    "printed hdf5": Target(_hdf5, "t/*.hdf5", (in_hdf5(odd_camera), in_hdf5(odd_log)), PRINTED, False, NAME, 16),
-    "printed foxglove": Target(_mcap, "t/*.mcap", (in_mcap(odd_channel),), PRINTED, False, NAME, 16),
+    "logs of states": Target(_states, "t/*.jsonl", LOGGED, _read(), False, NAME, 2),
+    "foxglove images": Target(_mcap, "t/*.mcap", ANY, _read(), False, NAME, 2),
+    "foxglove values": Target(_mcap, "t/*.mcap", WITHIN_MCAP, _read(), False, NAME, 2),
+    "videos": Target(_video, "t/*.mp4", (*ANY, playlist, playlist), _read(1.0), False, NAME, 2),
+    "video bombs": Target(_video, "t/*.mp4", (video_bomb,), _read(1.0), True, "bombs", 8),
+    "printed hdf5": Target(_hdf5, "t/*.hdf5", (in_hdf5(odd_camera), in_hdf5(odd_log)), PRINTED, False, NAME, 8),
+    "printed foxglove": Target(_mcap, "t/*.mcap", (in_mcap(odd_channel),), PRINTED, False, NAME, 8),
 }

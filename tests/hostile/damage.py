@@ -1,5 +1,6 @@
 """Ways to damage a file, from bad luck to malice; every copy comes from a seed and a number."""
 
+import csv
 import gzip
 import io
 import json
@@ -28,6 +29,9 @@ PATHS = (
 )
 NUMBERS = (b"1e999", b"-1", b"99999999999999999999", b"NaN", b"Infinity", b"null", b"true", b"-0", b"1e-320", b'"1"')
 BOMB_BYTES = 200_000_000
+
+
+CELLS = (*(number.decode() for number in NUMBERS), "1e308", "-1e-320", "1_0", "0x1F", " 3 ", "3.0", "99:99", "[1, 2")
 
 
 def truncated(data: bytes, rng: np.random.Generator) -> bytes:
@@ -227,6 +231,32 @@ def _places(value: Json) -> Iterator[tuple[Json, Json]]:
     for key in value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ():
         yield value, key
         yield from _places(value[key])
+
+
+def odd_csv(data: bytes, rng: np.random.Generator) -> bytes:
+    """A cell of a table is another one, a column or a line is gone, there twice, or there without end."""
+    rows = list(csv.reader(io.StringIO(data.decode(), newline="")))
+    row, column = int(rng.integers(len(rows))), int(rng.integers(len(rows[0])))
+    kind, odd = int(rng.integers(8)), (*(text for text in TEXTS if text.isascii()), *CELLS)
+    cell = odd[int(rng.integers(len(odd)))]
+    if kind < 3:
+        rows[row][column] = cell
+    elif kind == 3:
+        rows = [own[:column] + own[column + 1 :] for own in rows]
+    elif kind == 4:
+        rows = [[*own, cell if rng.random() < 0.5 else own[column]] for own in rows]
+        rows[0][-1] = rows[0][column]
+    elif kind == 5:
+        rows[row : row + 1] = [rows[row]] * int(rng.choice([0, 2, 100_000]))
+    elif kind == 6:
+        rows[row] = [*rows[row][: int(rng.integers(len(rows[0]) + 1))], *[cell] * int(rng.choice([0, 3, 10_000]))]
+    else:
+        rows[1:] = [own[::-1] for own in rows[:0:-1]]
+    text = io.StringIO()
+    csv.writer(
+        text, delimiter=",;\t"[int(rng.integers(30)) // 28], lineterminator="\r\n"[int(rng.integers(3)) :]
+    ).writerows(rows)
+    return (b"", b"\xef\xbb\xbf", b"\xff\xfe")[int(rng.integers(20)) // 18] + text.getvalue().encode()
 
 
 def odd_weights(data: bytes, rng: np.random.Generator) -> bytes:

@@ -25,7 +25,19 @@ from tests.datasets.test_checkerboard import ACROSS, BOARD, FOCAL, HEIGHT, WIDTH
 from tests.datasets.test_imports_of_thor import write_thor
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
-from tests.hostile.damage import ANY, JSON, TEXT, Damage, deep, huge_word, odd_key, odd_text, odd_value, other_number
+from tests.hostile.damage import (
+    ANY,
+    JSON,
+    TEXT,
+    Damage,
+    deep,
+    huge_word,
+    odd_csv,
+    odd_key,
+    odd_text,
+    odd_value,
+    other_number,
+)
 from tests.hostile.targets import Target, _plain, _printed
 
 TINY = Path(__file__).resolve().parents[2] / "datasets" / "tiny"
@@ -85,6 +97,10 @@ def odd_picture(data: bytes, rng: np.random.Generator) -> bytes:
 
 def _checkerboards(folder: Path) -> None:
     pictures(folder / "c")
+
+
+def odd_row(data: bytes, rng: np.random.Generator) -> bytes:
+    return (odd_value if data.startswith(b"{") else odd_csv)(data, rng)
 
 
 def _calibrated(folder: Path) -> Any:
@@ -208,7 +224,7 @@ EVENT: tuple[Damage, ...] = (*TEXT, *JSON, *JSON, *JSON)
 DOORS: dict[str, Target] = {
     "ai2-thor events": Target(_thor, "t/events/*.json", EVENT, _imported, False, IMPORTS, 2),
     "ai2-thor pictures": Target(_thor, "t/events/*.png", (*ANY, odd_picture), _imported, False, IMPORTS, 4),
-    "camera folder": Target(_camera_folder, "t/*.[cj]s*", TEXT, _imported, False, IMPORTS, 2),
+    "camera folder": Target(_camera_folder, "t/*.[cj]s*", (*TEXT, *[odd_row] * 18), _imported, False, IMPORTS, 2),
     "checkerboards": Target(_checkerboards, "c/*.png", (*ANY, *[odd_picture] * 10), _calibrated, False, IMPORTS, 8),
     "cameras of boards": Target(_looked_at, "d/boards/*.jsonl", CAMERA, _views, False, CAMERAS, 1),
     "graphs": Target(_graphs, "graphs.json", (*TEXT, *JSON, *JSON, *JSON), _judged, False, CLAIMS, 2),

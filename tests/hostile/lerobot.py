@@ -1,6 +1,7 @@
 """Datasets in LeRobot's layout that others wrote: what they say of themselves, and their tables."""
 
 import io
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,14 @@ import pyarrow.parquet as pq
 
 from busybot.datasets.exporting.lerobot import RGB
 from busybot.datasets.exporting.targets import export_recordings
+from busybot.datasets.importing.shots import decode_bytes
+from tests.datasets.camera_folders import read_rows, write_camera_folder, write_table
+from tests.datasets.test_imports_of_containers import log_of, state_rows, with_keys
 from tests.episodes.folders import make_dataset
-from tests.hostile.containers import NAME
-from tests.hostile.damage import ANY, JSON, PATHS, TEXT, TEXTS, Damage, flipped
-from tests.hostile.doors import imported_from, odd_picture
+from tests.episodes.synthetic import make_episode
+from tests.hostile.containers import NAME, odd_clock
+from tests.hostile.damage import ANY, JSON, PATHS, TEXT, TEXTS, Damage, flipped, odd_csv
+from tests.hostile.doors import imported_from, in_a_line, odd_picture
 from tests.hostile.targets import Target, _printed
 
 COLUMNS = ("timestamp", "episode_index", "action", "pixel", RGB)
@@ -27,6 +32,44 @@ def _dataset(folder: Path) -> None:
 
 def _read(folder: Path) -> Any:
     return imported_from(folder / "t", camera=RGB)
+
+
+def _tabled(folder: Path) -> None:
+    """A robot's dataset, whose actions say nothing here, beside a folder of tables for each of its episodes."""
+    _dataset(folder)
+    info = folder / "t" / "meta" / "info.json"
+    told = json.loads(info.read_text())
+    told["features"]["action"]["names"] = ["joint"] * 6
+    info.write_text(json.dumps(told))
+    for index in (0, 1):
+        episode = make_episode(index)
+        tables = write_camera_folder(folder / "tables" / f"{index:06d}", episode, times=True)
+        for file in [*tables.glob("*.png"), tables / "frames.csv"]:
+            file.unlink()
+        rows = read_rows(tables / "actions.csv")
+        write_table(tables / "actions.csv", [row | {"time": n + 0.5} for n, row in enumerate(rows)])
+        with_keys(tables)
+        log = [json.loads(line) for line in log_of(state_rows(episode)[0]).splitlines()]
+        lines = [json.dumps(line | {"ts": line["ts"] - 100}) + "\n" for line in log]
+        (tables / "states.jsonl").write_text("".join(lines))
+        (tables / "camera.json").write_text(
+            json.dumps({"matrix": episode.camera.matrix.tolist(), "pose": episode.camera.pose.tolist()})
+        )
+
+
+def _read_tabled(folder: Path) -> Any:
+    """Whatever the tables tell, the pictures are those of the recordings, in their order."""
+    shown = [rgb for path in sorted(folder.glob("t/data/*/*.parquet")) for rgb in _pictures(path)]
+    told, boards, found = imported_from(folder / "t", camera=RGB, tables=folder / "tables")
+    for _, _, pictures in found:
+        left = iter(shown)
+        if not all(rgb in left for rgb, _ in pictures):
+            raise ValueError("its pictures are others, or in another order")
+    return told, boards, found
+
+
+def _pictures(path: Path) -> list[bytes]:
+    return [decode_bytes(row["bytes"], "").tobytes() for row in pq.read_table(path)[RGB].to_pylist()]
 
 
 def in_table(change: Callable[[dict[str, Any], np.random.Generator], object]) -> Damage:
@@ -107,11 +150,30 @@ def rows_bomb(columns: dict[str, Any], rng: np.random.Generator) -> None:
         columns["action"] = columns["pixel"] = columns[RGB] = pa.nulls(times)
 
 
+def odd_beside(data: bytes, rng: np.random.Generator) -> bytes:
+    """What suits the file: JSON, lines of it, or a table."""
+    if data.startswith(b'{"ts"'):
+        return (odd_clock, in_a_line(JSON[int(rng.integers(len(JSON)))]))[int(rng.integers(2))](data, rng)
+    return (JSON[int(rng.integers(len(JSON)))] if data.startswith(b"{") else odd_csv)(data, rng)
+
+
+TABLES = "tables beside recordings"
+TABLED = (*TEXT, *[odd_beside] * 24)
 TABLE = tuple(in_table(change) for change in (odd_column, odd_column, *[odd_cell] * 5))
 LEROBOT: dict[str, Target] = {
-    "lerobot info": Target(_dataset, "t/meta/info.json", (*TEXT, *JSON, *JSON, *JSON), _read, False, NAME, 8),
-    "lerobot tables": Target(_dataset, "t/data/*/*.parquet", (*ANY, *TABLE), _read, False, NAME, 4),
-    "lerobot bombs": Target(_dataset, "t/data/*/*.parquet", (in_table(rows_bomb),), _read, False, NAME, 16),
+    "lerobot info": Target(_dataset, "t/meta/info.json", (*TEXT, *JSON, *JSON, *JSON), _read, False, NAME, 2),
+    "lerobot tables": Target(_dataset, "t/data/*/*.parquet", (*ANY, *TABLE), _read, False, NAME, 2),
+    "lerobot bombs": Target(_dataset, "t/data/*/*.parquet", (in_table(rows_bomb),), _read, False, NAME, 8),
+    "tables beside recordings": Target(_tabled, "tables/*/*.*", TABLED, _read_tabled, False, TABLES, 2),
+    "printed tables": Target(
+        _tabled,
+        "tables/*/*.*",
+        TABLED,
+        _printed("dataset", "import", "t", "--dry-run", "--camera", RGB, "--tables", "tables"),
+        False,
+        TABLES,
+        8,
+    ),
     "printed lerobot": Target(
         _dataset,
         "t/meta/info.json",
@@ -119,6 +181,6 @@ LEROBOT: dict[str, Target] = {
         _printed("dataset", "import", "t", "--dry-run", "--camera", RGB),
         False,
         NAME,
-        16,
+        8,
     ),
 }

@@ -2,7 +2,8 @@
 
     python -m tests.hostile.run [--cases 500] [--only mcap,urdf] [--out benchmarks/results/hostile.json]
 
-With `--only`, a result that is there keeps the rows of other kinds; each row tells the commit that it was made at.
+The result is written after each kind. One that is there keeps the rows of kinds that are not asked for; each row tells
+the commit that it was made at. What was stopped goes on with `--resume`: rows of this commit with as many cases stay.
 
 A copy passes if reading it ends in an error of ours that names the file, or if the answer is the same as for the
 undamaged file (or, where a change can be valid, is another valid one). Anything else is a finding: a traceback, a
@@ -18,6 +19,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -29,11 +31,12 @@ from tests.hostile.containers import CONTAINERS
 from tests.hostile.damage import damage
 from tests.hostile.doors import DOORS
 from tests.hostile.lerobot import LEROBOT
+from tests.hostile.places import PLACES
 from tests.hostile.targets import NOTICED, TARGETS, Target, exchange
 
-KINDS_OF_FILES = TARGETS | DOORS | CONTAINERS | LEROBOT
+KINDS_OF_FILES = TARGETS | DOORS | CONTAINERS | LEROBOT | PLACES
 SECONDS = 30.0
-"""One copy may take so long."""
+"""One copy may take so long, time left out in which others had the processor."""
 MEGABYTES = 1500
 """And so much more memory than the process had before."""
 
@@ -47,8 +50,8 @@ def child(name: str, first: int, cases: int, scratch: Path) -> None:
     outside.mkdir(exist_ok=True)
     os.chdir(outside)
     expected = target.read(pristine)
-    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    limit = used + MEGABYTES * 1_000_000
+    status = dict(line.split(":\t", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    limit = int(status["VmData"].split()[0]) * 1024 + MEGABYTES * 1_000_000
     resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
     for number in range(first, cases):
         print(json.dumps(one(name, target, number, pristine, outside, expected)), flush=True)
@@ -69,7 +72,7 @@ def one(name: str, target: Target, number: int, pristine: Path, outside: Path, e
             file.is_file() and not file.is_symlink() and file.stat().st_size < 1e9 and file.read_bytes() == before
         )
     else:
-        (file, what), unchanged = exchange(folder, rng), False
+        (file, what), unchanged = (target.spoil or exchange)(folder, rng), False
     result, finding = read(target, folder, file, expected, unchanged)
     if {path.name for path in outside.iterdir()} != {"copy"}:
         finding = f"it wrote elsewhere: {sorted(path.name for path in outside.iterdir())}"
@@ -117,19 +120,38 @@ def _follow(process: Any, said: Any, numbers: tuple[int, int], seconds: float) -
     (done, cases), lines = numbers, list[dict[str, Any]]()
     patience = 4 * seconds  # for the start
     while done + len(lines) < cases:
-        ready, _, _ = select.select([process.stdout], [], [], patience)
-        text = process.stdout.readline() if ready else b""
+        answered = _answers(process, patience)
+        text = process.stdout.readline() if answered else b""
         if not text:
             process.kill()
             process.wait()
             said.seek(0)
             last = said.read().decode(errors="replace")[-300:]
-            finding = f"the process died: {last}" if ready else f"no end after {seconds:g} s"
+            finding = f"the process died: {last}" if answered else f"no end after {seconds:g} s"
             lines.append({"number": done + len(lines), "result": "lost", "finding": finding})
             return lines
         lines.append(json.loads(text))
         patience = seconds
     return lines
+
+
+def _answers(process: Any, seconds: float) -> bool:
+    """Whether it says something before it has run, or slept, so long."""
+    start, before = time.monotonic(), _queued(process.pid)
+    while not select.select([process.stdout], [], [], 1.0)[0]:
+        if time.monotonic() - start - max(0.0, _queued(process.pid) - before) > seconds:
+            return False
+    return True
+
+
+def _queued(process: int) -> float:
+    """Seconds that a process and its children have waited for a processor."""
+    try:
+        children = Path(f"/proc/{process}/task/{process}/children").read_text().split()
+        own = int(Path(f"/proc/{process}/schedstat").read_text().split()[1]) / 1e9
+    except OSError:  # it has ended
+        return 0.0
+    return own + sum(_queued(int(child)) for child in children)
 
 
 def with_others(before: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
@@ -143,30 +165,36 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=500, help="of each kind")
     parser.add_argument("--only", help="kinds, separated by commas")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--resume", action="store_true", help="keep rows of --out that this command has made")
     for hidden in ("--child", "--first", "--scratch"):
         parser.add_argument(hidden, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.child:
         child(arguments.child, int(arguments.first), arguments.cases, Path(arguments.scratch))
         return 0
-    names = arguments.only.split(",") if arguments.only else list(KINDS_OF_FILES)
-    kinds = {}
-    for name in names:
-        kind = KINDS_OF_FILES[name]
-        kinds[name] = {"class": kind.line, **parent(name, -(-arguments.cases // kind.every), SECONDS)}
-        print(name, kinds[name]["results"], f"{len(kinds[name]['findings'])} findings", file=sys.stderr, flush=True)
+    there = arguments.out is not None and arguments.out.exists()
+    before = read_result(arguments.out, "hostile") if there else {"kinds": {}}
+    merged = bool(arguments.only and there)
     command = f"{KINDS['hostile']} --cases {arguments.cases}"
-    merged = arguments.only and arguments.out and arguments.out.exists()
     command += f" --only {arguments.only}" if arguments.only and not merged else ""
     head = stamp("hostile", command=command)
-    kinds = {name: {**kind, "commit": head["commit"]} for name, kind in kinds.items()}
-    if merged:
-        kinds = with_others(read_result(arguments.out, "hostile"), kinds)
-    result = {**head, "cases": arguments.cases, "kinds": kinds}
-    if arguments.out:
-        write_result(arguments.out, result)
-    else:
-        print(json.dumps(result, indent=1))
+    kinds: dict[str, Any] = {}
+    for name in arguments.only.split(",") if arguments.only else list(KINDS_OF_FILES):
+        kind, old = KINDS_OF_FILES[name], before["kinds"].get(name, {})
+        cases = -(-arguments.cases // kind.every)
+        made = {"class": kind.line, "commit": head["commit"], "cases": cases}
+        if arguments.resume and old.items() >= made.items():
+            kinds[name] = old
+            continue
+        start = time.monotonic()
+        kinds[name] = made | parent(name, cases, SECONDS)
+        told = f"{kinds[name]['results']} {len(kinds[name]['findings'])} findings, {time.monotonic() - start:.0f} s"
+        print(name, told, file=sys.stderr, flush=True)
+        if arguments.out:
+            told_kinds = with_others(before, kinds) if merged or arguments.resume else kinds
+            write_result(arguments.out, {**head, "cases": arguments.cases, "kinds": told_kinds})
+    if not arguments.out:
+        print(json.dumps({**head, "cases": arguments.cases, "kinds": kinds}, indent=1))
     return int(any(kind["findings"] for kind in kinds.values()))
 
 

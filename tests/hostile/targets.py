@@ -65,6 +65,7 @@ class Target:
         strict: whether any change of the file must be noticed or be without effect.
         line: the class of attacks it belongs to, as a row of the table.
         every: of so many cases one is tried, where it takes long.
+        spoil: changes a folder where there are no `ways`, and returns what it changed, and how; `exchange` if None.
     """
 
     make: Callable[[Path], None]
@@ -74,6 +75,7 @@ class Target:
     strict: bool
     line: str = "damaged files"
     every: int = 1
+    spoil: Callable[[Path, np.random.Generator], tuple[Path, str]] | None = None
 
 
 def _frozen(folder: Path) -> None:
@@ -311,7 +313,7 @@ def _printed(*arguments: str) -> Read:
     def read(folder: Path) -> Any:
         words = [str(folder / word) if (folder / word).exists() or word == "page" else word for word in arguments]
         said = [_said(words), _said([*words, "--json"])]
-        codes, outs = zip(*said, strict=True)
+        codes, outs, _ = zip(*said, strict=True)
         if outs[1].strip():
             json.loads(outs[1].decode().splitlines()[-1], parse_constant=_no_json)
         if set(codes) != {0}:
@@ -325,8 +327,8 @@ def _no_json(name: str) -> None:
     raise ValueError(f"{name} in --json")
 
 
-def _said(words: list[str]) -> tuple[int, bytes]:
-    """Exit code and standard output of a command; whatever it says must suit a terminal that knows ASCII alone."""
+def _said(words: list[str]) -> tuple[int, bytes, bytes]:
+    """Exit code, output and error of a command; whatever it says must suit a terminal that knows ASCII alone."""
     streams = [io.TextIOWrapper(io.BytesIO(), "ascii", errors="backslashreplace") for _ in range(2)]
     with contextlib.redirect_stdout(streams[0]), contextlib.redirect_stderr(streams[1]):
         try:
@@ -338,11 +340,11 @@ def _said(words: list[str]) -> tuple[int, bytes]:
     for text in (out, err):
         if any(byte < 32 and byte not in b"\n\t" for byte in text) or b"\x7f" in text:
             raise ValueError(f"a control character is printed: {text[:200]!r}")
-    if code and not (b"hint:" in err or "verify" in words):
+    if code and not (b"hint:" in err or {"verify", "check"} & {*words}):  # these tell in a table what is wrong
         raise ValueError(f"exit code {code} without a hint: {err[-300:]!r}")
     if (page := Path("copy/page/report.html")).is_file():
         _check_page(page.read_text(encoding="utf-8"))
-    return code, out
+    return code, out, err
 
 
 def _flushed(streams: list[io.TextIOWrapper]) -> list[io.TextIOWrapper]:

@@ -35,7 +35,7 @@ from tests.hostile.recordings import record_bomb
 from tests.hostile.targets import TARGETS, _answers, _exchangeable, exchange
 
 PACKAGE = Path(__file__).resolve().parents[2] / "busybot"
-PRINTS = {"cli/common.py", "datasets/importing/hdf5_reader.py", "sim/vulkan_check.py", "training/run_folder.py"}
+PRINTS = {"cli/common.py", "datasets/importing/sealed_reader.py", "sim/vulkan_check.py", "training/run_folder.py"}
 """What prints: the command line's own functions, child processes that answer in JSON, the progress of a training."""
 
 

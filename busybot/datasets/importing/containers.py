@@ -34,7 +34,7 @@ from busybot.common.limits import (
     Budget,
 )
 from busybot.common.line_child import Child, NoAnswerError
-from busybot.datasets.importing import hdf5_reader
+from busybot.datasets.importing import sealed_reader
 from busybot.datasets.importing.alignment import LATEST_S
 from busybot.episodes.mcap import channels
 from busybot.episodes.mcap.records import (
@@ -54,8 +54,8 @@ IMAGE_SCHEMA, IMAGES, TIMES = "foxglove.CompressedImage", "observations/images",
 STATES, STATE_TIMES = "busybox/state_json", "busybox/timestamp"
 MOST_FRAMES = 1_000_000
 HINT = "--camera NAME takes one"
-HDF5_SECONDS = 20.0
-"""To wait for a piece of an HDF5 file."""
+PIECE_SECONDS = 20.0
+"""To wait for a piece of an HDF5 file or a video."""
 HDF5_HINT = "copy it again; docs/guides/own-recordings.md tells what such a file has"
 
 
@@ -202,23 +202,65 @@ def _topics(records: Records, file: Path) -> list[str]:
     return topics
 
 
-class _Hdf5:
-    """An HDF5 file, read by a program of its own (`hdf5_reader`); what it links to elsewhere is refused."""
+class Sealed:
+    """A file that a program of its own reads (`sealed_reader`), with little memory, which may hang or die.
+
+    Args:
+        kind: hdf5 or video.
+        most: bytes that it may have.
+        hint: for every fault of it.
+    """
 
     serials = count()
+
+    def __init__(self, kind: str, file: Path, most: int, hint: str):
+        open_regular(file, most, "cut it into shorter ones").close()
+        self.file, self._hint = file, hint
+        self._key = {"kind": kind, "file": str(file.absolute()), "serial": next(self.serials)}
+
+    def ask(self, do: str, **more: Any) -> Any:
+        """The answer of the program to `do` with these arguments.
+
+        Raises:
+            BusybotError: naming the file, if it is damaged, or no answer comes.
+        """
+        reader = _reader()
+        try:
+            told = json.loads(reader.ask(self._key | {"do": do} | more))
+        except NoAnswerError as error:
+            atexit.unregister(reader.close)
+            reader.close()
+            _reader.cache_clear()
+            end = f"no end after {PIECE_SECONDS:g} s" if error.end == "timeout" else "the library that reads it gave up"
+            at = f" at {more['path']}" if "path" in more else ""
+            raise BusybotError(f"{self.file}: it is damaged: {end}{at}", self._hint) from None
+        if "fault" in told:
+            raise BusybotError(f"{self.file}: {told['fault']}", self._hint)
+        return told["answer"]
+
+    def ask_bytes(self, do: str, **more: Any) -> tuple[bytes, list[Any]]:
+        """The bytes of an answer that comes in pieces, and what stands in it beside them."""
+        data, size, beside = b"", 1, list[Any]()
+        while len(data) < size:
+            piece, size, *beside = self.ask(do, start=len(data), **more)
+            data += base64.b64decode(piece)
+        return data, beside
+
+
+class _Hdf5:
+    """An HDF5 file; what it links to elsewhere is refused."""
 
     def __init__(self, file: Path):
         if find_spec("h5py") is None:
             raise needs_extra("h5py", "import")
-        open_regular(file, 64 * MAX_RECORDING_BYTES, "cut it into episodes").close()
-        self._file, self._key = file, {"file": str(file.absolute()), "serial": next(self.serials)}
+        self._file, self._sealed = file, Sealed("hdf5", file, 64 * MAX_RECORDING_BYTES, HDF5_HINT)
 
     def names(self, path: str) -> list[str]:
-        return list(self._ask("names", path))
+        return list(self._sealed.ask("names", path=path))
 
     def shape(self, path: str, axes: int | None = None) -> tuple[tuple[int, ...], str]:
         """Shape and type of an array of at most `MOST_FRAMES` rows."""
-        shape, dtype = self._ask("facts", path)
+        shape, dtype = self._sealed.ask("facts", path=path)
         if (axes is not None and len(shape) != axes) or shape[0] > MOST_FRAMES:
             what = f"{self._file}: {path} has the shape {tuple(shape)}"
             raise BusybotError(what, f"at most {MOST_FRAMES} rows are read")
@@ -240,38 +282,20 @@ class _Hdf5:
 
     def row(self, path: str, number: int) -> bytes:
         """The bytes of a row."""
-        data, size = b"", 1
-        while len(data) < size:
-            piece, size = self._ask("row", path, number=number, start=len(data))
-            data += base64.b64decode(piece)
-        return data
+        return self._sealed.ask_bytes("row", path=path, number=number)[0]
 
     def _values(self, path: str) -> list[Any]:
         (rows,), _ = self.shape(path, 1)
         found: list[Any] = []
         while len(found) < rows:
-            found += self._ask("values", path, start=len(found))
+            found += self._sealed.ask("values", path=path, start=len(found))
         return found
-
-    def _ask(self, do: str, path: str, **more: int) -> Any:
-        reader = _reader()
-        try:
-            told = json.loads(reader.ask(self._key | {"do": do, "path": path} | more))
-        except NoAnswerError as error:
-            atexit.unregister(reader.close)
-            reader.close()
-            _reader.cache_clear()
-            end = f"no end after {HDF5_SECONDS:g} s" if error.end == "timeout" else "the HDF5 library gave up"
-            raise BusybotError(f"{self._file}: it is damaged: {end} at {path}", HDF5_HINT) from None
-        if "fault" in told:
-            raise BusybotError(f"{self._file}: {told['fault']}", HDF5_HINT)
-        return told["answer"]
 
 
 @cache
 def _reader() -> Child:
-    """The program that reads HDF5, which waits for the next file until this process ends, or until it hangs."""
-    words = [sys.executable, "-P", str(Path(hdf5_reader.__file__)), str(MAX_CONTENT_BYTES)]
-    reader = Child(words, HDF5_SECONDS, 8 * hdf5_reader.PIECE)
+    """The program that reads HDF5 and videos, waiting for the next file until this process ends or it hangs."""
+    words = [sys.executable, "-P", str(Path(sealed_reader.__file__)), str(MAX_CONTENT_BYTES)]
+    reader = Child(words, PIECE_SECONDS, 8 * sealed_reader.PIECE)
     atexit.register(reader.close)
     return reader

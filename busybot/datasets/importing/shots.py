@@ -1,20 +1,27 @@
 """The pictures of a camera's folder: files in order, or frames of a video, found first and decoded when needed."""
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from os.path import lexists
 from pathlib import Path
+from time import monotonic
 
 import cv2
 import numpy as np
 
-from busybot.common.atomic_io import inside, open_regular, read_regular
+from busybot.common.atomic_io import inside, read_regular
 from busybot.common.errors import BusybotError, naming
-from busybot.common.limits import MAX_IMAGE_PIXELS, MAX_PICTURE_BYTES, MAX_RECORDING_BYTES
+from busybot.common.limits import (
+    MAX_IMAGE_PIXELS,
+    MAX_PICTURE_BYTES,
+    MAX_RECORDING_BYTES,
+    MAX_VIDEO_FRAMES,
+    MAX_VIDEO_PIXELS,
+    MAX_VIDEO_SECONDS,
+)
 from busybot.datasets.importing.alignment import read_time
-from busybot.datasets.importing.containers import CONTAINERS, camera_in, container_pictures, container_times
+from busybot.datasets.importing.containers import CONTAINERS, Sealed, camera_in, container_pictures, container_times
 from busybot.datasets.importing.csv_tables import Row, Text, read_table
 from busybot.episodes.codec import PNG_MAGIC, image_size
 
@@ -110,19 +117,57 @@ def _video_shots(
     if fps is None:
         what = f"{folder / name}: when was each of its frames taken? Rates that videos tell are often wrong"
         raise BusybotError(what, "frames.csv with a column time, a line for each frame; or --fps 30")
-    count, capture = 0, _opened(folder / name)
-    while capture.grab():  # counted: what a file's header says may be wrong
-        count += 1
+    count = _Video(folder / name).skip(MAX_VIDEO_FRAMES + 1)  # counted: what a file's header says may be wrong
     return [Shot(name, number, number / fps, None, f"{folder / name}: frame {number}") for number in range(count)]
 
 
-def _opened(video: Path) -> cv2.VideoCapture:
-    open_regular(video, MAX_RECORDING_BYTES, "cut it into shorter ones").close()
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # else each damaged block is told at the terminal
-    capture = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
-    if not capture.isOpened():
-        raise BusybotError(f"{video}: it cannot be read as a video", "save it as mp4, or its frames as pictures")
-    return capture
+class _Video:
+    """A video, decoded from its beginning by a program of its own, within a budget of frames, pixels and seconds.
+
+    Raises:
+        BusybotError: naming it, if it is none, or before and while it is decoded, if that is more than is left.
+    """
+
+    def __init__(self, video: Path):
+        self._sealed = Sealed("video", video, MAX_RECORDING_BYTES, "save it as mp4, or its frames as pictures")
+        self._frames, self._until = 0, monotonic() + MAX_VIDEO_SECONDS
+        width, height = self._sealed.ask("size")
+        self._check_size(width, height)
+        self._pixels = width * height
+
+    def skip(self, frames: int) -> int:
+        """Decode so many frames, or all that are left; returns their number."""
+        before, ended = self._frames, False
+        while self._frames - before < frames and not ended:
+            done = self._sealed.ask("grab", count=frames - (self._frames - before))
+            ended = done < 0
+            self._frames += -done - 1 if ended else done
+            spent = (
+                (self._frames > MAX_VIDEO_FRAMES, f"{MAX_VIDEO_FRAMES} frames"),
+                (self._frames * self._pixels > MAX_VIDEO_PIXELS, f"{MAX_VIDEO_PIXELS} pixels in all its frames"),
+                (monotonic() > self._until, f"the {MAX_VIDEO_SECONDS:.0f} s that decoding a video may take"),
+            )
+            for over, budget in spent:
+                if over:
+                    raise BusybotError(
+                        f"{self._sealed.file}: more than {budget}", "cut it, or make its pictures smaller"
+                    )
+        return self._frames - before
+
+    def picture(self, number: int) -> np.ndarray:
+        """Colours of a frame after those that were decoded, uint8 (H, W, 3)."""
+        self.skip(number + 1 - self._frames)
+        if self._frames <= number:
+            what = f"{self._sealed.file.name} ends before this frame, {number}; it has {self._frames}"
+            raise BusybotError(what, "was the video cut? frames.csv has a line for each of its frames")
+        data, (height, width) = self._sealed.ask_bytes("picture")
+        self._check_size(width, height)  # a video may change it midway
+        return np.frombuffer(data, np.uint8).reshape(height, width, 3)
+
+    def _check_size(self, width: int, height: int) -> None:
+        if not 0 < width * height <= MAX_IMAGE_PIXELS:
+            what = f"{self._sealed.file}: frames of {width} x {height} pixels, at most {MAX_IMAGE_PIXELS} are read"
+            raise BusybotError(what, "make its pictures smaller")
 
 
 def in_order(folder: Path, names: Sequence[str], otherwise: str) -> list[str]:
@@ -173,17 +218,11 @@ def each_colours(folder: Path, chosen: Sequence[Shot]) -> Iterator[tuple[Shot, n
             with naming(shot.where):
                 yield shot, decode_bytes(row, shot.where) if isinstance(row, bytes) else row
         return
-    left, capture, number = list(chosen), _opened(video), 0
-    while left:
-        if not capture.grab():
-            what = f"{left[0].where}: {video.name} ends before this frame, {left[0].number}; it has {number}"
-            raise BusybotError(what, "was the video cut? frames.csv has a line for each of its frames")
-        if number == left[0].number:
-            done, bgr = capture.retrieve()
-            if not done or bgr.shape[0] * bgr.shape[1] > MAX_IMAGE_PIXELS:
-                raise BusybotError(f"{video}: frame {number} cannot be read", "save the frames as pictures")
-            yield left.pop(0), cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
-        number += 1
+    film = _Video(video)
+    for shot in chosen:
+        with naming(shot.where):
+            rgb = film.picture(shot.number)
+        yield shot, rgb
 
 
 def decode_picture(folder: Path, shot: Shot, name: str, flags: int) -> np.ndarray:

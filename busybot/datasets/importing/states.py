@@ -77,8 +77,8 @@ def _log(folder: Path, container: Path | None) -> tuple[Path, list[tuple[float, 
     if lexists(file):
         text = read_text(inside(folder, STATES_FILE), MAX_LINES_BYTES, HINT)
         lines = [(f"{file}: line {n}", line, None) for n, line in enumerate(text.splitlines(), start=1)]
-    elif container is not None:
-        file, lines = container, logged_states(container)
+    elif container is not None and (lines := logged_states(container)):
+        file = container
     if not lines:
         raise BusybotError(f"{file}: objects have states, but nobody logged any", f"put {STATES_FILE} there; {HINT}")
     found: list[tuple[float, Mapping[str, float]]] = []

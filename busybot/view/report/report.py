@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from busybot import __version__
-from busybot.common.atomic_io import copy_file, make_folder, scan, write_atomically
+from busybot.common.atomic_io import copy_file, make_folder, regular_files, write_atomically
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import INFO_FILE, Dataset
 from busybot.episodes.episode import Episode
@@ -203,8 +203,8 @@ def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:
         BusybotError: a dataset in them is damaged.
     """
     blocks: list[Block] = []
-    names = (path / name for path in paths if path.is_dir() for name in scan(path).files)
-    for folder in [name.parent for name in names if name.name == INFO_FILE]:
+    names = [file for path in paths if path.is_dir() for file in regular_files(path, INFO_FILE.__eq__)]
+    for folder in [name.parent for name in names]:
         if len(blocks) == MOST_SEQUENCES:
             break
         if (episode := _telling(Dataset.open(folder))) is None:

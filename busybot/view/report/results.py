@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError, field_validator
 
-from busybot.common.atomic_io import read_json, scan, sha256_of
+from busybot.common.atomic_io import read_json, regular_files, sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.text import unlinked
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
@@ -250,8 +250,8 @@ def read_results(paths: Iterable[Path]) -> Results:
     results = Results()
     for path in paths:
         if path.is_dir():
-            for name in scan(path).files:
-                _read(results, path / name, named=False)
+            for file in regular_files(path, lambda name: Path(name).suffix.lower() in (*PICTURES, ".json")):
+                _read(results, file, named=False)
         else:
             _read(results, path, named=True)
     return results

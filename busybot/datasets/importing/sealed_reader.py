@@ -1,29 +1,39 @@
-"""A program that reads one HDF5 file for `containers`, asked and answering by lines of JSON: it may hang, or die.
+"""A program that reads an HDF5 file or a video for `containers`, by lines of JSON: it may hang, or die.
 
 The HDF5 library finds no end in some damaged files, where nothing in Python can stop it, and unpacks whatever a chunk
-holds. So it has a process of its own, with little memory, that is killed when no answer comes. This module imports
-nothing of the package and is run by its path, so that it starts at once.
+holds; a decoder of videos allocates what any of its packets says. So they have a process of its own, with little
+memory, that is killed when no answer comes. This module imports nothing of the package and is run by its path, so that
+it starts at once.
 
-A question has `file`, `serial` (of its opening), `do` and `path`, an answer `answer`, or `fault` and what it is.
+A question has `kind` (hdf5 or video), `file`, `serial` (of its opening), `do` and its arguments, an answer `answer`, or
+`fault` and what it is.
 """
 
 import base64
 import json
 import resource
 import sys
+import time
 from typing import Any
 
 PIECE = 1 << 20
 """Bytes of a row, or characters of texts, in an answer; numbers are told so many fewer at once."""
 NUMBERS, TEXTS = 20_000, 100
 MOST_TEXT, MOST_NAMES = 1 << 18, 1000
+TURN_S = 1.0
+"""Seconds that frames are decoded for an answer."""
 
 
 class _FaultError(Exception):
     """What is wrong with the file."""
 
 
-class _Opened:
+def _piece(data: bytes, start: int) -> list[Any]:
+    """A piece of the bytes, from `start` on, and how many there are."""
+    return [base64.b64encode(data[start : start + PIECE]).decode(), len(data)]
+
+
+class _Hdf5:
     """A file with the row that was read last."""
 
     def __init__(self, file: str):
@@ -80,8 +90,7 @@ class _Opened:
             found = self._array(path)
             data = found[number].tobytes()
             self._kept = ((path, number), data.rstrip(b"\0") if found.ndim == 2 else data)
-        data = self._kept[1]
-        return [base64.b64encode(data[start : start + PIECE]).decode(), len(data)]
+        return _piece(self._kept[1], start)
 
     def _array(self, path: str) -> Any:
         """An array whose values lie in this file."""
@@ -101,19 +110,60 @@ class _Opened:
         return place
 
 
+class _Video:
+    """A video at one of its frames, of which only those are turned into pictures that are asked for."""
+
+    def __init__(self, file: str):
+        import cv2
+
+        self._cv2, self._picture = cv2, b""
+        # of one thread: each more holds frames of its own
+        self._capture = cv2.VideoCapture(file, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
+        if not self._capture.isOpened():
+            raise _FaultError("it cannot be read as a video")
+
+    def close(self) -> None:
+        self._capture.release()
+
+    def size(self) -> list[int]:
+        """Width and height, as the file tells them before anything is decoded."""
+        names = (self._cv2.CAP_PROP_FRAME_WIDTH, self._cv2.CAP_PROP_FRAME_HEIGHT)
+        return [int(self._capture.get(name)) for name in names]
+
+    def grab(self, count: int) -> int:
+        """Decode so many frames, or fewer if that takes long; returns their number, negative where the video ends."""
+        done, until = 0, time.monotonic() + TURN_S
+        while done < count and time.monotonic() < until:
+            if not self._capture.grab():
+                return -done - 1
+            done += 1
+        return done
+
+    def picture(self, start: int) -> list[Any]:
+        """A piece of the colours (H, W, 3) of the frame that was decoded last, how many bytes it has, and H and W."""
+        if start == 0:
+            done, bgr = self._capture.retrieve()
+            if not done:
+                raise _FaultError("a frame cannot be decoded")
+            self._shape = bgr.shape[:2]
+            self._picture = self._cv2.cvtColor(bgr, self._cv2.COLOR_BGR2RGB).tobytes()
+        return [*_piece(self._picture, start), *self._shape]
+
+
 def main() -> None:
     limit = int(sys.argv[1])
     resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
-    opened: dict[tuple[str, int], _Opened] = {}
+    opened: dict[tuple[str, int], _Hdf5 | _Video] = {}
     for line in sys.stdin:
         asked = json.loads(line)
+        kind = _Hdf5 if asked.pop("kind") == "hdf5" else _Video
         key = (asked.pop("file"), asked.pop("serial"))
         try:
             if key not in opened:
                 for one in opened.values():  # else the library answers from what it knows of a file with this inode
                     one.close()
                 opened.clear()
-                opened[key] = _Opened(key[0])
+                opened[key] = kind(key[0])
             told = {"answer": getattr(opened[key], asked.pop("do"))(**asked)}
         except _FaultError as error:
             told = {"fault": str(error)[:1000]}

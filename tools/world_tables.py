@@ -194,6 +194,8 @@ WORLD_ROWS = {
     "observer-detected": "exact observer, detected",
     "mechanism": "mechanism network, pictures",
     "mechanism, world not told": "the same, not told the world",
+    "mechanism from pictures alone": "trained from pictures alone",
+    "mechanism from pictures alone, world not told": "the same, not told the world",
     "count": "counting",
     "lookup": "lookup",
     "pc": "PC",
@@ -230,6 +232,8 @@ def rewirings() -> str:
             told = [f"{whole(own)} ({whole(bound)})" for own, bound in shares]
             alarms = [row[f"rewired_false_alarms{who}"] for who in ("", "_bound")]
             of_board = ["-" if one is None else f"{one:.2f}" for one in alarms]
+            if row["rewirings"] is None or row["rewired_false_alarms"] is None:  # a model that does not say
+                continue
             words = f"{world}{name.removeprefix('mechanism')}"
             lines.append((words, [str(row["rewirings"]), *told, f"{of_board[0]} ({of_board[1]})"]))
     return markdown([plain_grid(("rewirings", "found", "placed", "false alarms a board"), lines, "percent")])

@@ -63,8 +63,8 @@ from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.counting import CountConfig
 from busybot.reason.models.lookup import LookupConfig, Persistence
-from busybot.reason.models.registry import reasoner_of
-from busybot.training.model_cards import file_hashes, find_folder
+from busybot.reason.models.registry import ReasonerInfo
+from busybot.training.model_cards import file_hashes, find_folder, read_info
 
 KIND = "worlds"
 NAMES = (*WORLDS, PAPER)
@@ -80,7 +80,7 @@ REWIRED = (
     "rewirings",
     *(f"rewired_{what}{who}" for what in ("found", "placed", "false_alarms") for who in ("", "_bound")),
 )
-UNTOLD = ", world not told"
+ALONE, UNTOLD = " from pictures alone", ", world not told"
 Judged = list[tuple[BoardSpec, JudgedCauses]]
 
 
@@ -140,7 +140,8 @@ def chosen_constants(training: Recorded) -> Tuned:
 
 def learned(validation: Recorded, model: Path, most: int | None, seed: int) -> dict[str, Any]:
     """Figures of a trained model, under its name, and of the same one where it is not told the world."""
-    name = reasoner_of(str(model)).name
+    card = read_info(find_folder(model, "reason"), ReasonerInfo)
+    name = f"{card.model}{ALONE if card.training.get('labels') == 'none' else ''}"
     return {f"{name}{'' if told else UNTOLD}": _learned(validation, model, most, seed, told) for told in (True, False)}
 
 
@@ -341,7 +342,8 @@ def _part(part: str, world: str, told: dict[str, Any], arguments: argparse.Names
             world, list(validation.dataset.boards())[:EXPLORED], find(arguments.assets), arguments.greedy, seed
         )
     if part == LEARNED:
-        return learned(validation, arguments.model, arguments.boards, seed)
+        rows = learned(validation, arguments.model, arguments.boards, seed)
+        return {**told.get(LEARNED, {}), **rows}  # of other models
     training = Recorded.at(folder / "training", arguments.assets)
     if part == "discovery":
         found = Tuned.model_validate(told["rows"]["tuned"])

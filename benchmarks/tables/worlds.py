@@ -5,7 +5,7 @@
         [--only gates,time] [--parts rows,discovery,exploring,learned] [--model FOLDER] [--boards 100]
 
 `record` makes, for each world, boards of the training split to judge on (`validation`), to tune on (`training`), and
-`others` that only the study of shortcuts needs, and acts on them by the scripted policy: it takes a random link that
+`others` for shortcuts and more training, and acts on them by the scripted policy: it takes a random link that
 shows, at a contact and in a direction that move it. Pictures are small, everything else is as ever. No test split is
 looked at.
 
@@ -71,7 +71,7 @@ NAMES = (*WORLDS, PAPER)
 STEPS = 30
 PICTURES = ("render.width=320", "render.height=240")
 RECORDED = {"training": (60, 822), "validation": (200, 821), "others": (400, 825)}
-"""Number of boards and seed, which no other recording has; `others` are for `benchmarks.studies.shortcuts` alone."""
+"""Number of boards and seed, which no other recording has; nothing is judged on `others`, but shortcuts are looked for."""
 FEW, EXPLORED, GREEDY, TUNING = 40, 60, 10, 6
 """Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
 methods are tuned on."""

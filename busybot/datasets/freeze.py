@@ -15,7 +15,20 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from busybot import __version__
-from busybot.common.atomic_io import LOCK_FILE, forbid_writing, read_regular, remove, write_atomically, write_json
+from busybot.common.atomic_io import (
+    LOCK_FILE,
+    copy_file,
+    forbid_writing,
+    make_folder,
+    read_regular,
+    refuse_taken,
+    remove,
+    rename,
+    scan,
+    unfinished,
+    write_atomically,
+    write_json,
+)
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_JSON_BYTES
 from busybot.datasets.bundled_assets import Assets, plan_assets, write_carried
@@ -257,3 +270,24 @@ def _finish(path: Path) -> None:
     folders = sorted({parent for file in files for parent in file.parents if parent.is_relative_to(path)})
     for place in [*files, *reversed(folders)]:
         forbid_writing(place, path)
+
+
+def copy_tiny(out: Path) -> int:
+    """Copy the frozen dataset that comes with the package to a new folder; returns the number of its files.
+
+    Raises:
+        BusybotError: something is there, or the package came without it.
+    """
+    here = Path(__file__).parent
+    places = [here / "tiny", here.parents[1] / "datasets/tiny"]  # of a wheel, of a checkout
+    source = next((place for place in places if (place / INFO_FILE).is_file()), None)
+    if source is None:
+        raise BusybotError(f"{places[0]}: this package came without it", "install busybot from a wheel or a checkout")
+    refuse_taken(out)
+    make_folder(out.parent)
+    names = scan(source).files
+    with unfinished(out.parent, out.name) as partial:
+        for name in names:
+            copy_file(source / name, partial / name)
+        rename(partial, out)
+    return len(names)

@@ -33,6 +33,15 @@ def test_info_prints_one_object_with_counts_and_hashes(dataset: Path) -> None:
     assert summary["success_share"] == pytest.approx(12 / 18)
 
 
+def test_the_tiny_dataset_comes_with_the_package(tmp_path: Path) -> None:
+    place = tmp_path / "datasets/tiny"
+    assert run("tiny", "--out", str(place)).exit_code == 0
+    told = run("verify", str(place), "--workers", "1", "--json")
+    assert told.exit_code == 0 and json.loads(told.stdout)["frozen"]
+    again = run("tiny", "--out", str(place))
+    assert again.exit_code == 1 and "it exists and is not an empty folder" in " ".join(again.stderr.split())
+
+
 def test_info_for_people_names_the_same_things(dataset: Path) -> None:
     result = run("info", dataset)
     assert result.exit_code == 0

@@ -17,7 +17,8 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_the_wheel_works_anywhere(tmp_path: Path) -> None:
     source, site, elsewhere = (tmp_path / name for name in ("source", "site", "elsewhere"))
     shutil.copytree(ROOT / "busybot", source / "busybot", ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    shutil.copytree(ROOT / "datasets/tiny", source / "datasets/tiny")
+    for name in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source)
     build = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir"]
     subprocess.run([*build, tmp_path, source], check=True)
@@ -38,6 +39,9 @@ def test_the_wheel_works_anywhere(tmp_path: Path) -> None:
     shipped = json.loads(run("-m", "busybot", "models", "list", "--json"))["models"]
     assert {model["name"] for model in shipped} >= {"procedural", "event", "mechanism"}
     run("-m", "busybot", "models", "verify")
+    run("-m", "busybot", "dataset", "tiny")
+    told = json.loads(run("-m", "busybot", "dataset", "verify", "datasets/tiny", "--workers", "1", "--json"))
+    assert told["ok"] and told["frozen"] and told["episodes"] == 12
     run("-m", "busybot", "generate", "boards", "--boards", "1", "--split", "train")
     run("-m", "busybot", "collect", "boards", "--steps", "2", "--policy", "learned", "--workers", "1")
     assert json.loads(run("-m", "busybot", "dataset", "verify", "boards", "--workers", "1", "--json"))["ok"]

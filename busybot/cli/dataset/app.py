@@ -83,6 +83,17 @@ def verify(
 
 
 @app.command()
+def tiny(
+    out: Annotated[Path, typer.Option(help="New folder.")] = Path("datasets/tiny"),
+) -> None:
+    """Get the frozen dataset of 12 boards that comes with busybot, which tests, notebooks and examples use."""
+    from busybot.datasets.freeze import copy_tiny
+
+    count = copy_tiny(out)
+    tell(f"{out}: {counted(count, 'file')}; next: busybot view {out}")
+
+
+@app.command()
 def freeze(
     dataset: DatasetArgument,
     objects: Annotated[bool, typer.Option(help="Put copies of the objects in, if their licences allow it.")] = True,

@@ -18,6 +18,7 @@ from busybot.common.limits import (
     MAX_RECORDING_BYTES,
     MAX_VIDEO_FRAMES,
     MAX_VIDEO_PIXELS,
+    MAX_VIDEO_RATIO,
     MAX_VIDEO_SECONDS,
 )
 from busybot.datasets.importing.alignment import read_time
@@ -133,7 +134,7 @@ class _Video:
         self._frames, self._until = 0, monotonic() + MAX_VIDEO_SECONDS
         width, height = self._sealed.ask("size")
         self._check_size(width, height)
-        self._pixels = width * height
+        self._pixels, self._most = width * height, MAX_VIDEO_PIXELS + MAX_VIDEO_RATIO * video.stat().st_size
 
     def skip(self, frames: int) -> int:
         """Decode so many frames, or all that are left; returns their number."""
@@ -144,7 +145,7 @@ class _Video:
             self._frames += -done - 1 if ended else done
             spent = (
                 (self._frames > MAX_VIDEO_FRAMES, f"{MAX_VIDEO_FRAMES} frames"),
-                (self._frames * self._pixels > MAX_VIDEO_PIXELS, f"{MAX_VIDEO_PIXELS} pixels in all its frames"),
+                (self._frames * self._pixels > self._most, f"{self._most} pixels in all its frames"),
                 (monotonic() > self._until, f"the {MAX_VIDEO_SECONDS:.0f} s that decoding a video may take"),
             )
             for over, budget in spent:

@@ -71,7 +71,7 @@ NAMES = (*WORLDS, PAPER)
 STEPS = 30
 PICTURES = ("render.width=320", "render.height=240")
 RECORDED = {"training": (60, 822), "validation": (200, 821), "others": (400, 825)}
-"""Number of boards and seed, which no other recording has; nothing is judged on `others`, but shortcuts are looked for."""
+"""Number of boards and seed, which no other recording has; nothing but shortcuts is judged on `others`."""
 FEW, EXPLORED, GREEDY, TUNING = 40, 60, 10, 6
 """Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
 methods are tuned on."""

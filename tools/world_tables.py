@@ -228,12 +228,12 @@ def rewirings() -> str:
     lines = []
     for world, parts in result("worlds")["rows"].items():
         for name, row in parts.get("learned", {}).items():
+            if row["rewired_false_alarms"] is None:  # of a model that does not say
+                continue
             shares = [[row[f"rewired_{what}{who}"] for who in ("", "_bound")] for what in ("found", "placed")]
             told = [f"{whole(own)} ({whole(bound)})" for own, bound in shares]
             alarms = [row[f"rewired_false_alarms{who}"] for who in ("", "_bound")]
             of_board = ["-" if one is None else f"{one:.2f}" for one in alarms]
-            if row["rewirings"] is None or row["rewired_false_alarms"] is None:  # a model that does not say
-                continue
             words = f"{world}{name.removeprefix('mechanism')}"
             lines.append((words, [str(row["rewirings"]), *told, f"{of_board[0]} ({of_board[1]})"]))
     return markdown([plain_grid(("rewirings", "found", "placed", "false alarms a board"), lines, "percent")])

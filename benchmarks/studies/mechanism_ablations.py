@@ -6,39 +6,35 @@
 
 DATA is what `benchmarks.tables.worlds record` made: recorded boards of the training split, real objects, of seven
 worlds. All but those called `validation` are trained on; on these, parents of links that were seen are judged. Nothing
-is chosen by them: all trainings are equally long, and the last weights are judged. A result gains the rows that it
-lacks, and trainings that were stopped go on.
+is chosen by them: all trainings are equally long, and the last weights are judged. Rows of a result that are not asked
+for stay, and trainings that were stopped go on.
 """
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
 
-from benchmarks.runner import chosen, finish, parser
-from benchmarks.studies.bounds import CLAIMED, DRAWS
-from benchmarks.studies.mechanisms import parent_counts
+from benchmarks.runner import chosen, finish, parser, told_rows
+from benchmarks.studies.bounds import CLAIMED
+from benchmarks.studies.mechanisms import f1_of, found_parents, parent_counts, picked_boards
 from benchmarks.tables.world_rows import ENCODER
 from benchmarks.tables.worlds import Recorded
 from busybot.boards.spec import PAPER
 from busybot.boards.worlds import WORLDS
-from busybot.common.atomic_io import read_json
-from busybot.common.rng import generator
 from busybot.datasets.dataset import INFO_FILE
-from busybot.evaluation.bootstrap import share_interval
 from busybot.objects.resolve import find
 from busybot.reason.models.mechanism.config import Blur, MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import MEMORIES
 from busybot.reason.models.mechanism.evidence import LEFT
 from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, labelled
 from busybot.reason.models.mechanism.learner import MechanismLearner
-from busybot.reason.models.mechanism.networks import parents_of
 from busybot.reason.models.mechanism.perception import Perceived, perceive
-from busybot.reason.pyg import Batch, HeteroData
+from busybot.reason.pyg import HeteroData
 from busybot.training.loop import fit
 from busybot.training.run_folder import begin_folder
 
@@ -75,7 +71,7 @@ class Ablation:
         unseen: how links stand is not looked at: every action that takes hold of one flips it.
     """
 
-    labels: Any = "parents"
+    labels: Literal["parents", "pictures"] = "parents"
     recorded: int | None = None
     drawn: int = 0
     hide: Callable[[HeteroData], None] = field(default=lambda graph: None)
@@ -155,25 +151,19 @@ def judged(learner: _Ablated, boards: Boards, unseen: bool) -> dict[str, Any]:
     learner.network.eval()
     counts = []
     for seen, board in boards:
-        graph = Batch.from_data_list([learner.graph(_flipping(seen, board) if unseen else board, ACTIONS)])
+        graph = learner.graph(_flipping(seen, board) if unseen else board, ACTIONS)
+        found = found_parents(learner.network, graph, board, ACTIONS)
         assert board.parents is not None
-        true = board.parents[np.array(ACTIONS) - 1]  # (K, I, R)
-        found = parents_of(learner.network(graph)[0], graph).view(true.shape[2], true.shape[1], len(ACTIONS)).numpy()
-        links = board.trace.links.shape[1]
-        counts.append(parent_counts(found.T[:, :links] > CLAIMED, true[:, :links]))
-    picked = generator(learner.seed, "bootstrap", 0, KIND).integers(0, len(counts), (DRAWS, len(counts)))
-    told = {}
-    for place, after in enumerate(ACTIONS):
-        right, whole = 2 * np.array(counts)[:, place, 0], np.array(counts)[:, place, 1:].sum(1)
-        interval = share_interval(right[picked].sum(1), whole[picked].sum(1))
-        told[str(after)] = {"share": float(right.sum() / max(whole.sum(), 1)), "interval": interval}
-    return told
+        true, links = board.parents[np.array(ACTIONS) - 1], board.trace.links.shape[1]  # (K, I, R)
+        counts.append(parent_counts(found[:, :links] > CLAIMED, true[:, :links]))
+    picked = picked_boards(learner.seed, len(counts))
+    return {str(after): f1_of(np.array(counts)[:, place], picked) for place, after in enumerate(ACTIONS)}
 
 
-def measure(arguments: argparse.Namespace) -> dict[str, Any]:
-    """All rows, those of an earlier result among them."""
+def measure(arguments: argparse.Namespace) -> None:
+    """Write the result after each row, with the rows of an earlier one that are not asked for."""
     names = chosen(arguments.only, ABLATIONS) if arguments.only else tuple(ABLATIONS)
-    rows = read_json(arguments.out)["rows"] if arguments.out.exists() else {}
+    rows = told_rows(arguments.out, KIND)
     worlds = chosen(arguments.worlds, JUDGED) if arguments.worlds else JUDGED
     of_world: dict[str, Boards] = {world: [] for world in worlds}
     held: dict[str, Boards] = {}
@@ -194,7 +184,6 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
         rows[name] = {"boards": len(learner.boards), "worlds": row}
         print(name, {world: [round(100 * one["share"], 1) for one in told.values()] for world, told in row.items()})
         finish(KIND, arguments, {"rows": rows, "judged": {world: len(own) for world, own in held.items()}})
-    return rows
 
 
 def main(words: Sequence[str] | None = None) -> None:

@@ -31,7 +31,7 @@ from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards
 from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner
 from busybot.reason.models.mechanism.networks import MechanismNet, parents_of, world_number
-from busybot.reason.pyg import Batch
+from busybot.reason.pyg import Batch, HeteroData
 from busybot.training.loop import fit
 from busybot.training.run_folder import begin_folder
 
@@ -67,24 +67,36 @@ def compare(net: MechanismNet, boards: Sequence[tuple[LabelledTrace, np.ndarray 
     """F1 of parents link by link, of the network and of the exact observer, by number of actions."""
     told = []
     for board, believed in boards:
-        graph = Batch.from_data_list([board.graph(JUDGED_AFTER, world_number(net.config, board.world))])
-        assert board.parents is not None
+        graph = board.graph(JUDGED_AFTER, world_number(net.config, board.world))
+        found = found_parents(net, graph, board, JUDGED_AFTER)
+        assert board.parents is not None and believed is not None
         true = board.parents[np.array(JUDGED_AFTER) - 1]  # (K, I, R)
-        found = parents_of(net(graph)[0], graph).view(true.shape[2], true.shape[1], len(JUDGED_AFTER)).numpy()
-        assert believed is not None
-        told.append([parent_counts(found.T > CLAIMED, true), parent_counts(believed > CLAIMED, true)])
+        told.append([parent_counts(found > CLAIMED, true), parent_counts(believed > CLAIMED, true)])
     counts = np.array(told)  # (B, 2, K, 3)
-    picked = generator(seed, "bootstrap", 0, "mechanisms").integers(0, len(counts), (DRAWS, len(counts)))
-
-    def share(one: np.ndarray) -> dict[str, Any]:
-        part, whole = 2 * one[:, 0], one[:, 1] + one[:, 2]
-        interval = share_interval(part[picked].sum(1), whole[picked].sum(1))
-        return {"share": float(part.sum() / max(whole.sum(), 1)), "interval": interval}
-
+    picked = picked_boards(seed, len(counts))
     return {
-        str(after): {who: share(counts[:, row, place]) for row, who in enumerate(("network", "bound"))}
+        str(after): {who: f1_of(counts[:, row, place], picked) for row, who in enumerate(("network", "bound"))}
         for place, after in enumerate(JUDGED_AFTER)
     }
+
+
+def found_parents(net: MechanismNet, graph: HeteroData, board: LabelledTrace, after: Sequence[int]) -> np.ndarray:
+    """Probabilities of parents by the network, float (K, I, R), as of `LabelledTrace.parents`."""
+    batch = Batch.from_data_list([graph])
+    responders = board.trace.responders.shape[1]
+    return parents_of(net(batch)[0], batch).view(responders, -1, len(after)).numpy().T
+
+
+def picked_boards(seed: int, boards: int) -> np.ndarray:
+    """Boards of each draw of a bootstrap."""
+    return generator(seed, "bootstrap", 0, KIND).integers(0, boards, (DRAWS, boards))
+
+
+def f1_of(counts: np.ndarray, picked: np.ndarray) -> dict[str, Any]:
+    """F1 with its interval, of `parent_counts` of each board, int (B, 3)."""
+    part, whole = 2 * counts[:, 0], counts[:, 1] + counts[:, 2]
+    interval = share_interval(part[picked].sum(1), whole[picked].sum(1))
+    return {"share": float(part.sum() / max(whole.sum(), 1)), "interval": interval}
 
 
 def parent_counts(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
@@ -95,10 +107,8 @@ def parent_counts(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
 def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     """The whole result; the training goes on where it was stopped."""
     worlds = chosen(arguments.worlds, WORLDS) if arguments.worlds else tuple(WORLDS)
-    library, config = (
-        find("procedural"),
-        MechanismConfig(iterations=arguments.iterations, net=MechanismNetConfig(worlds=worlds)),
-    )
+    library, net = find("procedural"), MechanismNetConfig(worlds=worlds)
+    config = MechanismConfig(iterations=arguments.iterations, net=net)
     begin_folder(arguments.work, config, arguments.seed, data=[{"worlds": list(worlds), "boards": arguments.boards}])
     trained = [board for world in worlds for board, _ in draw(world, arguments.boards, arguments.seed, library)]
     held = max(1, len(trained) // 20)

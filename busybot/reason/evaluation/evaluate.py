@@ -244,7 +244,6 @@ def evaluate_dataset(
         what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
         raise BusybotError(what, collect_command(dataset.path, dataset.info))
     sets = {one.path: origin(one) for one in (dataset, training) if one is not None}
-    # where objects are proposed, features are computed of what is proposed
     features = features_of(dataset, encoder, workers=workers) if encoder and judging.boxes == GIVEN else None
     if training is not None and encoder is not None:
         learnt = features_of(training, encoder, workers=workers)

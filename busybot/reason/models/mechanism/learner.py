@@ -105,6 +105,7 @@ class MechanismLearner(Learner):
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards, self.held_out = boards, held_out
         self._graphs: dict[int, HeteroData] = {}
+        self._judged: list[HeteroData] = []
         self.network = MechanismNet(config.net)
         draws = generator(seed, "train", 0, "initial weights/mechanism")
         initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))))
@@ -144,10 +145,10 @@ class MechanismLearner(Learner):
     def judge(self) -> Mapping[str, float]:
         """Loss on held-out boards."""
         self.network.eval()
+        self._judged = self._judged or [self.graph(board, JUDGED_AFTER) for board in self.held_out]
         total, count = 0.0, 0
-        for start in range(0, len(self.held_out), JUDGED_AT_ONCE):
-            some = self.held_out[start : start + JUDGED_AT_ONCE]
-            batch = Batch.from_data_list([self.graph(board, JUDGED_AFTER) for board in some])
+        for start in range(0, len(self._judged), JUDGED_AT_ONCE):
+            batch = Batch.from_data_list(self._judged[start : start + JUDGED_AT_ONCE])
             responders = int(batch["responder"].num_nodes)
             total += float(loss_of(self.network, batch.to(device()), 0.0, self.config.changes)) * responders
             count += responders

@@ -79,19 +79,16 @@ def explanation_graph(
     reads = graph["explanation", "reads", "candidate"]
     reads.edge_index = torch.from_numpy(np.stack([(row + each * count).ravel(), (read + each * inputs).ravel()]))
     reads.witnesses = evidence.inputs.flatten(0, 1)
-    owner = torch.arange(responders)
-    graph["explanation", "explains", "responder"].edge_index = torch.stack(
-        [torch.arange(responders * count), owner.repeat_interleave(count)]
-    )
-    graph["candidate", "moves", "responder"].edge_index = torch.stack(
-        [torch.arange(responders * inputs), owner.repeat_interleave(inputs)]
-    )
     graph["board"].num_nodes = 1
     graph["board"].world = torch.tensor([world])
-    graph["responder", "lies on", "board"].edge_index = torch.stack([owner, torch.zeros_like(owner)])
-    graph["candidate", "is", "input"].edge_index = torch.stack(
-        [torch.arange(responders * inputs), torch.arange(inputs).repeat(responders)]
-    )
+    owner = torch.arange(responders)
+    for edges, targets in (
+        (("explanation", "explains", "responder"), owner.repeat_interleave(count)),
+        (("candidate", "moves", "responder"), owner.repeat_interleave(inputs)),
+        (("candidate", "is", "input"), torch.arange(inputs).repeat(responders)),
+        (("responder", "lies on", "board"), torch.zeros_like(owner)),
+    ):
+        graph[edges].edge_index = torch.stack([torch.arange(len(targets)), targets])
     return graph
 
 

@@ -24,6 +24,7 @@ import typer
 from busybot.cli.common import console, print_json, tell
 from busybot.cli.options import JsonOption
 from busybot.common.device import CHOICE
+from busybot.common.errors import current_folder
 
 SETUP = "make setup"
 ROOT = Path(__file__).resolve().parents[2]
@@ -237,10 +238,12 @@ def assets() -> list[Check]:
 
 def disk() -> list[Check]:
     """Free space where commands write by default."""
-    free = shutil.disk_usage(Path.cwd()).free
+    if not (here := current_folder()):
+        return [Check("disk", False, "the current folder was deleted", "change into a folder that exists")]
+    free = shutil.disk_usage(here).free
     ok = free >= LEAST_FREE_BYTES
     hint = None if ok else f"free at least {LEAST_FREE_BYTES >> 30} GiB, or work in another folder"
-    return [Check("disk", ok, f"{free / (1 << 30):.1f} GiB free in {Path.cwd()}", hint)]
+    return [Check("disk", ok, f"{free / (1 << 30):.1f} GiB free in {here}", hint)]
 
 
 def _ask(argv: list[str]) -> tuple[str, str | None]:

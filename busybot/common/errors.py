@@ -93,9 +93,10 @@ AGAIN = "then repeat the command: what was finished is kept"
 def explained(error: OSError | MemoryError) -> BusybotError:
     """What the system refused, as an error for users: the path, the room that is left there, and what to do."""
     if isinstance(error, MemoryError):
-        return BusybotError("there is not enough memory", f"fewer --workers need less; {AGAIN}")
+        place = f"{error}: " if str(error) else ""
+        return BusybotError(f"{place}there is not enough memory", f"fewer --workers need less; {AGAIN}")
     path, why = error.filename, error.strerror or str(error)
-    if path is None and isinstance(error, FileNotFoundError) and not _current_folder():
+    if path is None and isinstance(error, FileNotFoundError) and not current_folder():
         return BusybotError("the current folder was deleted", "change into a folder that exists")
     where = "" if path is None else f"{os.fsdecode(path) if isinstance(path, bytes) else path}: "
     if error.errno in FULL:
@@ -105,11 +106,12 @@ def explained(error: OSError | MemoryError) -> BusybotError:
     return BusybotError(f"{where}{why}; {_free(path)}", "check that the path can be read and written")
 
 
-def _current_folder() -> bool:
+def current_folder() -> Path | None:
+    """Where commands write by default; None if somebody deleted it."""
     try:
-        return bool(os.getcwd())
+        return Path.cwd()
     except OSError:
-        return False
+        return None
 
 
 def _free(path: object) -> str:

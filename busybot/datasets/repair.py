@@ -160,7 +160,10 @@ def _examine(
 
 
 def _save(file: Path) -> Salvaged:
-    return salvage(read_regular(file, MAX_RECORDING_BYTES))
+    try:
+        return salvage(read_regular(file, MAX_RECORDING_BYTES))
+    except MemoryError:
+        raise MemoryError(str(file)) from None  # where there is more of it, nothing may be wrong
 
 
 def _check_stored(stored: Rows, rows: Rows, whole: bool) -> None:

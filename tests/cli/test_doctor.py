@@ -154,6 +154,15 @@ def test_the_lock_and_the_build_of_torch_are_what_is_pinned() -> None:
     assert summary.value.endswith("as pinned")
 
 
+def test_a_deleted_folder_is_a_fault(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    (check,) = doctor.disk()
+    assert not check.ok and "deleted" in check.value and "change into a folder" in str(check.hint)
+
+
 def test_a_full_disk_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "LEAST_FREE_BYTES", 1 << 60)
     (check,) = doctor.disk()

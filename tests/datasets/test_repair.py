@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 
 from busybot.common.errors import BusybotError
 from busybot.datasets import repair as module
@@ -255,3 +256,27 @@ def test_stopped_at_any_moment_it_ends_the_same(
         return {str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()}
 
     assert files(dataset.path) == files(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("lack", [MemoryError(), zstandard.ZstdError("decompression error: Allocation error : full")])
+def test_too_little_memory_is_no_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lack: Exception) -> None:
+    """A larger machine reads the file; nothing is saved of it, and nothing dropped."""
+    dataset = make_dataset(tmp_path / "data", 1, (0,))
+    file = dataset.episode_path(0)
+    before = file.read_bytes()
+
+    class Starved:
+        def __init__(self, **_: object):
+            pass
+
+        def decompress(self, *_: object, **__: object) -> bytes:
+            raise lack
+
+    monkeypatch.setattr(zstandard, "ZstdDecompressor", Starved)
+    for work in (lambda: read_episode(file), lambda: salvage(before)):
+        with pytest.raises(MemoryError):
+            work()
+    with pytest.raises((MemoryError, BusybotError), match=r"000000\.mcap") as told:
+        repair(dataset.path, workers=1)
+    assert "memory" in str(told.value) or isinstance(told.value, MemoryError)
+    assert file.read_bytes() == before and not (dataset.path / "damaged").exists()

@@ -32,9 +32,10 @@ from busybot.common.remote import HINT_COPY, is_remote
 MAGIC = b"\x89MCAP0\r\n"
 FAULTS = (
     *(McapError, zstandard.ZstdError, struct.error, DecodeError, ValueError, KeyError, IndexError, TypeError),
-    *(OverflowError, RecursionError, MemoryError, EOFError),
+    *(OverflowError, RecursionError, EOFError),
 )
-"""What the libraries raise at damaged bytes, or at values that should not be there."""
+"""What the libraries raise at damaged bytes, or at values that should not be there. Too little memory is none of them:
+budgets bound what bytes can ask for, and a file that another machine reads must not be repaired."""
 
 RECORD_HEAD = 9
 """Bytes of a record's opcode and length."""
@@ -155,6 +156,10 @@ def refusing(where: str, what: str) -> Iterator[None]:
 
     Args:
         what: the fault that an exception of other kinds amounts to.
+
+    Raises:
+        BusybotError: naming the file.
+        MemoryError: naming the file; there is nothing wrong with it.
     """
     folder = Path(where).parent
     dataset = shlex.quote(str(folder.parent)) if folder.name == "episodes" else "DATASET"
@@ -168,6 +173,8 @@ def refusing(where: str, what: str) -> Iterator[None]:
         raise BusybotError(f"{where}: {error.what}", error.hint or hint) from None
     except FAULTS as error:
         raise BusybotError(f"{where}: {what}: {reason_of(error)}", hint) from None
+    except MemoryError:
+        raise MemoryError(where) from None
 
 
 def reason_of(error: Exception) -> str:
@@ -252,6 +259,17 @@ def _parse(data: bytes) -> Records:
     return found
 
 
+@contextmanager
+def telling_lack_of_memory() -> Iterator[None]:
+    """Zstandard tells of too little memory as of damaged bytes; raise MemoryError instead."""
+    try:
+        yield
+    except zstandard.ZstdError as error:
+        if "Allocation error" in str(error):
+            raise MemoryError from None
+        raise
+
+
 def decompress(chunk: Chunk, budget: Budget) -> bytes:
     """Content of a chunk, which is within the budget, compared with its checksum."""
     if chunk.uncompressed_size > MAX_CHUNK_BYTES:
@@ -262,7 +280,8 @@ def decompress(chunk: Chunk, budget: Budget) -> bytes:
         if claimed not in (-1, chunk.uncompressed_size):
             raise BusybotError("a chunk contradicts itself about its size")
         decompressor = zstandard.ZstdDecompressor(max_window_size=1 << 27)
-        content = decompressor.decompress(chunk.data, max_output_size=max(chunk.uncompressed_size, 1))
+        with telling_lack_of_memory():
+            content = decompressor.decompress(chunk.data, max_output_size=max(chunk.uncompressed_size, 1))
     elif chunk.compression == "":
         content = chunk.data
     else:

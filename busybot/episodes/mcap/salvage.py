@@ -31,6 +31,7 @@ from busybot.episodes.mcap.records import (
     read_content,
     reason_of,
     stream_of,
+    telling_lack_of_memory,
 )
 from busybot.episodes.mcap.writer import CHUNK_BYTES
 
@@ -60,9 +61,11 @@ def salvage(data: bytes) -> Salvaged:
 
     Raises:
         BusybotError: nothing can be saved; says why.
+        MemoryError: there is too little memory to find out.
     """
     try:
-        return _rebuild(*_read(data))
+        with telling_lack_of_memory():
+            return _rebuild(*_read(data))
     except FAULTS as error:
         raise BusybotError(f"what is left of it cannot be read: {reason_of(error)}") from None
 
@@ -99,11 +102,9 @@ def _content(chunk: Chunk, whole: bool, budget: Budget) -> bytes:
         return chunk.data[:limit]
     content = bytearray()
     reader = zstandard.ZstdDecompressor(max_window_size=1 << 27).stream_reader(io.BytesIO(chunk.data))
-    try:
+    with suppress(zstandard.ZstdError), telling_lack_of_memory():  # the beginning is what was asked for
         while len(content) < limit and (piece := reader.read(min(_PIECE, limit - len(content)))):
             content += piece
-    except zstandard.ZstdError:
-        pass  # the beginning is what was asked for
     return bytes(content)
 
 

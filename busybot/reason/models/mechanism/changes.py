@@ -12,11 +12,12 @@ import torch
 from torch import Tensor
 from torch.nn.functional import one_hot
 
-from busybot.reason.models.mechanism.contexts import STATES, Explanations, Trace
+from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace
 from busybot.reason.models.mechanism.evidence import Earlier, log_probabilities
 
 NOTHING = -20.0
 """Log odds where nothing can have changed."""
+_NOW = [MEMORIES.index(name) for name in ("none", "late 0")]
 EARLIEST = 8
 """What was seen of a mechanism for fewer actions is not taken for another one."""
 
@@ -25,20 +26,21 @@ def changes_of(trace: Trace, found: Explanations) -> tuple[np.ndarray, np.ndarra
     """What speaks for a change of R responders' mechanisms, and where it lies.
 
     Returns:
-        float32 (T + 1, R), log odds on the new board and after each action, if changed and unchanged mechanisms were as
-        frequent; int (R,), the first action after which it showed what the new one makes of it, if there is one.
+        float32 (T + 1, R, 3), log odds on the new board and after each action, if changed and unchanged mechanisms were
+        as frequent: of all explanations, of those without luck, and of one or two links as they are now; int (R,), the
+        first action after which it showed what the new one makes of it, if there is one.
     """
     shown = torch.from_numpy(np.ascontiguousarray(trace.responders.T))
     before = torch.cat([shown[:, :1], shown[:, :-1]], 1)
     prior = _prior(trace, found)
     moments = shown.shape[1]
-    first = _explained(found, shown, before, 0, prior)  # (R, M)
-    later = torch.full((len(shown), moments, moments), -torch.inf)  # by the moment of the change, and until when
+    first = _explained(found, shown, before, 0, prior)  # (R, M, 3)
+    later = torch.full((len(shown), moments, moments, 3), -torch.inf)  # by the moment of the change, and until when
     for start in range(EARLIEST, moments):
         later[:, start, start:] = first[:, start - 1, None] + _explained(found, shown, before, start, prior)
-    either = torch.logsumexp(later, 1) - torch.arange(moments).clamp(min=1).log()
+    either = torch.logsumexp(later, 1) - torch.arange(moments).clamp(min=1).log()[:, None]
     odds = (either - first).clamp(min=NOTHING)
-    return odds.T.numpy(), later[:, :, -1].argmax(1).numpy()
+    return odds.transpose(0, 1).numpy(), later[:, :, -1, 0].argmax(1).numpy()
 
 
 def _prior(trace: Trace, found: Explanations) -> Tensor:
@@ -51,9 +53,11 @@ def _prior(trace: Trace, found: Explanations) -> Tensor:
 
 
 def _explained(found: Explanations, shown: Tensor, before: Tensor, start: int, prior: Tensor) -> Tensor:
-    """Log probability of all that was shown from a moment on, until each later one, (R, M - start)."""
+    """Log probability of all that was shown from a moment on, until each later one, (R, M - start, 3), see above."""
     earlier = Earlier(found.contexts[start:], found.own, before[:, start:])
     own = shown[:, start:]
     sure, _, either = log_probabilities(earlier, own, earlier.sum(one_hot(own, STATES).float()))
     told = torch.where(earlier.own[:, None], either, sure)  # what has no luck never shows anything else
-    return torch.logsumexp(told.cumsum(-1) + prior[..., None], 1)
+    logs = told.cumsum(-1) + prior[..., None]
+    now = np.isin(found.memory, _NOW) & (found.inputs.sum(1) <= 2) & ~found.inputs[:, -len(shown) :].any(1)
+    return torch.stack([torch.logsumexp(logs[:, of], 1) for of in (..., ~earlier.own, torch.from_numpy(now))], -1)

@@ -44,7 +44,7 @@ def explanation_graph(
     | | `possible` | bool (R * H,) | False where it reads its own responder |
     | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
     | `candidate` | `input` | int64 (R * I,) | number of the input, in all boards of a batch |
-    | `responder` | `odds` | float32 (R, K) | what speaks for a change of its mechanism; with `odds` only |
+    | `responder` | `odds` | float32 (R, K, 3) | what speaks for a change of its mechanism; with `odds` only |
     | `board` | `world` | int64 (1,) | which world is told, 0 for none |
     | `responder`, `lies on`, `board` | `edge_index` | int64 (2, R) | |
     | `explanation`, `reads`, `candidate` | `edge_index` | int64 (2, R * E) | |
@@ -55,7 +55,7 @@ def explanation_graph(
     Args:
         world: number of the world that is told, see `world_number`.
         parents: bool (K, I, R), the true parents at each moment.
-        odds: float32 (T + 1, R), of `changes_of`.
+        odds: float32 (T + 1, R, 3), of `changes_of`.
     """
     found = explanations_of(trace)
     (count, inputs), responders = found.inputs.shape, trace.responders.shape[1]
@@ -63,7 +63,7 @@ def explanation_graph(
     graph = HeteroData()
     graph["responder"].num_nodes = responders
     if odds is not None:
-        graph["responder"].odds = torch.from_numpy(odds[np.asarray(after)].T.copy())
+        graph["responder"].odds = torch.from_numpy(odds[np.asarray(after)].transpose(1, 0, 2).copy())
     graph["input"].num_nodes = inputs
     node = graph["explanation"]
     node.num_nodes = responders * count
@@ -144,7 +144,7 @@ class MechanismNet(nn.Module):
         self.board = mlp(width, width, width)
         self.final = mlp(4 * width, width, 1)
         self.world = nn.Linear(len(config.worlds) + 1, width, bias=False)
-        self.change = mlp(2 * width + 2, width, 1)
+        self.change = mlp(2 * width + 6, width, 1)
         self.gather = Gather()
 
     def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor, Tensor | None]:
@@ -178,7 +178,7 @@ class MechanismNet(nn.Module):
         if self.config.changes and "odds" in graph["responder"]:
             odds = graph["responder"].odds
             rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
-            change = self.change(torch.cat([around, torch.stack([odds, rivals], -1) / SHARP], -1))[..., 0]
+            change = self.change(torch.cat([around, odds / SHARP, rivals / SHARP], -1))[..., 0]
         return self._shares(logits, node, owner), first, change
 
     def _shares(self, logits: Tensor, node: HeteroData, owner: Tensor) -> Tensor:

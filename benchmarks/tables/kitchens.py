@@ -8,8 +8,8 @@ For each scene and seed boards are drawn (half with the orderly wiring, half wit
 of the split `novel-object`) and acted on 60 times, in four ways: `passive` is the scripted policy, which takes a
 random link that shows; `coverage` takes the one that was taken least often, with the same oracle of contacts and
 directions; `learned` is the shipped policy, which finds where and how to act itself, in pictures of the size that it
-was trained on; `thorough` is the same with `learned.collect=0`: it tries whatever it has not tried before it repeats
-anything, however little it promises. The shipped reasoners `event` and `mechanism`, and `count`, which nobody trains,
+was trained on; `persistent` is the same with `learned.persist=0.5`: half of its actions go to what has not moved yet,
+however little it promises. The shipped reasoners `event` and `mechanism`, and `count`, which nobody trains,
 are judged beside rows that look at no effect: all pairs, for every responder a random trigger, and the trigger nearest
 to it in the picture.
 
@@ -47,7 +47,7 @@ from busybot.training.model_cards import file_hashes, find_folder
 
 KIND, FIRST_SEED, STEPS = "kitchens", 900, 60
 SPLITS = {"kitchen": "train", "room": "novel-object"}
-WAYS = ("passive", "coverage", "learned", "thorough")
+WAYS = ("passive", "coverage", "learned", "persistent")
 TRAINED = ("event", "mechanism")
 JUDGED = (10, 20, 30, 40, 50, 60)
 PICTURES = {"width": 320, "height": 240}
@@ -82,7 +82,7 @@ class CoverageFactory:
 
 def recorded(world: str, way: str, seed: int, options: Any) -> Dataset:
     """The boards of a scene, acted on; what is there is left alone."""
-    folder, learned = options.work / f"{world}-{seed}-{way}", way in ("learned", "thorough")
+    folder, learned = options.work / f"{world}-{seed}-{way}", way in ("learned", "persistent")
     drawn = ("--split", SPLITS[world], "--boards", str(options.boards), "--seed", str(seed), "--assets", options.assets)
     runner.busybot("generate", str(folder), "--world", world, *drawn)
     if way == "coverage":
@@ -91,7 +91,7 @@ def recorded(world: str, way: str, seed: int, options: Any) -> Dataset:
         collect(dataset, library_of(dataset, options.assets), config, 1, factory=CoverageFactory())
         return dataset
     told = [] if learned else [f"render.{name}={value}" for name, value in PICTURES.items()]
-    told += ["learned.collect=0"] if way == "thorough" else []
+    told += ["learned.persist=0.5"] if way == "persistent" else []
     acting = ("--policy", "learned" if learned else "scripted", "--steps", str(STEPS), "--assets", options.assets)
     runner.busybot("collect", str(folder), *acting, "--workers", "1", *runner.settings(*told))
     return Dataset.open(folder)

@@ -5,14 +5,13 @@
     python -m benchmarks.tables.kitchens sheet --work FOLDER --out docs/images/kitchens.jpg
 
 For each scene and seed boards are drawn (half with the orderly wiring, half with another; the room's objects are those
-of the split `novel-object`) and acted on 60 times, in five ways: `passive` is the scripted policy, which takes a
+of the split `novel-object`) and acted on 60 times, in four ways: `passive` is the scripted policy, which takes a
 random link that shows; `coverage` takes the one that was taken least often, with the same oracle of contacts and
 directions; `learned` is the shipped policy, which finds where and how to act itself, in pictures of the size that it
-was trained on; `thorough` is the same with `learned.collect=0`: it tries whatever it has not tried before it repeats
-anything, however little it promises; `persistent` the same with `learned.persist=0.5`: half of its actions go to what
-has not moved yet, however little it promises. The shipped reasoners `event` and `mechanism`, and `count`, which nobody
-trains, are judged beside rows that look at no effect: all pairs, for every responder a random trigger, and the trigger
-nearest to it in the picture.
+was trained on; `persistent` is the same with `learned.persist=0.5`: half of its actions go to what has not moved yet,
+however little it promises. The shipped reasoners `event` and `mechanism`, and `count`, which nobody trains, are judged
+beside rows that look at no effect: all pairs, for every responder a random trigger, and the trigger nearest to it in
+the picture.
 
 The command resumes: recordings where they were stopped, rows after the last scene and way that was written. Rows that
 are there keep the hashes that they were made with.
@@ -50,12 +49,8 @@ from busybot.training.model_cards import file_hashes, find_folder
 
 KIND, FIRST_SEED, STEPS = "kitchens", 900, 60
 SPLITS = {"kitchen": "train", "room": "novel-object"}
-WAYS = ("passive", "coverage", "learned", "thorough", "persistent")
-OWN_HANDS: dict[str, list[str]] = {
-    "learned": [],
-    "thorough": ["learned.collect=0"],
-    "persistent": ["learned.persist=0.5"],
-}
+WAYS = ("passive", "coverage", "learned", "persistent")
+OWN_HANDS: dict[str, list[str]] = {"learned": [], "persistent": ["learned.persist=0.5"]}
 """Settings of the shipped policy."""
 TRAINED = ("event", "mechanism")
 JUDGED = (10, 20, 30, 40, 50, 60)

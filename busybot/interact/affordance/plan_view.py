@@ -21,8 +21,9 @@ RESOLUTION = 115.5
 """Pixels for a board unit: those of the training's camera at the board."""
 DISTANCE = 40.0
 """From so high the whole board is seen from above, board units."""
-MARGIN = 0.6
-"""What moves may reach so far beyond what stood on the board at first, board units."""
+MARGIN, REACH = 0.6, 6.0
+"""What moves may reach so far beyond what stood on the board at first, and nothing is drawn that is farther from the
+board's middle: no board is so large, board units."""
 FINER, JUMP = 2, 0.06
 """Between two pixels so many points are drawn a side, unless their depths differ by more than this, board units."""
 
@@ -45,7 +46,7 @@ class PlanView:
 
     def __init__(self, rays: Rays, first: Observation):
         points = rays.points(first.depth)
-        raised = points[np.nan_to_num(points[..., 2], nan=-1) > ELEVATED][:, :2].reshape(-1, 2)
+        raised = points[np.nan_to_num(points[..., 2], nan=-1) > ELEVATED][:, :2].clip(-REACH, REACH)
         low, high = (raised.min(0), raised.max(0)) if len(raised) else (np.zeros(2), np.zeros(2))
         middle, (width, height) = (low + high) / 2, np.ceil((high - low + 2 * MARGIN) * RESOLUTION).astype(int).tolist()
         focal = RESOLUTION * DISTANCE

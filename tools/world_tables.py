@@ -112,18 +112,18 @@ def robustness() -> str:
 
 def real_board() -> str:
     """Precision and recall on the twin of the real board: the hardest camera, then the others."""
-    told = result("real_board")["rows"]
-    lines = []
+    best = sorted(result("real_board")["rows"].items(), key=lambda row: -(row[1]["hardest"]["p"] or 0))
+    told, lines = dict(best), []
     for row, cameras in told.items():
-        hard, cells = cameras.get("hardest"), []
+        hard, cells = cameras["hardest"], []
         for name in ("p", "r"):
-            if hard is None or hard[name] is None:
+            if hard[name] is None:
                 cells.append("-")
                 continue
             low, high = (whole(share) for share in hard[f"{name}_interval"])
             least = f", least {percent(hard[f'{name}_least'])}" if len(hard["seeds"]) > 1 else ""
             cells.append(f"{percent(hard[name])} ({low}-{high}{least})")
-        lines.append((row, [*cells, str(hard["true"]) if hard else "-"]))
+        lines.append((row, [*cells, str(hard["true"])]))
     alone = list(dict.fromkeys(camera for cameras in told.values() for camera in cameras if camera != "hardest"))
     rows = []
     for camera in alone:

@@ -8,12 +8,13 @@ For each scene and seed boards are drawn (half with the orderly wiring, half wit
 of the split `novel-object`) and acted on 60 times, in four ways: `passive` is the scripted policy, which takes a
 random link that shows; `coverage` takes the one that was taken least often, with the same oracle of contacts and
 directions; `learned` is the shipped policy, which finds where and how to act itself, in pictures of the size that it
-was trained on; `thorough` is the same with `learned.collect=0`: it tries whatever it has not tried before it repeats
-anything, however little it promises. The shipped reasoners `event` and `mechanism`, and `count`, which nobody trains,
-are judged beside rows that look at no effect: all pairs, for every responder a random trigger, and the trigger nearest
-to it in the picture.
+was trained on; `persistent` is the same with `learned.persist=0.5`: half of its actions go to what has not moved yet,
+however little it promises. The shipped reasoners `event` and `mechanism`, and `count`, which nobody trains, are judged
+beside rows that look at no effect: all pairs, for every responder a random trigger, and the trigger nearest to it in
+the picture.
 
-The command resumes: recordings where they were stopped, rows after the last scene and way that was written.
+The command resumes: recordings where they were stopped, rows after the last scene and way that was written. Rows that
+are there keep the hashes that they were made with.
 """
 
 from collections.abc import Iterator
@@ -34,6 +35,7 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.codec import encode_rgb
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
+from busybot.evaluation.results import read_result
 from busybot.reason.evaluation.ground_truth import truth_of
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.observation import observe_episode
@@ -47,7 +49,9 @@ from busybot.training.model_cards import file_hashes, find_folder
 
 KIND, FIRST_SEED, STEPS = "kitchens", 900, 60
 SPLITS = {"kitchen": "train", "room": "novel-object"}
-WAYS = ("passive", "coverage", "learned", "thorough")
+WAYS = ("passive", "coverage", "learned", "persistent")
+OWN_HANDS: dict[str, list[str]] = {"learned": [], "persistent": ["learned.persist=0.5"]}
+"""Settings of the shipped policy."""
 TRAINED = ("event", "mechanism")
 JUDGED = (10, 20, 30, 40, 50, 60)
 PICTURES = {"width": 320, "height": 240}
@@ -82,7 +86,7 @@ class CoverageFactory:
 
 def recorded(world: str, way: str, seed: int, options: Any) -> Dataset:
     """The boards of a scene, acted on; what is there is left alone."""
-    folder, learned = options.work / f"{world}-{seed}-{way}", way in ("learned", "thorough")
+    folder, learned = options.work / f"{world}-{seed}-{way}", way in OWN_HANDS
     drawn = ("--split", SPLITS[world], "--boards", str(options.boards), "--seed", str(seed), "--assets", options.assets)
     runner.busybot("generate", str(folder), "--world", world, *drawn)
     if way == "coverage":
@@ -91,7 +95,7 @@ def recorded(world: str, way: str, seed: int, options: Any) -> Dataset:
         collect(dataset, library_of(dataset, options.assets), config, 1, factory=CoverageFactory())
         return dataset
     told = [] if learned else [f"render.{name}={value}" for name, value in PICTURES.items()]
-    told += ["learned.collect=0"] if way == "thorough" else []
+    told += OWN_HANDS.get(way, [])
     acting = ("--policy", "learned" if learned else "scripted", "--steps", str(STEPS), "--assets", options.assets)
     runner.busybot("collect", str(folder), *acting, "--workers", "1", *runner.settings(*told))
     return Dataset.open(folder)
@@ -181,21 +185,26 @@ def main(words: list[str]) -> None:
     options.add_argument("--only", help="names of scenes, comma-separated; all by default")
     arguments = options.parse_args(words)
     arguments.work.mkdir(parents=True, exist_ok=True)
-    hashes = {"models": {name: file_hashes(find_folder(name, "reason")) for name in TRAINED}}
-    data: dict[str, Any] = {}
+    models = {name: file_hashes(find_folder(name, "reason")) for name in TRAINED}
     rows = runner.told_rows(arguments.out, KIND)
+    data: dict[str, Any] = read_result(arguments.out, KIND)["hashes"]["data"] if rows else {}
     for world in runner.chosen(arguments.only, SCENES) if arguments.only else SCENES:
         for way in WAYS:
+            if f"{world}, {way}" in rows:
+                continue
             boards = {}
             for seed in range(FIRST_SEED, FIRST_SEED + arguments.seeds):
                 dataset = recorded(world, way, seed, arguments)
                 data[f"{world}, {way}, {seed}"] = {"trace_hash": dataset.hashes().trace}
-                if f"{world}, {way}" not in rows:
-                    boards[seed] = list(judged(dataset))
-            if boards:
-                rows[f"{world}, {way}"] = summed(boards)
-            told = {"assets": runner.assets_name(arguments.assets), "rows": rows}
-            runner.finish(KIND, arguments, told, hashes={**hashes, "data": data}, seed=FIRST_SEED)
+                boards[seed] = list(judged(dataset))
+            rows[f"{world}, {way}"] = {**summed(boards), "models": models}
+            told = {"assets": runner.assets_name(arguments.assets), "rows": dict(sorted(rows.items(), key=_place))}
+            runner.finish(KIND, arguments, told, hashes={"models": models, "data": data}, seed=FIRST_SEED)
+
+
+def _place(row: tuple[str, Any]) -> tuple[int, int]:
+    world, way = row[0].split(", ")
+    return list(SCENES).index(world), WAYS.index(way)
 
 
 def sheet(words: list[str]) -> None:

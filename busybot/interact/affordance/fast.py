@@ -18,6 +18,7 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.affordance.incremental import IncrementalPositionNet
 from busybot.interact.affordance.inputs import (
+    LOWEST,
     Pinhole,
     colour_features,
     heights_of,
@@ -26,6 +27,7 @@ from busybot.interact.affordance.inputs import (
     updated_features,
 )
 from busybot.interact.affordance.networks import CROP, POSITION_STRIDE, Kind, PositionNet, make_network
+from busybot.interact.affordance.plan_view import PlanView, oblique
 from busybot.interact.policy.config import AffordanceInfo, Inputs
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
 from busybot.training.checkpoint import save_tensors
@@ -62,6 +64,7 @@ class AffordanceView:
         closer: the last closer looks, by pixel (u, v); an action changes little of a picture, so most of them hold for
             the next one.
         kept: what the next look at the board can use, if there may be one.
+        drawn: of an oblique camera's picture, where the networks saw it.
     """
 
     height: np.ndarray
@@ -69,6 +72,22 @@ class AffordanceView:
     features: np.ndarray
     closer: dict[tuple[int, int], CropFeatures] = field(default_factory=dict)
     kept: "KeptLook | None" = None
+    drawn: "DrawnLook | None" = None
+
+
+@dataclass(frozen=True)
+class DrawnLook:
+    """An oblique camera's picture as it was drawn from above.
+
+    Attributes:
+        plan: what drew it.
+        view: of what was drawn.
+        cells: int (H, W, 2), where each pixel is drawn, u and v.
+    """
+
+    plan: PlanView
+    view: AffordanceView
+    cells: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -121,6 +140,8 @@ class AffordanceModel:
         Args:
             earlier: of the same board, saves closer looks at what has not changed.
         """
+        if self.info.inputs == "depth" and oblique(rays.camera):
+            return self._look_from_above(seen, rays, None if earlier is None else earlier.drawn)
         before = None if earlier is None else earlier.kept
         features, height = self._features(seen, rays, before)
         elevated = height > ELEVATED
@@ -134,6 +155,17 @@ class AffordanceModel:
             kept = KeptLook(seen, features, window, position)
         closer = {} if earlier is None else earlier.closer
         return AffordanceView(height.numpy(), affordance.numpy(), features.numpy(), closer, kept)
+
+    def _look_from_above(self, seen: Observation, rays: Rays, earlier: DrawnLook | None) -> AffordanceView:
+        """The networks see the picture as from above; each pixel has the affordance of the place that it shows."""
+        plan = PlanView(rays, seen) if earlier is None else earlier.plan
+        drawn, cells = plan.of(seen)
+        view = self.look(drawn, plan.above, None if earlier is None else earlier.view)
+        height = np.nan_to_num(rays.heights(seen.depth), nan=LOWEST).astype(np.float32)
+        affordance = np.where(
+            height > ELEVATED, view.affordance[cells[..., 1], cells[..., 0]], np.float32(NOT_ELEVATED)
+        )
+        return AffordanceView(height, affordance, view.features, drawn=DrawnLook(plan, view, cells))
 
     def _features(self, seen: Observation, rays: Rays, before: KeptLook | None) -> tuple[Tensor, Tensor]:
         """What the networks see (C, H, W), and heights (H, W)."""
@@ -175,6 +207,8 @@ class AffordanceModel:
         """
         if not len(pixels):
             return np.empty(0, np.float32), np.empty((0, 18), np.float32)
+        if view.drawn is not None:
+            return self.directions(view.drawn.view, view.drawn.cells[pixels[:, 1], pixels[:, 0]])
         crops = crops_around(view.features, pixels)
         places = [(int(u), int(v)) for u, v in pixels]
         known = [view.closer.get(place) for place in places]

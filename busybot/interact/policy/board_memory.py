@@ -138,6 +138,12 @@ class BoardMemory:
         nears = [self._near(failure, pixels) for failure in self.failures]
         return np.max([np.zeros(len(pixels)), *nears], axis=0) > 0.5
 
+    def visits(self, picks: list[tuple[int, int]], pixels: np.ndarray) -> np.ndarray:
+        """How many of the picks (u, v) lay on the same elevated component as each of the pixels (K, 2), int (K,)."""
+        columns, rows = np.array(picks, int).reshape(-1, 2).T
+        counts = np.bincount(self._components[rows, columns], minlength=int(self._components.max()) + 1)
+        return np.asarray(counts[self._components[pixels[:, 1], pixels[:, 0]]])
+
     def tried_here(self, pixels: np.ndarray) -> np.ndarray:
         """Which of the pixels (K, 2) are as near to a failure as no two candidates are to each other, bool (K,)."""
         failed = np.array([failure.pixel for failure in self.failures]).reshape(-1, 1, 2)

@@ -86,6 +86,9 @@ class PolicyConfig(FrozenModel):
         untried_first: when data for reasoning are collected, candidates that were neither moved nor tried come before
             the others. Without it the draw is among all candidates, as in the paper: of six links, one in 55 is not
             among 22 draws.
+        persist: when data for reasoning are collected, share of the actions that go to what has not moved yet, however
+            little it promises: to what promises most for the actions that its object had. Where there is much to try,
+            failures would else take the belief in what was hardly tried, and links that give be moved all the time.
         ucb_c, ucb_window: the paper's bonus and the side of its window, pixels, even.
         clusters: k of the K-means candidates: no board has more movable links.
         cluster_belief: least affordance of a pixel that takes part in the clusters.
@@ -114,6 +117,7 @@ class PolicyConfig(FrozenModel):
     insist: Share = 0.35
     collect: Share = 0.005
     untried_first: bool = True
+    persist: Share = 0.0
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
     ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
     clusters: Annotated[int, Field(ge=1, le=100)] = 7
@@ -121,7 +125,8 @@ class PolicyConfig(FrozenModel):
 
     def provenance(self) -> dict[str, Any]:
         """All constants, JSON values, as results and recordings tell them; equal to those of former versions."""
-        return {**self.model_dump(mode="json"), **FIXED}
+        absent: set[str] = set() if self.persist else {"persist"}  # former versions had none
+        return {**self.model_dump(mode="json", exclude=absent), **FIXED}
 
 
 def without_fixed(values: dict[str, Any]) -> dict[str, Any]:

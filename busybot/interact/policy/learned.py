@@ -140,6 +140,9 @@ class LearnedPolicy(Generic[V]):
         if not len(found):
             return None
         known, config = found.regions > 0, self._config
+        if config.persist and not known.all() and rng.random() < config.persist:
+            new = found.take(~known)
+            return _chosen(new, int((new.scores / (1 + memory.visits(self._picks, new.pixels))).argmax()), "new")
         good = known | (found.scores >= config.collect)
         untried = good & ~known & ~memory.tried_here(found.pixels)
         if config.untried_first and untried.any():

@@ -24,7 +24,7 @@ DEFAULT_MODEL = "procedural"
 """The shipped model that commands use when none is named."""
 _OF_THE_BONUS = frozenset({"ucb_c", "ucb_window"})
 _NOT_READ: dict[Mode, frozenset[str]] = {
-    "evaluate": _OF_THE_BONUS | {"collect", "untried_first"},
+    "evaluate": _OF_THE_BONUS | {"collect", "persist", "untried_first"},
     "collect": _OF_THE_BONUS | {"explore", "insist"},
     "greedy": frozenset(PolicyConfig.model_fields) - {"blur"},
     "ucb": frozenset(PolicyConfig.model_fields) - {"blur", "prior"} - _OF_THE_BONUS,

@@ -18,9 +18,12 @@ import numpy as np
 from busybot.episodes.episode import Image
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedEpisode
 
-SHIFT, MOST = 16, 30
-"""No camera shakes by more pixels: a larger shift was not found, but made up. So was one that leaves the picture no
-more like the other one, where grey values differ by so much at most."""
+SHIFT, MOST = 16, 1.0
+"""No camera shakes by more pixels: a larger shift was not found, but made up. So was one that leaves the picture's
+details no more like those of the other one, where they differ by so many stops at most."""
+FINE, COARSE = 1.0, 8.0
+"""Details are coarser than a sensor's noise and finer than light: deviations of the smoothings that tell, in pixels of
+the smaller picture. Grey values would not do: under another exposure they differ everywhere, however they lie."""
 HALF = 2
 """Pictures are correlated in squares of so many pixels a side: the shift is found to a tenth of one."""
 SQUARE, WINDOW = 4, 21
@@ -94,8 +97,18 @@ def _shifted(picture: np.ndarray, right: float, down: float) -> np.ndarray:
 
 
 def _unlike(one: np.ndarray, other: np.ndarray) -> float:
-    """Mean difference, in which what moved on the board counts no more than the rest."""
-    return float(np.minimum(np.abs(one - other), MOST).mean())
+    """Mean difference of details, in which what moved on the board counts no more than the rest.
+
+    The border, which a picture that was moved does not show, is left out.
+    """
+    edge = min(SHIFT // HALF, min(one.shape) // 4)
+    inner = np.abs(_details(one) - _details(other))[edge:-edge, edge:-edge]
+    return float(np.minimum(inner, MOST).mean())
+
+
+def _details(grey: np.ndarray) -> np.ndarray:
+    stops = np.log2(grey + 8)  # dark pixels are mostly noise
+    return np.asarray(cv2.GaussianBlur(stops, (0, 0), FINE) - cv2.GaussianBlur(stops, (0, 0), COARSE))
 
 
 def _as_bright(rgb: np.ndarray, first: np.ndarray) -> np.ndarray:

@@ -103,6 +103,19 @@ def test_collecting_tries_every_place_before_one_again() -> None:
     assert np.abs(np.subtract(*pixels)).max() > PolicyConfig().peak_radius
 
 
+def test_persistence_spreads_over_objects_whatever_they_promise() -> None:
+    """Failures take the belief in two things that never give; they are tried in turn all the same."""
+    things = picture(((30, 40, 50, 60), BUTTON), ((90, 40, 110, 60), BUTTON))
+    for persist, tried in ((1.0, {True: 6, False: 6}), (0.0, None)):
+        policy = LearnedPolicy(ButtonModel(), RAYS, PolicyConfig(persist=persist, collect=0.3), "collect")
+        rng, sides = generator(0, "", 0, "test"), []
+        for _ in range(12):
+            action = policy.select_action(things, rng)
+            sides.append(action.pixel[0] < 70)
+            policy.observe(action, action.directions, 0, things)
+        assert ({side: sides.count(side) for side in (True, False)} == tried) == (persist == 1.0)
+
+
 def test_an_empty_board_is_guessed_at() -> None:
     policy = LearnedPolicy(ButtonModel(), RAYS)
     action = policy.select_action(picture(), generator(0, "", 0, "test"))

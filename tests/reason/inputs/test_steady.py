@@ -54,6 +54,24 @@ def test_looks_differ_by_what_the_board_does_and_not_by_what_the_camera_does() -
     assert steps[[1, 3]].min() > 2 * steps[[0, 2, 4]].max()
 
 
+@pytest.mark.parametrize("light", [0.6, 1.0, 1.5])
+def test_a_picture_is_moved_back_under_any_exposure(light: float) -> None:
+    """Bright and dark pictures differ everywhere, and still one of them lies where the other does."""
+    observed, rng = lamp_scene([(250, 0, 250)] * 2), np.random.default_rng(0)
+    size = observed.boxed.rgb.shape
+    board = 0.3 * observed.boxed.rgb + 60 + cv2.GaussianBlur(rng.normal(0, 90, size), (0, 0), 2)
+    seen = [np.roll(board, (-4, 6), (0, 1)) * light, board]
+    images = [
+        Image((one + rng.normal(0, 4, size)).clip(0, 255).astype(np.uint8), None, None, NO_BOXES)
+        for one in reversed(seen)
+    ]
+    first, moved = (cv2.GaussianBlur(one.rgb, (0, 0), 1) for one in images)
+    back = steadied(replace(observed, images=images)).frame(1).rgb
+    middle = (slice(12, -12), slice(12, -12))
+    alike = [np.corrcoef(one[middle].ravel(), first[middle].ravel())[0, 1] for one in (moved, back)]
+    assert alike[0] < 0.8 < 0.95 < alike[1]
+
+
 def test_a_window_keeps_the_picture_that_its_boxes_are_of() -> None:
     observed = lamp_scene([(0, 0, 0), (250, 0, 250), (9, 9, 9), (250, 0, 250)])
     window = observed.window(1, 2)

@@ -28,6 +28,7 @@ def board_graph(sequence: BoardSequence) -> HeteroData:
     |---|---|---|---|
     | `trigger` | `pos` | float32 (K, 3) | board units |
     | `responder` | `distances` | float32 (R, T + 1, T + 1) | between its features in any two frames |
+    | | `shown` | bool (R, T) | False for steps before or after which something hid it (`_shown`) |
     | `step` | `action` | float32 (T, 6) | position (board units) and direction |
     | | `known` | bool (T,) | False for steps that only fill up (`padded`) |
     | `trigger`, `controls`, `responder` | `edge_index` | int64 (2, E) | every pair, in the order of `candidates` |
@@ -38,6 +39,7 @@ def board_graph(sequence: BoardSequence) -> HeteroData:
     graph = HeteroData()
     graph["trigger"].pos = torch.from_numpy(np.asarray(sequence.positions[triggers], np.float32))
     graph["responder"].distances = apart(looks, looks)
+    graph["responder"].shown = _shown(graph["responder"].distances)
     graph["responder"].num_nodes = len(responders)
     graph["step"].action = torch.from_numpy(np.asarray(sequence.actions, np.float32))
     graph["step"].known = torch.ones(sequence.steps, dtype=torch.bool)
@@ -46,6 +48,20 @@ def board_graph(sequence: BoardSequence) -> HeteroData:
     graph["trigger", "controls", "responder"].edge_index = torch.from_numpy(pairs.astype(np.int64))
     graph["step", "touches", "trigger"].edge_index = touches(trigger_rows(sequence.triggers, sequence.acted))
     return graph
+
+
+def _shown(distances: Tensor) -> Tensor:
+    """Steps of which it was seen what they did to a responder, bool (R, T), from `distances`.
+
+    A responder that something hides keeps its look to the last bit (`appearances`), and what happened behind shows
+    later, when another trigger may have been touched. Where hardly any picture is like another one, an equal look tells
+    so. That the camera is such a one, the looks tell themselves: to a still one most of them stay or return.
+    """
+    steps = distances.shape[1] - 1
+    hidden = (distances == 0).tril(-1).any(-1)  # (R, T + 1), as some frame before
+    if steps < FEW or hidden.float().mean() > MOST_HIDDEN:
+        return torch.ones(len(distances), steps, dtype=torch.bool)
+    return ~(hidden[:, :-1] | hidden[:, 1:])
 
 
 def trigger_rows(triggers: np.ndarray, acted: np.ndarray) -> np.ndarray:
@@ -69,6 +85,7 @@ def padded(boards: Iterable[HeteroData]) -> list[HeteroData]:
 def _pad(board: HeteroData, missing: int) -> HeteroData:
     longer = board.clone()
     longer["responder"].distances = pad(board["responder"].distances, (0, missing, 0, missing))
+    longer["responder"].shown = pad(board["responder"].shown, (0, missing), value=True)
     longer["step"].action = pad(board["step"].action, (0, 0, 0, missing))
     longer["step"].known = pad(board["step"].known, (0, missing), value=False)
     longer["step"].num_nodes = board["step"].num_nodes + missing
@@ -84,6 +101,7 @@ class Context:
         actions: (B, L, 6).
         acted: int (B, L), trigger acted on, -1 for none.
         known: bool (B, L), False for steps that only fill up.
+        shown: bool (R, L), False for steps of which it was not seen what they did to the responder.
         board: int (R,), each responder's board.
         edge_index: int (2, E), trigger and responder.
         pos: (K, 3), of triggers.
@@ -94,6 +112,7 @@ class Context:
     actions: Tensor
     acted: Tensor
     known: Tensor
+    shown: Tensor
     board: Tensor
     edge_index: Tensor
     pos: Tensor
@@ -103,7 +122,12 @@ class Context:
     def sizes(self) -> Tensor:
         """How far each responder's look moved in each step, (R, L)."""
         moved = self.distances.diagonal(offset=1, dim1=1, dim2=2)
-        return torch.where(self.known[self.board], moved, 0.0)
+        return torch.where(self.told, moved, 0.0)
+
+    @property
+    def told(self) -> Tensor:
+        """Of which steps it is known what they did to each responder, bool (R, L)."""
+        return self.known[self.board] & self.shown
 
     @property
     def touched(self) -> Tensor:
@@ -118,6 +142,7 @@ class Context:
             actions=self.actions[:, :steps],
             acted=self.acted[:, :steps],
             known=self.known[:, :steps],
+            shown=self.shown[:, :steps],
         )
 
 
@@ -159,6 +184,7 @@ def context_of(batch: Batch, scale: Tensor | float) -> Context:
         actions=batch["step"].action.view(boards, steps, 6),
         acted=step_targets(batch, "trigger"),
         known=batch["step"].known.view(boards, steps),
+        shown=batch["responder"].shown,
         board=batch["responder"].batch,
         edge_index=batch["trigger", "controls", "responder"].edge_index,
         pos=batch["trigger"].pos,
@@ -179,6 +205,8 @@ def split(seen: Context, steps: int, most: int) -> tuple[Context, Queries, Obser
     )
 
 
+FEW, MOST_HIDDEN = 12, 0.2
+"""In fewer steps looks need not stay or return; a hand hides no larger share of them."""
 SMALL = 0.05
 """Added to distances before logarithms, in units of the smallest change."""
 NEAR = (0.02, 0.05, 0.12)

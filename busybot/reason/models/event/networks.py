@@ -94,7 +94,7 @@ class EdgeHead(GraphModule):
 
     def forward(self, seen: Context) -> Tensor:
         """Logits (E,)."""
-        sizes, known = seen.sizes, seen.known[seen.board]
+        sizes, known = seen.sizes, seen.told
         largest = scatter(sizes, seen.board, dim_size=len(seen.actions), reduce="max")[seen.board]  # (R, L)
         return self.edge_updater(
             seen.edge_index,
@@ -169,7 +169,7 @@ class EffectHead(GraphModule):
         rows, queries, steps = asked.current.shape[0], asked.current.shape[1], sizes.shape[1]
         largest = scatter(sizes, board, dim_size=len(seen.actions), reduce="max")
         change = torch.stack([changed(sizes), changed(largest)[board]], -1)  # (R, L, 2)
-        same = contacts.same[board]  # (R, Q, L)
+        same = contacts.same[board] & seen.shown[:, None]  # (R, Q, L)
         row, query, step = same.nonzero(as_tuple=True)
         place = (board[row] * queries + query) * steps + step  # in (B, Q, L)
         pooled = self.propagate(

@@ -75,6 +75,7 @@ def board() -> tuple[Context, Queries]:
         actions=actions,
         acted=torch.tensor([[1, 0]]),
         known=torch.ones(1, 2, dtype=torch.bool),
+        shown=torch.ones(1, 2, dtype=torch.bool),
         board=torch.tensor([0]),
         edge_index=torch.tensor([[0, 1], [0, 0]]),
         pos=torch.tensor([[9.0, 9.0, 9.0], [0.5, 0.0, 0.1]]),

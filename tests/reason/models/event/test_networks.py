@@ -1,5 +1,8 @@
 """The event model's networks: shapes, orders that must not matter, and attention along edges as it is on arrays."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -48,6 +51,37 @@ def questions(boards: list[Board]) -> tuple[Context, Queries, ObservedOutcome]:
 def mixed() -> list[Board]:
     """Boards of different sizes; one of them was watched for fewer steps than are known of the others."""
     return [*make_boards(2, 1, steps=20), *make_boards(1, 2, triggers=4, responders=9, steps=9)]
+
+
+def seen_by(board: Board, unsteady: bool, hidden: slice) -> Board:
+    """The board as a camera sees it that is not still, or that is, with the first responder behind a hand meanwhile."""
+    features = board.seen.features.copy()
+    responders = np.flatnonzero(board.seen.responders)
+    if unsteady:
+        noise = np.random.default_rng(0).normal(0, 0.02, features[:, responders].shape)
+        features[:, responders] += noise.astype(np.float32)
+    features[hidden, responders[0]] = features[hidden.start - 1, responders[0]]
+    return replace(board, seen=replace(board.seen, features=features))
+
+
+def test_what_a_hand_hides_tells_no_edge() -> None:
+    """Whether a responder looks otherwise when the hand has gone says nothing of what was touched then."""
+    (board,), hidden = make_boards(1, 3, steps=24), slice(9, 12)
+    told = []
+    for look in (0.0, 5.0):
+        moved = seen_by(board, True, hidden)
+        moved.seen.features[hidden.stop :, np.flatnonzero(board.seen.responders)[0]] += look
+        seen, _, _ = questions([moved])
+        told.append((seen.shown[0], trained().log_edges(seen)[0][seen.edge_index[1] == 0]))
+    assert (~told[0][0]).nonzero()[:, 0].tolist() == [8, 9, 10, 11]
+    torch.testing.assert_close(told[0][1], told[1][1], atol=1e-3, rtol=0)
+
+
+def test_a_still_camera_hides_nothing() -> None:
+    """Equal looks are then what nothing changed."""
+    (board,) = make_boards(1, 3, steps=24)
+    assert bool(questions([seen_by(board, False, slice(9, 12))])[0].shown.all())
+    assert bool(questions([seen_by(board, True, slice(1, 1))])[0].shown.all())
 
 
 def attention_on_arrays(network: EventNet, seen: Context, asked: Queries) -> Tensor:

@@ -1,15 +1,22 @@
 """The commands of docs/guides/own-recordings.md, run one after the other as they stand there."""
 
 import http.client
+import json
 import re
+import runpy
 import shlex
 import subprocess
 import sys
+import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import ClassVar
 from urllib.parse import urlsplit
 
 import pytest
 
+from busybot.boards.real_board import WIRINGS
+from busybot.datasets.importing.states import read_states
 from busybot.episodes.mcap.reader import read_episode
 from tests.cli.commands import busybot
 from tests.datasets.camera_folders import write_camera_folder
@@ -17,6 +24,50 @@ from tests.datasets.test_checkerboard import pictures
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = re.findall(r"^    (busybot .*)$", (ROOT / "docs/guides/own-recordings.md").read_text(), re.MULTILINE)
+
+
+class Pins:
+    """Stand-in for MicroPython's pins: what they are told to read, and what was written to them."""
+
+    IN, OUT, PULL_UP = 0, 1, 2
+    read: ClassVar[dict[int, list[int]]] = {}
+    written: ClassVar[dict[int, int]] = {}
+
+    def __init__(self, number: int, *how: int):
+        self.number, self.how = number, how
+
+    def value(self, new: int | None = None) -> int | None:
+        if new is None:
+            assert self.how == (self.IN, self.PULL_UP)
+            return self.read[self.number].pop(0)
+        assert self.how == (self.OUT,)
+        self.written[self.number] = new
+        return None
+
+
+@pytest.mark.parametrize("wiring", range(6))
+def test_the_microcontroller_shows_and_logs_what_its_wiring_says(
+    wiring: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, "machine", SimpleNamespace(Pin=Pins))
+    told = runpy.run_path(str(ROOT / "docs/guides/board/main.py"))
+    assert told["WIRINGS"] == WIRINGS
+    closed = [(0, 0, 0), (0, 0, 0), (1, 0, 0), (1, 0, 1)]
+    for place, number in enumerate(told["SWITCHES"]):
+        monkeypatch.setitem(Pins.read, number, [1 - state[place] for state in closed])
+    told["run"].__globals__["WIRING"] = wiring
+    told["run"](len(closed))
+    assert [Pins.written[number] for number in told["LEDS"]] == [closed[-1][switch] for switch in WIRINGS[wiring]]
+    (tmp_path / "states.jsonl").write_text(capsys.readouterr().out)
+    at = [json.loads(line)["ts"] for line in (tmp_path / "states.jsonl").read_text().splitlines()]
+    assert len(at) == 2 * len(dict.fromkeys(closed)) and abs(at[0] - time.time()) < 60
+    keys = [f"{device}.{number}" for device in ("switches", "leds") for number in range(3)]
+    states = read_states(tmp_path, None, keys, [at[0], at[-1]])
+    assert states is not None
+    assert states[:, :3].tolist() == [[0, 0, 0], [1, 0, 1]]
+    assert states[:, 3:].tolist() == [
+        [state[switch] for switch in WIRINGS[wiring]] for state in (closed[0], closed[-1])
+    ]
 
 
 def annotate(folder: Path, words: list[str]) -> None:

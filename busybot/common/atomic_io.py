@@ -463,6 +463,9 @@ class Scan:
     others: list[str] = field(default_factory=list)
 
 
+HINT_COPY_IN = "put a copy of what it leads to in its place, or remove it"
+
+
 def scan(folder: Path) -> Scan:
     """Look through the folder and all folders in it; no link is followed."""
     found = Scan()
@@ -481,6 +484,22 @@ def scan(folder: Path) -> Scan:
     return Scan(dict(sorted(found.files.items())), sorted(found.others))
 
 
+def folders_with(folder: Path, name: str = "") -> list[Path]:
+    """The folders in the folder that have an entry of this name, or all; none if it is no folder.
+
+    Raises:
+        BusybotError: beside them lies a link, or something that is neither file nor folder.
+    """
+    if not folder.is_dir():
+        return []
+    entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+    found = [Path(entry.path) for entry in entries if os.path.lexists(os.path.join(entry.path, name))]
+    for entry in entries if found else ():
+        if entry.is_symlink() or not (entry.is_dir() or entry.is_file()):
+            raise BusybotError(f"{entry.path}: a link, or neither a file nor a folder", HINT_COPY_IN)
+    return [path for path in found if path.is_dir()]
+
+
 def regular_files(folder: Path, wanted: Callable[[str], bool]) -> list[Path]:
     """The files in the folder and in all folders in it whose names are wanted; no link is followed.
 
@@ -491,5 +510,5 @@ def regular_files(folder: Path, wanted: Callable[[str], bool]) -> list[Path]:
     for name in found.others:
         if wanted(Path(name).name):
             what = f"{folder / name}: a link, or no regular file"
-            raise BusybotError(what, "put a copy of what it leads to in its place, or remove it")
+            raise BusybotError(what, HINT_COPY_IN)
     return [folder / name for name in found.files if wanted(Path(name).name)]

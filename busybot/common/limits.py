@@ -29,8 +29,8 @@ MAX_PIXELS = 1_000_000_000
 """Of all images of a recording: 3,255 of 640 x 480, decoded in 13 s of one core."""
 MAX_VIDEO_FRAMES = 100_000
 """Of a video: 55 minutes at 30 frames per second."""
-MAX_VIDEO_PIXELS = 10_000_000_000
-"""Of all its frames: 2 min 40 s of 1920 x 1080 at 30 frames per second, whatever the file's size."""
+MAX_VIDEO_PIXELS = 4_000_000_000
+"""Of all its frames: a minute of 1920 x 1080 at 30 frames per second, whatever the file's size."""
 MAX_VIDEO_RATIO = 1_000
 """So many pixels more for each byte of the file: films have fewer to a byte, files that swell have more."""
 MAX_VIDEO_SECONDS = 600.0

@@ -6,6 +6,7 @@ written again. Targets of large files put the episodes together at the end, file
 into which file is written down before the first one, so that this goes on, too.
 """
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -185,7 +186,7 @@ def _write_episodes(
     make_folder(place, folder)
     if (folder / PLAN).exists():  # all were there when it was made
         return len(source.rows)
-    there = {entry.name for entry in place.iterdir()}
+    there = _episodes_there(folder)
     for name in sorted(name for name in there if name.startswith(".")):  # of an earlier call: this one has the lock
         remove(place / name, folder)
     missing = [row for row in source.rows if _name(row) not in there]
@@ -195,6 +196,16 @@ def _write_episodes(
         if progress:
             progress(done + count, len(source.rows))
     return done
+
+
+def _episodes_there(folder: Path) -> set[str]:
+    """Names in the folder of episodes; links, and whatever else nobody exported, are refused."""
+    odd = [name for name in scan(folder).others if name != LOCK_FILE]
+    entries = list(os.scandir(folder / EPISODES_FOLDER))
+    odd += [f"{EPISODES_FOLDER}/{entry.name}" for entry in entries if not entry.is_dir(follow_symlinks=False)]
+    if odd:
+        raise BusybotError(f"{folder / min(odd)}: a link, or nothing that an export writes", _hint(folder))
+    return {entry.name for entry in entries}
 
 
 def _name(row: Row) -> str:
@@ -268,4 +279,9 @@ def _plan(folder: Path, rows: Sequence[Row]) -> list[list[int]]:
 
 def read_table(path: Path) -> pa.Table:
     """Such a file, as it was written."""
-    return pq.read_table(pa.BufferReader(read_regular(path, MAX_TABLE_BYTES)), use_threads=False)
+    try:
+        return pq.read_table(pa.BufferReader(read_regular(path, MAX_TABLE_BYTES)), use_threads=False)
+    except pa.ArrowException as error:
+        raise BusybotError(
+            f"{path}: no Parquet file that can be read: {error}", "remove the unfinished export"
+        ) from None

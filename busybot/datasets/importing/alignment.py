@@ -64,7 +64,8 @@ def frames_around(file: Path, actions: Times, pictures: Times) -> list[int]:
         raise BusybotError(f"{what}there are {len(pictures)}", hint)
     if all(at is None for at, _ in pictures):
         hint = "frames.csv with columns file and time tells it"
-        raise BusybotError(f"{file}: actions have times; when was each picture taken?", hint)
+        what = f"{file}: actions have times, {pictures[0][1]} has none; when was each picture taken?"
+        raise BusybotError(what, hint)
     whens, times = _ordered(actions), _ordered(pictures)
     _check_within(whens, times, [where for _, where in actions], (pictures[0][1], pictures[-1][1]))
     places = (np.searchsorted(times, whens, side="left") - 1).tolist()

@@ -27,7 +27,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from busybot.boards.directions import direction_named, direction_of
-from busybot.common.atomic_io import inside, read_json, read_text
+from busybot.common.atomic_io import folders_with, inside, read_json, read_text
 from busybot.common.config import parse_yaml
 from busybot.common.errors import BusybotError, UsageError, naming
 from busybot.common.frozen_model import FrozenModel, first_fault
@@ -120,8 +120,7 @@ def camera_folders(source: Path) -> list[Path]:
     """The folder itself, or those in it that hold a recording; none where there are no actions."""
     if lexists(source / ACTIONS_FILE):
         return [source]
-    found = sorted(path.name for path in source.iterdir() if lexists(path / ACTIONS_FILE)) if source.is_dir() else []
-    return [inside(source, name) for name in found]
+    return folders_with(source, ACTIONS_FILE)
 
 
 def read_camera_folder(

@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec, PlacedObject
-from busybot.common.atomic_io import inside, read_regular, refuse_taken
+from busybot.common.atomic_io import folders_with, inside, read_regular, refuse_taken
 from busybot.common.errors import BusybotError, naming
 from busybot.common.frozen_model import first_fault
 from busybot.common.limits import MAX_PICTURE_BYTES, MAX_PIXELS
@@ -95,8 +95,7 @@ class _Episode(Row):
 
 def image_folders(source: Path) -> list[Path]:
     """The folders of recordings in a folder; none where it is of another kind."""
-    names = sorted(path.name for path in inside(source, EPISODES_FOLDER).glob("*") if path.is_dir())
-    return [inside(source, f"{EPISODES_FOLDER}/{name}") for name in names]
+    return folders_with(inside(source, EPISODES_FOLDER))
 
 
 def describe_images(folder: Path) -> dict[str, object]:

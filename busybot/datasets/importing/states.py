@@ -51,7 +51,8 @@ def read_states(
         told = [(at, values[key]) for at, values in log if key in values]
         if not told:
             known = sorted({name for _, values in log for name in values})
-            raise BusybotError(f"{named}: no line of the log tells of {key!r}", f"it tells of {', '.join(known[:20])}")
+            what = f"{named}: no line of the log tells of {key!r}, as state of objects.csv has it"
+            raise BusybotError(what, f"it tells of {', '.join(known[:20])}")
         found[:, number] = _joined(f"{named}: {key!r}", told, [at for at in times if at is not None])
     return found
 

@@ -29,7 +29,7 @@ from pydantic import ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
 
 from busybot.boards.directions import direction_named
-from busybot.common.atomic_io import inside, read_json
+from busybot.common.atomic_io import folders_with, inside, read_json
 from busybot.common.errors import BusybotError, UsageError, naming
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.datasets.importing.camera_folder import ImportOptions, narrowed, pictures_of
@@ -127,8 +127,7 @@ def event_folders(source: Path) -> list[Path]:
     """The folder itself, or those in it, that have events."""
     if (source / EVENTS).is_dir():
         return [source]
-    found = sorted(path.name for path in source.iterdir() if (path / EVENTS).is_dir()) if source.is_dir() else []
-    return [inside(source, name) for name in found]
+    return folders_with(source, EVENTS)
 
 
 def read_events(folder: Path, options: ImportOptions) -> Recording:

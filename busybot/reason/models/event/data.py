@@ -39,7 +39,7 @@ def board_graph(sequence: BoardSequence) -> HeteroData:
     graph = HeteroData()
     graph["trigger"].pos = torch.from_numpy(np.asarray(sequence.positions[triggers], np.float32))
     graph["responder"].distances = apart(looks, looks)
-    graph["responder"].shown = _shown(graph["responder"].distances)
+    graph["responder"].shown = _shown(graph["responder"].distances, looks.ne(0).any(-1).any(-1))
     graph["responder"].num_nodes = len(responders)
     graph["step"].action = torch.from_numpy(np.asarray(sequence.actions, np.float32))
     graph["step"].known = torch.ones(sequence.steps, dtype=torch.bool)
@@ -50,16 +50,17 @@ def board_graph(sequence: BoardSequence) -> HeteroData:
     return graph
 
 
-def _shown(distances: Tensor) -> Tensor:
-    """Steps of which it was seen what they did to a responder, bool (R, T), from `distances`.
+def _shown(distances: Tensor, boxed: Tensor) -> Tensor:
+    """Steps of which it was seen what they did to a responder, bool (R, T), from `distances` of those that are boxed.
 
     A responder that something hides keeps its look to the last bit (`appearances`), and what happened behind shows
     later, when another trigger may have been touched. Where hardly any picture is like another one, an equal look tells
-    so. That the camera is such a one, the looks tell themselves: to a still one most of them stay or return.
+    so. That the camera is such a one, the looks tell themselves: to a still one most of them stay or return. What has
+    no box, bool (R,), looks like nothing in all frames, and tells neither.
     """
     steps = distances.shape[1] - 1
-    hidden = (distances == 0).tril(-1).any(-1)  # (R, T + 1), as some frame before
-    if steps < FEW or hidden.float().mean() > MOST_HIDDEN:
+    hidden = (distances == 0).tril(-1).any(-1) & boxed[:, None]  # (R, T + 1), as some frame before
+    if steps < FEW or hidden[boxed].float().mean() > MOST_HIDDEN:
         return torch.ones(len(distances), steps, dtype=torch.bool)
     return ~(hidden[:, :-1] | hidden[:, 1:])
 

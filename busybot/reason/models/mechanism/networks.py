@@ -24,6 +24,8 @@ from busybot.reason.pyg import HeteroData, scatter
 
 IMPOSSIBLE = -1e4
 """Logit of an explanation that a responder cannot have: one that reads itself."""
+CERTAIN = 80.0
+"""Log odds beyond it, of some hundreds of actions, are no more certain, and their exponentials no numbers."""
 SHARP = 5.0
 """Column 0 of the evidence times this is a log probability."""
 
@@ -176,7 +178,7 @@ class MechanismNet(nn.Module):
         logits = first + self.final(torch.cat([token, share[:, None, None] * said, around[owner]], -1))[..., 0]
         change = None
         if self.config.changes and "odds" in graph["responder"]:
-            odds = graph["responder"].odds
+            odds = graph["responder"].odds.clamp(max=CERTAIN)
             rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
             change = self.change(torch.cat([around, odds / SHARP, rivals / SHARP], -1))[..., 0]
         return self._shares(logits, node, owner), first, change

@@ -77,6 +77,15 @@ def test_what_a_hand_hides_tells_no_edge() -> None:
     torch.testing.assert_close(told[0][1], told[1][1], atol=1e-3, rtol=0)
 
 
+def test_who_has_no_box_does_not_tell_that_the_camera_was_still() -> None:
+    """An object of which no look is known looks alike in all frames, whatever the camera."""
+    (board,), hidden = make_boards(1, 3, responders=3, steps=24), slice(9, 12)
+    moved = seen_by(board, True, hidden)
+    moved.seen.features[:, np.flatnonzero(board.seen.responders)[1:]] = 0
+    shown = questions([moved])[0].shown
+    assert (~shown[0]).nonzero()[:, 0].tolist() == [8, 9, 10, 11] and bool(shown[1:].all())
+
+
 def test_a_still_camera_hides_nothing() -> None:
     """Equal looks are then what nothing changed."""
     (board,) = make_boards(1, 3, steps=24)

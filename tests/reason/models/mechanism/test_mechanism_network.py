@@ -179,6 +179,14 @@ def test_probabilities_are_those_of_one_explanation_each_and_of_no_responder_by_
     assert torch.allclose(told, parents_of(final, graph)[-len(told) :], atol=1e-5), "a batch changes nothing"
 
 
+def test_what_is_all_but_certain_stays_a_number(gates: list[LabelledTrace]) -> None:
+    """Hundreds of actions make log odds of changes whose exponentials are none."""
+    trace = gates[0].trace
+    odds = np.full((len(trace.links), trace.responders.shape[1], 3), 300, np.float32)
+    change = MechanismNet(MechanismNetConfig())(Batch.from_data_list([explanation_graph(trace, [30], odds=odds)]))[2]
+    assert change is not None and bool(change.isfinite().all())
+
+
 def test_later_actions_do_not_change_what_was_believed(gates: list[LabelledTrace]) -> None:
     trace = gates[0].trace
     net = MechanismNet(MechanismNetConfig())

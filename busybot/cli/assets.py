@@ -38,13 +38,16 @@ def list_objects(folder: LibraryArgument = "procedural", json: JsonOption = Fals
 def make(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not exist or be empty.")],
     seed: SeedOption = 0,
+    drawn: Annotated[
+        int, typer.Option(min=0, max=999, help="So many novel switches whose shapes the seed draws, in place of ours.")
+    ] = 0,
     json: JsonOption = False,
 ) -> None:
     """Make procedural switches, lamps, doors and toys, as annotated folders. The same seed gives the same bytes."""
     from busybot.objects.procedural.build import make_library
     from busybot.objects.resolve import load_and_remember
 
-    keys = make_library(out, seed)
+    keys = make_library(out, seed, drawn)
     library = load_and_remember(out)
     answer(
         json,

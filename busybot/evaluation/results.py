@@ -46,6 +46,7 @@ KINDS = {
     "table3": "python -m benchmarks.tables.table3",
     "worlds": "python -m benchmarks.tables.worlds",
     "kitchens": "python -m benchmarks.tables.kitchens",
+    "new-switches": "python -m benchmarks.tables.new_switches",
     "real-board": "python -m benchmarks.tables.real_board",
     "shortcuts": "python -m benchmarks.studies.shortcuts",
     "curiosity": "python -m benchmarks.studies.curiosity",

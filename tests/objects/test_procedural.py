@@ -14,19 +14,25 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
+from busybot.boards.config import BoardConfig
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
+from busybot.datasets.create import create_dataset
+from busybot.episodes.mcap.reader import read_episode
 from busybot.objects import cache
 from busybot.objects.library import Library
 from busybot.objects.model import CATEGORIES
 from busybot.objects.procedural import build
-from busybot.objects.procedural.build import FAMILIES, make_library, procedural_library
+from busybot.objects.procedural.build import FAMILIES, families_with, make_library, procedural_library
 from busybot.objects.procedural.cad import ball, box, lathe, pipe, rectangle, torus
 from busybot.objects.procedural.design import MovingLink, facing
 from busybot.objects.procedural.switches import sliding as slides
+from busybot.objects.procedural.switches.drawn import drawn
 from busybot.objects.resolve import find
+from busybot.sim.collect import CollectConfig, collect
 
 TRIANGLES = 5_000
+SMALL = {"width": 160, "height": 120}
 
 
 @pytest.fixture(scope="module")
@@ -129,11 +135,13 @@ def test_quarter_turns_turn_everything() -> None:
     assert {d for d in facing(design, 2).directions} == set(design.directions), "both signs are annotated"
 
 
-def test_moving_links_stay_over_their_object(procedural: Path) -> None:
+@pytest.mark.parametrize("new", [0, 60])
+def test_moving_links_stay_over_their_object(new: int) -> None:
     """So nothing on a board runs into its neighbour: boards keep at least a quarter of a switch's size free."""
-    for family in FAMILIES:
+    for family in families_with(new):
         for variant in range(family.count if family.category == "Switch" else 0):
-            design = family.make(variant, generator(0, "procedural", variant, f"{family.category}/{family.name}"))
+            seed = 7 if family.name == "drawn" else 0
+            design = family.make(variant, generator(seed, "procedural", variant, f"{family.category}/{family.name}"))
             parts = [*design.body, *(part for link in design.links for part in link.parts)]
             rest = np.concatenate([part.solid.vertices for part in parts])
             for link in design.links:
@@ -142,6 +150,47 @@ def test_moving_links_stay_over_their_object(procedural: Path) -> None:
                     beyond = np.maximum(moved - rest.max(0), rest.min(0) - moved)[:, :2].max()
                     assert beyond < 0.10, (family.name, variant, beyond)
                     assert moved[:, 2].min() > -0.08, (family.name, variant, "sinks into the board")
+
+
+def test_drawn_switches_are_sound_and_each_is_another() -> None:
+    """Closed, outward, of a board's size; all motions, one link and several, two rests and three."""
+    designs = [drawn(number, generator(3, "test", number, "drawn")) for number in range(60)]
+    shapes = set()
+    for number, design in enumerate(designs):
+        parts = [*design.body, *(part for link in design.links for part in link.parts)]
+        for part in parts:
+            mesh = trimesh.Trimesh(part.solid.vertices, part.solid.faces)
+            assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0, number
+        corners = np.concatenate([part.solid.vertices for part in parts])
+        sides = np.ptp(corners[:, :2], axis=0)
+        assert sides.min() >= 0.15 and sides.max() <= 0.6, number
+        assert sum(len(part.solid.faces) for part in parts) <= 2 * TRIANGLES, number
+        shapes.add(design.links[0].parts[0].solid.vertices.round(9).tobytes())
+    assert len(shapes) == len(designs)
+    assert {len(design.links) for design in designs} > {1, 2}
+    assert {link.kind for design in designs for link in design.links} == {"small", "large"}
+    assert {link.label for design in designs for link in design.links} == {
+        "button",
+        "rocker",
+        "lever",
+        "slider",
+        "knob",
+    }
+
+
+@pytest.mark.long
+def test_drawn_switches_stand_in_for_the_novel_ones_and_can_be_moved(tmp_path: Path) -> None:
+    """The oracle moves what it holds; models see them on boards of novel objects alone."""
+    make_library(tmp_path / "library", 4, 12)
+    library = Library.load(tmp_path / "library")
+    novel = {key for key, _ in library.weights("novel", "Switch")}
+    assert novel == {f"Switch/drawn-{number:02d}" for number in range(1, 13)}
+    assert not {key for key, _ in library.weights("train", "Switch")} & novel
+    config = BoardConfig(split="novel-object", boards=6, seed=0, group_size=1)
+    dataset = create_dataset(tmp_path / "data", config, library)
+    collect(dataset, library, CollectConfig.model_validate({"policy": "scripted", "steps": 8, "render": SMALL}), 1)
+    steps = [step for index in dataset.finished() for step in read_episode(dataset.episode_path(index), "lazy").steps]
+    assert len(steps) == 48 and all(step.success for step in steps)
 
 
 def at_position(link: MovingLink, position: float) -> np.ndarray:

@@ -10,7 +10,7 @@ all, and of two processes that build at once the second one's copy is dropped.
 
 import contextlib
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
@@ -26,7 +26,7 @@ from busybot.objects.model import ObjectModel, Split
 from busybot.objects.procedural import doors, household, lamps, toys
 from busybot.objects.procedural.design import Design
 from busybot.objects.procedural.export import write_object
-from busybot.objects.procedural.switches import basic, hinged, levers, pressed, sliding, turning
+from busybot.objects.procedural.switches import basic, drawn, hinged, levers, pressed, sliding, turning
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,12 @@ FAMILIES = (
 DEFAULT_SEED = 0
 
 
-def make_library(folder: Path, seed: int = DEFAULT_SEED) -> list[str]:
+def make_library(folder: Path, seed: int = DEFAULT_SEED, new: int = 0) -> list[str]:
     """Make all procedural objects in a new or empty folder; they are there all or not at all.
+
+    Args:
+        new: the novel switches are so many whose shapes the seed draws (`switches.drawn`), in place of those that
+            models may have been chosen by.
 
     Returns:
         The objects' keys.
@@ -101,14 +105,22 @@ def make_library(folder: Path, seed: int = DEFAULT_SEED) -> list[str]:
     make_folder(place.parent)
     remove_abandoned(place.parent, place.name)
     with unfinished(place.parent, place.name) as made:
-        keys = _make(made, seed)
+        keys = _make(made, seed, families_with(new))
         rename(made, place)
     return keys
 
 
-def _make(folder: Path, seed: int) -> list[str]:
+def families_with(new: int) -> list[Family]:
+    """All families, the novel switches among them replaced by so many drawn ones, if by any."""
+    if not new:
+        return list(FAMILIES)
+    kept = [family for family in FAMILIES if (family.category, family.split) != ("Switch", "novel")]
+    return [*kept, Family("Switch", "drawn", "novel", drawn.drawn, new)]
+
+
+def _make(folder: Path, seed: int, families: Sequence[Family]) -> list[str]:
     keys, splits = [], dict[str, dict[str, list[str]]]()
-    for family in FAMILIES:
+    for family in families:
         lists = splits.setdefault(family.category, {"train": [], "test": []})
         for variant in range(family.count):
             instance = f"{family.name}-{variant + 1:02d}"
@@ -147,7 +159,7 @@ def _build_into(place: Path) -> None:
         make_folder(place.parent)
         remove_abandoned(place.parent, "procedural")
         with unfinished(place.parent, "procedural") as made:
-            _make(made, DEFAULT_SEED)
+            _make(made, DEFAULT_SEED, FAMILIES)
             try:
                 rename(made, place)
             except OSError:

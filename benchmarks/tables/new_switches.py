@@ -1,0 +1,141 @@
+"""A test set that nobody has looked at: switches whose shapes a seed draws, acted on by models that were made before.
+
+    python -m benchmarks.tables.new_switches --work FOLDER --out benchmarks/results/new-switches.json
+
+A library is made whose novel switches are `--drawn` ones of families that its seed draws; the generator was written
+after the models that are judged, and looked at with other seeds. The shipped interaction policy acts ten times on each
+board, free and strict, beside random actions and the oracle; and on boards of the novel switches of the default
+library, which policies were chosen by. Relations are found in recordings of the scripted policy on the new ones.
+
+Intervals are those over boards, and over switches and their boards. The command resumes; what was judged is not judged
+again.
+"""
+
+import argparse
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import runner
+from busybot.common.atomic_io import read_json
+from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
+from busybot.evaluation.bootstrap import two_level_interval
+from busybot.interact.metrics import JudgedBoard
+from busybot.objects.procedural.switches.drawn import MOTIONS
+from busybot.training.model_cards import file_hashes, find_folder
+
+KIND, SEED, STEPS = "new-switches", 2026, 30
+POLICIES = {
+    "free": ("--model", "procedural"),
+    "strict": ("--model", "procedural", "--strict"),
+    "random": ("--model", "random"),
+    "oracle": ("--model", "scripted"),
+}
+REASONERS = ("event", "mechanism", "count")
+SHARES = ("precision", "recall", "recall_objects")
+
+
+def by_switch(boards: Sequence[JudgedBoard]) -> dict[str, Any]:
+    """Intervals of precision and recall over switches and their boards, and recall by how links move.
+
+    An action that held no switch counts for itself: it belongs to none of them.
+    """
+    actions = [
+        (one.success, one.key if one.on != "board" else f"board {board.board}", board.board)
+        for board in boards
+        for one in board.actions
+    ]
+    links = [
+        (number in board.moved(), link.key, board.board) for board in boards for number, link in enumerate(board.links)
+    ]
+    told: dict[str, Any] = {}
+    for name, rows in (("precision", actions), ("recall", links)):
+        part, keys, numbers = zip(*rows, strict=True)
+        rng = generator(SEED, name, 0, KIND)
+        told[name] = two_level_interval(np.array(part, float), np.ones(len(part)), keys, numbers, rng)
+    moved: dict[str, list[bool]] = defaultdict(list)
+    for found, key, _ in links:
+        moved[motion_of(key)].append(found)
+    return {"intervals": told, "motions": {name: [sum(one), len(one)] for name, one in sorted(moved.items())}}
+
+
+def motion_of(key: str) -> str:
+    """How a drawn switch moves, by its number; of another one its family."""
+    family, number = key.split("/")[1].rsplit("-", 1)
+    return tuple(MOTIONS)[(int(number) - 1) % len(MOTIONS)] if family == "drawn" else family
+
+
+def interacted(folder: Path, policy: str, assets: str, out: Path) -> dict[str, Any]:
+    """What came of a policy's actions on the boards of a dataset."""
+    told = runner.busybot(
+        "eval", "interact", str(folder), *POLICIES[policy], "--assets", assets, "--out", str(out)
+    )  # fmt: skip
+    lines = (out / "boards.jsonl").read_text().splitlines()
+    boards = sorted(map(JudgedBoard.model_validate_json, lines), key=lambda one: one.board)
+    assert len(boards) == told["boards"]
+    return {
+        **{key: told[key] for key in SHARES},
+        "boards": told["boards"],
+        "intervals": {key: told["intervals"][key] for key in SHARES},
+        "switches": by_switch(boards),
+        "failures_by_cause": told["failures_by_cause"],
+        "missed_links": told["missed_links"],
+    }
+
+
+def related(folder: Path, assets: str, work: Path) -> Mapping[str, Any]:
+    """Precision and recall of relations by each reasoner, after all actions of the scripted policy."""
+    runner.busybot("collect", str(folder), "--policy", "scripted", "--steps", str(STEPS), "--assets", assets)
+    rows = {}
+    for reasoner in REASONERS:
+        out = work / f"reasoned-{reasoner}.json"
+        done = read_json(out) if out.exists() else runner.busybot(
+            "eval", "reason", str(folder), "--reasoner", reasoner, "--assets", assets, "--out", str(out)
+        )  # fmt: skip
+        rows[reasoner] = {key: done[key] for key in ("edge_p", "edge_r", "boards")}
+        rows[reasoner]["intervals"] = {key: done["intervals"][key] for key in ("precision", "recall")}
+    return rows
+
+
+def measured(options: argparse.Namespace) -> dict[str, Any]:
+    """The result's figures."""
+    library = options.work / "objects"
+    if not library.exists():
+        made = ("assets", "make", str(library), "--seed", str(options.seed), "--drawn", str(options.drawn))
+        runner.busybot(*made)
+    rows: dict[str, Any] = {}
+    data = {}
+    for name, assets in (("new", str(library)), ("looked at", "procedural")):
+        folder = options.work / name.replace(" ", "-")
+        runner.busybot(*runner.generating(folder, "novel-object", options.boards, options.seed, assets))
+        data[name] = {"board_hash": Dataset.open(folder).hashes().board}
+        rows[name] = {
+            policy: interacted(folder, policy, assets, options.work / f"{folder.name}-{policy}") for policy in POLICIES
+        }
+    relations = related(options.work / "new", str(library), options.work)
+    models = {name: file_hashes(find_folder(name, "reason")) for name in REASONERS[:2]}
+    models["procedural"] = file_hashes(find_folder("procedural", "interact"))
+    figures = {"drawn": options.drawn, "boards": options.boards, "rows": rows, "relations": relations}
+    return runner.finish(KIND, options, figures, hashes={"models": models, "data": data})
+
+
+def main(words: list[str] | None = None) -> None:
+    options = runner.parser(__doc__, assets=False)
+    options.add_argument("--work", type=Path, required=True, help="for objects, boards and results")
+    options.add_argument("--drawn", type=int, default=60, help="switches")
+    options.add_argument("--boards", type=int, default=100)
+    options.add_argument("--seed", type=int, default=SEED, help="of switches and boards")
+    arguments = options.parse_args(words)
+    arguments.work.mkdir(parents=True, exist_ok=True)
+    told = measured(arguments)
+    for name, policies in told["rows"].items():
+        for policy, one in policies.items():
+            print(f"{name:10} {policy:8} P {100 * one['precision']:5.1f} R {100 * one['recall']:5.1f}")
+
+
+if __name__ == "__main__":
+    main()

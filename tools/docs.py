@@ -47,6 +47,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "table1": tables.table1,
         "further-boards": tables.further_boards,
         "smaller-networks": tables.smaller_networks,
+        "new-switches": tables.new_switches,
         "changed-pixels": tables.changed_pixels,
         "policy-constants": tables.policy_constants,
         "interact-speed": speed_tables.interact_speed,

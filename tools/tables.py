@@ -90,6 +90,38 @@ def smaller_networks() -> str:
     return markdown([table_grid(INTERACTION, _table(1, "smaller-networks")[1], beside=False)])
 
 
+def new_switches() -> str:
+    """Switches that a seed drew, beside those that were looked at; recall by how they move, and relations."""
+    told = result("new-switches")
+    heads = ("precision (boards, switches)", "recall (boards, switches)", "switches found")
+    rows = []
+    for name, policies in told["rows"].items():
+        for policy, one in policies.items():
+            cells = [_within(one[key], one["intervals"][key], one["switches"]["intervals"][key]) for key in _SHARES]
+            rows.append((f"{name}: {policy}", [*cells, percent(one["recall_objects"])]))
+    new = told["rows"]["new"]
+    motions = list(new["free"]["switches"]["motions"])
+    shares = {
+        policy: [percent(one[0] / one[1]) for one in new[policy]["switches"]["motions"].values()] for policy in new
+    }
+    found = [(name, [percent(one["edge_p"]), percent(one["edge_r"])]) for name, one in told["relations"].items()]
+    return markdown(
+        [
+            plain_grid(heads, rows, "percent (95 %)"),
+            plain_grid(motions, list(shares.items()), "recall on new switches"),
+            plain_grid(("precision", "recall"), found, "relations, new switches"),
+        ]
+    )
+
+
+_SHARES = ("precision", "recall")
+
+
+def _within(share: float, *intervals: list[float]) -> str:
+    ranges = ", ".join(f"{whole(low)}-{whole(high)}" for low, high in intervals)
+    return f"{percent(share)} ({ranges})"
+
+
 def table2() -> str:
     """Table 2, and what our trainings took."""
     found, rows = _table(2)

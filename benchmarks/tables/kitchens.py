@@ -186,7 +186,7 @@ def main(words: list[str]) -> None:
     arguments = options.parse_args(words)
     arguments.work.mkdir(parents=True, exist_ok=True)
     models = {name: file_hashes(find_folder(name, "reason")) for name in TRAINED}
-    rows = runner.told_rows(arguments.out, KIND)
+    rows = {name: row for name, row in runner.told_rows(arguments.out, KIND).items() if name.split(", ")[1] in WAYS}
     data: dict[str, Any] = read_result(arguments.out, KIND)["hashes"]["data"] if rows else {}
     for world in runner.chosen(arguments.only, SCENES) if arguments.only else SCENES:
         for way in WAYS:

@@ -55,8 +55,9 @@ def _shown(distances: Tensor, boxed: Tensor) -> Tensor:
 
     A responder that something hides keeps its look to the last bit (`appearances`), and what happened behind shows
     later, when another trigger may have been touched. Where hardly any picture is like another one, an equal look tells
-    so. That the camera is such a one, the looks tell themselves: to a still one most of them stay or return. What has
-    no box, bool (R,), looks like nothing in all frames, and tells neither.
+    so. That the camera is such a one, the looks of the whole recording tell, however few steps are asked about: to a
+    still one most of them stay or return. What has no box, bool (R,), looks like nothing in all frames, and tells
+    neither.
     """
     steps = distances.shape[1] - 1
     hidden = (distances == 0).tril(-1).any(-1) & boxed[:, None]  # (R, T + 1), as some frame before

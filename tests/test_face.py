@@ -109,8 +109,12 @@ def test_data_i_is_the_episode_of_board_i(folder: Path) -> None:
         data[2]
     assert "busybot collect" in str(error.value.hint)
     for index in (4, -5):
-        with pytest.raises(BusybotError, match="no episode"):
+        with pytest.raises(IndexError, match="no episode") as error:
             data[index]
+        assert "0 to 3" in str(error.value)
+    with pytest.raises(TypeError, match="slice"):
+        data[0:2]  # type: ignore[index]
+    assert len(repr(data[0])) < 200 and "board 0" in repr(data[0])
 
 
 def test_views_of_an_episode_are_what_was_recorded(folder: Path) -> None:

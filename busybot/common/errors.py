@@ -43,6 +43,10 @@ class UsageError(BusybotError):
     """What was typed can never be right, whatever the files and the machine are: the command line exits with 2."""
 
 
+class NoEpisodeError(BusybotError, IndexError):
+    """A dataset has no episode of this number: also what Python's own sequences raise."""
+
+
 EXTRA_OF = {
     **dict.fromkeys(("sapien", "gymnasium"), "sim"),
     **dict.fromkeys(("torch", "torch_geometric", "safetensors", "scipy"), "learn"),
@@ -115,9 +119,11 @@ def current_folder() -> Path | None:
 
 
 def _free(path: object) -> str:
-    """How much room is left where the path is or would be."""
+    """How much room is left where the path is or would be; nobody knows which disk is full without one."""
+    if path is None:
+        return "how much room is left there is not known"
     try:
-        place = Path(str(path if path is not None else os.curdir))
+        place = Path(os.fsdecode(path) if isinstance(path, bytes) else str(path))
         while not place.exists() and place != place.parent:
             place = place.parent
         return f"{shutil.disk_usage(place).free / 1e6:.1f} MB are free on its disk"

@@ -12,6 +12,7 @@ objects/                          of a frozen dataset, where their licence allow
 damaged/                          originals of the files that `repair` replaced
 """
 
+import operator
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -43,7 +44,7 @@ from busybot.common.atomic_io import (
     write_json,
 )
 from busybot.common.config import changes, flat
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, NoEpisodeError
 from busybot.common.frozen_model import first_fault
 from busybot.common.limits import MAX_LINES_BYTES
 from busybot.common.remote import RemotePath, is_remote
@@ -234,7 +235,8 @@ class Dataset:
     def episode_path(self, index: int) -> Path:
         """Where episode `index` is or will be."""
         if not 0 <= index < self.info.boards:
-            raise BusybotError(f"{self.path}: there is no episode {index} of {self.info.boards}")
+            known = f"its boards are 0 to {self.info.boards - 1}" if self.info.boards else "it has no boards"
+            raise NoEpisodeError(f"{self.path}: there is no episode {index} of {self.info.boards}", known)
         return inside(self.path, f"episodes/{_episode_name(index)}")
 
     def __len__(self) -> int:
@@ -252,12 +254,15 @@ class Dataset:
         """The episode of board `index`, from the end if negative; its pictures stay in the file until asked for.
 
         Raises:
-            BusybotError: there is no such board, it has no episode yet, or its file is damaged.
+            NoEpisodeError: there is no such board, or it has no episode yet.
+            BusybotError: its file is damaged.
+            TypeError: that is no number.
         """
-        number = index + self.info.boards if index < 0 else index
+        number = operator.index(index)
+        number += self.info.boards if number < 0 else 0
         path = self.episode_path(number)
         if not _is_file(path):
-            raise BusybotError(f"{self.path}: board {number} has no episode", collect_command(self.path, self.info))
+            raise NoEpisodeError(f"{self.path}: board {number} has no episode", collect_command(self.path, self.info))
         return read_episode(path, "stored")
 
     def finished(self) -> set[int]:

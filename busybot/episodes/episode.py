@@ -153,6 +153,14 @@ class Episode:
     versions: dict[str, Any] = field(default_factory=dict)
     goals: Sequence[Image] = ()
 
+    def __repr__(self) -> str:
+        """A line: pictures alone would be megabytes of it."""
+        board, camera = self.board, self.camera
+        return (
+            f"<Episode of board {board.index}, seed {board.seed}, split {board.split!r}: {len(board.objects)} objects, "
+            f"{len(self.steps)} actions by {self.policy!r}, frames of {camera.width} x {camera.height}>"
+        )
+
     @property
     def rgb(self) -> "Pictures":
         """RGB of frames 0..len(steps), uint8 (H, W, 3) each; only what is asked for is decoded."""

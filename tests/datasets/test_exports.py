@@ -5,9 +5,13 @@ import hashlib
 import io
 import json
 import re
+import resource
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +39,8 @@ from tests.episodes.synthetic import make_episode
 
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "share-a-dataset.md"
 PRIVILEGED = {column.name for table in RECORDED.values() for column in table if column.privileged}
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def exported(tmp_path: Path, to: str, images: ImageFormat = "jpeg", **how: Any) -> tuple[Dataset, Path]:
@@ -433,3 +439,14 @@ def test_an_unknown_format_is_wrong_usage(tmp_path: Path) -> None:
     make_dataset(tmp_path / "data", boards=1, finished=[0])
     done = busybot("dataset", "export", tmp_path / "data", "--to", "rlds", "--out", tmp_path / "out")
     assert done.returncode == 2 and "lerobot" in done.stderr and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("to", ["parquet", "images", "lerobot"])
+def test_a_file_that_may_not_grow_is_named(to: str, tmp_path: Path) -> None:
+    """As on a full disk, writing into an open file fails, and tells no path of itself."""
+    export = (sys.executable, "-m", "busybot", "dataset", "export", "datasets/tiny", "--to", to, "--out")
+    limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (20_000, 20_000))
+    command = [*export, str(tmp_path / "out"), "--workers", "1", "--quiet"]
+    done = subprocess.run(command, cwd=ROOT, text=True, capture_output=True, preexec_fn=limit)
+    assert done.returncode == 1 and re.match(rf"error: {tmp_path}/out.partial/\S+: File too large", done.stderr)
+    assert re.search(r"[\d.]+ MB are free on its disk", done.stderr) and not (tmp_path / "out").exists()

@@ -66,7 +66,7 @@ def _read(source: Path, options: ImportOptions) -> tuple[str, Sequence[Recording
     if not folders:
         what = f"{source}: it is nothing that can be imported"
         hint = "a folder with actions.csv (docs/guides/own-recordings.md), or one of `dataset export --to images` "
-        raise BusybotError(what, f"{hint}with episodes/000000")
+        raise BusybotError(what, f"{hint}with episodes/000000; those to parquet, hf and croissant do not come back")
     if options.tables is not None:
         raise UsageError(f"{source}: a camera's folder has its tables in it", "--tables is for LeRobot's datasets")
     return CAMERA, _proposed([read_camera_folder(folder, options) for folder in folders], options)

@@ -129,7 +129,7 @@ def test_a_trial_says_so_on_top_has_pictures_first_and_can_be_sent_around(tmp_pa
         Image.fromarray(noise.integers(0, 256, (700, 1200, 3), np.uint8)).save(given / f"{number}.png")
     done = write_report([given], tmp_path / "report")
     for text in (done.markdown.read_text(), done.html.read_text()):
-        assert 0 < text.index("These numbers mean nothing") < 12_000 if "<style>" in text else 200
+        assert 0 < text.index("These numbers mean nothing") < (12_000 if "<style>" in text else 200)
         places = [text.index(words) for words in ("mean nothing", "Pictures", "Numbers", "A gate is", "Table 1: ")]
         assert places == sorted(places) and "least value that a number must have" in text
     assert 200_000 < done.html.stat().st_size <= 2_000_000 and done.html.read_text().count("data:image/jpeg") == 3

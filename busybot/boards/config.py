@@ -1,8 +1,9 @@
 """Parameters of drawing boards: every number of protocol "Boards" that the paper leaves open, with its default."""
 
+import re
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import AfterValidator, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from busybot.boards.scenes import SCENES
 from busybot.boards.spec import PAPER, without
@@ -12,7 +13,15 @@ from busybot.common.frozen_model import FrozenModel
 
 Count = Annotated[int, Field(ge=0, le=32)]
 Range = tuple[Count, Count]
-Keys = Annotated[tuple[Annotated[str, Field(pattern=r"^[A-Za-z]+/[A-Za-z0-9_.-]{1,64}$")], ...], Field(max_length=32)]
+
+
+def _key(text: str) -> str:
+    if not re.fullmatch(r"[A-Za-z]+/[A-Za-z0-9_.-]{1,64}", text):
+        raise ValueError("no key of an object, as Lamp/cone-01 is one: `busybot assets list` tells them")
+    return text
+
+
+Keys = Annotated[tuple[Annotated[str, AfterValidator(_key)], ...], Field(max_length=32)]
 
 Instances = Literal["train", "novel"]
 SPLITS: dict[str, Instances] = {"train": "train", "novel-config": "train", "novel-object": "novel", NOVEL: "train"}

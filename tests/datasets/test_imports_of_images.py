@@ -5,14 +5,18 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.exporting.targets import export_recordings
-from busybot.datasets.importing.images import import_images
+from busybot.datasets.importing.images import import_export
+from busybot.datasets.importing.sources import import_source
 from busybot.datasets.verify import verify
 from busybot.episodes.codec import ImageFormat
 from busybot.episodes.episode import Step
@@ -32,7 +36,7 @@ def public(step: Step) -> tuple:
 def test_what_was_exported_comes_back(images: ImageFormat, tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "data", images=images)
     export_recordings(dataset, "images", tmp_path / "images")
-    made = import_images(tmp_path / "images", tmp_path / "made")
+    made = import_export(tmp_path / "images", tmp_path / "made")
     assert made.info.boards == 3 and made.finished() == {0, 1, 2}
     for number, index in enumerate(sorted(dataset.finished())):
         was, now = read_episode(dataset.episode_path(index)), read_episode(made.episode_path(number))
@@ -52,9 +56,75 @@ def test_what_was_exported_comes_back(images: ImageFormat, tmp_path: Path) -> No
 
 def test_a_second_way_out_and_back_changes_nothing(tmp_path: Path) -> None:
     export_recordings(make_dataset(tmp_path / "data"), "images", tmp_path / "one")
-    export_recordings(import_images(tmp_path / "one", tmp_path / "made"), "images", tmp_path / "two")
-    again = import_images(tmp_path / "two", tmp_path / "again")
+    export_recordings(import_export(tmp_path / "one", tmp_path / "made"), "images", tmp_path / "two")
+    again = import_export(tmp_path / "two", tmp_path / "again")
     assert again.hashes() == Dataset.open(tmp_path / "made").hashes()
+
+
+@pytest.mark.parametrize("to", ["parquet", "hf", "croissant"])
+@pytest.mark.parametrize("images", ["jpeg", "png"])
+def test_tables_come_back_as_pictures_and_csv_do(to: str, images: ImageFormat, tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "data", images=images)
+    made = {}
+    for name in ("images", to):
+        export_recordings(dataset, name, tmp_path / name)
+        made[name] = import_export(tmp_path / name, tmp_path / f"made-{name}")
+    assert made[to].hashes() == made["images"].hashes() and made[to].info.boards == 3
+    told = import_source(tmp_path / to, None)
+    assert told.kind == "parquet" and [one["actions"] for one in told.recordings] == [6, 6, 6]
+
+
+def retold(table: str, **columns: Any) -> Callable[[Path], object]:
+    """Other columns in a table, made of its rows."""
+
+    def changed(folder: Path) -> None:
+        file = folder / "data" / table / "part-00000.parquet"
+        rows = pq.read_table(file)
+        for name, make in columns.items():
+            place, values = rows.schema.get_field_index(name), rows[name].to_pylist()
+            rows = rows.set_column(place, rows.schema.field(name), pa.array(make(values), rows.schema.field(name).type))
+        pq.write_table(rows, file, row_group_size=7)
+
+    return changed
+
+
+def spoilt(values: list[Any], place: int, value: Any) -> list[Any]:
+    return [*values[:place], value, *values[place + 1 :]]
+
+
+PART = "part-00000.parquet"
+ODD_TABLES: dict[str, tuple[Callable[[Path], object], str]] = {
+    "no recordings of an object": (retold("objects", episode=lambda v: [0] * len(v)), "episode 1 is there or in"),
+    "a recording in two places": (retold("frames", episode=lambda v: spoilt(v, 3, 1)), "is in two places"),
+    "no number": (retold("frames", episode=lambda v: spoilt(v, 0, -1)), "row 1: -1 is no number"),
+    "no picture": (retold("frames", rgb=lambda v: spoilt(v, 8, None)), f"{PART}: row 9: rgb"),
+    "a picture that is none": (
+        retold("frames", rgb=lambda v: spoilt(v, 8, {"bytes": b"x", "path": "y"})),
+        "episode 1: frame 1: neither a PNG nor a JPEG",
+    ),
+    "two pictures of one name": (
+        retold("frames", rgb=lambda v: spoilt(v, 8, {"bytes": b"x", "path": v[7]["path"]})),
+        "row 9: another picture is called",
+    ),
+    "no direction": (retold("frames", direction=lambda v: spoilt(v, 8, None)), "line 9: an action needs"),
+    "a damaged table": (lambda folder: (folder / "data" / "objects" / PART).write_bytes(b"PAR1"), f"objects/{PART}"),
+    "a link": (
+        lambda folder: (folder / "data" / "frames" / "more.parquet").symlink_to("/dev/zero"),
+        "more.parquet: a link",
+    ),
+    "no table": (lambda folder: shutil.rmtree(folder / "data" / "episodes"), "episodes: it has no rows"),
+}
+
+
+@pytest.mark.parametrize("fault", ODD_TABLES)
+def test_what_is_wrong_in_tables_is_named(fault: str, tmp_path: Path) -> None:
+    export_recordings(make_dataset(tmp_path / "data", boards=2, finished=[0, 1]), "parquet", tmp_path / "tables")
+    spoil, message = ODD_TABLES[fault]
+    spoil(tmp_path / "tables")
+    with pytest.raises(BusybotError, match=message) as error:
+        import_export(tmp_path / "tables", tmp_path / "made")
+    assert error.value.hint and str(tmp_path / "tables") in error.value.what
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["data", "tables"]
 
 
 def change(file: str, line: int, **cells: str) -> Callable[[Path], object]:
@@ -107,7 +177,7 @@ def test_what_is_wrong_is_named_and_nothing_half_written(fault: str, tmp_path: P
     spoil(tmp_path / "images" / "episodes" / "000001")
     before = sorted(path.name for path in tmp_path.iterdir())
     with pytest.raises(BusybotError, match=message) as error:
-        import_images(tmp_path / "images", tmp_path / "made")
+        import_export(tmp_path / "images", tmp_path / "made")
     assert "000001" in error.value.what and error.value.hint
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
@@ -117,7 +187,7 @@ def test_links_out_of_the_folder_are_not_followed(tmp_path: Path) -> None:
     shutil.move(tmp_path / "images" / "episodes" / "000000", tmp_path / "elsewhere")
     (tmp_path / "images" / "episodes" / "000000").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(BusybotError, match="000000: a link"):
-        import_images(tmp_path / "images", tmp_path / "made")
+        import_export(tmp_path / "images", tmp_path / "made")
 
 
 def test_the_command(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.exporting.targets import export_recordings
-from busybot.datasets.importing.images import import_images
+from busybot.datasets.importing.images import import_export
 from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.observation import observe_episode
@@ -48,7 +48,7 @@ def test_it_is_kept_like_any_other_and_all_relations_are_found(twin: Dataset, tm
 
 def test_exported_as_images_and_imported_again_the_same_graphs_are_inferred(twin: Dataset, tmp_path: Path) -> None:
     export_recordings(twin, "images", tmp_path / "images")
-    imported = import_images(tmp_path / "images", tmp_path / "imported")
+    imported = import_export(tmp_path / "images", tmp_path / "imported")
     for index in BOARDS:
         for one, other in zip(graphs(twin, index), graphs(imported, index), strict=True):
             np.testing.assert_allclose(one.probabilities, other.probabilities, atol=1e-5)

@@ -9,9 +9,10 @@ import atexit
 import base64
 import json
 import math
+import os
 import sys
 from collections.abc import Iterator, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
@@ -113,15 +114,30 @@ def container_pictures(file: Path, camera: str, numbers: Sequence[int]) -> Itera
         yield row if len(shape) == 2 else np.frombuffer(row, np.uint8).reshape(shape[1:])
 
 
+def _stamp(file: Path) -> tuple[int, ...]:
+    """What tells a file from one that takes its place."""
+    try:
+        facts = os.stat(file)
+    except OSError:  # whoever reads it says so
+        return ()
+    return facts.st_ino, facts.st_size, facts.st_mtime_ns
+
+
+@lru_cache(maxsize=3)
+def _table_bytes(file: Path, _: tuple[int, ...]) -> bytes:
+    """Of a table that is asked for one recording after the other; another file with its name is read anew."""
+    return read_regular(file, MAX_TABLE_BYTES)
+
+
 def read_rows(file: Path, columns: Sequence[str], batch: int, first: int = 0) -> Iterator[dict[str, Any]]:
     """Rows of a table from `first` on, so many at once, so that equal ones that are stored once fill no memory.
 
     Raises:
         BusybotError: naming the file, if it is damaged, lacks a column, or has too many rows.
     """
-    data, hint = pa.BufferReader(read_regular(file, MAX_TABLE_BYTES)), "write the table again"
+    hint, data = "write the table again", _table_bytes(file, _stamp(file))
     try:
-        table = pq.ParquetFile(data)
+        table = pq.ParquetFile(pa.BufferReader(data))
         names, told = table.schema_arrow.names, table.metadata
         for name in columns:
             if names.count(name) != 1:

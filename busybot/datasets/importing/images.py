@@ -1,9 +1,10 @@
-"""A folder of pictures and CSV tables, as `dataset export --to images` writes it, to a dataset.
+"""What `dataset export` wrote as pictures and CSV (`images`) or as tables of both (`parquet`, `hf`), to a dataset.
 
-What such a folder holds comes back as it was: pictures, actions and their rewards, the first boxes, the camera. What it
-does not hold is missing in the dataset, too: states, relations, joints, segmentation, boxes of later frames; privileged
-tables are not read. So these recordings are like those of a board without a simulator (`truth` is false). Objects get
-keys of the category `Unknown`. Colours are stored as PNG: what a JPEG decoded to would not survive another JPEG.
+What such an export holds comes back as it was: pictures, actions and their rewards, the first boxes, the camera. What
+it does not hold is missing in the dataset, too: states, relations, joints, segmentation, boxes of later frames;
+privileged tables are not read. So these recordings are like those of a board without a simulator (`truth` is false).
+Objects get keys of the category `Unknown`. Colours are stored as PNG: what a JPEG decoded to would not survive another
+JPEG.
 """
 
 from collections.abc import Iterator
@@ -16,10 +17,10 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec, PlacedObject
-from busybot.common.atomic_io import folders_with, inside, read_regular, refuse_taken
+from busybot.common.atomic_io import refuse_taken
 from busybot.common.errors import BusybotError, naming
 from busybot.common.frozen_model import first_fault
-from busybot.common.limits import MAX_PICTURE_BYTES, MAX_PIXELS
+from busybot.common.limits import MAX_PIXELS
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.exporting.frames import EPISODES_FOLDER
@@ -32,8 +33,8 @@ from busybot.datasets.importing.csv_tables import (
     Whole,
     absent,
     listed,
-    read_table,
 )
+from busybot.datasets.importing.exported import HINT, ExportedRecording, exported_recordings
 from busybot.datasets.importing.recording import store_episodes, unknown_step
 from busybot.datasets.info import IMPORTED, AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo, Seed
 from busybot.episodes.codec import decode_plain, decode_rgb
@@ -41,7 +42,6 @@ from busybot.episodes.episode import Camera, Episode, Image, Step
 from busybot.episodes.schema import UNKNOWN_PIXEL
 from busybot.episodes.validation import check_camera
 
-HINT = "`busybot dataset export DATASET --to images` writes such a folder"
 _SIDES = ("u0", "v0", "u1", "v1")
 
 
@@ -93,44 +93,39 @@ class _Episode(Row):
     depth_scale: Annotated[float, Field(gt=0, le=1e3)] = 1.0
 
 
-def image_folders(source: Path) -> list[Path]:
-    """The folders of recordings in a folder; none where it is of another kind."""
-    return folders_with(inside(source, EPISODES_FOLDER))
-
-
-def describe_images(folder: Path) -> dict[str, object]:
+def describe_export(recording: ExportedRecording) -> dict[str, object]:
     """What would be read of a recording, JSON values."""
-    told = read_table(inside(folder, "episodes.csv"), _Episode, HINT)[0]
-    frames = read_table(inside(folder, "frames.csv"), _Frame, HINT)
-    roles = [row.role for row in _objects(inside(folder, "objects.csv"))]
+    told = recording.rows("episodes", _Episode)[0]
+    roles = [row.role for row in _objects(recording)]
+    frames = recording.frames()
     return {
-        "place": str(folder),
-        "frames": len(frames),
+        "place": recording.place,
+        "frames": frames,
         "width": told.width,
         "height": told.height,
-        "actions": len(frames) - 1,
+        "actions": frames - 1,
         "triggers": roles.count("trigger"),
         "responders": roles.count("responder"),
         "relations": None,
     }
 
 
-def import_images(source: Path, out: Path, progress: Progress | None = None) -> Dataset:
-    """Make a dataset of the recordings in a folder; it is there whole or not at all.
+def import_export(source: Path, out: Path, progress: Progress | None = None) -> Dataset:
+    """Make a dataset of the recordings of an export; it is there whole or not at all.
 
     Raises:
         BusybotError: naming file and line, if something is missing or contradicts itself; or something is at `out`.
     """
     refuse_taken(out.absolute())
-    folders = image_folders(source)
-    if not folders:
-        raise BusybotError(f"{source}: it has no folder {EPISODES_FOLDER}/000000 with a recording", HINT)
-    told = [read_table(inside(folder, "episodes.csv"), _Episode, HINT)[0] for folder in folders]
-    boards = [_board(index, folder, one) for index, (folder, one) in enumerate(zip(folders, told, strict=True))]
-    lengths = [len(read_table(inside(folder, "frames.csv"), _Frame, HINT)) - 1 for folder in folders]
-    info = _info(source, out.absolute().name, told[0], max(lengths), len(boards))
-    read = zip(folders, told, boards, strict=True)
-    made = ((folder, lambda folder=folder, one=one, b=b: _episode(folder, one, b)) for folder, one, b in read)
+    recordings = exported_recordings(source)
+    if not recordings:
+        raise BusybotError(f"{source}: it has no folder {EPISODES_FOLDER}/000000 with a recording, and no tables", HINT)
+    told = [recording.rows("episodes", _Episode)[0] for recording in recordings]
+    boards = [_board(index, found, one) for index, (found, one) in enumerate(zip(recordings, told, strict=True))]
+    steps = max(recording.frames() for recording in recordings) - 1
+    info = _info(source, out.absolute().name, told[0], steps, len(boards))
+    read = zip(recordings, told, boards, strict=True)
+    made = ((Path(found.place), lambda found=found, one=one, b=b: _episode(found, one, b)) for found, one, b in read)
     return store_episodes(out, info, boards, made, progress)
 
 
@@ -149,9 +144,8 @@ def _info(source: Path, name: str, told: _Episode, steps: int, boards: int) -> D
         raise BusybotError(f"{source}: {first_fault(error)}", HINT) from None
 
 
-def _board(index: int, folder: Path, told: _Episode) -> BoardSpec:
+def _board(index: int, recording: ExportedRecording, told: _Episode) -> BoardSpec:
     """A board of which only is known what can be seen."""
-    file = inside(folder, "objects.csv")
     try:
         return BoardSpec(
             index=index,
@@ -160,18 +154,18 @@ def _board(index: int, folder: Path, told: _Episode) -> BoardSpec:
             appearance_group=told.appearance_group,
             texture="unknown",
             color=(1.0, 1.0, 1.0),
-            objects=tuple(_placed(row) for row in _objects(file)),
+            objects=tuple(_placed(row) for row in _objects(recording)),
             relations=(),
             relations_known=False,
         )
     except ValidationError as error:
-        raise BusybotError(f"{file}: {first_fault(error)}", HINT) from None
+        raise BusybotError(f"{recording.file('objects')}: {first_fault(error)}", HINT) from None
 
 
-def _objects(file: Path) -> list[_Object]:
-    rows = read_table(file, _Object, HINT)
+def _objects(recording: ExportedRecording) -> list[_Object]:
+    rows = recording.rows("objects", _Object)
     if [row.object for row in rows] != list(range(len(rows))):
-        raise BusybotError(f"{file}: its objects are not numbered 0, 1, 2, ...", HINT)
+        raise BusybotError(f"{recording.file('objects')}: its objects are not numbered 0, 1, 2, ...", HINT)
     return rows
 
 
@@ -185,32 +179,34 @@ def _position(row: _Object | _Frame) -> tuple[float | None, float | None, float 
     return row.position_x, row.position_y, row.position_z
 
 
-def _episode(folder: Path, told: _Episode, board: BoardSpec) -> Episode:
-    file = inside(folder, "frames.csv")
-    frames, objects = read_table(file, _Frame, HINT), _objects(inside(folder, "objects.csv"))
+def _episode(recording: ExportedRecording, told: _Episode, board: BoardSpec) -> Episode:
+    file, about = recording.file("frames"), recording.file("episodes")
+    frames, objects = recording.rows("frames", _Frame), _objects(recording)
     if [row.frame for row in frames] != list(range(len(frames))):
         raise BusybotError(f"{file}: its frames are not numbered 0, 1, 2, ...", HINT)
     if (len(told.camera_matrix), len(told.camera_pose)) != (9, 16):
-        raise BusybotError(f"{folder / 'episodes.csv'}: the camera's matrix has 9 numbers, its pose 16", HINT)
+        raise BusybotError(f"{about}: the camera's matrix has 9 numbers, its pose 16", HINT)
     matrix, pose = np.reshape(told.camera_matrix, (3, 3)), np.reshape(told.camera_pose, (4, 4))
     camera = Camera(told.width, told.height, matrix, pose)
-    with naming(folder / "episodes.csv"):
+    with naming(about):
         check_camera(camera)
     shown, frame_of = _stored(frames)
     if len(shown) * told.width * told.height > MAX_PIXELS:
         what = f"{len(shown)} pictures of {told.width} x {told.height} pixels, at most {MAX_PIXELS} in all are read"
         raise BusybotError(f"{file}: {what}", "shorter recordings, or smaller pictures")
-    return Episode(
+    episode = Episode(
         board=board,
         camera=camera,
         links=(),
         positions=np.array([_position(row) for row in objects], np.float32),
-        images=list(_images(folder, shown, objects, told)),
+        images=list(_images(recording, shown, objects, told)),
         frame_of=frame_of,
-        steps=[_step(row, f"{file}: line {row.frame + 2}") for row in frames[:-1]],
+        steps=[_step(row, f"{file}: line {row.line}") for row in frames[:-1]],
         policy=told.policy,
         oracle=told.oracle,
     )
+    recording.forget()
+    return episode
 
 
 def _stored(frames: list[_Frame]) -> tuple[list[_Frame], list[int]]:
@@ -223,24 +219,22 @@ def _stored(frames: list[_Frame]) -> tuple[list[_Frame], list[int]]:
     return shown, frame_of
 
 
-def _images(folder: Path, shown: list[_Frame], objects: list[_Object], told: _Episode) -> Iterator[Image]:
+def _images(
+    recording: ExportedRecording, shown: list[_Frame], objects: list[_Object], told: _Episode
+) -> Iterator[Image]:
     """Boxes are known of the first picture alone."""
     known = [[getattr(row, f"first_box_{side}") for side in _SIDES] for row in objects]
     boxes = np.array([[-1] * 4 if None in box else box for box in known], np.int16)
     for number, row in enumerate(shown):
-        rgb, depth = _picture(folder, row.rgb), None
+        rgb, depth = recording.picture(row.rgb), None
         try:
             colours = decode_rgb(rgb, told.width, told.height)
             if row.depth is not None:
-                steps = decode_plain(_picture(folder, row.depth), told.width, told.height)
+                steps = decode_plain(recording.picture(row.depth), told.width, told.height)
                 depth = np.where(steps > 0, told.depth_offset + steps * told.depth_scale, 0).astype(np.float32)
         except ValueError as error:
-            raise BusybotError(f"{folder}: frame {row.frame}: {error}", HINT) from None
+            raise BusybotError(f"{recording.place}: frame {row.frame}: {error}", HINT) from None
         yield Image(colours, depth, None, boxes if number == 0 else np.full_like(boxes, -1))
-
-
-def _picture(folder: Path, name: str) -> bytes:
-    return read_regular(inside(folder, name), MAX_PICTURE_BYTES, "put the picture there, or correct frames.csv")
 
 
 def _step(row: _Frame, where: str) -> Step:

@@ -9,12 +9,13 @@ from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.importing.camera_folder import ImportOptions, camera_folders, read_camera_folder
-from busybot.datasets.importing.images import describe_images, image_folders, import_images
+from busybot.datasets.importing.exported import RecordingFolder, exported_recordings
+from busybot.datasets.importing.images import describe_export, import_export
 from busybot.datasets.importing.lerobot import INFO_FILE, read_lerobot
 from busybot.datasets.importing.recording import Recording, store_recordings
 from busybot.datasets.importing.thor import event_folders, read_events
 
-CAMERA, IMAGES, LEROBOT, THOR = "camera", "images", "lerobot", "ai2thor"
+CAMERA, IMAGES, PARQUET, LEROBOT, THOR = "camera", "images", "parquet", "lerobot", "ai2thor"
 
 
 @dataclass(frozen=True)
@@ -46,12 +47,13 @@ def import_source(
     options = options or ImportOptions()
     if not source.exists():
         raise BusybotError(f"{source}: there is no such file or folder", "name what is to be imported")
-    if source.is_dir() and (folders := image_folders(source)):
+    if source.is_dir() and (exported := exported_recordings(source)):
         if options != ImportOptions():
             what = f"{source} tells all of it itself: options besides --out and --dry-run are for other sources"
             raise UsageError(what, "leave them out")
-        told = [describe_images(folder) for folder in folders]
-        return Imported(IMAGES, told, None if out is None else import_images(source, out, progress))
+        kind = IMAGES if isinstance(exported[0], RecordingFolder) else PARQUET
+        told = [describe_export(recording) for recording in exported]
+        return Imported(kind, told, None if out is None else import_export(source, out, progress))
     kind, recordings = _read(source, options)
     summaries = [one.summary() for one in recordings]
     return Imported(kind, summaries, None if out is None else store_recordings(kind, recordings, out, progress))
@@ -66,7 +68,7 @@ def _read(source: Path, options: ImportOptions) -> tuple[str, Sequence[Recording
     if not folders:
         what = f"{source}: it is nothing that can be imported"
         hint = "a folder with actions.csv (docs/guides/own-recordings.md), or one of `dataset export --to images` "
-        raise BusybotError(what, f"{hint}with episodes/000000; those to parquet, hf and croissant do not come back")
+        raise BusybotError(what, f"{hint}with episodes/000000, or to parquet with data/frames")
     if options.tables is not None:
         raise UsageError(f"{source}: a camera's folder has its tables in it", "--tables is for LeRobot's datasets")
     return CAMERA, _proposed([read_camera_folder(folder, options) for folder in folders], options)

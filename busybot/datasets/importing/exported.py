@@ -1,0 +1,182 @@
+"""What `dataset export` wrote, one recording after the other: its tables as checked rows, and its pictures.
+
+`images` has a folder for each recording, `parquet` and `hf` have tables of all; `exporting.frames` tells their columns.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from pydantic import ValidationError
+
+from busybot.common.atomic_io import folders_with, inside, read_regular, regular_files
+from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import first_fault
+from busybot.common.limits import MAX_PICTURE_BYTES
+from busybot.datasets.exporting.frames import EPISODES_FOLDER, IMAGE, TABLES
+from busybot.datasets.importing.containers import read_rows
+from busybot.datasets.importing.csv_tables import Row, read_table
+
+HINT = "`busybot dataset export DATASET --to images` writes such a folder, `--to parquet` such tables"
+TABLES_FOLDER = "data"
+BATCH = 64
+"""Rows that are decoded at once."""
+
+AnyRow = TypeVar("AnyRow", bound=Row)
+
+
+class ExportedRecording(Protocol):
+    """One recording of an export."""
+
+    @property
+    def place(self) -> str:
+        """For messages."""
+
+    def file(self, table: str) -> Path:
+        """Where a table lies."""
+
+    def rows(self, table: str, model: type[AnyRow]) -> list[AnyRow]:
+        """Its rows of a table, at least one; BusybotError names the file and the row."""
+
+    def picture(self, name: str) -> bytes:
+        """A picture that a row of `frames` names."""
+
+    def frames(self) -> int:
+        """How many there are."""
+
+    def forget(self) -> None:
+        """Keep no pictures any longer."""
+
+
+@dataclass(frozen=True)
+class RecordingFolder:
+    """A recording in a folder of its own."""
+
+    folder: Path
+
+    @property
+    def place(self) -> str:
+        return str(self.folder)
+
+    def file(self, table: str) -> Path:
+        return inside(self.folder, f"{table}.csv")
+
+    def rows(self, table: str, model: type[AnyRow]) -> list[AnyRow]:
+        return read_table(self.file(table), model, HINT)
+
+    def picture(self, name: str) -> bytes:
+        return read_regular(
+            inside(self.folder, name), MAX_PICTURE_BYTES, "put the picture there, or correct frames.csv"
+        )
+
+    def frames(self) -> int:
+        return len(self.rows("frames", Row))
+
+    def forget(self) -> None:
+        """It keeps none."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Where a recording's rows of a table are."""
+
+    file: Path
+    first: int
+    count: int
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingRows:
+    """A recording in tables of all."""
+
+    source: Path
+    index: int
+    parts: dict[str, _Part]
+    _kept: dict[str, bytes] = field(default_factory=dict)
+
+    @property
+    def place(self) -> str:
+        return f"{self.source}: episode {self.index}"
+
+    def file(self, table: str) -> Path:
+        return self.parts[table].file
+
+    def rows(self, table: str, model: type[AnyRow]) -> list[AnyRow]:
+        part, columns = self.parts[table], [name for name in model.model_fields if name != "line"]
+        pictures = {column.name for column in TABLES[table] if column.type == IMAGE}
+        rows: list[AnyRow] = []
+        for number, told in enumerate(read_rows(part.file, columns, BATCH, part.first), start=part.first + 1):
+            if len(rows) == part.count:
+                break
+            try:
+                cells = {name: self._named(cell) if name in pictures else cell for name, cell in told.items()}
+                rows.append(model.model_validate(cells | {"line": number}))
+            except (ValidationError, ValueError) as error:
+                fault = first_fault(error) if isinstance(error, ValidationError) else error
+                raise BusybotError(f"{part.file}: row {number}: {fault}", HINT) from None
+        return rows
+
+    def _named(self, cell: dict[str, Any] | None) -> str | None:
+        """The name by which `picture` finds it; those that other programs wrote may have none."""
+        if cell is None:
+            return None
+        data = cell["bytes"] or b""
+        name = str(cell["path"] or hashlib.sha256(data).hexdigest())
+        if self._kept.setdefault(name, data) != data:
+            raise ValueError(f"another picture is called {name!r}, too")
+        return name
+
+    def picture(self, name: str) -> bytes:
+        if len(self._kept[name]) > MAX_PICTURE_BYTES:
+            raise BusybotError(f"{self.place}: {name} has more than {MAX_PICTURE_BYTES} bytes", HINT)
+        return self._kept[name]
+
+    def frames(self) -> int:
+        return self.parts["frames"].count
+
+    def forget(self) -> None:
+        self._kept.clear()
+
+
+def exported_recordings(source: Path) -> Sequence[ExportedRecording]:
+    """The recordings of an export, in order; none where it is of another kind.
+
+    Raises:
+        BusybotError: naming the file, if tables do not tell of the same recordings.
+    """
+    if folders := folders_with(inside(source, EPISODES_FOLDER)):
+        return [RecordingFolder(folder) for folder in folders]
+    if not (source / TABLES_FOLDER / "frames").is_dir():
+        return []
+    tables = {name: _parts(source, name) for name in ("frames", "objects", "episodes")}
+    for name, parts in tables.items():
+        if parts.keys() != tables["episodes"].keys():
+            odd = min(parts.keys() ^ tables["episodes"].keys())
+            what = f"{source / TABLES_FOLDER / name}: episode {odd} is there or in the table `episodes`, not in both"
+            raise BusybotError(what, "export the dataset again")
+    return [
+        RecordingRows(source, index, {name: parts[index] for name, parts in tables.items()})
+        for index in sorted(tables["episodes"])
+    ]
+
+
+def _parts(source: Path, table: str) -> dict[int, _Part]:
+    """Where each episode's rows of a table are; they follow each other in one file."""
+    found: dict[int, _Part] = {}
+    folder = inside(source, f"{TABLES_FOLDER}/{table}")
+    for file in regular_files(folder, lambda name: name.endswith(".parquet")) if folder.is_dir() else ():
+        for number, row in enumerate(read_rows(file, ["episode"], 1 << 16)):
+            index, before = row["episode"], found.get(row["episode"])
+            if not isinstance(index, int) or index < 0:
+                raise BusybotError(f"{file}: row {number + 1}: {index!r} is no number of an episode", HINT)
+            if before is None:
+                found[index] = _Part(file, number, 1)
+            elif (before.file, before.first + before.count) == (file, number):
+                found[index] = _Part(file, before.first, before.count + 1)
+            else:
+                raise BusybotError(f"{file}: row {number + 1}: episode {index} is in two places", HINT)
+    if not found:
+        raise BusybotError(f"{folder}: it has no rows", HINT)
+    return found

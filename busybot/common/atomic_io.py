@@ -58,7 +58,7 @@ def replacing(path: Path, root: Path | None = None) -> Iterator[BinaryIO]:
         try:
             with _naming(path):
                 descriptor = os.open(temporary, _NEW, 0o666, dir_fd=folder)
-            with open(descriptor, "w+b") as file, _naming_writes(path):
+            with open(descriptor, "w+b") as file, naming_writes(path):
                 yield file
                 file.flush()
                 os.fsync(descriptor)
@@ -75,7 +75,7 @@ def replacing_by_path(path: Path, root: Path | None = None) -> Iterator[Path]:
     make_folder(path.parent, root)
     remove_abandoned(path.parent, path.name)
     with unfinished(path.parent, path.name, root, mode=0o700) as private:
-        with _naming_writes(path):
+        with naming_writes(path):
             yield private / path.name
         with _opened(private, root, make=False) as folder, _naming(path):
             descriptor = os.open(path.name, os.O_RDONLY | os.O_NOFOLLOW, dir_fd=folder)
@@ -94,7 +94,7 @@ def new_file(path: Path, root: Path | None = None) -> BinaryIO:
 
 def write_new(path: Path, data: bytes, root: Path | None = None) -> None:
     """Write a file that was not there before, without waiting for the disk."""
-    with _naming_writes(path), new_file(path, root) as file:
+    with naming_writes(path), new_file(path, root) as file:
         file.write(data)
 
 
@@ -108,7 +108,7 @@ def append_line(path: Path, line: str, root: Path | None = None) -> None:
     """Add a line to a file, which is made where it is absent."""
     with (
         _opened(path.parent, root) as folder,
-        _naming_writes(path),
+        naming_writes(path),
         open(_continued(folder, path, os.O_APPEND), "ab") as file,
     ):
         file.write(f"{line}\n".encode())
@@ -310,7 +310,7 @@ def _naming(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _naming_writes(path: Path) -> Iterator[None]:
+def naming_writes(path: Path) -> Iterator[None]:
     """Writing into an open file tells no path when it fails, as on a full disk."""
     try:
         yield

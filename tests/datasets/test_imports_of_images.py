@@ -94,7 +94,10 @@ def spoilt(values: list[Any], place: int, value: Any) -> list[Any]:
 
 PART = "part-00000.parquet"
 ODD_TABLES: dict[str, tuple[Callable[[Path], object], str]] = {
-    "no recordings of an object": (retold("objects", episode=lambda v: [0] * len(v)), "episode 1 is there or in"),
+    "no recordings of an object": (
+        retold("objects", episode=lambda v: [0] * len(v)),
+        "episode 1 is in the table `episodes` and not in `objects`",
+    ),
     "a recording in two places": (retold("frames", episode=lambda v: spoilt(v, 3, 1)), "is in two places"),
     "no number": (retold("frames", episode=lambda v: spoilt(v, 0, -1)), "row 1: -1 is no number"),
     "no picture": (retold("frames", rgb=lambda v: spoilt(v, 8, None)), f"{PART}: row 9: rgb"),

@@ -1,4 +1,4 @@
-"""Datasets in LeRobot's layout that others wrote: what they say of themselves, and their tables."""
+"""Datasets as tables that others wrote, in LeRobot's layout or ours: what they say of themselves, and their columns."""
 
 import io
 import json
@@ -19,7 +19,7 @@ from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
 from tests.hostile.containers import NAME, odd_clock
 from tests.hostile.damage import ANY, JSON, PATHS, TEXT, TEXTS, Damage, flipped, odd_csv
-from tests.hostile.doors import imported_from, in_a_line, odd_picture
+from tests.hostile.doors import _imported, imported_from, in_a_line, odd_picture
 from tests.hostile.targets import Target, _printed
 
 COLUMNS = ("timestamp", "episode_index", "action", "pixel", RGB)
@@ -94,15 +94,20 @@ def _name(rng: np.random.Generator) -> str:
 def odd_column(columns: dict[str, Any], rng: np.random.Generator) -> None:
     """A column is gone, is called otherwise or has values of another type."""
     name = _name(rng)
-    old, kind = columns.pop(name), int(rng.integers(10))
+    columns.update(odd_values(name, columns.pop(name), int(rng.integers(10)), rng))
+
+
+def odd_values(name: str, old: Any, kind: int, rng: np.random.Generator) -> dict[str, Any]:
+    """What is there in place of a column: none of kind 0, the same by another name of kind 1, else another type."""
     count = len(old)
+    if kind == 0:
+        return {}
     if kind == 1:
-        columns[TEXTS[int(rng.integers(len(TEXTS)))].encode(errors="replace").decode()] = old
+        return {TEXTS[int(rng.integers(len(TEXTS)))].encode(errors="replace").decode(): old}
     others = [pa.nulls(count), pa.array(["1"] * count), pa.array([True] * count), pa.array([[0.5]] * count)]
     others += [pa.array([b"x"] * count), pa.array([{"a": 1}] * count), pa.array([2**64 - 1] * count, pa.uint64())]
     others += [pa.array([10**18] * count, pa.timestamp("ns", "Asia/Kolkata"))]
-    if kind > 1:
-        columns[name] = others[kind - 2]
+    return {name: others[kind - 2]}
 
 
 def odd_cell(columns: dict[str, Any], rng: np.random.Generator) -> None:
@@ -157,13 +162,65 @@ def odd_beside(data: bytes, rng: np.random.Generator) -> bytes:
     return (JSON[int(rng.integers(len(JSON)))] if data.startswith(b"{") else odd_csv)(data, rng)
 
 
+def _exported(folder: Path) -> None:
+    export_recordings(make_dataset(folder / "made", boards=2, finished=(0, 1)), "parquet", folder / "t")
+
+
+def any_column(columns: dict[str, Any], rng: np.random.Generator) -> None:
+    """One of all columns is gone, of another type, or has its values in another order or of another row."""
+    name = sorted(columns)[int(rng.integers(len(columns)))]
+    old, choice = columns[name], int(rng.integers(4))
+    count = len(old)
+    rows = [rng.permutation(count), np.full(count, rng.integers(count)), np.arange(count)[::-1]]
+    if choice < 3:
+        columns[name] = old.take(pa.array(rows[choice]))
+        return
+    del columns[name]
+    columns.update(odd_values(name, old, int(rng.integers(10)), rng))
+
+
+def other_cell(columns: dict[str, Any], rng: np.random.Generator) -> None:
+    """One value is none, or far from all that there are; a picture is another one, or has another's name."""
+    name = sorted(columns)[int(rng.integers(len(columns)))]
+    values, kind, row = columns[name].to_pylist(), columns[name].type, int(rng.integers(len(columns[name])))
+    if pa.types.is_struct(kind) and values[row] is not None:
+        data, path = values[row]["bytes"], PATHS[int(rng.integers(len(PATHS)))]
+        odd = ({"bytes": None, "path": path}, {"bytes": odd_picture(data, rng), "path": values[row]["path"]})
+        values[row] = (*odd, {"bytes": flipped(data, rng), "path": None})[int(rng.integers(3))]
+    elif pa.types.is_floating(kind):
+        values[row] = float(rng.choice([np.nan, np.inf, -1e38, 1e-30]))
+    elif pa.types.is_integer(kind):
+        values[row] = int(rng.choice([-1, 0, 2 ** (kind.bit_width - 1) - 1, 7]))
+    elif pa.types.is_string(kind):
+        values[row] = TEXTS[int(rng.integers(len(TEXTS)))].encode(errors="replace").decode()
+    else:
+        values[row] = None
+    columns[name] = pa.array(values, kind)
+
+
+def many_rows(columns: dict[str, Any], rng: np.random.Generator) -> None:
+    """Its last row so often that a small file holds gigabytes; pictures there are large."""
+    count, times = len(next(iter(columns.values()))), int(rng.choice([5_000, 300_000]))
+    numbers = np.append(np.arange(count), np.full(times, count - 1)).astype(np.int32)
+    for name, column in columns.items():
+        if pa.types.is_struct(column.type):
+            kept = pa.array(np.zeros(len(numbers), np.int32))
+            data = pa.DictionaryArray.from_arrays(kept, pa.array([rng.bytes(300_000)], pa.binary()))
+            columns[name] = pa.StructArray.from_arrays([data, pa.nulls(len(numbers), pa.string())], ["bytes", "path"])
+        else:
+            columns[name] = column.take(pa.array(numbers))
+
+
 TABLES = "tables beside recordings"
 TABLED = (*TEXT, *[odd_beside] * 24)
 TABLE = tuple(in_table(change) for change in (odd_column, odd_column, *[odd_cell] * 5))
+EXPORTED = tuple(in_table(change) for change in (*[any_column] * 4, *[other_cell] * 6))
 LEROBOT: dict[str, Target] = {
     "lerobot info": Target(_dataset, "t/meta/info.json", (*TEXT, *JSON, *JSON, *JSON), _read, False, NAME, 2),
     "lerobot tables": Target(_dataset, "t/data/*/*.parquet", (*ANY, *TABLE), _read, False, NAME, 2),
     "lerobot bombs": Target(_dataset, "t/data/*/*.parquet", (in_table(rows_bomb),), _read, False, NAME, 8),
+    "exported tables": Target(_exported, "t/data/*/*.parquet", (*ANY, *EXPORTED), _imported, False, NAME, 2),
+    "exported bombs": Target(_exported, "t/data/*/*.parquet", (in_table(many_rows),), _imported, False, NAME, 8),
     "tables beside recordings": Target(_tabled, "tables/*/*.*", TABLED, _read_tabled, False, TABLES, 2),
     "printed tables": Target(
         _tabled,

@@ -26,6 +26,7 @@ from busybot.boards.spec import BODY, BoardSpec, LinkRef
 from busybot.boards.worlds import links_of
 from busybot.common.atomic_io import (
     make_folder,
+    naming_writes,
     new_file,
     refuse_taken,
     remove_abandoned,
@@ -162,7 +163,8 @@ def _write_tables(folder: Path, found: Iterator[Rows], boards: int, progress: Pr
             if len(waiting) == BOARDS_PER_ROW_GROUP or done == boards:
                 for name, writer in writers.items():
                     rows = _table(name, waiting)
-                    writer.write_table(rows)
+                    with naming_writes(folder / f"{name}.parquet"):
+                        writer.write_table(rows)
                     counts[name] += rows.num_rows
                 waiting.clear()
             if progress:

@@ -9,10 +9,9 @@ import atexit
 import base64
 import json
 import math
-import os
 import sys
 from collections.abc import Iterator, Sequence
-from functools import cache, lru_cache
+from functools import cache
 from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
@@ -114,30 +113,15 @@ def container_pictures(file: Path, camera: str, numbers: Sequence[int]) -> Itera
         yield row if len(shape) == 2 else np.frombuffer(row, np.uint8).reshape(shape[1:])
 
 
-def _stamp(file: Path) -> tuple[int, ...]:
-    """What tells a file from one that takes its place."""
-    try:
-        facts = os.stat(file)
-    except OSError:  # whoever reads it says so
-        return ()
-    return facts.st_ino, facts.st_size, facts.st_mtime_ns
-
-
-@lru_cache(maxsize=3)
-def _table_bytes(file: Path, _: tuple[int, ...]) -> bytes:
-    """Of a table that is asked for one recording after the other; another file with its name is read anew."""
-    return read_regular(file, MAX_TABLE_BYTES)
-
-
 def read_rows(file: Path, columns: Sequence[str], batch: int, first: int = 0) -> Iterator[dict[str, Any]]:
     """Rows of a table from `first` on, so many at once, so that equal ones that are stored once fill no memory.
 
     Raises:
         BusybotError: naming the file, if it is damaged, lacks a column, or has too many rows.
     """
-    hint, data = "write the table again", _table_bytes(file, _stamp(file))
+    hint, opened = "write the table again", open_regular(file, MAX_TABLE_BYTES)
     try:
-        table = pq.ParquetFile(pa.BufferReader(data))
+        table = pq.ParquetFile(opened)
         names, told = table.schema_arrow.names, table.metadata
         for name in columns:
             if names.count(name) != 1:
@@ -153,6 +137,8 @@ def read_rows(file: Path, columns: Sequence[str], batch: int, first: int = 0) ->
     except (pa.ArrowException, OSError, KeyError, ValueError, OverflowError, MemoryError) as error:
         what = f"{file}: {', '.join(columns)} cannot be read: {type(error).__name__}: {str(error)[:200]}"
         raise BusybotError(what, hint) from None
+    finally:
+        opened.close()
 
 
 def _of_table(file: Path, column: str, numbers: Sequence[int]) -> Iterator[bytes]:

@@ -6,6 +6,7 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -14,7 +15,7 @@ from pydantic import ValidationError
 from busybot.common.atomic_io import folders_with, inside, read_regular, regular_files
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
-from busybot.common.limits import MAX_PICTURE_BYTES
+from busybot.common.limits import MAX_PICTURE_BYTES, MAX_RECORDING_BYTES
 from busybot.datasets.exporting.frames import EPISODES_FOLDER, IMAGE, TABLES
 from busybot.datasets.importing.containers import read_rows
 from busybot.datasets.importing.csv_tables import Row, read_table
@@ -91,14 +92,13 @@ class _Part:
 class RecordingRows:
     """A recording in tables of all."""
 
-    source: Path
     index: int
     parts: dict[str, _Part]
     _kept: dict[str, bytes] = field(default_factory=dict)
 
     @property
     def place(self) -> str:
-        return f"{self.source}: episode {self.index}"
+        return f"{self.file('frames')}: episode {self.index}"
 
     def file(self, table: str) -> Path:
         return self.parts[table].file
@@ -107,9 +107,12 @@ class RecordingRows:
         part, columns = self.parts[table], [name for name in model.model_fields if name != "line"]
         pictures = {column.name for column in TABLES[table] if column.type == IMAGE}
         rows: list[AnyRow] = []
-        for number, told in enumerate(read_rows(part.file, columns, BATCH, part.first), start=part.first + 1):
-            if len(rows) == part.count:
-                break
+        own, size = islice(read_rows(part.file, columns, BATCH, part.first), part.count), 0
+        for number, told in enumerate(own, start=part.first + 1):
+            size += sum(len(cell["bytes"] or b"") for name, cell in told.items() if name in pictures and cell)
+            if size > MAX_RECORDING_BYTES:
+                what = f"{self.place} has more than {MAX_RECORDING_BYTES} bytes of pictures"
+                raise BusybotError(f"{part.file}: row {number}: {what}", "export shorter recordings")
             try:
                 cells = {name: self._named(cell) if name in pictures else cell for name, cell in told.items()}
                 rows.append(model.model_validate(cells | {"line": number}))
@@ -154,10 +157,11 @@ def exported_recordings(source: Path) -> Sequence[ExportedRecording]:
     for name, parts in tables.items():
         if parts.keys() != tables["episodes"].keys():
             odd = min(parts.keys() ^ tables["episodes"].keys())
-            what = f"{source / TABLES_FOLDER / name}: episode {odd} is there or in the table `episodes`, not in both"
+            there, missing = (name, "episodes") if odd in parts else ("episodes", name)
+            what = f"{tables[there][odd].file}: episode {odd} is in the table `{there}` and not in `{missing}`"
             raise BusybotError(what, "export the dataset again")
     return [
-        RecordingRows(source, index, {name: parts[index] for name, parts in tables.items()})
+        RecordingRows(index, {name: parts[index] for name, parts in tables.items()})
         for index in sorted(tables["episodes"])
     ]
 
@@ -166,6 +170,8 @@ def _parts(source: Path, table: str) -> dict[int, _Part]:
     """Where each episode's rows of a table are; they follow each other in one file."""
     found: dict[int, _Part] = {}
     folder = inside(source, f"{TABLES_FOLDER}/{table}")
+    if odd := sorted(path for path in folder.glob("*.parquet") if path.is_dir()):
+        raise BusybotError(f"{odd[0]}: a folder, where a table belongs", HINT)
     for file in regular_files(folder, lambda name: name.endswith(".parquet")) if folder.is_dir() else ():
         for number, row in enumerate(read_rows(file, ["episode"], 1 << 16)):
             index, before = row["episode"], found.get(row["episode"])

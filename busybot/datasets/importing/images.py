@@ -7,7 +7,7 @@ Objects get keys of the category `Unknown`. Colours are stored as PNG: what a JP
 JPEG.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -110,26 +110,32 @@ def describe_export(recording: ExportedRecording) -> dict[str, object]:
     }
 
 
-def import_export(source: Path, out: Path, progress: Progress | None = None) -> Dataset:
+def import_export(
+    source: Path, out: Path, progress: Progress | None = None, recordings: Sequence[ExportedRecording] = ()
+) -> Dataset:
     """Make a dataset of the recordings of an export; it is there whole or not at all.
+
+    Args:
+        recordings: of the source, if they were looked for already.
 
     Raises:
         BusybotError: naming file and line, if something is missing or contradicts itself; or something is at `out`.
     """
     refuse_taken(out.absolute())
-    recordings = exported_recordings(source)
+    recordings = recordings or exported_recordings(source)
     if not recordings:
         raise BusybotError(f"{source}: it has no folder {EPISODES_FOLDER}/000000 with a recording, and no tables", HINT)
     told = [recording.rows("episodes", _Episode)[0] for recording in recordings]
     boards = [_board(index, found, one) for index, (found, one) in enumerate(zip(recordings, told, strict=True))]
-    steps = max(recording.frames() for recording in recordings) - 1
-    info = _info(source, out.absolute().name, told[0], steps, len(boards))
+    longest = max(recordings, key=lambda recording: recording.frames())
+    where = f"{recordings[0].file('episodes')} and {longest.file('frames')}"
+    info = _info(where, out.absolute().name, told[0], longest.frames() - 1, len(boards))
     read = zip(recordings, told, boards, strict=True)
     made = ((Path(found.place), lambda found=found, one=one, b=b: _episode(found, one, b)) for found, one, b in read)
     return store_episodes(out, info, boards, made, progress)
 
 
-def _info(source: Path, name: str, told: _Episode, steps: int, boards: int) -> DatasetInfo:
+def _info(where: str, name: str, told: _Episode, steps: int, boards: int) -> DatasetInfo:
     try:
         return DatasetInfo(
             name=name[:200],
@@ -141,7 +147,7 @@ def _info(source: Path, name: str, told: _Episode, steps: int, boards: int) -> D
             collect=CollectInfo(policy=told.policy, steps=steps, images="png", seed=told.seed),
         )
     except ValidationError as error:
-        raise BusybotError(f"{source}: {first_fault(error)}", HINT) from None
+        raise BusybotError(f"{where}: {first_fault(error)}", HINT) from None
 
 
 def _board(index: int, recording: ExportedRecording, told: _Episode) -> BoardSpec:

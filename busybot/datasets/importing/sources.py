@@ -53,7 +53,7 @@ def import_source(
             raise UsageError(what, "leave them out")
         kind = IMAGES if isinstance(exported[0], RecordingFolder) else PARQUET
         told = [describe_export(recording) for recording in exported]
-        return Imported(kind, told, None if out is None else import_export(source, out, progress))
+        return Imported(kind, told, None if out is None else import_export(source, out, progress, exported))
     kind, recordings = _read(source, options)
     summaries = [one.summary() for one in recordings]
     return Imported(kind, summaries, None if out is None else store_recordings(kind, recordings, out, progress))

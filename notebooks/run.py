@@ -16,15 +16,15 @@ SECONDS = 600
 """A cell may take so long."""
 
 
-def execute(path: Path) -> nbformat.NotebookNode:
-    """The notebook with the outputs of a new run; raises what a cell raises."""
+def execute(path: Path, folder: Path = FOLDER) -> nbformat.NotebookNode:
+    """The notebook with the outputs of a new run in a folder; raises what a cell raises."""
     notebook = nbformat.read(path, as_version=4)
     client = NotebookClient(
         notebook,
         timeout=SECONDS,
         kernel_name="python3",
         coalesce_streams=True,
-        resources={"metadata": {"path": str(FOLDER)}},
+        resources={"metadata": {"path": str(folder)}},
     )
     client.execute()
     for cell in notebook.cells:

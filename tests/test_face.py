@@ -51,6 +51,8 @@ def run(code: str) -> None:
         "import busybot; assert not {'numpy', 'gymnasium', 'torch', 'pydantic'} & set(sys.modules)",
         f"import busybot, gymnasium; {REGISTERED}; assert 'sapien' not in sys.modules",
         f"import gymnasium, busybot; {REGISTERED}",
+        # Gymnasium has no entry points any more; whoever only has an id names the package in it
+        "import gymnasium; gymnasium.make('busybot:busybot/Board-v0', render={'width': 32, 'height': 24}).close()",
         # somebody only asked whether it is there
         f"import importlib.util, busybot; importlib.util.find_spec('gymnasium'); import gymnasium; {REGISTERED}",
     ],

@@ -2,6 +2,9 @@
 
 import json
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -49,3 +52,16 @@ def test_they_run_and_print_the_same(path: Path) -> None:
 
     again = [cell for cell in execute(path).cells if cell.cell_type == "code"]
     assert printed(again) == printed(code_cells(path)), f"python notebooks/run.py {path.name}"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["1-board", "2-dataset"])
+def test_they_run_outside_of_the_repository_with_the_dataset_that_a_command_makes(name: str, tmp_path: Path) -> None:
+    from notebooks.run import execute
+
+    path = shutil.copy(FOLDER / f"{name}.ipynb", tmp_path)
+    with pytest.raises(Exception, match="busybot dataset tiny"):
+        execute(Path(path), tmp_path)
+    subprocess.run([sys.executable, "-m", "busybot", "dataset", "tiny"], cwd=tmp_path, check=True)
+    again = [cell for cell in execute(Path(path), tmp_path).cells if cell.cell_type == "code"]
+    assert printed(again) == printed(code_cells(Path(path)))

@@ -1,10 +1,10 @@
 """A frozen dataset to S3-compatible storage and back, against a server on this machine.
 
-    python -m benchmarks.reliability.s3 --server .tools/moto/bin/moto_server --out benchmarks/results/s3.json
+    python -m benchmarks.reliability.s3 --server .venv/bin/moto_server --out benchmarks/results/s3.json
 
-The server is moto's, in an environment of its own (`pip install 'moto[s3,server]'`); it listens on loopback and forgets
-everything. The tiny dataset is pushed, its pointer carried elsewhere, pulled there, verified and compared; then once
-more without credentials, which has to fail with a message (what a pull had begun stays in a hidden folder, to go on).
+The server is moto's (`make extras`); it listens on loopback and forgets everything. The tiny dataset is pushed, its
+pointer carried elsewhere, pulled there, verified and compared; then once more without credentials, which has to fail
+with a message (what a pull had begun stays in a hidden folder, to go on).
 """
 
 import json

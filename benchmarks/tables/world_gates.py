@@ -73,7 +73,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     models = options.models.split(",")
     hashes = {model: file_hashes(find_folder(model, "reason")) for model in models}
     for world in chosen(options.only, tuple(WORLDS)) if options.only else WORLDS:
-        for name in chosen(options.sets, tuple(frozen.SETS)):
+        for name in (one for one in chosen(options.sets, tuple(frozen.SETS)) if one in frozen.sets_of(world)):
             dataset = recorded(world, name, options)
             cells = rows.setdefault(world, {}).setdefault(name, {})
             for model in models:

@@ -19,20 +19,26 @@ def row(**changes: Any) -> dict[str, Any]:
     return {
         "boards": 2, "after": {number: point for number in ("10", "22", "30")}, "what_if": 0.95, "rewirings": 0,
         "uncertain": [{"images": 4, "ece_uncertain": 0.05}, {"images": 8, "ece_uncertain": None}],
-        "mechanism_accuracy": 0.85, "mechanism_bound": 0.9, "parent_p": 0.96, "parent_r": 0.99, "rewired_placed": None,
+        "pred_a": 0.7, "rewired_found": None, "mechanism_accuracy": 0.85, "mechanism_bound": 0.9, "parent_p": 0.96, "parent_r": 0.99,
+        "rewired_placed": None,
     } | changes  # fmt: skip
 
 
 def told_of(monkeypatch: pytest.MonkeyPatch, world: str, name: str = "validation", **changes: Any) -> list[str]:
     """The cells of its line in the table."""
-    rows = {world: {name: {"mechanism": row(**changes)}}}
+    return told_of_seeds(monkeypatch, world, name, row(**changes))
+
+
+def told_of_seeds(monkeypatch: pytest.MonkeyPatch, world: str, name: str, *seeds: dict[str, Any]) -> list[str]:
+    rows = {world: {name: {f"seed-{number}": one for number, one in enumerate(seeds)}}}
     monkeypatch.setattr(world_tables, "result", lambda _: {"rows": rows})
     return [cell.strip() for cell in world_tables.world_gates().splitlines()[-1].strip("|").split("|")]
 
 
 def test_missed_gates_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert told_of(monkeypatch, "gates") == [
-        "gates, validation", "2", "95 / 95 / 95 (98 / 98 / 98)", "85 (90)", "95", "5 (4)", "none"
+        "gates, validation", "2", "1", "96 / 99", "95 / 95 / 95 (98 / 98 / 98)", "85 (90)", "95", "70", "-", "5 (4)",
+        "none",
     ]  # fmt: skip
     assert told_of(monkeypatch, "time", mechanism_accuracy=0.8, what_if=0.8)[-1] == "mechanism, what if"
     assert told_of(monkeypatch, "chance", parent_r=0.9)[-1] == "P, R"
@@ -41,6 +47,14 @@ def test_missed_gates_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert told_of(monkeypatch, "gates", "novel-mechanism", after=late)[-1] == "none", "they may be .08 behind"
     assert told_of(monkeypatch, "rewired", rewirings=3, rewired_placed=0.5)[-1] == "found and placed"
     assert told_of(monkeypatch, "lock", uncertain=[{"images": 12, "ece_uncertain": 0.1}])[-1] == "calibration"
+
+
+def test_several_seeds_are_one_line_with_their_mean_and_range(monkeypatch: pytest.MonkeyPatch) -> None:
+    worse = row(mechanism_accuracy=0.75, what_if=0.85, rewirings=3, rewired_found=0.9, rewired_placed=0.7)
+    better = row(rewirings=3, rewired_found=1.0, rewired_placed=0.8)
+    told = told_of_seeds(monkeypatch, "gates", "validation", worse, better)
+    assert told[2] == "2" and told[5] == "80 [75-85] (90)" and told[6] == "90" and told[8] == "95 / 75"
+    assert told[-1] == "mechanism (1), what if (1)"
 
 
 @pytest.mark.long

@@ -19,8 +19,8 @@ def row(**changes: Any) -> dict[str, Any]:
     return {
         "boards": 2, "after": {number: point for number in ("10", "22", "30")}, "what_if": 0.95, "rewirings": 0,
         "uncertain": [{"images": 4, "ece_uncertain": 0.05}, {"images": 8, "ece_uncertain": None}],
-        "pred_a": 0.7, "rewired_found": None, "mechanism_accuracy": 0.85, "mechanism_bound": 0.9, "parent_p": 0.96, "parent_r": 0.99,
-        "rewired_placed": None,
+        "pred_a": 0.7, "rewired_found": None, "mechanism_accuracy": 0.85, "mechanism_bound": 0.9,
+        "parent_p": 0.96, "parent_r": 0.99, "rewired_placed": None,
     } | changes  # fmt: skip
 
 

@@ -33,7 +33,7 @@ def device() -> torch.device:
 
 
 def multiplies_bfloat16() -> bool:
-    """Does the device multiply bfloat16 itself? Elsewhere it is imitated, at thrice the cost of float32 or more."""
+    """Does the device multiply bfloat16 itself, faster than float32? Where it is imitated it costs thrice as much."""
     return _multiplies_bfloat16(device())
 
 

@@ -183,6 +183,9 @@ def test_an_error_of_the_program_is_told_at_once_and_not_tried_again(capfd: pyte
     ("told", "processor", "able"),
     [
         ("model name\t: A new one\nflags\t\t: avx512_bf16\n\nmodel name\t: The next\nflags\t: \n", "A new one", True),
+        ("vendor_id\t: AuthenticAMD\nmodel name\t: Zen\nflags\t\t: avx2 avx512_bf16\n", "Zen", True),
+        ("vendor_id\t: GenuineIntel\nmodel name\t: Xeon\nflags\t\t: avx2 avx512_bf16\n", "Xeon", False),
+        ("vendor_id\t: GenuineIntel\nmodel name\t: Max\nflags\t\t: avx512_bf16 amx_bf16\n", "Max", True),
         ("model name\t: An old one\nflags\t\t: sse4_2 avx2\n", "An old one", False),
         ("processor\t: 0\nFeatures\t: fp asimd bf16\n", platform.machine(), True),
         (None, platform.machine(), None),

@@ -7,7 +7,7 @@ since they were computed, and something that is wanted depends on them. The laye
 numbers that they would see in a whole pass, and the same zeros beyond the border.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,6 +25,12 @@ TOGETHER = 64
 """Tiles that are computed at once: few enough for a processor's cache."""
 
 Scale = Literal["same", "finer", "coarser"]
+Join = Callable[..., Tensor]
+
+
+def _alone(source: Tensor) -> Tensor:
+    """What a layer with one source reads."""
+    return source
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,7 @@ class _Layer:
         blocks: what is computed one after the other; the convolutions among them reach `reach` cells in all.
         shape: rows and columns of the output.
         tile: side of the squares that are computed.
+        sources: what is read, one, or a coarser one and one of its own size, which the network joins.
 
     Attributes:
         stale: uint8, like the output: cells that are not of the newest picture.
@@ -49,9 +56,14 @@ class _Layer:
     """
 
     def __init__(
-        self, blocks: Sequence[nn.Module], shape: tuple[int, int], tile: int, sources: Sequence[_Source] = ()
+        self,
+        blocks: Sequence[nn.Module],
+        shape: tuple[int, int],
+        tile: int,
+        sources: Sequence[_Source] = (),
+        join: Join = _alone,
     ) -> None:
-        self.blocks, self.shape, self.tile, self.sources = blocks, shape, tile, sources
+        self.blocks, self.shape, self.tile, self.sources, self.join = blocks, shape, tile, sources, join
         self.reach = sum(_is_spatial(block) for block in blocks)
         self.stale = np.ones(shape, np.uint8)
         self.needed = np.zeros(shape, np.uint8)
@@ -79,7 +91,7 @@ class _Layer:
         """The tiles that were claimed."""
         for first in range(0, len(self.corners), TOGETHER):
             corners = self.corners[first : first + TOGETHER]
-            x = torch.cat([_read(source, corners, self.tile, self.reach) for source in self.sources], dim=1)
+            x = self.join(*(_read(source, corners, self.tile, self.reach) for source in self.sources))
             reach = self.reach
             for block in self.blocks:
                 if _is_spatial(block):
@@ -134,11 +146,13 @@ class IncrementalPositionNet:
         for encode, shape, width in zip(network.encoders, shapes, widths, strict=True):
             source = _Source(encoders[-1], "finer") if encoders else _Source(self._picture, "same")
             encoders.append(_Layer(list(encode), shape, TILES[width], [source]))
+        after: list[nn.Module] = [network.head, *network.lifts]  # of a level's last layer nothing else is read
         decoders = encoders[-1:]
+        decoders[0].blocks = [*decoders[0].blocks, *after[len(encoders) - 1 :]]
         for level in reversed(range(len(network.decoders))):
-            blocks = [network.decoders[level], *([] if level else [network.head])]
+            blocks = [network.decoders[level], *after[level : level + 1]]
             sources = [_Source(decoders[-1], "coarser"), _Source(encoders[level], "same")]
-            decoders.append(_Layer(blocks, shapes[level], TILES[widths[level]], sources))
+            decoders.append(_Layer(blocks, shapes[level], TILES[widths[level]], sources, network.joined))
         self._layers = [*encoders, *decoders[1:]]
 
     def __call__(self, features: Tensor, wanted: np.ndarray) -> Tensor:
@@ -188,7 +202,7 @@ class IncrementalPositionNet:
         features = features[None].contiguous(memory_format=torch.channels_last)
         outputs = {self._picture: functional.pixel_unshuffle(features, self._fold)}
         for layer in self._layers:
-            x = torch.cat([_scaled(outputs[source.layer], source.scale) for source in layer.sources], dim=1)
+            x = layer.join(*(_scaled(outputs[source.layer], source.scale) for source in layer.sources))
             for block in layer.blocks:
                 x = block(x)
             outputs[layer] = x
@@ -218,13 +232,13 @@ class IncrementalPositionNet:
 
 
 def _is_spatial(block: nn.Module) -> bool:
-    """Whether it begins with a 3 x 3 convolution, as all blocks do but the head."""
-    return isinstance(block, nn.Sequential)
+    """Whether it begins with a 3 x 3 convolution, as all blocks do but the head and what lifts."""
+    return isinstance(block, nn.Sequential) and block[0].kernel_size != (1, 1)
 
 
 def _apply(block: nn.Module, x: Tensor) -> Tensor:
     """A block without its padding, (K, C, n, n) to (K, C', n - 2, n - 2)."""
-    if not isinstance(block, nn.Sequential):
+    if not isinstance(block, nn.Sequential) or not _is_spatial(block):
         return block(x)
     convolution, *rest = block
     assert isinstance(convolution, nn.Conv2d)

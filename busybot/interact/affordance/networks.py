@@ -81,10 +81,10 @@ POSITION_SIZES: dict[Networks, PositionSize] = {
     "lean": PositionSize(2, (16, 32, 64, 96), added=True),
     "smaller": PositionSize(4, (32, 48, 64)),
 }
-"""Sizes by name; the smaller ones learn and judge in a third of the time, and so do lean ones, which see each pixel."""
+"""Sizes by name; the smaller ones learn and judge in a third of the time, lean ones in two fifths, and see each pixel."""
 DIRECTION_SIZES: dict[Networks, DirectionSize] = {
     "usual": DirectionSize((32, 48, 64, 96), 192),
-    "lean": DirectionSize((16, 32, 48, 96), 192),
+    "lean": DirectionSize((32, 48, 64, 96), 192),
     "smaller": DirectionSize((16, 24, 32, 64), 128),
 }
 

@@ -7,8 +7,9 @@ since they were computed, and something that is wanted depends on them. The laye
 numbers that they would see in a whole pass, and the same zeros beyond the border.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Literal
 
 import cv2
@@ -19,12 +20,18 @@ from torch.nn import functional
 
 from busybot.interact.affordance.networks import PositionNet
 
-TILES = {2: 8, 4: 8, 8: 4, 16: 4}
+TILES = {2: 16, 4: 8, 8: 8, 16: 4}
 """Sides of tiles in cells, powers of two, by the width of a cell in pixels."""
 TOGETHER = 64
 """Tiles that are computed at once: few enough for a processor's cache."""
 
 Scale = Literal["same", "finer", "coarser"]
+Join = Callable[..., Tensor]
+
+
+def _alone(source: Tensor) -> Tensor:
+    """What a layer with one source reads."""
+    return source
 
 
 @dataclass(frozen=True)
@@ -35,6 +42,38 @@ class _Source:
     scale: Scale
 
 
+@dataclass(frozen=True)
+class _Block:
+    """A convolution of the network, of which the normalisation behind it has become a part, and ReLU or none.
+
+    Attributes:
+        reach: cells that it sees beyond its own, 1 or 0.
+    """
+
+    weight: Tensor
+    bias: Tensor | None
+    bends: bool
+    reach: int
+
+    @staticmethod
+    def of(block: nn.Module) -> "_Block":
+        convolution, *rest = block if isinstance(block, nn.Sequential) else [block]
+        assert isinstance(convolution, nn.Conv2d)
+        weight, bias = convolution.weight.detach(), convolution.bias
+        for norm in rest:
+            if isinstance(norm, nn.BatchNorm2d):
+                assert norm.running_mean is not None and norm.running_var is not None and bias is None
+                gain = norm.weight.detach() * (norm.running_var + norm.eps).rsqrt()
+                weight, bias = weight * gain[:, None, None, None], norm.bias.detach() - norm.running_mean * gain
+        weight = weight.contiguous(memory_format=torch.channels_last)
+        return _Block(weight, bias, any(isinstance(one, nn.ReLU) for one in rest), convolution.kernel_size[0] // 2)
+
+    def __call__(self, x: Tensor, padding: int = 0) -> Tensor:
+        """(K, C, n, n) to (K, C', m, m); without padding a border of `reach` cells is lost."""
+        x = functional.conv2d(x, self.weight, self.bias, padding=padding)
+        return x.relu_() if self.bends else x
+
+
 class _Layer:
     """A layer's output, kept in part.
 
@@ -42,6 +81,7 @@ class _Layer:
         blocks: what is computed one after the other; the convolutions among them reach `reach` cells in all.
         shape: rows and columns of the output.
         tile: side of the squares that are computed.
+        sources: what is read, one, or a coarser one and one of its own size, which the network joins.
 
     Attributes:
         stale: uint8, like the output: cells that are not of the newest picture.
@@ -49,10 +89,15 @@ class _Layer:
     """
 
     def __init__(
-        self, blocks: Sequence[nn.Module], shape: tuple[int, int], tile: int, sources: Sequence[_Source] = ()
+        self,
+        blocks: Sequence[_Block],
+        shape: tuple[int, int],
+        tile: int,
+        sources: Sequence[_Source] = (),
+        join: Join = _alone,
     ) -> None:
-        self.blocks, self.shape, self.tile, self.sources = blocks, shape, tile, sources
-        self.reach = sum(_is_spatial(block) for block in blocks)
+        self.blocks, self.shape, self.tile, self.sources, self.join = blocks, shape, tile, sources, join
+        self.reach = sum(block.reach for block in blocks)
         self.stale = np.ones(shape, np.uint8)
         self.needed = np.zeros(shape, np.uint8)
         self.corners = np.zeros((0, 2), int)
@@ -79,13 +124,12 @@ class _Layer:
         """The tiles that were claimed."""
         for first in range(0, len(self.corners), TOGETHER):
             corners = self.corners[first : first + TOGETHER]
-            x = torch.cat([_read(source, corners, self.tile, self.reach) for source in self.sources], dim=1)
+            x = self.join(*(_read(source, corners, self.tile, self.reach) for source in self.sources))
             reach = self.reach
             for block in self.blocks:
-                if _is_spatial(block):
+                if block.reach:
                     x = _blank(x, corners - reach, self.shape)
-                    reach -= 1
-                x = _apply(block, x)
+                x, reach = block(x), reach - block.reach
             self._keep(corners, x)
 
     def window(self, corners: np.ndarray, side: int) -> Tensor:
@@ -127,18 +171,21 @@ class IncrementalPositionNet:
     def __init__(self, network: PositionNet, size: tuple[int, int]):
         self._network, self._size, self._fold = network, size, network.size.fold
         self._features: Tensor | None = None
+        self._logits = torch.empty(0)
         widths = [self._fold << level for level in range(len(network.encoders))]
         shapes = [(size[0] // width, size[1] // width) for width in widths]
         self._picture = _Layer((), shapes[0], TILES[widths[0]])
         encoders: list[_Layer] = []
         for encode, shape, width in zip(network.encoders, shapes, widths, strict=True):
             source = _Source(encoders[-1], "finer") if encoders else _Source(self._picture, "same")
-            encoders.append(_Layer(list(encode), shape, TILES[width], [source]))
+            encoders.append(_Layer([_Block.of(block) for block in encode], shape, TILES[width], [source]))
+        after = [_Block.of(block) for block in (network.head, *network.lifts)]  # nothing else reads what is before
         decoders = encoders[-1:]
+        decoders[0].blocks = [*decoders[0].blocks, *after[len(encoders) - 1 :]]
         for level in reversed(range(len(network.decoders))):
-            blocks = [network.decoders[level], *([] if level else [network.head])]
+            blocks = [_Block.of(network.decoders[level]), *after[level : level + 1]]
             sources = [_Source(decoders[-1], "coarser"), _Source(encoders[level], "same")]
-            decoders.append(_Layer(blocks, shapes[level], TILES[widths[level]], sources))
+            decoders.append(_Layer(blocks, shapes[level], TILES[widths[level]], sources, network.joined))
         self._layers = [*encoders, *decoders[1:]]
 
     def __call__(self, features: Tensor, wanted: np.ndarray) -> Tensor:
@@ -147,19 +194,19 @@ class IncrementalPositionNet:
         Shapes:
             features: (C, H, W), kept until the next call, which compares with them.
             wanted: uint8 (H, W), 1 where logits will be read.
-            returns: (H, W); what is not wanted may be of an earlier picture.
+            returns: (H, W), until the next call; what is not wanted may be of an earlier picture.
         """
         if self._features is None:
             self._fill(features)
+            self._logits = self._unfolded(slice(0, self._size[0]), slice(0, self._size[1]))
         else:
-            changed = (features != self._features).any(dim=0).numpy().view(np.uint8)
+            channels = zip(features, self._features, strict=True)
+            changed = reduce(torch.logical_or, (new != old for new, old in channels)).numpy().view(np.uint8)
             if changed.any():
                 self._mark(features, changed)
             self._compute(_coarse(wanted, self._fold))
         self._features = features
-        last = self._layers[-1]
-        rows, columns = last.shape
-        return functional.pixel_shuffle(last.values[:rows, :columns].permute(2, 0, 1)[None], self._fold)[0, 0]
+        return self._logits
 
     def moved(self, first: tuple[int, int], size: tuple[int, int]) -> "IncrementalPositionNet":
         """For another part of the picture, with what can be kept of this one, which stays as it is.
@@ -175,6 +222,7 @@ class IncrementalPositionNet:
         for mine, its in zip([self._picture, *self._layers], [other._picture, *other._layers], strict=True):
             pixels = self._size[0] // mine.shape[0]
             its.take_over(mine, (first[0] // pixels, first[1] // pixels))
+        other._logits = other._unfolded(slice(0, size[0]), slice(0, size[1]))
         known = torch.full((len(self._features), *size), torch.nan, dtype=self._features.dtype)  # unlike any number
         known[:, *here] = self._features[:, *there]
         for lines, start, its_side, side in zip((known, known.mT), first, self._size, size, strict=True):
@@ -188,9 +236,9 @@ class IncrementalPositionNet:
         features = features[None].contiguous(memory_format=torch.channels_last)
         outputs = {self._picture: functional.pixel_unshuffle(features, self._fold)}
         for layer in self._layers:
-            x = torch.cat([_scaled(outputs[source.layer], source.scale) for source in layer.sources], dim=1)
+            x = layer.join(*(_scaled(outputs[source.layer], source.scale) for source in layer.sources))
             for block in layer.blocks:
-                x = block(x)
+                x = block(x, block.reach)
             outputs[layer] = x
         for layer, output in outputs.items():
             layer.keep_whole(output)
@@ -215,23 +263,15 @@ class IncrementalPositionNet:
                 source.layer.needed |= _needed_of(source.scale, read)
         for layer in self._layers:
             layer.compute()
+        if len(corners := self._fold * self._layers[-1].corners):
+            ends = corners.max(0) + self._fold * self._layers[-1].tile
+            part = tuple(slice(*ends) for ends in zip(corners.min(0), np.minimum(ends, self._size), strict=True))
+            self._logits[part] = self._unfolded(*part)
 
-
-def _is_spatial(block: nn.Module) -> bool:
-    """Whether it begins with a 3 x 3 convolution, as all blocks do but the head."""
-    return isinstance(block, nn.Sequential)
-
-
-def _apply(block: nn.Module, x: Tensor) -> Tensor:
-    """A block without its padding, (K, C, n, n) to (K, C', n - 2, n - 2)."""
-    if not isinstance(block, nn.Sequential):
-        return block(x)
-    convolution, *rest = block
-    assert isinstance(convolution, nn.Conv2d)
-    x = functional.conv2d(x, convolution.weight)
-    for module in rest:
-        x = module(x)
-    return x
+    def _unfolded(self, rows: slice, columns: slice) -> Tensor:
+        """The last layer's output as logits of pixels; slices are of whole cells."""
+        within = (slice(side.start // self._fold, side.stop // self._fold) for side in (rows, columns))
+        return functional.pixel_shuffle(self._layers[-1].values[*within].permute(2, 0, 1)[None], self._fold)[0, 0]
 
 
 def _read(source: _Source, corners: np.ndarray, tile: int, reach: int) -> Tensor:

@@ -31,7 +31,7 @@ from busybot.interact.affordance.inputs import CHANNELS
 from busybot.interact.policy.config import Inputs
 
 Kind = Literal["position", "direction"]
-Networks = Literal["usual", "smaller"]
+Networks = Literal["usual", "lean", "smaller"]
 KINDS: tuple[Kind, ...] = ("position", "direction")
 
 DIRECTION_COUNT = 18
@@ -54,10 +54,13 @@ class PositionSize:
     Attributes:
         fold: side of the squares of pixels that become channels; fold x 2^(levels - 1) is `POSITION_STRIDE`.
         widths: channels of each level, the finest first.
+        added: what comes from a coarser level is given the width of the finer one where it is coarse and is added to
+            what is there; else both lie beside each other, and the finer level's convolution takes more channels.
     """
 
     fold: int
     widths: tuple[int, ...]
+    added: bool = False
 
 
 @dataclass(frozen=True)
@@ -75,11 +78,13 @@ class DirectionSize:
 
 POSITION_SIZES: dict[Networks, PositionSize] = {
     "usual": PositionSize(2, (24, 48, 64, 96)),
+    "lean": PositionSize(2, (16, 32, 64, 96), added=True),
     "smaller": PositionSize(4, (32, 48, 64)),
 }
-"""Sizes by name; the smaller ones learn and judge in a third of the time."""
+"""Sizes by name; the smaller ones learn and judge in a third of the time, lean ones in two fifths, and see each pixel."""
 DIRECTION_SIZES: dict[Networks, DirectionSize] = {
     "usual": DirectionSize((32, 48, 64, 96), 192),
+    "lean": DirectionSize((32, 48, 64, 96), 192),
     "smaller": DirectionSize((16, 24, 32, 64), 128),
 }
 
@@ -112,7 +117,10 @@ class PositionNet(nn.Module):
         for level, (above, width) in enumerate(zip((fold**2 * channels, *widths), widths, strict=False)):
             self.add_module(f"encode{level}", _double(above, width))
         for level in reversed(range(len(widths) - 1)):
-            self.add_module(f"decode{level}", _block(widths[level + 1] + widths[level], widths[level]))
+            if self.size.added:
+                self.add_module(f"lift{level}", _block(widths[level + 1], widths[level], kernel=1))
+            beside = 0 if self.size.added else widths[level + 1]
+            self.add_module(f"decode{level}", _block(widths[level] + beside, widths[level]))
         self.head = nn.Conv2d(widths[0], fold**2, 1)
 
     @property
@@ -125,14 +133,24 @@ class PositionNet(nn.Module):
         """By level, the finest first; the coarsest level has none."""
         return [self.get_submodule(f"decode{level}") for level in range(len(self.size.widths) - 1)]  # type: ignore[misc]
 
+    @property
+    def lifts(self) -> list[nn.Sequential]:
+        """By level to which they lift the next coarser one, the finest first; none where levels lie beside another."""
+        return [self.get_submodule(f"lift{level}") for level in range(len(self.decoders) * self.size.added)]  # type: ignore[misc]
+
+    def joined(self, coarser: Tensor, finer: Tensor) -> Tensor:
+        """What a decoder reads: the level below in its own size, and what its encoder made."""
+        return coarser + finer if self.size.added else torch.cat([coarser, finer], dim=1)
+
     def forward(self, features: Tensor) -> Tensor:
         x = functional.pixel_unshuffle(features, self.size.fold)  # (B, fold^2 C, H / fold, W / fold)
         finer = []
         for level, encode in enumerate(self.encoders):
             x = encode(functional.max_pool2d(x, 2) if level else x)
             finer.append(x)
-        for decode, beside in zip(reversed(self.decoders), reversed(finer[:-1]), strict=True):
-            x = decode(torch.cat([_double_size(x), beside], dim=1))
+        for level in reversed(range(len(self.decoders))):
+            lifted = self.lifts[level](x) if self.size.added else x
+            x = self.decoders[level](self.joined(_double_size(lifted), finer[level]))
         return functional.pixel_shuffle(self.head(x), self.size.fold)[:, 0]  # (B, H, W)
 
 
@@ -206,7 +224,7 @@ def _position_size(tensors: dict[str, Tensor]) -> PositionSize | None:
     names = [f"encode{level}.0.0.weight" for level in range(max(FOLDS))]
     widths = [_rows(tensors, name) for name in names if name in tensors]
     fold = FOLDS.get(len(widths))
-    return PositionSize(fold, tuple(widths)) if fold and all(widths) else None
+    return PositionSize(fold, tuple(widths), "lift0.0.weight" in tensors) if fold and all(widths) else None
 
 
 def _direction_size(tensors: dict[str, Tensor]) -> DirectionSize | None:

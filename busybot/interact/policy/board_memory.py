@@ -18,6 +18,8 @@ from busybot.episodes.episode import Observation
 from busybot.interact.policy.config import EFFECT, FAILURE_SIGMA, SAME_LINK, PolicyConfig
 from busybot.interact.policy.direction_pairs import ELEVATED, PAIR_OF, logit, sigmoid
 
+BESIDE = 3
+"""Pixels beyond those that can have moved, so that the border of what is looked at is empty."""
 NEGLIGIBLE = 0.05
 """Failures whose weight at a candidate is lower do not reach it."""
 ANOTHER_COLOUR = 16
@@ -179,8 +181,8 @@ def moved_window(
         change: smaller differences are none, board units.
     """
     moved = np.zeros(before.shape, bool)
-    rows, columns = (slice(max(middle - reach, 0), middle + reach + 1) for middle in reversed(pixel))
-    moved[rows, columns] = np.abs(after[rows, columns] - before[rows, columns]) > change
+    around = _around(pixel, reach, before.shape)
+    moved[around] = np.abs(after[around] - before[around]) > change
     return moved
 
 
@@ -198,15 +200,27 @@ def moved_region(
     Returns:
         bool (H, W); holds the pixel in any case.
     """
-    moved = moved_window(before, after, pixel, config.reach, config.change).astype(np.uint8)
-    disc = np.asarray(cv2.circle(np.zeros(moved.shape, np.uint8), pixel, config.disc, 1, -1), np.uint8)
+    around = _around(pixel, max(config.reach, config.disc) + BESIDE, before.shape)
+    middle = (pixel[0] - around[1].start, pixel[1] - around[0].start)
+    moved = moved_window(before[around], after[around], middle, config.reach, config.change).astype(np.uint8)
+    disc = np.asarray(cv2.circle(np.zeros(moved.shape, np.uint8), middle, config.disc, 1, -1), np.uint8)
     _, labels = cv2.connectedComponents(cv2.morphologyEx(moved | disc, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
-    on_body = np.unique(labels[(moved > 0) & body])
-    mine = np.isin(labels, [labels[pixel[1], pixel[0]], *on_body[on_body > 0]])
+    on_body = np.unique(labels[(moved > 0) & body[around]])
+    mine = np.isin(labels, [labels[middle[1], middle[0]], *on_body[on_body > 0]])
     # the disc reaches what moved beside it, but is a region of its own only where nothing moved
-    region = mine & ((disc == 0) | (moved > 0)) if (mine & (moved > 0)).any() else mine
+    region = np.zeros(before.shape, bool)
+    region[around] = mine & ((disc == 0) | (moved > 0)) if (mine & (moved > 0)).any() else mine
     region[pixel[1], pixel[0]] = True
-    return np.asarray(region)
+    return region
+
+
+def _around(pixel: tuple[int, int], reach: int, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """The square around (u, v), as far as it is within (H, W)."""
+    rows, columns = (
+        slice(max(middle - reach, 0), min(middle + reach + 1, side))
+        for middle, side in zip(reversed(pixel), shape, strict=True)
+    )
+    return rows, columns
 
 
 def enlarged(region: np.ndarray) -> np.ndarray:

@@ -21,6 +21,8 @@ from busybot.interact.policy.direction_pairs import NOT_ELEVATED, better_of_pair
 
 MOST_POINTS = 4000
 """K-means looks at no more pixels than these, evenly chosen."""
+EVEN = 16
+"""Parts of a picture begin at multiples of this, because connected regions are numbered by squares of pixels."""
 
 
 class ModelView(Protocol):
@@ -123,21 +125,24 @@ def find_candidates(
     config = config or PolicyConfig()
     view = model.look(seen, rays) if view is None else view
     links = memory.links if memory is not None else np.zeros(view.height.shape, np.int32)
-    smooth = smoothed(view.affordance, config.blur)
-    pixels = _proposals(smooth, view.affordance, links, config)
+    top, left, window = _occupied(view.affordance, config)
+    affordance, links = view.affordance[window], links[window]
+    smooth = smoothed(affordance, config.blur)
+    inside = _proposals(smooth, affordance, links, config)
+    pixels = inside + (left, top)
     if not len(pixels):
         none, positions = np.zeros(0), np.zeros((0, 3), np.float32)
         return Candidates(pixels, positions, none, np.zeros((0, 18)), np.zeros((0, 9)), none.astype(int))
-    columns, rows = pixels.T
     at_crop, directions = model.directions(view, pixels)
-    new = links[rows, columns] == 0
+    new = links[inside[:, 1], inside[:, 0]] == 0
     directions = _doubting(directions, new, config)
-    logits = config.dense_weight * smooth[rows, columns] + (1 - config.dense_weight) * at_crop
+    logits = config.dense_weight * smooth[inside[:, 1], inside[:, 0]] + (1 - config.dense_weight) * at_crop
     logits = logits + prior_shift(config) - config.caution * new
     beliefs, pairs = sigmoid(logits), pair_scores(directions)
     if memory is not None:
         beliefs, pairs = memory.doubted(pixels, logits, pairs)
-    regions = _regions(view.affordance, links, pixels, config)
+    regions = _regions(affordance, links, inside, config)
+    columns, rows = pixels.T
     positions = rays.directions[rows, columns] * seen.depth[rows, columns, None] + rays.origin
     return Candidates(pixels, positions, beliefs, directions, pairs, regions)
 
@@ -175,6 +180,17 @@ def prior_shift(config: PolicyConfig) -> float:
 def held(affordance: np.ndarray) -> np.ndarray:
     """bool (H, W): pixels at which the model sees something that could be held at all."""
     return affordance > NOT_ELEVATED / 2
+
+
+def _occupied(affordance: np.ndarray, config: PolicyConfig) -> tuple[int, int, tuple[slice, slice]]:
+    """First row and column of the part of (H, W) beyond which nothing can be held or is near it, and that part."""
+    left, top, width, height = cv2.boundingRect(held(affordance).view(np.uint8))
+    margin = config.blur + config.peak_radius + OPENING
+    sides = []
+    for first, size, side in zip((top, left), (height, width), affordance.shape, strict=True):
+        start = max(0, first - margin) // EVEN * EVEN  # regions are numbered as in the whole picture
+        sides.append(slice(start, min(side, first + size + margin)))
+    return sides[0].start, sides[1].start, (sides[0], sides[1])
 
 
 def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, config: PolicyConfig) -> np.ndarray:

@@ -46,7 +46,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/interact.md": {
         "table1": tables.table1,
         "further-boards": tables.further_boards,
-        "smaller-networks": tables.smaller_networks,
+        "lean-networks": tables.lean_networks,
         "new-switches": tables.new_switches,
         "changed-pixels": tables.changed_pixels,
         "policy-constants": tables.policy_constants,

@@ -85,9 +85,11 @@ def further_boards() -> str:
     return markdown([table_grid(INTERACTION, _table(1, "further-boards")[1], beside=False)])
 
 
-def smaller_networks() -> str:
-    """Rows of Table 1 with smaller networks, on other boards."""
-    return markdown([table_grid(INTERACTION, _table(1, "smaller-networks")[1], beside=False)])
+def lean_networks() -> str:
+    """Rows of Table 1 with the lean position network, on other boards, and what its trainings took."""
+    found, rows = _table(1, "lean-networks")
+    took = Text(trained_in(rows.values(), found.about[1]["machine"]))
+    return markdown([table_grid(INTERACTION, rows, beside=False), took])
 
 
 def new_switches() -> str:

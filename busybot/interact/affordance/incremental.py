@@ -18,7 +18,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from busybot.interact.affordance.networks import PositionNet
+from busybot.interact.affordance.networks import FOLD, PositionNet
 
 TILES = {2: 16, 4: 8, 8: 8, 16: 4}
 """Sides of tiles in cells, powers of two, by the width of a cell in pixels."""
@@ -169,10 +169,10 @@ class IncrementalPositionNet:
     """
 
     def __init__(self, network: PositionNet, size: tuple[int, int]):
-        self._network, self._size, self._fold = network, size, network.size.fold
+        self._network, self._size = network, size
         self._features: Tensor | None = None
         self._logits = torch.empty(0)
-        widths = [self._fold << level for level in range(len(network.encoders))]
+        widths = [FOLD << level for level in range(len(network.encoders))]
         shapes = [(size[0] // width, size[1] // width) for width in widths]
         self._picture = _Layer((), shapes[0], TILES[widths[0]])
         encoders: list[_Layer] = []
@@ -204,7 +204,7 @@ class IncrementalPositionNet:
             changed = reduce(torch.logical_or, (new != old for new, old in channels)).numpy().view(np.uint8)
             if changed.any():
                 self._mark(features, changed)
-            self._compute(_coarse(wanted, self._fold))
+            self._compute(_coarse(wanted, FOLD))
         self._features = features
         return self._logits
 
@@ -234,7 +234,7 @@ class IncrementalPositionNet:
     def _fill(self, features: Tensor) -> None:
         """A whole pass, of which everything is kept."""
         features = features[None].contiguous(memory_format=torch.channels_last)
-        outputs = {self._picture: functional.pixel_unshuffle(features, self._fold)}
+        outputs = {self._picture: functional.pixel_unshuffle(features, FOLD)}
         for layer in self._layers:
             x = layer.join(*(_scaled(outputs[source.layer], source.scale) for source in layer.sources))
             for block in layer.blocks:
@@ -245,10 +245,10 @@ class IncrementalPositionNet:
 
     def _mark(self, features: Tensor, changed: np.ndarray) -> None:
         """Take over what changed; what depends on it is stale."""
-        fold, cells = self._fold, _coarse(changed, self._fold)
+        cells = _coarse(changed, FOLD)
         left, top, width, height = cv2.boundingRect(cells)
-        part = features[:, fold * top : fold * (top + height), fold * left : fold * (left + width)]
-        folded = functional.pixel_unshuffle(part[None], fold)[0].permute(1, 2, 0)
+        part = features[:, FOLD * top : FOLD * (top + height), FOLD * left : FOLD * (left + width)]
+        folded = functional.pixel_unshuffle(part[None], FOLD)[0].permute(1, 2, 0)
         self._picture.values[top : top + height, left : left + width] = folded
         masks = {self._picture: cells}
         for layer in self._layers:
@@ -263,15 +263,15 @@ class IncrementalPositionNet:
                 source.layer.needed |= _needed_of(source.scale, read)
         for layer in self._layers:
             layer.compute()
-        if len(corners := self._fold * self._layers[-1].corners):
-            ends = corners.max(0) + self._fold * self._layers[-1].tile
+        if len(corners := FOLD * self._layers[-1].corners):
+            ends = corners.max(0) + FOLD * self._layers[-1].tile
             part = tuple(slice(*ends) for ends in zip(corners.min(0), np.minimum(ends, self._size), strict=True))
             self._logits[part] = self._unfolded(*part)
 
     def _unfolded(self, rows: slice, columns: slice) -> Tensor:
         """The last layer's output as logits of pixels; slices are of whole cells."""
-        within = (slice(side.start // self._fold, side.stop // self._fold) for side in (rows, columns))
-        return functional.pixel_shuffle(self._layers[-1].values[*within].permute(2, 0, 1)[None], self._fold)[0, 0]
+        within = (slice(side.start // FOLD, side.stop // FOLD) for side in (rows, columns))
+        return functional.pixel_shuffle(self._layers[-1].values[*within].permute(2, 0, 1)[None], FOLD)[0, 0]
 
 
 def _read(source: _Source, corners: np.ndarray, tile: int, reach: int) -> Tensor:

@@ -1,9 +1,9 @@
 """The networks of both variants: where to act, and in which direction.
 
 Those of the `fast` variant do what the paper's do (section 3.1, appendix A.1) at a cost that a laptop's processor can
-train and run: the position network sees the whole picture at full resolution, but works at half of it (the smaller
-one at a quarter); the direction network sees a crop around the position instead of the picture with a Gaussian at the
-position, because what moves how is a local question. A trained network's size is that of its weights.
+train and run: the position network sees the whole picture at full resolution, but works at half of it; the direction
+network sees a crop around the position instead of the picture with a Gaussian at the position, because what moves how
+is a local question. A trained position network's size is that of its weights.
 
 Those of the `paper` variant are as the paper's appendix A.1 "Network detail" describes them. What it leaves open, and
 what is chosen here:
@@ -31,16 +31,14 @@ from busybot.interact.affordance.inputs import CHANNELS
 from busybot.interact.policy.config import Inputs
 
 Kind = Literal["position", "direction"]
-Networks = Literal["usual", "lean", "smaller"]
+Networks = Literal["usual", "lean"]
 KINDS: tuple[Kind, ...] = ("position", "direction")
 
 DIRECTION_COUNT = 18
 POSITION_STRIDE = 16
 """Sides of the position network's input are multiples of this."""
-FOLDS = {4: 2, 3: 4}
-"""`PositionSize.fold` by the number of levels."""
-WIDEST = 1024
-"""Weights of wider layers are refused: a file must not make us ask for any amount of memory."""
+FOLD = 2
+"""Side of the squares of pixels that become channels of the position network."""
 CROP = 64
 """Side of the direction network's input, pixels; the position is pixel (CROP / 2, CROP / 2)."""
 GAUSSIAN_SHARPNESS = 40.0
@@ -52,41 +50,24 @@ class PositionSize:
     """What a position network looks like inside.
 
     Attributes:
-        fold: side of the squares of pixels that become channels; fold x 2^(levels - 1) is `POSITION_STRIDE`.
-        widths: channels of each level, the finest first.
+        widths: channels of each of the levels, the finest first.
         added: what comes from a coarser level is given the width of the finer one where it is coarse and is added to
             what is there; else both lie beside each other, and the finer level's convolution takes more channels.
     """
 
-    fold: int
-    widths: tuple[int, ...]
-    added: bool = False
-
-
-@dataclass(frozen=True)
-class DirectionSize:
-    """What a direction network looks like inside.
-
-    Attributes:
-        widths: channels at 32 x 32 cells (two layers), 16 x 16 and 8 x 8.
-        hidden: of the layer before the logits.
-    """
-
     widths: tuple[int, int, int, int]
-    hidden: int
+    added: bool
 
 
 POSITION_SIZES: dict[Networks, PositionSize] = {
-    "usual": PositionSize(2, (24, 48, 64, 96)),
-    "lean": PositionSize(2, (16, 32, 64, 96), added=True),
-    "smaller": PositionSize(4, (32, 48, 64)),
+    "usual": PositionSize((24, 48, 64, 96), added=False),
+    "lean": PositionSize((16, 32, 64, 96), added=True),
 }
-"""Sizes by name; the smaller ones learn and judge in a third of the time, lean ones in two fifths, and see each pixel."""
-DIRECTION_SIZES: dict[Networks, DirectionSize] = {
-    "usual": DirectionSize((32, 48, 64, 96), 192),
-    "lean": DirectionSize((32, 48, 64, 96), 192),
-    "smaller": DirectionSize((16, 24, 32, 64), 128),
-}
+"""Sizes by name; the lean one learns and judges in two fifths of the time."""
+DIRECTION_WIDTHS = (32, 48, 64, 96)
+"""Channels of the direction network at 32 x 32 cells (two layers), 16 x 16 and 8 x 8."""
+HIDDEN = 192
+"""Width of its layer before the logits."""
 
 
 def _block(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
@@ -113,15 +94,15 @@ class PositionNet(nn.Module):
     def __init__(self, channels: int, size: PositionSize | None = None):
         super().__init__()
         self.size = size or POSITION_SIZES["usual"]
-        fold, widths = self.size.fold, self.size.widths
-        for level, (above, width) in enumerate(zip((fold**2 * channels, *widths), widths, strict=False)):
+        widths = self.size.widths
+        for level, (above, width) in enumerate(zip((FOLD**2 * channels, *widths), widths, strict=False)):
             self.add_module(f"encode{level}", _double(above, width))
         for level in reversed(range(len(widths) - 1)):
             if self.size.added:
                 self.add_module(f"lift{level}", _block(widths[level + 1], widths[level], kernel=1))
             beside = 0 if self.size.added else widths[level + 1]
             self.add_module(f"decode{level}", _block(widths[level] + beside, widths[level]))
-        self.head = nn.Conv2d(widths[0], fold**2, 1)
+        self.head = nn.Conv2d(widths[0], FOLD**2, 1)
 
     @property
     def encoders(self) -> list[nn.Sequential]:
@@ -143,7 +124,7 @@ class PositionNet(nn.Module):
         return coarser + finer if self.size.added else torch.cat([coarser, finer], dim=1)
 
     def forward(self, features: Tensor) -> Tensor:
-        x = functional.pixel_unshuffle(features, self.size.fold)  # (B, fold^2 C, H / fold, W / fold)
+        x = functional.pixel_unshuffle(features, FOLD)  # (B, 4 C, H / 2, W / 2)
         finer = []
         for level, encode in enumerate(self.encoders):
             x = encode(functional.max_pool2d(x, 2) if level else x)
@@ -151,7 +132,7 @@ class PositionNet(nn.Module):
         for level in reversed(range(len(self.decoders))):
             lifted = self.lifts[level](x) if self.size.added else x
             x = self.decoders[level](self.joined(_double_size(lifted), finer[level]))
-        return functional.pixel_shuffle(self.head(x), self.size.fold)[:, 0]  # (B, H, W)
+        return functional.pixel_shuffle(self.head(x), FOLD)[:, 0]  # (B, H, W)
 
 
 def _double_size(x: Tensor) -> Tensor:
@@ -173,10 +154,9 @@ class DirectionNet(nn.Module):
 
     places: Tensor
 
-    def __init__(self, channels: int, size: DirectionSize | None = None):
+    def __init__(self, channels: int):
         super().__init__()
-        self.size = size or DIRECTION_SIZES["usual"]
-        a, b, c, d = self.size.widths
+        a, b, c, d = DIRECTION_WIDTHS
         axis = (torch.arange(CROP) - CROP / 2 + 0.5) / (CROP / 2)
         rows, columns = torch.meshgrid(axis, axis, indexing="ij")
         gaussian = torch.exp(-(rows**2 + columns**2) * GAUSSIAN_SHARPNESS)
@@ -191,8 +171,8 @@ class DirectionNet(nn.Module):
             nn.MaxPool2d(2),  # 4 x 4
             nn.Flatten(),
         )
-        self.hidden = nn.Linear(d * (CROP // 16) ** 2, self.size.hidden)
-        self.head = nn.Linear(self.size.hidden, DIRECTION_COUNT + 1)
+        self.hidden = nn.Linear(d * (CROP // 16) ** 2, HIDDEN)
+        self.head = nn.Linear(HIDDEN, DIRECTION_COUNT + 1)
 
     def forward(self, crops: Tensor, keep: Tensor | None = None) -> tuple[Tensor, Tensor]:
         places = self.places[None].expand(len(crops), -1, -1, -1)
@@ -208,37 +188,16 @@ def make_network(
     """An untrained network, in the memory layout in which convolutions are fastest.
 
     Args:
-        tensors: weights that it is to take, which tell its size; None, or weights of something else, for a network of
-            the size that is named.
+        tensors: weights that it is to take, which tell its size; None for a network of the size that is named.
     """
     channels = CHANNELS[inputs]
-    if kind == "position":
-        network: nn.Module = PositionNet(channels, _position_size(tensors or {}) or POSITION_SIZES[networks])
+    if kind == "direction":
+        network: nn.Module = DirectionNet(channels)
     else:
-        network = DirectionNet(channels, _direction_size(tensors or {}) or DIRECTION_SIZES[networks])
+        if tensors is not None:
+            networks = "lean" if "lift0.0.weight" in tensors else "usual"
+        network = PositionNet(channels, POSITION_SIZES[networks])
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
-
-
-def _position_size(tensors: dict[str, Tensor]) -> PositionSize | None:
-    """Of the network that the weights are of, None if they are of none."""
-    names = [f"encode{level}.0.0.weight" for level in range(max(FOLDS))]
-    widths = [_rows(tensors, name) for name in names if name in tensors]
-    fold = FOLDS.get(len(widths))
-    return PositionSize(fold, tuple(widths), "lift0.0.weight" in tensors) if fold and all(widths) else None
-
-
-def _direction_size(tensors: dict[str, Tensor]) -> DirectionSize | None:
-    """Of the network that the weights are of, None if they are of none."""
-    places = ("convolutions.0.0", "convolutions.1.0", "convolutions.3.0.0", "convolutions.5.0.0", "hidden")
-    first, second, third, last, hidden = (_rows(tensors, f"{place}.weight") for place in places)
-    sides = (first, second, third, last)
-    return DirectionSize(sides, hidden) if all(sides) and hidden else None
-
-
-def _rows(tensors: dict[str, Tensor], name: str) -> int:
-    """How many outputs a layer has, 0 if there is no such layer or it has too many to be ours."""
-    shape = tensors[name].shape if name in tensors else ()
-    return shape[0] if shape and shape[0] <= WIDEST else 0
 
 
 DOWN_WIDTHS = (32, 64, 128, 256)

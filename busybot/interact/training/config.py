@@ -181,7 +181,7 @@ class TrainConfig(RecordConfig):
         validation: boards of the training split that are collected as in round 0 and never trained on; 0 for none.
         validation_steps: proposed actions on each.
         explore: who collects.
-        networks: how large they are; with `smaller` ones go other iterations (benchmarks/smaller.yaml).
+        networks: how large they are; with `lean` ones go other iterations (benchmarks/lean.yaml).
         position, direction: how the networks are trained.
     """
 

@@ -20,7 +20,7 @@ from torch.nn import functional
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
-from busybot.interact.affordance.networks import DirectionNet, Kind, make_network
+from busybot.interact.affordance.networks import HIDDEN, DirectionNet, Kind, make_network
 from busybot.interact.metrics import direction_figures, position_figures
 from busybot.interact.training.augmentation import Batch, cut_batch, draw_batch
 from busybot.interact.training.config import ReplayConfig, TrainConfig
@@ -187,9 +187,7 @@ class FastAffordanceLearner(Learner):
         network, config, on = self.network, self.config, next(self.network.parameters()).device
         arguments = [batch.features.to(on).contiguous(memory_format=torch.channels_last)]
         if rng is not None and config.dropout and isinstance(network, DirectionNet):
-            keep = (rng.random((len(batch.rows), network.size.hidden), np.float32) >= config.dropout) / (
-                1 - config.dropout
-            )
+            keep = (rng.random((len(batch.rows), HIDDEN), np.float32) >= config.dropout) / (1 - config.dropout)
             arguments.append(torch.from_numpy(keep.astype(np.float32)).to(on))
         rounded = multiplies_bfloat16() if config.bfloat16 is None else config.bfloat16
         with torch.autocast(on.type, torch.bfloat16, enabled=rounded):

@@ -311,7 +311,7 @@ def _naming(path: Path) -> Iterator[None]:
 
 @contextmanager
 def naming_writes(path: Path) -> Iterator[None]:
-    """Writing into an open file tells no path when it fails, as on a full disk."""
+    """Name the file in what goes wrong while it is written, as on a full disk: the system tells no path then."""
     try:
         yield
     except OSError as error:

@@ -125,11 +125,11 @@ def find_candidates(
     config = config or PolicyConfig()
     view = model.look(seen, rays) if view is None else view
     links = memory.links if memory is not None else np.zeros(view.height.shape, np.int32)
-    top, left, window = _occupied(view.affordance, config)
+    window = _occupied(view.affordance, config)
     affordance, links = view.affordance[window], links[window]
     smooth = smoothed(affordance, config.blur)
     inside = _proposals(smooth, affordance, links, config)
-    pixels = inside + (left, top)
+    pixels = inside + (window[1].start, window[0].start)
     if not len(pixels):
         none, positions = np.zeros(0), np.zeros((0, 3), np.float32)
         return Candidates(pixels, positions, none, np.zeros((0, 18)), np.zeros((0, 9)), none.astype(int))
@@ -182,15 +182,15 @@ def held(affordance: np.ndarray) -> np.ndarray:
     return affordance > NOT_ELEVATED / 2
 
 
-def _occupied(affordance: np.ndarray, config: PolicyConfig) -> tuple[int, int, tuple[slice, slice]]:
-    """First row and column of the part of (H, W) beyond which nothing can be held or is near it, and that part."""
+def _occupied(affordance: np.ndarray, config: PolicyConfig) -> tuple[slice, slice]:
+    """Rows and columns of the part of (H, W) beyond which nothing can be held or is near it."""
     left, top, width, height = cv2.boundingRect(held(affordance).view(np.uint8))
     margin = config.blur + config.peak_radius + OPENING
     sides = []
     for first, size, side in zip((top, left), (height, width), affordance.shape, strict=True):
         start = max(0, first - margin) // EVEN * EVEN  # regions are numbered as in the whole picture
         sides.append(slice(start, min(side, first + size + margin)))
-    return sides[0].start, sides[1].start, (sides[0], sides[1])
+    return sides[0], sides[1]
 
 
 def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, config: PolicyConfig) -> np.ndarray:

@@ -55,9 +55,9 @@ def main() -> int:
         subprocess.run([*build, folder, str(source)], check=True)
         (wheel,) = Path(folder).glob("*.whl")
         sys.path.insert(0, str(ROOT))
-        wrong = []
+        wrong, place = [], told.environments.resolve()
         for name in told.only or [*INSTALLED, *EXTRAS, *BESIDE]:
-            well = _resolves(name, wheel, BESIDE[name]) if name in BESIDE else _works(told.environments / name, wheel)
+            well = _resolves(name, wheel, BESIDE[name]) if name in BESIDE else _works(place / name, wheel)
             wrong += [] if well else [name]
     print(f"wrong: {', '.join(wrong)}" if wrong else "all is as it was here")
     return int(bool(wrong))

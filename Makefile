@@ -37,7 +37,8 @@ demo: setup
 test: setup
 	@$(PYTEST) -m "not long" $(PYTEST_ARGS)
 
-test-all: setup lint dvc site check-exports check-loader extras
+test-all: ONLY := lowest
+test-all: setup lint dvc site check-exports check-loader check-install extras
 	@$(PYTEST) --require-extras $(PYTEST_ARGS)
 
 lint: setup
@@ -113,8 +114,9 @@ check-lerobot: setup
 	@$(BIN)/python tools/check_exports.py --tools .tools --only debian
 
 # Does an install without simulator and torch read recordings, with the lowest versions, and beside others' packages?
+# (ONLY=lowest: the first of the environments alone, as all tests do.)
 check-install: setup
-	@$(BIN)/python tools/check_install.py --environments .tools/install
+	@$(BIN)/python tools/check_install.py --environments .tools/install $(if $(ONLY),--only $(ONLY))
 
 clean:
 	rm -rf .venv build *.egg-info .setup.log .pytest_cache .mypy_cache .ruff_cache

@@ -2,7 +2,7 @@
 
 An action changes a hundredth of a picture, and objects cover a tenth of it. The network is local: what it says of a
 pixel depends on some 110 pixels around it. So the outputs of its layers are kept from one picture of a board to the
-next, and each layer is computed anew in those square tiles where both holds: something that they depend on has changed
+next, and each layer is computed anew in those rectangles where both holds: something that they depend on has changed
 since they were computed, and something that is wanted depends on them. The layers are the network's own, see the
 numbers that they would see in a whole pass, and the same zeros beyond the border.
 """
@@ -20,11 +20,10 @@ from torch.nn import functional
 
 from busybot.interact.affordance.networks import FOLD, PositionNet
 
-TILES = {2: 16, 4: 8, 8: 8, 16: 4}
-"""Sides of tiles in cells, powers of two, by the width of a cell in pixels."""
-TOGETHER = 64
-"""Tiles that are computed at once: few enough for a processor's cache."""
+TILES = {2: 8, 4: 4, 8: 2, 16: 1}
+"""Rectangles are of whole squares of so many cells a side, powers of two, by the width of a cell in pixels."""
 
+Box = tuple[slice, slice]
 Scale = Literal["same", "finer", "coarser"]
 Join = Callable[..., Tensor]
 
@@ -68,9 +67,12 @@ class _Block:
         weight = weight.contiguous(memory_format=torch.channels_last)
         return _Block(weight, bias, any(isinstance(one, nn.ReLU) for one in rest), convolution.kernel_size[0] // 2)
 
-    def __call__(self, x: Tensor, padding: int = 0) -> Tensor:
-        """(K, C, n, n) to (K, C', m, m); without padding a border of `reach` cells is lost."""
-        x = functional.conv2d(x, self.weight, self.bias, padding=padding)
+    def __call__(self, x: Tensor, zeros: Sequence[int]) -> Tensor:
+        """Of (1, C, rows, columns) what `reach` cells lie around, with so many zeros before and after columns, rows."""
+        if len(set(zeros)) == 1:
+            x = functional.conv2d(x, self.weight, self.bias, padding=zeros[0])
+        else:
+            x = functional.conv2d(functional.pad(x, zeros), self.weight, self.bias)
         return x.relu_() if self.bends else x
 
 
@@ -80,12 +82,13 @@ class _Layer:
     Args:
         blocks: what is computed one after the other; the convolutions among them reach `reach` cells in all.
         shape: rows and columns of the output.
-        tile: side of the squares that are computed.
+        tile: side of the squares that rectangles consist of.
         sources: what is read, one, or a coarser one and one of its own size, which the network joins.
 
     Attributes:
         stale: uint8, like the output: cells that are not of the newest picture.
-        values: (rows, columns, channels) in whole tiles; what lies beyond `shape` means nothing.
+        values: (1, C, rows, columns).
+        boxes: the rectangles to compute.
     """
 
     def __init__(
@@ -100,7 +103,7 @@ class _Layer:
         self.reach = sum(block.reach for block in blocks)
         self.stale = np.ones(shape, np.uint8)
         self.needed = np.zeros(shape, np.uint8)
-        self.corners = np.zeros((0, 2), int)
+        self.boxes: list[Box] = []
         self.values = torch.empty(0)
 
     def mark(self, changed: Sequence[np.ndarray]) -> np.ndarray:
@@ -110,54 +113,45 @@ class _Layer:
         return reached
 
     def claim(self) -> np.ndarray:
-        """Choose the tiles to compute, with a cell that is needed and stale; what they read, as a mask."""
-        side, (rows, columns) = self.tile, self.shape
-        tiles = np.pad(self.needed & self.stale, ((0, -rows % side), (0, -columns % side)))
-        tiles = _coarse(tiles, side)
-        self.corners = np.argwhere(tiles) * side
-        cells = tiles.repeat(side, 0).repeat(side, 1)[:rows, :columns]
-        self.stale[cells > 0] = 0
+        """Choose the rectangles to compute, around what is needed and stale; what they read, as a mask."""
+        self.boxes = _boxes(self.needed & self.stale, self.tile)
+        read = np.zeros(self.shape, np.uint8)
+        for box in self.boxes:
+            self.stale[box] = 0
+            read[self._around(box, self.reach)] = 1
         self.needed[:] = 0
-        return _grown(cells, self.reach)
+        return read
 
     def compute(self) -> None:
-        """The tiles that were claimed."""
-        for first in range(0, len(self.corners), TOGETHER):
-            corners = self.corners[first : first + TOGETHER]
-            x = self.join(*(_read(source, corners, self.tile, self.reach) for source in self.sources))
+        """The rectangles that were claimed."""
+        for box in self.boxes:
             reach = self.reach
+            place = self._around(box, reach)
+            x = self.join(*(_read(source, place) for source in self.sources))
             for block in self.blocks:
-                if block.reach:
-                    x = _blank(x, corners - reach, self.shape)
-                x, reach = block(x), reach - block.reach
-            self._keep(corners, x)
-
-    def window(self, corners: np.ndarray, side: int) -> Tensor:
-        """Squares of `side` cells, (K, C, side, side); beyond the border the nearest cell."""
-        rows, columns = (torch.from_numpy(corners[:, k, None] + np.arange(side)) for k in (0, 1))
-        rows, columns = rows.clamp(0, self.shape[0] - 1), columns.clamp(0, self.shape[1] - 1)
-        return self.values[rows[:, :, None], columns[:, None, :]].permute(0, 3, 1, 2)
+                reach -= block.reach
+                inner = self._around(box, reach)
+                x, place = block(x, _beyond(place, inner, block.reach)), inner
+            self.values[:, :, *box] = x
 
     def keep_whole(self, output: Tensor) -> None:
         """Take (1, C, rows, columns) for the output."""
-        self._allocate(output, output.shape[1])
-        self.values[: self.shape[0], : self.shape[1]] = output[0].permute(1, 2, 0)
+        self.values = output.contiguous(memory_format=torch.channels_last)
         self.stale[:] = 0
 
     def take_over(self, other: "_Layer", first: tuple[int, int]) -> None:
         """Take what lies on the same cells of another one, whose cell `first` is the first here; it may lie outside."""
-        self._allocate(other.values, other.values.shape[-1])
+        empty = other.values.new_zeros(1, other.values.shape[1], *self.shape)
+        self.values = empty.contiguous(memory_format=torch.channels_last)
         here, there = _overlap(first, self.shape, other.shape)
-        self.values[*here] = other.values[*there]
+        self.values[:, :, *here] = other.values[:, :, *there]
         self.stale[*here] = other.stale[*there]
 
-    def _allocate(self, like: Tensor, channels: int) -> None:
-        rows, columns = (size + -size % self.tile for size in self.shape)
-        self.values = like.new_zeros(rows, columns, channels)
-
-    def _keep(self, corners: np.ndarray, outputs: Tensor) -> None:
-        rows, columns = (torch.from_numpy(corners[:, k, None] + np.arange(self.tile)) for k in (0, 1))
-        self.values[rows[:, :, None], columns[:, None, :]] = outputs.permute(0, 2, 3, 1)
+    def _around(self, box: Box, reach: int) -> Box:
+        """With so many cells more on each side, as far as there are any."""
+        (top, bottom), (left, right) = ((side.start - reach, side.stop + reach) for side in box)
+        rows, columns = self.shape
+        return slice(max(0, top), min(rows, bottom)), slice(max(0, left), min(columns, right))
 
 
 class IncrementalPositionNet:
@@ -198,7 +192,7 @@ class IncrementalPositionNet:
         """
         if self._features is None:
             self._fill(features)
-            self._logits = self._unfolded(slice(0, self._size[0]), slice(0, self._size[1]))
+            self._logits = self._unfolded()
         else:
             channels = zip(features, self._features, strict=True)
             changed = reduce(torch.logical_or, (new != old for new, old in channels)).numpy().view(np.uint8)
@@ -222,7 +216,7 @@ class IncrementalPositionNet:
         for mine, its in zip([self._picture, *self._layers], [other._picture, *other._layers], strict=True):
             pixels = self._size[0] // mine.shape[0]
             its.take_over(mine, (first[0] // pixels, first[1] // pixels))
-        other._logits = other._unfolded(slice(0, size[0]), slice(0, size[1]))
+        other._logits = other._unfolded()
         known = torch.full((len(self._features), *size), torch.nan, dtype=self._features.dtype)  # unlike any number
         known[:, *here] = self._features[:, *there]
         for lines, start, its_side, side in zip((known, known.mT), first, self._size, size, strict=True):
@@ -238,7 +232,7 @@ class IncrementalPositionNet:
         for layer in self._layers:
             x = layer.join(*(_scaled(outputs[source.layer], source.scale) for source in layer.sources))
             for block in layer.blocks:
-                x = block(x, block.reach)
+                x = block(x, [block.reach] * 4)
             outputs[layer] = x
         for layer, output in outputs.items():
             layer.keep_whole(output)
@@ -248,8 +242,8 @@ class IncrementalPositionNet:
         cells = _coarse(changed, FOLD)
         left, top, width, height = cv2.boundingRect(cells)
         part = features[:, FOLD * top : FOLD * (top + height), FOLD * left : FOLD * (left + width)]
-        folded = functional.pixel_unshuffle(part[None], FOLD)[0].permute(1, 2, 0)
-        self._picture.values[top : top + height, left : left + width] = folded
+        folded = functional.pixel_unshuffle(part[None], FOLD)
+        self._picture.values[:, :, top : top + height, left : left + width] = folded
         masks = {self._picture: cells}
         for layer in self._layers:
             masks[layer] = layer.mark([_reached_from(source.scale, masks[source.layer]) for source in layer.sources])
@@ -263,27 +257,50 @@ class IncrementalPositionNet:
                 source.layer.needed |= _needed_of(source.scale, read)
         for layer in self._layers:
             layer.compute()
-        if len(corners := FOLD * self._layers[-1].corners):
-            ends = corners.max(0) + FOLD * self._layers[-1].tile
-            part = tuple(slice(*ends) for ends in zip(corners.min(0), np.minimum(ends, self._size), strict=True))
-            self._logits[part] = self._unfolded(*part)
+        for rows, columns in self._layers[-1].boxes:
+            part = slice(FOLD * rows.start, FOLD * rows.stop), slice(FOLD * columns.start, FOLD * columns.stop)
+            self._logits[part] = self._unfolded(rows, columns)
 
-    def _unfolded(self, rows: slice, columns: slice) -> Tensor:
-        """The last layer's output as logits of pixels; slices are of whole cells."""
-        within = (slice(side.start // FOLD, side.stop // FOLD) for side in (rows, columns))
-        return functional.pixel_shuffle(self._layers[-1].values[*within].permute(2, 0, 1)[None], FOLD)[0, 0]
+    def _unfolded(self, rows: slice = slice(None), columns: slice = slice(None)) -> Tensor:
+        """The last layer's output in these cells as logits of pixels."""
+        return functional.pixel_shuffle(self._layers[-1].values[:, :, rows, columns], FOLD)[0, 0]
 
 
-def _read(source: _Source, corners: np.ndarray, tile: int, reach: int) -> Tensor:
-    """The input of tiles with what they reach, (K, C, tile + 2 reach, tile + 2 reach)."""
-    corners, side = corners - reach, tile + 2 * reach
-    if source.scale == "finer":
-        return _scaled(source.layer.window(2 * corners, 2 * side), "finer")
+def _boxes(mask: np.ndarray, tile: int) -> list[Box]:
+    """Rectangles of whole tiles around what is set, one for all that is connected."""
+    if not mask.any():
+        return []
+    rows, columns = mask.shape
+    tiles = _coarse(np.pad(mask, ((0, -rows % tile), (0, -columns % tile))), tile)
+    found = cv2.connectedComponentsWithStats(tiles)[2][1:, :4] * tile
+    return [
+        (slice(top, min(rows, top + height)), slice(left, min(columns, left + width)))
+        for left, top, width, height in found.tolist()
+    ]
+
+
+def _read(source: _Source, place: Box) -> Tensor:
+    """The input of a layer at some of its cells, (1, C, rows, columns)."""
+    values = source.layer.values
     if source.scale == "same":
-        return source.layer.window(corners, side)
-    coarse = source.layer.window((corners + reach) // 2 - 2, tile // 2 + 4)  # more than it covers, to interpolate with
-    cut = 4 - reach
-    return _scaled(coarse, "coarser")[:, :, cut:-cut, cut:-cut]
+        return values[:, :, *place]
+    if source.scale == "finer":
+        rows, columns = (slice(2 * side.start, 2 * side.stop) for side in place)
+        return _scaled(values[:, :, rows, columns], "finer")
+    # a cell more on each side, to interpolate with
+    rows, columns = (slice(max(0, side.start // 2 - 1), -(-side.stop // 2) + 1) for side in place)
+    within = [slice(side.start - 2 * coarse.start, side.stop - 2 * coarse.start)
+              for side, coarse in zip(place, (rows, columns), strict=True)]  # fmt: skip
+    return _scaled(values[:, :, rows, columns], "coarser")[:, :, *within]
+
+
+def _beyond(place: Box, inner: Box, reach: int) -> list[int]:
+    """Zeros that a convolution of `place` needs before and after columns and rows, to tell of `inner`."""
+    return [
+        missing
+        for outer, side in zip(reversed(place), reversed(inner), strict=True)
+        for missing in (outer.start + reach - side.start, side.stop + reach - outer.stop)
+    ]
 
 
 def _scaled(x: Tensor, scale: Scale) -> Tensor:
@@ -291,17 +308,6 @@ def _scaled(x: Tensor, scale: Scale) -> Tensor:
     if scale == "finer":
         return functional.max_pool2d(x, 2)
     return x if scale == "same" else functional.interpolate(x, scale_factor=2, mode="bilinear", align_corners=False)
-
-
-def _blank(x: Tensor, corners: np.ndarray, shape: tuple[int, int]) -> Tensor:
-    """Squares that begin at `corners`, with zeros beyond the border of the picture."""
-    inside = []
-    for axis in (0, 1):
-        at = corners[:, axis, None] + np.arange(x.shape[-1])
-        inside.append((at >= 0) & (at < shape[axis]))
-    if inside[0].all() and inside[1].all():
-        return x
-    return x * torch.from_numpy(inside[0][:, None, :, None] & inside[1][:, None, None, :])
 
 
 def _overlap(first: tuple[int, int], shape: tuple[int, int], other: tuple[int, int]) -> tuple[list[slice], list[slice]]:

@@ -9,21 +9,20 @@ numbers that they would see in a whole pass, and the same zeros beyond the borde
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import Literal
 
 import cv2
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional
 
+from busybot.interact.affordance.folding import FoldedBlock
+from busybot.interact.affordance.inputs import Box, coarsened, halved, rectangles
 from busybot.interact.affordance.networks import FOLD, PositionNet
 
 TILES = {2: 8, 4: 4, 8: 2, 16: 1}
 """Rectangles are of whole squares of so many cells a side, powers of two, by the width of a cell in pixels."""
-
-Box = tuple[slice, slice]
 Scale = Literal["same", "finer", "coarser"]
 Join = Callable[..., Tensor]
 
@@ -39,41 +38,6 @@ class _Source:
 
     layer: "_Layer"
     scale: Scale
-
-
-@dataclass(frozen=True)
-class _Block:
-    """A convolution of the network, of which the normalisation behind it has become a part, and ReLU or none.
-
-    Attributes:
-        reach: cells that it sees beyond its own, 1 or 0.
-    """
-
-    weight: Tensor
-    bias: Tensor | None
-    bends: bool
-    reach: int
-
-    @staticmethod
-    def of(block: nn.Module) -> "_Block":
-        convolution, *rest = block if isinstance(block, nn.Sequential) else [block]
-        assert isinstance(convolution, nn.Conv2d)
-        weight, bias = convolution.weight.detach(), convolution.bias
-        for norm in rest:
-            if isinstance(norm, nn.BatchNorm2d):
-                assert norm.running_mean is not None and norm.running_var is not None and bias is None
-                gain = norm.weight.detach() * (norm.running_var + norm.eps).rsqrt()
-                weight, bias = weight * gain[:, None, None, None], norm.bias.detach() - norm.running_mean * gain
-        weight = weight.contiguous(memory_format=torch.channels_last)
-        return _Block(weight, bias, any(isinstance(one, nn.ReLU) for one in rest), convolution.kernel_size[0] // 2)
-
-    def __call__(self, x: Tensor, zeros: Sequence[int]) -> Tensor:
-        """Of (1, C, rows, columns) what `reach` cells lie around, with so many zeros before and after columns, rows."""
-        if len(set(zeros)) == 1:
-            x = functional.conv2d(x, self.weight, self.bias, padding=zeros[0])
-        else:
-            x = functional.conv2d(functional.pad(x, zeros), self.weight, self.bias)
-        return x.relu_() if self.bends else x
 
 
 class _Layer:
@@ -93,7 +57,7 @@ class _Layer:
 
     def __init__(
         self,
-        blocks: Sequence[_Block],
+        blocks: Sequence[FoldedBlock],
         shape: tuple[int, int],
         tile: int,
         sources: Sequence[_Source] = (),
@@ -114,7 +78,7 @@ class _Layer:
 
     def claim(self) -> np.ndarray:
         """Choose the rectangles to compute, around what is needed and stale; what they read, as a mask."""
-        self.boxes = _boxes(self.needed & self.stale, self.tile)
+        self.boxes = rectangles(self.needed & self.stale, self.tile)
         read = np.zeros(self.shape, np.uint8)
         for box in self.boxes:
             self.stale[box] = 0
@@ -164,7 +128,7 @@ class IncrementalPositionNet:
 
     def __init__(self, network: PositionNet, size: tuple[int, int]):
         self._network, self._size = network, size
-        self._features: Tensor | None = None
+        self._changed: np.ndarray | None = None  # since it was told last; None before the first picture
         self._logits = torch.empty(0)
         widths = [FOLD << level for level in range(len(network.encoders))]
         shapes = [(size[0] // width, size[1] // width) for width in widths]
@@ -172,34 +136,33 @@ class IncrementalPositionNet:
         encoders: list[_Layer] = []
         for encode, shape, width in zip(network.encoders, shapes, widths, strict=True):
             source = _Source(encoders[-1], "finer") if encoders else _Source(self._picture, "same")
-            encoders.append(_Layer([_Block.of(block) for block in encode], shape, TILES[width], [source]))
-        after = [_Block.of(block) for block in (network.head, *network.lifts)]  # nothing else reads what is before
+            encoders.append(_Layer([FoldedBlock.of(block) for block in encode], shape, TILES[width], [source]))
+        after = [FoldedBlock.of(block) for block in (network.head, *network.lifts)]  # nothing else reads what is before
         decoders = encoders[-1:]
         decoders[0].blocks = [*decoders[0].blocks, *after[len(encoders) - 1 :]]
         for level in reversed(range(len(network.decoders))):
-            blocks = [_Block.of(network.decoders[level]), *after[level : level + 1]]
+            blocks = [FoldedBlock.of(network.decoders[level]), *after[level : level + 1]]
             sources = [_Source(decoders[-1], "coarser"), _Source(encoders[level], "same")]
             decoders.append(_Layer(blocks, shapes[level], TILES[widths[level]], sources, network.joined))
         self._layers = [*encoders, *decoders[1:]]
 
-    def __call__(self, features: Tensor, wanted: np.ndarray) -> Tensor:
+    def __call__(self, features: Tensor, wanted: np.ndarray, changed: np.ndarray) -> Tensor:
         """Logits of the next picture; of the first one whatever is wanted, in one whole pass.
 
         Shapes:
-            features: (C, H, W), kept until the next call, which compares with them.
+            features: (C, H, W).
             wanted: uint8 (H, W), 1 where logits will be read.
+            changed: uint8 (H, W), 1 where the picture may differ from the one before.
             returns: (H, W), until the next call; what is not wanted may be of an earlier picture.
         """
-        if self._features is None:
+        if self._changed is None:
             self._fill(features)
             self._logits = self._unfolded()
         else:
-            channels = zip(features, self._features, strict=True)
-            changed = reduce(torch.logical_or, (new != old for new, old in channels)).numpy().view(np.uint8)
-            if changed.any():
+            if (changed := changed | self._changed).any():
                 self._mark(features, changed)
-            self._compute(_coarse(wanted, FOLD))
-        self._features = features
+            self._compute(coarsened(wanted, FOLD))
+        self._changed = np.zeros(self._size, np.uint8)
         return self._logits
 
     def moved(self, first: tuple[int, int], size: tuple[int, int]) -> "IncrementalPositionNet":
@@ -211,18 +174,19 @@ class IncrementalPositionNet:
         """
         other = IncrementalPositionNet(self._network, size)
         here, there = _overlap(first, size, self._size)
-        if self._features is None or any(side.start >= side.stop for side in here):
+        if self._changed is None or any(side.start >= side.stop for side in here):
             return other
         for mine, its in zip([self._picture, *self._layers], [other._picture, *other._layers], strict=True):
             pixels = self._size[0] // mine.shape[0]
             its.take_over(mine, (first[0] // pixels, first[1] // pixels))
         other._logits = other._unfolded()
-        known = torch.full((len(self._features), *size), torch.nan, dtype=self._features.dtype)  # unlike any number
-        known[:, *here] = self._features[:, *there]
-        for lines, start, its_side, side in zip((known, known.mT), first, self._size, size, strict=True):
-            lines[:, : int(start > 0)] = torch.nan  # along lines where the picture now ends the zeros are new
-            lines[:, side - int(start + side < its_side) :] = torch.nan
-        other._features = known
+        other._changed = np.ones(size, np.uint8)
+        other._changed[*here] = self._changed[*there]
+        for lines, start, its_side, side in zip(
+            (other._changed, other._changed.T), first, self._size, size, strict=True
+        ):
+            lines[: int(start > 0)] = 1  # along lines where the picture now ends the zeros are new
+            lines[side - int(start + side < its_side) :] = 1
         return other
 
     def _fill(self, features: Tensor) -> None:
@@ -232,18 +196,18 @@ class IncrementalPositionNet:
         for layer in self._layers:
             x = layer.join(*(_scaled(outputs[source.layer], source.scale) for source in layer.sources))
             for block in layer.blocks:
-                x = block(x, [block.reach] * 4)
+                x = block(x)
             outputs[layer] = x
         for layer, output in outputs.items():
             layer.keep_whole(output)
 
     def _mark(self, features: Tensor, changed: np.ndarray) -> None:
         """Take over what changed; what depends on it is stale."""
-        cells = _coarse(changed, FOLD)
-        left, top, width, height = cv2.boundingRect(cells)
-        part = features[:, FOLD * top : FOLD * (top + height), FOLD * left : FOLD * (left + width)]
-        folded = functional.pixel_unshuffle(part[None], FOLD)
-        self._picture.values[:, :, top : top + height, left : left + width] = folded
+        cells = coarsened(changed, FOLD)
+        for place in rectangles(cells, TILES[FOLD]):
+            rows, columns = (slice(FOLD * side.start, FOLD * side.stop) for side in place)
+            part = features[None, :, rows, columns].to(self._picture.values.dtype)
+            self._picture.values[:, :, *place] = functional.pixel_unshuffle(part, FOLD)
         masks = {self._picture: cells}
         for layer in self._layers:
             masks[layer] = layer.mark([_reached_from(source.scale, masks[source.layer]) for source in layer.sources])
@@ -264,19 +228,6 @@ class IncrementalPositionNet:
     def _unfolded(self, rows: slice = slice(None), columns: slice = slice(None)) -> Tensor:
         """The last layer's output in these cells as logits of pixels."""
         return functional.pixel_shuffle(self._layers[-1].values[:, :, rows, columns], FOLD)[0, 0]
-
-
-def _boxes(mask: np.ndarray, tile: int) -> list[Box]:
-    """Rectangles of whole tiles around what is set, one for all that is connected."""
-    if not mask.any():
-        return []
-    rows, columns = mask.shape
-    tiles = _coarse(np.pad(mask, ((0, -rows % tile), (0, -columns % tile))), tile)
-    found = cv2.connectedComponentsWithStats(tiles)[2][1:, :4] * tile
-    return [
-        (slice(top, min(rows, top + height)), slice(left, min(columns, left + width)))
-        for left, top, width, height in found.tolist()
-    ]
 
 
 def _read(source: _Source, place: Box) -> Tensor:
@@ -318,21 +269,8 @@ def _overlap(first: tuple[int, int], shape: tuple[int, int], other: tuple[int, i
     return here, [slice(one.start + start, one.stop + start) for one, start in zip(here, first, strict=True)]
 
 
-def _coarse(mask: np.ndarray, cell: int) -> np.ndarray:
-    """Cells of so many pixels, a power of two, with any that is set."""
-    while cell > 1:
-        mask, cell = _halved(mask), cell // 2
-    return mask
-
-
 def _grown(mask: np.ndarray, cells: int) -> np.ndarray:
     return cv2.dilate(mask, np.ones((2 * cells + 1, 2 * cells + 1), np.uint8)) if cells else mask
-
-
-def _halved(mask: np.ndarray) -> np.ndarray:
-    """Coarser cells with any of the finer ones."""
-    rows = mask[::2] | mask[1::2]
-    return rows[:, ::2] | rows[:, 1::2]
 
 
 def _doubled(mask: np.ndarray) -> np.ndarray:
@@ -342,7 +280,7 @@ def _doubled(mask: np.ndarray) -> np.ndarray:
 def _reached_from(scale: Scale, changed: np.ndarray) -> np.ndarray:
     """Where a layer's input changes, if its source did there."""
     if scale == "finer":
-        return _halved(changed)
+        return halved(changed)
     return changed if scale == "same" else _doubled(_grown(changed, 1))
 
 
@@ -350,4 +288,4 @@ def _needed_of(scale: Scale, read: np.ndarray) -> np.ndarray:
     """What a layer needs of its source, if its input is read there."""
     if scale == "finer":
         return _doubled(read)
-    return read if scale == "same" else _grown(_halved(read), 1)
+    return read if scale == "same" else _grown(halved(read), 1)

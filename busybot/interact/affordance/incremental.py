@@ -21,7 +21,7 @@ from busybot.interact.affordance.folding import FoldedBlock
 from busybot.interact.affordance.inputs import Box, coarsened, halved, rectangles
 from busybot.interact.affordance.networks import FOLD, PositionNet
 
-TILES = {2: 8, 4: 4, 8: 2, 16: 1}
+TILES = {2: 4, 4: 2, 8: 1, 16: 1}
 """Rectangles are of whole squares of so many cells a side, powers of two, by the width of a cell in pixels."""
 Scale = Literal["same", "finer", "coarser"]
 Join = Callable[..., Tensor]
@@ -98,15 +98,14 @@ class _Layer:
                 x, place = block(x, _beyond(place, inner, block.reach)), inner
             self.values[:, :, *box] = x
 
-    def keep_whole(self, output: Tensor) -> None:
-        """Take (1, C, rows, columns) for the output."""
-        self.values = output.contiguous(memory_format=torch.channels_last)
-        self.stale[:] = 0
+    def start(self, channels: int, dtype: torch.dtype) -> None:
+        """Know nothing yet."""
+        empty = torch.zeros(1, channels, *self.shape, dtype=dtype)
+        self.values = empty.contiguous(memory_format=torch.channels_last)
 
     def take_over(self, other: "_Layer", first: tuple[int, int]) -> None:
         """Take what lies on the same cells of another one, whose cell `first` is the first here; it may lie outside."""
-        empty = other.values.new_zeros(1, other.values.shape[1], *self.shape)
-        self.values = empty.contiguous(memory_format=torch.channels_last)
+        self.start(other.values.shape[1], other.values.dtype)
         here, there = _overlap(first, self.shape, other.shape)
         self.values[:, :, *here] = other.values[:, :, *there]
         self.stale[*here] = other.stale[*there]
@@ -128,8 +127,8 @@ class IncrementalPositionNet:
 
     def __init__(self, network: PositionNet, size: tuple[int, int]):
         self._network, self._size = network, size
-        self._changed: np.ndarray | None = None  # since it was told last; None before the first picture
-        self._logits = torch.empty(0)
+        self._changed = np.ones(size, np.uint8)  # since it was told last
+        self._logits: Tensor | None = None  # before the first picture
         widths = [FOLD << level for level in range(len(network.encoders))]
         shapes = [(size[0] // width, size[1] // width) for width in widths]
         self._picture = _Layer((), shapes[0], TILES[widths[0]])
@@ -147,21 +146,22 @@ class IncrementalPositionNet:
         self._layers = [*encoders, *decoders[1:]]
 
     def __call__(self, features: Tensor, wanted: np.ndarray, changed: np.ndarray) -> Tensor:
-        """Logits of the next picture; of the first one whatever is wanted, in one whole pass.
+        """Logits of the next picture.
 
         Shapes:
             features: (C, H, W).
             wanted: uint8 (H, W), 1 where logits will be read.
-            changed: uint8 (H, W), 1 where the picture may differ from the one before.
+            changed: uint8 (H, W), 1 where the picture may differ from the one before, if there was one.
             returns: (H, W), until the next call; what is not wanted may be of an earlier picture.
         """
-        if self._changed is None:
-            self._fill(features)
-            self._logits = self._unfolded()
-        else:
-            if (changed := changed | self._changed).any():
-                self._mark(features, changed)
-            self._compute(coarsened(wanted, FOLD))
+        if self._logits is None:
+            self._picture.start(FOLD**2 * len(features), features.dtype)
+            for layer in self._layers:
+                layer.start(len(layer.blocks[-1].weight), features.dtype)
+            self._logits = torch.zeros(self._size, dtype=features.dtype)
+        if (changed := changed | self._changed).any():
+            self._mark(features, changed)
+        self._compute(coarsened(wanted, FOLD), self._logits)
         self._changed = np.zeros(self._size, np.uint8)
         return self._logits
 
@@ -174,7 +174,7 @@ class IncrementalPositionNet:
         """
         other = IncrementalPositionNet(self._network, size)
         here, there = _overlap(first, size, self._size)
-        if self._changed is None or any(side.start >= side.stop for side in here):
+        if self._logits is None or any(side.start >= side.stop for side in here):
             return other
         for mine, its in zip([self._picture, *self._layers], [other._picture, *other._layers], strict=True):
             pixels = self._size[0] // mine.shape[0]
@@ -189,18 +189,6 @@ class IncrementalPositionNet:
             lines[side - int(start + side < its_side) :] = 1
         return other
 
-    def _fill(self, features: Tensor) -> None:
-        """A whole pass, of which everything is kept."""
-        features = features[None].contiguous(memory_format=torch.channels_last)
-        outputs = {self._picture: functional.pixel_unshuffle(features, FOLD)}
-        for layer in self._layers:
-            x = layer.join(*(_scaled(outputs[source.layer], source.scale) for source in layer.sources))
-            for block in layer.blocks:
-                x = block(x)
-            outputs[layer] = x
-        for layer, output in outputs.items():
-            layer.keep_whole(output)
-
     def _mark(self, features: Tensor, changed: np.ndarray) -> None:
         """Take over what changed; what depends on it is stale."""
         cells = coarsened(changed, FOLD)
@@ -212,7 +200,7 @@ class IncrementalPositionNet:
         for layer in self._layers:
             masks[layer] = layer.mark([_reached_from(source.scale, masks[source.layer]) for source in layer.sources])
 
-    def _compute(self, wanted: np.ndarray) -> None:
+    def _compute(self, wanted: np.ndarray, logits: Tensor) -> None:
         """What is wanted and stale, from the last layer back to the picture, then forward."""
         self._layers[-1].needed |= wanted
         for layer in reversed(self._layers):
@@ -223,7 +211,7 @@ class IncrementalPositionNet:
             layer.compute()
         for rows, columns in self._layers[-1].boxes:
             part = slice(FOLD * rows.start, FOLD * rows.stop), slice(FOLD * columns.start, FOLD * columns.stop)
-            self._logits[part] = self._unfolded(rows, columns)
+            logits[part] = self._unfolded(rows, columns)
 
     def _unfolded(self, rows: slice = slice(None), columns: slice = slice(None)) -> Tensor:
         """The last layer's output in these cells as logits of pixels."""

@@ -126,7 +126,8 @@ def test_a_small_change_costs_little(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted[190:240, 290:340] = 1
     with torch.inference_mode():
         parts(features, wanted, wanted)
-        assert not work, "the first picture takes a whole pass"
+        assert 0 < sum(work) < 8 * 240 * 320 * 4, "of the first picture what is wanted"
+        work.clear()
         after = features.clone()
         after[:, 200:230, 300:330] = 1
         parts(after, wanted, unlike(after, features))

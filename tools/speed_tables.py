@@ -21,11 +21,13 @@ def interact_speed() -> str:
     for threads, milliseconds in told["milliseconds_per_look"].items():
         counted = f"{threads} thread{'s' if int(threads) > 1 else ''}"
         rows.append((f"affordance of a whole picture, {counted}, by the clock", milliseconds))
-    rows.append(("decision, from the first picture of a board", told["milliseconds_per_decision"]))
+    rows.append(("decision, from the first picture of a board", told["milliseconds_per_first_decision"]))
+    rows.append((f"decision, mean of {told['steps']} on a board", told["milliseconds_per_decision"]))
     for policy, milliseconds in told["milliseconds_per_recorded_action"].items():
         rows.append((f"recorded action, policy `{policy}`: simulated, rendered, written", milliseconds))
     corner = f"milliseconds, {told['machine']['processor']}, one thread"
-    return markdown([plain_grid([""], [(words, [f"{value:.0f}"]) for words, value in rows], corner)])
+    words = f"A learned action takes {told['ratio_learned_to_scripted']:.2f} times as long as a scripted one."
+    return markdown([plain_grid([""], [(what, [f"{value:.0f}"]) for what, value in rows], corner), Text(words)])
 
 
 def waiting() -> str:

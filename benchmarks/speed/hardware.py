@@ -36,7 +36,7 @@ import numpy as np
 import torch
 
 from benchmarks.runner import finish, load_average, parser, product_seconds, timed, torch_with
-from benchmarks.speed.interact import SEED, STEPS, record
+from benchmarks.speed.interact import SEED, record
 from benchmarks.speed.reason import made_up, measure
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
@@ -78,7 +78,7 @@ from pipelines.profile import Profile, read_profile
 PACKS = ("busybot", "minimal")
 SIZES = ((640, 480), (64, 48))
 POLICIES = ("scripted", "learned")
-PLAN_STEPS = 8
+STEPS, PLAN_STEPS = 10, 8
 ROUND = 12
 """Boards of the round that networks are trained on here."""
 

@@ -6,9 +6,9 @@
 Figures are CPU seconds of one process with one thread, medians of one run. The limit of an iteration is the time that
 the same processor needs for as many multiplications in one large matrix product, in bfloat16 if it has that, else in
 float32; its ratio to the limit is what could still be gained. Decisions and actions are measured on the boards of one
-dataset: the policy of the shipped model beside the scripted one, with everything that `busybot collect` does for an
-action. What the dense position network needs for a whole board, its features included, is told for each number of
-threads, by the clock.
+dataset, 30 on each: the policy of the shipped model beside the scripted one, with everything that `busybot collect`
+does for an action. What the dense position network needs for a board's first picture, its features included, is told
+for each number of threads, by the clock.
 
 With `paper` the paper's training is measured (`train interact --variant paper`). The data of the first epoch of every
 phase are collected at the paper's size (16 boards of 10 actions), with untrained networks and as the schedule has it
@@ -27,6 +27,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -54,6 +55,7 @@ from busybot.common.rng import generator
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.camera import Rays
+from busybot.episodes.episode import Observation
 from busybot.episodes.mcap.writer import write_episode
 from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.networks import KINDS, Kind
@@ -73,7 +75,7 @@ from busybot.objects.resolve import find
 from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policy import AnyPolicyFactory
+from busybot.sim.policy import Action, AnyPolicyFactory
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
@@ -81,7 +83,8 @@ from busybot.training.checkpoint import parameters_of
 from busybot.training.device import multiplies_bfloat16
 
 SEED = 3
-STEPS = 10
+STEPS, EXPLORED = 30, 20
+"""Actions on each board: of those that are timed, and of those that batches are drawn from."""
 WARM_UP = 2
 """Iterations of the paper's networks that do not count."""
 
@@ -95,7 +98,7 @@ def record(folder: Path, library: Library, boards: int) -> Path:
     """A round of exploring without a network, and its cache."""
     dataset = create_dataset(folder / "round", BoardConfig(boards=boards, group_size=1, seed=SEED), library)
     factory = ExplorePolicyFactory(None)
-    config = CollectConfig(policy=factory.name, steps=2 * STEPS)
+    config = CollectConfig(policy=factory.name, steps=EXPLORED)
     collect(dataset, library, config, os.cpu_count() or 1, None, factory, factory.provenance())
     return cache_samples(Dataset.open(folder / "round"), folder / "cache", "depth")
 
@@ -121,39 +124,56 @@ def iteration(kind: Kind, cache: Path, folder: Path, iterations: int) -> dict[st
     }
 
 
+@dataclass
+class Timed:
+    """A factory of policies, and the one that it made last: `spent` CPU seconds went into each of its decisions."""
+
+    factory: AnyPolicyFactory
+    spent: list[float] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        return self.factory.name
+
+    def make_policy(self, rays: Rays) -> "Timed":
+        assert isinstance(self.factory, LearnedPolicyFactory)
+        self._policy, self.spent = self.factory.make_policy(rays), []
+        return self
+
+    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action | None:
+        began = time.process_time()
+        action = self._policy.select_action(observation, rng)
+        self.spent.append(time.process_time() - began)
+        return action
+
+    def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
+        began = time.process_time()
+        self._policy.observe(action, executed, reward, after)
+        self.spent[-1] += time.process_time() - began
+
+
 def acting(library: Library, boards: list[BoardSpec], folder: Path) -> dict[str, Any]:
-    """CPU milliseconds of a recorded action and of a decision."""
+    """CPU milliseconds of a recorded action, of a board's first decision, and of its decisions on average."""
     simulator, config = Simulator(library, RenderConfig()), InteractionConfig()
-    factories: dict[str, AnyPolicyFactory] = {
-        "scripted": builtin_factory("scripted"),
-        "learned": LearnedPolicyFactory(DEFAULT_MODEL, "collect"),
-    }
-    spent: dict[str, list[float]] = {name: [] for name in factories}
+    learned = Timed(LearnedPolicyFactory(DEFAULT_MODEL, "collect"))
+    factories: dict[str, Any] = {"scripted": builtin_factory("scripted"), "learned": learned}
+    spent: dict[str, list[float]] = {name: [] for name in (*factories, "first", "decision")}
     for board in boards:
         simulator.board(board)  # loads its objects, for whoever acts first
         for name, factory in factories.items():
             began = time.process_time()
             write_episode(folder / "episode.mcap", record_episode(simulator, board, factory, STEPS, config, SEED))
             spent[name].append((time.process_time() - began) / STEPS)
-    per_action = {name: round(1000 * float(np.median(values[1:])), 1) for name, values in spent.items()}
+        spent["first"].append(learned.spent[0])
+        spent["decision"].append(float(np.mean(learned.spent)))
+    took = {name: round(1000 * float(np.median(values[1:])), 1) for name, values in spent.items()}
     return {
-        "milliseconds_per_recorded_action": per_action,
-        "ratio_learned_to_scripted": round(per_action["learned"] / per_action["scripted"], 2),
-        "milliseconds_per_decision": deciding(simulator, boards),
+        "steps": STEPS,
+        "milliseconds_per_recorded_action": {name: took[name] for name in factories},
+        "ratio_learned_to_scripted": round(took["learned"] / took["scripted"], 2),
+        "milliseconds_per_first_decision": took["first"],
+        "milliseconds_per_decision": took["decision"],
     }
-
-
-def deciding(simulator: Simulator, boards: list[BoardSpec]) -> float:
-    """CPU milliseconds from a new image to an action."""
-    spent = []
-    for board in boards:
-        scene = simulator.board(board)
-        seen, rng = scene.observe().observation(scene.camera), generator(SEED, "train", board.index, "benchmark/decide")
-        policy = LearnedPolicyFactory(DEFAULT_MODEL, "evaluate").make_policy(Rays(scene.camera))
-        began = time.process_time()
-        policy.select_action(seen, rng)
-        spent.append(time.process_time() - began)
-    return round(1000 * float(np.median(spent[1:])), 1)
 
 
 def looking(library: Library, boards: list[BoardSpec], threads: int) -> float:

@@ -279,13 +279,13 @@ class LazyImage(Image):
 
 @dataclass
 class LazyImages(Sequence[Image]):
-    """Behaves like `Episode.images`; keeps what was decoded of the last two images, those before and after a step.
+    """Behaves like `Episode.images`; keeps what was decoded of the images that were asked for last.
 
     Attributes:
         where: the file, for messages.
         links: number of links that the segmentation may name.
         encoded: what was read; boxes are there without decoding.
-        keeps: whether the last two images are kept at all.
+        keeps: number of images that are kept; two by default, those before and after a step.
     """
 
     where: str
@@ -294,7 +294,7 @@ class LazyImages(Sequence[Image]):
     links: int
     depth_scale: DepthScale
     encoded: Sequence[EncodedImage]
-    keeps: bool = True
+    keeps: int = 2
     _recent: dict[int, Image] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
@@ -314,8 +314,8 @@ class LazyImages(Sequence[Image]):
             image = LazyImage.of(self, self.encoded[position], position)
             if not self.keeps:
                 return image
-            for old in list(self._recent)[:-1]:
-                del self._recent[old]
+            while len(self._recent) >= self.keeps:
+                del self._recent[next(iter(self._recent))]
             self._recent[position] = image
         return self._recent[position]
 

@@ -109,7 +109,7 @@ class RolloutRunner:
         Raises:
             BusybotError: it has no goal or no depth, or there is no encoder as the reasoner's.
         """
-        observed, goal, rays = observe_episode(history), goal_of(history), Rays(history.camera)
+        observed, goal, rays = observe_episode(history, again=True), goal_of(history), Rays(history.camera)
         if goal is None:
             what = f"board {history.board.index} has no goal"
             raise BusybotError(

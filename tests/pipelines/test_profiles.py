@@ -45,11 +45,12 @@ def test_every_profile_is_sound(name: str) -> None:
     assert read_profile(name).profile == name
 
 
-def test_laptop_and_paper_train_as_their_defaults_say() -> None:
+def test_laptop_trains_lean_networks_and_paper_as_its_defaults_say() -> None:
     def config(profile: str, file: str, kind: Any) -> Any:
         return build(kind, FOLDER / profile / file, [], {})
 
-    assert config("laptop", "interact.yaml", TrainConfig) == TrainConfig()
+    lean = build(TrainConfig, ROOT / "benchmarks" / "lean.yaml", [], {})
+    assert config("laptop", "interact.yaml", TrainConfig) == lean
     assert config("laptop", "reason.yaml", EventConfig) == EventConfig()
     assert config("paper", "interact.yaml", PaperConfig) == PaperConfig()
     assert config("paper", "reason.yaml", PaperReasonConfig) == PaperReasonConfig()
@@ -74,7 +75,7 @@ def test_paper_has_the_papers_sizes() -> None:
         ("params.yaml", "  images: 23", "  pictures: 23", r"laptop/params\.yaml: parameter data\.images: "),
         (
             "params.yaml",
-            "train, boards: 300",
+            "train, boards: 100",
             "train, board: 300",
             r"laptop/params\.yaml: parameter data\.sets\.train\.boards: ",
         ),

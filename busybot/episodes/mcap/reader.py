@@ -51,7 +51,7 @@ def read_episode(path: Path, images: Decoding = "eager") -> Episode:
         file = PictureFile(path, records.checksum)
         for kept, place in ((episode.images, channels.CAMERA), (episode.goals, channels.GOAL)):
             assert isinstance(kept, LazyImages)
-            kept.keeps = False
+            kept.keeps = 0
             kept.encoded = [StoredImage.of(file, place, number, image) for number, image in enumerate(kept.encoded)]
     return episode
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -16,17 +17,19 @@ from torch.nn import functional
 
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
+from busybot.interact.affordance.folding import FoldedDirectionNet
 from busybot.interact.affordance.incremental import IncrementalPositionNet
 from busybot.interact.affordance.inputs import (
+    HEIGHT_GAIN,
     LOWEST,
     Pinhole,
     colour_features,
     heights_of,
     picture_features,
     square_around,
-    updated_features,
+    update_features,
 )
-from busybot.interact.affordance.networks import CROP, POSITION_STRIDE, Kind, PositionNet, make_network
+from busybot.interact.affordance.networks import CROP, POSITION_STRIDE, DirectionNet, Kind, PositionNet, make_network
 from busybot.interact.affordance.plan_view import PlanView, oblique
 from busybot.interact.policy.config import AffordanceInfo, Inputs
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
@@ -60,7 +63,7 @@ class AffordanceView:
     Attributes:
         height: float32 (H, W), board units above the board; the lowest value where nothing was hit.
         affordance: float32 (H, W), logit that acting here works; `NOT_ELEVATED` off the elevated pixels.
-        features: float32 (C, H, W), what the networks see.
+        features: float32 (C, H, W), what the networks see; after a later look at the board what they see then.
         closer: the last closer looks, by pixel (u, v); an action changes little of a picture, so most of them hold for
             the next one.
         kept: what the next look at the board can use, if there may be one.
@@ -90,18 +93,20 @@ class DrawnLook:
     cells: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass
 class KeptLook:
-    """A picture and what the position network made of its part that has something elevated.
+    """The newest picture of a board, and what the position network made of its part that has something elevated.
+
+    Each look brings it up to date.
 
     Attributes:
-        seen: the picture.
+        depth: of the picture.
         features: (C, H, W), what the networks saw.
         window: rows and columns of the part; None where nothing is elevated.
         position: the network with its layers' outputs on that part; None on a GPU, which computes all anew.
     """
 
-    seen: Observation
+    depth: np.ndarray
     features: Tensor
     window: tuple[slice, slice] | None = None
     position: IncrementalPositionNet | None = None
@@ -121,6 +126,7 @@ class AffordanceModel:
         self.info, self.on = info, device()
         self.bfloat16 = multiplies_bfloat16()
         self.networks = {kind: network.eval().to(self.on) for kind, network in networks.items()}
+        self._folded: FoldedDirectionNet | None = None
         self._camera: tuple[Rays, Pinhole] | None = None
 
     @staticmethod
@@ -142,19 +148,18 @@ class AffordanceModel:
         """
         if self.info.inputs == "depth" and oblique(rays.camera):
             return self._look_from_above(seen, rays, None if earlier is None else earlier.drawn)
-        before = None if earlier is None else earlier.kept
-        features, height = self._features(seen, rays, before)
+        kept = None if earlier is None else earlier.kept
+        kept, height, changed = self._features(seen, rays, kept)
         elevated = height > ELEVATED
-        affordance = torch.full_like(height, NOT_ELEVATED)
-        kept = KeptLook(seen, features)
-        if elevated.any():
-            window = _window(elevated)
+        affordance = np.full(height.shape, NOT_ELEVATED, np.float32)
+        if (window := _window(elevated)) is None:
+            kept.window = kept.position = None
+        else:
             part = elevated[window]
-            logits, position = self._position_logits(features, window, part, before)
-            affordance[window] = torch.where(part, logits[: part.shape[0], : part.shape[1]], NOT_ELEVATED)
-            kept = KeptLook(seen, features, window, position)
+            logits = self._position_logits(kept, window, part, changed[window])
+            affordance[window][part] = logits.numpy()[: part.shape[0], : part.shape[1]][part]
         closer = {} if earlier is None else earlier.closer
-        return AffordanceView(height.numpy(), affordance.numpy(), features.numpy(), closer, kept)
+        return AffordanceView(height, affordance, kept.features.numpy(), closer, kept)
 
     def _look_from_above(self, seen: Observation, rays: Rays, earlier: DrawnLook | None) -> AffordanceView:
         """The networks see the picture as from above; each pixel has the affordance of the place that it shows."""
@@ -167,36 +172,44 @@ class AffordanceModel:
         )
         return AffordanceView(height, affordance, view.features, drawn=DrawnLook(plan, view, cells))
 
-    def _features(self, seen: Observation, rays: Rays, before: KeptLook | None) -> tuple[Tensor, Tensor]:
-        """What the networks see (C, H, W), and heights (H, W)."""
-        camera = self._pinhole(rays)
+    def _features(
+        self, seen: Observation, rays: Rays, kept: KeptLook | None
+    ) -> tuple[KeptLook, np.ndarray, np.ndarray]:
+        """What is known of the board with what the networks see now; heights (H, W); and where that may be otherwise
+        than before, uint8 (H, W)."""
+        camera, changed = self._pinhole(rays), np.ones(seen.depth.shape, np.uint8)
         if self.info.inputs == "rgb":
-            return colour_features(seen.rgb), heights_of(picture_features(seen.depth, camera))
-        if before is None:
-            features = picture_features(seen.depth, camera)
+            height = heights_of(picture_features(seen.depth, camera)).numpy()
+            if kept is None:
+                return KeptLook(seen.depth, colour_features(seen.rgb)), height, changed
+            kept.depth, kept.features = seen.depth, colour_features(seen.rgb)
+            return kept, height, changed
+        if kept is None:
+            kept = KeptLook(seen.depth, picture_features(seen.depth, camera))
         else:
-            features = updated_features(before.features, before.seen.depth, seen.depth, camera)
-        return features, heights_of(features)
+            changed = update_features(kept.features, kept.depth, seen.depth, camera)
+            kept.depth = seen.depth
+        return kept, np.asarray(kept.features.numpy()[0] / np.float32(HEIGHT_GAIN)), changed
 
     def _position_logits(
-        self, features: Tensor, window: tuple[slice, slice], elevated: Tensor, before: KeptLook | None
-    ) -> tuple[Tensor, IncrementalPositionNet | None]:
-        """Logits of a part of the picture where it is elevated; and the network, if it can go on from there."""
-        part = _pad_to_stride(features[:, *window])
-        network = self.networks["position"]
+        self, kept: KeptLook, window: tuple[slice, slice], elevated: np.ndarray, changed: np.ndarray
+    ) -> Tensor:
+        """Logits of a part of the picture where it is elevated, (H, W); whole squares of `POSITION_STRIDE`."""
+        part = _pad_to_stride(kept.features[:, *window])
+        network, position = self.networks["position"], kept.position
         if self.on.type != "cpu" or not isinstance(network, PositionNet):
-            return self._run("position", part[None])[0], None
+            return self._run("position", part[None])[0]
         rows, columns = part.shape[1:]
-        if before is None or before.position is None or before.window is None:
+        if position is None or kept.window is None:
             position = IncrementalPositionNet(network, (rows, columns))
-        elif before.window == window:
-            position = before.position
-        else:
-            first = (window[0].start - before.window[0].start, window[1].start - before.window[1].start)
-            position = before.position.moved(first, (rows, columns))
-        wanted = np.pad(elevated.numpy().view(np.uint8), [(0, rows - len(elevated)), (0, columns - elevated.shape[1])])
+        elif kept.window != window:
+            first = (window[0].start - kept.window[0].start, window[1].start - kept.window[1].start)
+            position = position.moved(first, (rows, columns))
+        kept.window, kept.position = window, position
+        missing = [(0, rows - len(elevated)), (0, columns - elevated.shape[1])]
+        wanted, changed = np.pad(elevated.view(np.uint8), missing), np.pad(changed, missing, mode="edge")
         with self._computing():
-            return position(part.to(self._number_type), wanted).float(), position
+            return position(part.to(self._number_type), wanted, changed).float()
 
     def directions(self, view: AffordanceView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A closer look at pixels, int (K, 2), u and v.
@@ -235,8 +248,11 @@ class AffordanceModel:
     def _run(self, kind: Kind, features: Tensor) -> Any:
         """The outputs of a network in float32, on the CPU."""
         on_device = features.to(self.on, self._number_type).contiguous(memory_format=torch.channels_last)
+        network: Any = self.networks[kind]
         with self._computing():
-            outputs = self.networks[kind](on_device)
+            if isinstance(network, DirectionNet):
+                self._folded = network = self._folded or FoldedDirectionNet(network)
+            outputs = network(on_device)
         return tuple(part.float().cpu() for part in outputs) if isinstance(outputs, tuple) else outputs.float().cpu()
 
     def _pinhole(self, rays: Rays) -> Pinhole:
@@ -255,13 +271,15 @@ def crops_around(features: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     return np.stack([features[:, *square_around(pixel, CROP, *features.shape[1:])] for pixel in pixels])
 
 
-def _window(elevated: Tensor) -> tuple[slice, slice]:
+def _window(elevated: np.ndarray) -> tuple[slice, slice] | None:
     """Rows and columns within `MARGIN` of something elevated, of sides that the position network needs if possible."""
+    left, top, width, height = cv2.boundingRect(elevated.view(np.uint8))
+    if not width:
+        return None
     sides = []
-    for size, along in zip(elevated.shape, (elevated.any(dim=1), elevated.any(dim=0)), strict=True):
-        occupied = along.nonzero()
-        first = max(0, int(occupied[0]) - MARGIN) // POSITION_STRIDE * POSITION_STRIDE
-        last = int(occupied[-1]) + 1 + MARGIN
+    for size, start, count in zip(elevated.shape, (top, left), (height, width), strict=True):
+        first = max(0, start - MARGIN) // POSITION_STRIDE * POSITION_STRIDE
+        last = start + count + MARGIN
         sides.append(slice(first, min(size, -(-last // POSITION_STRIDE) * POSITION_STRIDE)))
     return sides[0], sides[1]
 

@@ -2,29 +2,27 @@
 
 An action changes a hundredth of a picture, and objects cover a tenth of it. The network is local: what it says of a
 pixel depends on some 110 pixels around it. So the outputs of its layers are kept from one picture of a board to the
-next, and each layer is computed anew in those square tiles where both holds: something that they depend on has changed
+next, and each layer is computed anew in those rectangles where both holds: something that they depend on has changed
 since they were computed, and something that is wanted depends on them. The layers are the network's own, see the
 numbers that they would see in a whole pass, and the same zeros beyond the border.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import Literal
 
 import cv2
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn import functional
 
+from busybot.interact.affordance.folding import FoldedBlock
+from busybot.interact.affordance.inputs import Box, coarsened, halved, rectangles
 from busybot.interact.affordance.networks import FOLD, PositionNet
 
-TILES = {2: 16, 4: 8, 8: 8, 16: 4}
-"""Sides of tiles in cells, powers of two, by the width of a cell in pixels."""
-TOGETHER = 64
-"""Tiles that are computed at once: few enough for a processor's cache."""
-
+TILES = {2: 4, 4: 2, 8: 1, 16: 1}
+"""Rectangles are of whole squares of so many cells a side, powers of two, by the width of a cell in pixels."""
 Scale = Literal["same", "finer", "coarser"]
 Join = Callable[..., Tensor]
 
@@ -42,55 +40,24 @@ class _Source:
     scale: Scale
 
 
-@dataclass(frozen=True)
-class _Block:
-    """A convolution of the network, of which the normalisation behind it has become a part, and ReLU or none.
-
-    Attributes:
-        reach: cells that it sees beyond its own, 1 or 0.
-    """
-
-    weight: Tensor
-    bias: Tensor | None
-    bends: bool
-    reach: int
-
-    @staticmethod
-    def of(block: nn.Module) -> "_Block":
-        convolution, *rest = block if isinstance(block, nn.Sequential) else [block]
-        assert isinstance(convolution, nn.Conv2d)
-        weight, bias = convolution.weight.detach(), convolution.bias
-        for norm in rest:
-            if isinstance(norm, nn.BatchNorm2d):
-                assert norm.running_mean is not None and norm.running_var is not None and bias is None
-                gain = norm.weight.detach() * (norm.running_var + norm.eps).rsqrt()
-                weight, bias = weight * gain[:, None, None, None], norm.bias.detach() - norm.running_mean * gain
-        weight = weight.contiguous(memory_format=torch.channels_last)
-        return _Block(weight, bias, any(isinstance(one, nn.ReLU) for one in rest), convolution.kernel_size[0] // 2)
-
-    def __call__(self, x: Tensor, padding: int = 0) -> Tensor:
-        """(K, C, n, n) to (K, C', m, m); without padding a border of `reach` cells is lost."""
-        x = functional.conv2d(x, self.weight, self.bias, padding=padding)
-        return x.relu_() if self.bends else x
-
-
 class _Layer:
     """A layer's output, kept in part.
 
     Args:
         blocks: what is computed one after the other; the convolutions among them reach `reach` cells in all.
         shape: rows and columns of the output.
-        tile: side of the squares that are computed.
+        tile: side of the squares that rectangles consist of.
         sources: what is read, one, or a coarser one and one of its own size, which the network joins.
 
     Attributes:
         stale: uint8, like the output: cells that are not of the newest picture.
-        values: (rows, columns, channels) in whole tiles; what lies beyond `shape` means nothing.
+        values: (1, C, rows, columns).
+        boxes: the rectangles to compute.
     """
 
     def __init__(
         self,
-        blocks: Sequence[_Block],
+        blocks: Sequence[FoldedBlock],
         shape: tuple[int, int],
         tile: int,
         sources: Sequence[_Source] = (),
@@ -100,7 +67,7 @@ class _Layer:
         self.reach = sum(block.reach for block in blocks)
         self.stale = np.ones(shape, np.uint8)
         self.needed = np.zeros(shape, np.uint8)
-        self.corners = np.zeros((0, 2), int)
+        self.boxes: list[Box] = []
         self.values = torch.empty(0)
 
     def mark(self, changed: Sequence[np.ndarray]) -> np.ndarray:
@@ -110,54 +77,44 @@ class _Layer:
         return reached
 
     def claim(self) -> np.ndarray:
-        """Choose the tiles to compute, with a cell that is needed and stale; what they read, as a mask."""
-        side, (rows, columns) = self.tile, self.shape
-        tiles = np.pad(self.needed & self.stale, ((0, -rows % side), (0, -columns % side)))
-        tiles = _coarse(tiles, side)
-        self.corners = np.argwhere(tiles) * side
-        cells = tiles.repeat(side, 0).repeat(side, 1)[:rows, :columns]
-        self.stale[cells > 0] = 0
+        """Choose the rectangles to compute, around what is needed and stale; what they read, as a mask."""
+        self.boxes = rectangles(self.needed & self.stale, self.tile)
+        read = np.zeros(self.shape, np.uint8)
+        for box in self.boxes:
+            self.stale[box] = 0
+            read[self._around(box, self.reach)] = 1
         self.needed[:] = 0
-        return _grown(cells, self.reach)
+        return read
 
     def compute(self) -> None:
-        """The tiles that were claimed."""
-        for first in range(0, len(self.corners), TOGETHER):
-            corners = self.corners[first : first + TOGETHER]
-            x = self.join(*(_read(source, corners, self.tile, self.reach) for source in self.sources))
+        """The rectangles that were claimed."""
+        for box in self.boxes:
             reach = self.reach
+            place = self._around(box, reach)
+            x = self.join(*(_read(source, place) for source in self.sources))
             for block in self.blocks:
-                if block.reach:
-                    x = _blank(x, corners - reach, self.shape)
-                x, reach = block(x), reach - block.reach
-            self._keep(corners, x)
+                reach -= block.reach
+                inner = self._around(box, reach)
+                x, place = block(x, _beyond(place, inner, block.reach)), inner
+            self.values[:, :, *box] = x
 
-    def window(self, corners: np.ndarray, side: int) -> Tensor:
-        """Squares of `side` cells, (K, C, side, side); beyond the border the nearest cell."""
-        rows, columns = (torch.from_numpy(corners[:, k, None] + np.arange(side)) for k in (0, 1))
-        rows, columns = rows.clamp(0, self.shape[0] - 1), columns.clamp(0, self.shape[1] - 1)
-        return self.values[rows[:, :, None], columns[:, None, :]].permute(0, 3, 1, 2)
-
-    def keep_whole(self, output: Tensor) -> None:
-        """Take (1, C, rows, columns) for the output."""
-        self._allocate(output, output.shape[1])
-        self.values[: self.shape[0], : self.shape[1]] = output[0].permute(1, 2, 0)
-        self.stale[:] = 0
+    def start(self, channels: int, dtype: torch.dtype) -> None:
+        """Know nothing yet."""
+        empty = torch.zeros(1, channels, *self.shape, dtype=dtype)
+        self.values = empty.contiguous(memory_format=torch.channels_last)
 
     def take_over(self, other: "_Layer", first: tuple[int, int]) -> None:
         """Take what lies on the same cells of another one, whose cell `first` is the first here; it may lie outside."""
-        self._allocate(other.values, other.values.shape[-1])
+        self.start(other.values.shape[1], other.values.dtype)
         here, there = _overlap(first, self.shape, other.shape)
-        self.values[*here] = other.values[*there]
+        self.values[:, :, *here] = other.values[:, :, *there]
         self.stale[*here] = other.stale[*there]
 
-    def _allocate(self, like: Tensor, channels: int) -> None:
-        rows, columns = (size + -size % self.tile for size in self.shape)
-        self.values = like.new_zeros(rows, columns, channels)
-
-    def _keep(self, corners: np.ndarray, outputs: Tensor) -> None:
-        rows, columns = (torch.from_numpy(corners[:, k, None] + np.arange(self.tile)) for k in (0, 1))
-        self.values[rows[:, :, None], columns[:, None, :]] = outputs.permute(0, 2, 3, 1)
+    def _around(self, box: Box, reach: int) -> Box:
+        """With so many cells more on each side, as far as there are any."""
+        (top, bottom), (left, right) = ((side.start - reach, side.stop + reach) for side in box)
+        rows, columns = self.shape
+        return slice(max(0, top), min(rows, bottom)), slice(max(0, left), min(columns, right))
 
 
 class IncrementalPositionNet:
@@ -170,42 +127,42 @@ class IncrementalPositionNet:
 
     def __init__(self, network: PositionNet, size: tuple[int, int]):
         self._network, self._size = network, size
-        self._features: Tensor | None = None
-        self._logits = torch.empty(0)
+        self._changed = np.ones(size, np.uint8)  # since it was told last
+        self._logits: Tensor | None = None  # before the first picture
         widths = [FOLD << level for level in range(len(network.encoders))]
         shapes = [(size[0] // width, size[1] // width) for width in widths]
         self._picture = _Layer((), shapes[0], TILES[widths[0]])
         encoders: list[_Layer] = []
         for encode, shape, width in zip(network.encoders, shapes, widths, strict=True):
             source = _Source(encoders[-1], "finer") if encoders else _Source(self._picture, "same")
-            encoders.append(_Layer([_Block.of(block) for block in encode], shape, TILES[width], [source]))
-        after = [_Block.of(block) for block in (network.head, *network.lifts)]  # nothing else reads what is before
+            encoders.append(_Layer([FoldedBlock.of(block) for block in encode], shape, TILES[width], [source]))
+        after = [FoldedBlock.of(block) for block in (network.head, *network.lifts)]  # nothing else reads what is before
         decoders = encoders[-1:]
         decoders[0].blocks = [*decoders[0].blocks, *after[len(encoders) - 1 :]]
         for level in reversed(range(len(network.decoders))):
-            blocks = [_Block.of(network.decoders[level]), *after[level : level + 1]]
+            blocks = [FoldedBlock.of(network.decoders[level]), *after[level : level + 1]]
             sources = [_Source(decoders[-1], "coarser"), _Source(encoders[level], "same")]
             decoders.append(_Layer(blocks, shapes[level], TILES[widths[level]], sources, network.joined))
         self._layers = [*encoders, *decoders[1:]]
 
-    def __call__(self, features: Tensor, wanted: np.ndarray) -> Tensor:
-        """Logits of the next picture; of the first one whatever is wanted, in one whole pass.
+    def __call__(self, features: Tensor, wanted: np.ndarray, changed: np.ndarray) -> Tensor:
+        """Logits of the next picture.
 
         Shapes:
-            features: (C, H, W), kept until the next call, which compares with them.
+            features: (C, H, W).
             wanted: uint8 (H, W), 1 where logits will be read.
+            changed: uint8 (H, W), 1 where the picture may differ from the one before, if there was one.
             returns: (H, W), until the next call; what is not wanted may be of an earlier picture.
         """
-        if self._features is None:
-            self._fill(features)
-            self._logits = self._unfolded(slice(0, self._size[0]), slice(0, self._size[1]))
-        else:
-            channels = zip(features, self._features, strict=True)
-            changed = reduce(torch.logical_or, (new != old for new, old in channels)).numpy().view(np.uint8)
-            if changed.any():
-                self._mark(features, changed)
-            self._compute(_coarse(wanted, FOLD))
-        self._features = features
+        if self._logits is None:
+            self._picture.start(FOLD**2 * len(features), features.dtype)
+            for layer in self._layers:
+                layer.start(len(layer.blocks[-1].weight), features.dtype)
+            self._logits = torch.zeros(self._size, dtype=features.dtype)
+        if (changed := changed | self._changed).any():
+            self._mark(features, changed)
+        self._compute(coarsened(wanted, FOLD), self._logits)
+        self._changed = np.zeros(self._size, np.uint8)
         return self._logits
 
     def moved(self, first: tuple[int, int], size: tuple[int, int]) -> "IncrementalPositionNet":
@@ -217,44 +174,33 @@ class IncrementalPositionNet:
         """
         other = IncrementalPositionNet(self._network, size)
         here, there = _overlap(first, size, self._size)
-        if self._features is None or any(side.start >= side.stop for side in here):
+        if self._logits is None or any(side.start >= side.stop for side in here):
             return other
         for mine, its in zip([self._picture, *self._layers], [other._picture, *other._layers], strict=True):
             pixels = self._size[0] // mine.shape[0]
             its.take_over(mine, (first[0] // pixels, first[1] // pixels))
-        other._logits = other._unfolded(slice(0, size[0]), slice(0, size[1]))
-        known = torch.full((len(self._features), *size), torch.nan, dtype=self._features.dtype)  # unlike any number
-        known[:, *here] = self._features[:, *there]
-        for lines, start, its_side, side in zip((known, known.mT), first, self._size, size, strict=True):
-            lines[:, : int(start > 0)] = torch.nan  # along lines where the picture now ends the zeros are new
-            lines[:, side - int(start + side < its_side) :] = torch.nan
-        other._features = known
+        other._logits = other._unfolded()
+        other._changed = np.ones(size, np.uint8)
+        other._changed[*here] = self._changed[*there]
+        for lines, start, its_side, side in zip(
+            (other._changed, other._changed.T), first, self._size, size, strict=True
+        ):
+            lines[: int(start > 0)] = 1  # along lines where the picture now ends the zeros are new
+            lines[side - int(start + side < its_side) :] = 1
         return other
-
-    def _fill(self, features: Tensor) -> None:
-        """A whole pass, of which everything is kept."""
-        features = features[None].contiguous(memory_format=torch.channels_last)
-        outputs = {self._picture: functional.pixel_unshuffle(features, FOLD)}
-        for layer in self._layers:
-            x = layer.join(*(_scaled(outputs[source.layer], source.scale) for source in layer.sources))
-            for block in layer.blocks:
-                x = block(x, block.reach)
-            outputs[layer] = x
-        for layer, output in outputs.items():
-            layer.keep_whole(output)
 
     def _mark(self, features: Tensor, changed: np.ndarray) -> None:
         """Take over what changed; what depends on it is stale."""
-        cells = _coarse(changed, FOLD)
-        left, top, width, height = cv2.boundingRect(cells)
-        part = features[:, FOLD * top : FOLD * (top + height), FOLD * left : FOLD * (left + width)]
-        folded = functional.pixel_unshuffle(part[None], FOLD)[0].permute(1, 2, 0)
-        self._picture.values[top : top + height, left : left + width] = folded
+        cells = coarsened(changed, FOLD)
+        for place in rectangles(cells, TILES[FOLD]):
+            rows, columns = (slice(FOLD * side.start, FOLD * side.stop) for side in place)
+            part = features[None, :, rows, columns].to(self._picture.values.dtype)
+            self._picture.values[:, :, *place] = functional.pixel_unshuffle(part, FOLD)
         masks = {self._picture: cells}
         for layer in self._layers:
             masks[layer] = layer.mark([_reached_from(source.scale, masks[source.layer]) for source in layer.sources])
 
-    def _compute(self, wanted: np.ndarray) -> None:
+    def _compute(self, wanted: np.ndarray, logits: Tensor) -> None:
         """What is wanted and stale, from the last layer back to the picture, then forward."""
         self._layers[-1].needed |= wanted
         for layer in reversed(self._layers):
@@ -263,27 +209,37 @@ class IncrementalPositionNet:
                 source.layer.needed |= _needed_of(source.scale, read)
         for layer in self._layers:
             layer.compute()
-        if len(corners := FOLD * self._layers[-1].corners):
-            ends = corners.max(0) + FOLD * self._layers[-1].tile
-            part = tuple(slice(*ends) for ends in zip(corners.min(0), np.minimum(ends, self._size), strict=True))
-            self._logits[part] = self._unfolded(*part)
+        for rows, columns in self._layers[-1].boxes:
+            part = slice(FOLD * rows.start, FOLD * rows.stop), slice(FOLD * columns.start, FOLD * columns.stop)
+            logits[part] = self._unfolded(rows, columns)
 
-    def _unfolded(self, rows: slice, columns: slice) -> Tensor:
-        """The last layer's output as logits of pixels; slices are of whole cells."""
-        within = (slice(side.start // FOLD, side.stop // FOLD) for side in (rows, columns))
-        return functional.pixel_shuffle(self._layers[-1].values[*within].permute(2, 0, 1)[None], FOLD)[0, 0]
+    def _unfolded(self, rows: slice = slice(None), columns: slice = slice(None)) -> Tensor:
+        """The last layer's output in these cells as logits of pixels."""
+        return functional.pixel_shuffle(self._layers[-1].values[:, :, rows, columns], FOLD)[0, 0]
 
 
-def _read(source: _Source, corners: np.ndarray, tile: int, reach: int) -> Tensor:
-    """The input of tiles with what they reach, (K, C, tile + 2 reach, tile + 2 reach)."""
-    corners, side = corners - reach, tile + 2 * reach
-    if source.scale == "finer":
-        return _scaled(source.layer.window(2 * corners, 2 * side), "finer")
+def _read(source: _Source, place: Box) -> Tensor:
+    """The input of a layer at some of its cells, (1, C, rows, columns)."""
+    values = source.layer.values
     if source.scale == "same":
-        return source.layer.window(corners, side)
-    coarse = source.layer.window((corners + reach) // 2 - 2, tile // 2 + 4)  # more than it covers, to interpolate with
-    cut = 4 - reach
-    return _scaled(coarse, "coarser")[:, :, cut:-cut, cut:-cut]
+        return values[:, :, *place]
+    if source.scale == "finer":
+        rows, columns = (slice(2 * side.start, 2 * side.stop) for side in place)
+        return _scaled(values[:, :, rows, columns], "finer")
+    # a cell more on each side, to interpolate with
+    rows, columns = (slice(max(0, side.start // 2 - 1), -(-side.stop // 2) + 1) for side in place)
+    within = [slice(side.start - 2 * coarse.start, side.stop - 2 * coarse.start)
+              for side, coarse in zip(place, (rows, columns), strict=True)]  # fmt: skip
+    return _scaled(values[:, :, rows, columns], "coarser")[:, :, *within]
+
+
+def _beyond(place: Box, inner: Box, reach: int) -> list[int]:
+    """Zeros that a convolution of `place` needs before and after columns and rows, to tell of `inner`."""
+    return [
+        missing
+        for outer, side in zip(reversed(place), reversed(inner), strict=True)
+        for missing in (outer.start + reach - side.start, side.stop + reach - outer.stop)
+    ]
 
 
 def _scaled(x: Tensor, scale: Scale) -> Tensor:
@@ -291,17 +247,6 @@ def _scaled(x: Tensor, scale: Scale) -> Tensor:
     if scale == "finer":
         return functional.max_pool2d(x, 2)
     return x if scale == "same" else functional.interpolate(x, scale_factor=2, mode="bilinear", align_corners=False)
-
-
-def _blank(x: Tensor, corners: np.ndarray, shape: tuple[int, int]) -> Tensor:
-    """Squares that begin at `corners`, with zeros beyond the border of the picture."""
-    inside = []
-    for axis in (0, 1):
-        at = corners[:, axis, None] + np.arange(x.shape[-1])
-        inside.append((at >= 0) & (at < shape[axis]))
-    if inside[0].all() and inside[1].all():
-        return x
-    return x * torch.from_numpy(inside[0][:, None, :, None] & inside[1][:, None, None, :])
 
 
 def _overlap(first: tuple[int, int], shape: tuple[int, int], other: tuple[int, int]) -> tuple[list[slice], list[slice]]:
@@ -312,21 +257,8 @@ def _overlap(first: tuple[int, int], shape: tuple[int, int], other: tuple[int, i
     return here, [slice(one.start + start, one.stop + start) for one, start in zip(here, first, strict=True)]
 
 
-def _coarse(mask: np.ndarray, cell: int) -> np.ndarray:
-    """Cells of so many pixels, a power of two, with any that is set."""
-    while cell > 1:
-        mask, cell = _halved(mask), cell // 2
-    return mask
-
-
 def _grown(mask: np.ndarray, cells: int) -> np.ndarray:
     return cv2.dilate(mask, np.ones((2 * cells + 1, 2 * cells + 1), np.uint8)) if cells else mask
-
-
-def _halved(mask: np.ndarray) -> np.ndarray:
-    """Coarser cells with any of the finer ones."""
-    rows = mask[::2] | mask[1::2]
-    return rows[:, ::2] | rows[:, 1::2]
 
 
 def _doubled(mask: np.ndarray) -> np.ndarray:
@@ -336,7 +268,7 @@ def _doubled(mask: np.ndarray) -> np.ndarray:
 def _reached_from(scale: Scale, changed: np.ndarray) -> np.ndarray:
     """Where a layer's input changes, if its source did there."""
     if scale == "finer":
-        return _halved(changed)
+        return halved(changed)
     return changed if scale == "same" else _doubled(_grown(changed, 1))
 
 
@@ -344,4 +276,4 @@ def _needed_of(scale: Scale, read: np.ndarray) -> np.ndarray:
     """What a layer needs of its source, if its input is read there."""
     if scale == "finer":
         return _doubled(read)
-    return read if scale == "same" else _grown(_halved(read), 1)
+    return read if scale == "same" else _grown(halved(read), 1)

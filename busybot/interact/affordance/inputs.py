@@ -26,6 +26,10 @@ LOWEST, HIGHEST = -0.3, 1.2
 """Heights are clipped to this range, board units; where nothing was hit the height is `LOWEST`."""
 HEIGHT_GAIN = 4.0
 """The height channel is height times this: objects are some tenths of a unit high, normals are of length 1."""
+APART = 8
+"""What changed in two places is computed in two, if so many pixels lie between them."""
+
+Box = tuple[slice, slice]
 
 
 class Pinhole:
@@ -102,27 +106,53 @@ def stack_features(depth: Tensor, camera: Pinhole) -> Tensor:
     return depth_features(camera.points(padded, rows, columns))
 
 
-def updated_features(features: Tensor, before: np.ndarray, depth: np.ndarray, camera: Pinhole) -> Tensor:
-    """The channels of a picture that differs little from one whose channels are known.
+def update_features(features: Tensor, before: np.ndarray, depth: np.ndarray, camera: Pinhole) -> np.ndarray:
+    """Turn the channels of a picture into those of one that differs little from it, in place.
 
     Shapes:
         features: float32 (4, H, W), of `before`.
         before, depth: float32 (H, W), board units, 0 where nothing was hit.
-        returns: float32 (4, H, W).
+        returns: uint8 (H, W), 1 where they may have changed.
     """
     changed = cv2.dilate((depth != before).view(np.uint8), np.ones((3, 3), np.uint8))  # normals reach a pixel far
-    left, top, width, height = cv2.boundingRect(changed)
-    if not width:
-        return features
-    rows, columns = (
-        torch.arange(first - 1, first + size + 1).clamp(0, side - 1)
-        for first, size, side in zip((top, left), (height, width), depth.shape, strict=True)
-    )
-    part = torch.from_numpy(depth)[rows[:, None], columns].float()
-    updated = features.clone()
-    fresh = depth_features(camera.points(part[None], rows[None], columns[None]))[0]
-    updated[:, top : top + height, left : left + width] = fresh
-    return updated
+    for place in rectangles(changed, APART):
+        rows, columns = (
+            torch.arange(side.start - 1, side.stop + 1).clamp(0, size - 1)
+            for side, size in zip(place, depth.shape, strict=True)
+        )
+        part = torch.from_numpy(depth)[rows[:, None], columns].float()
+        features[:, *place] = depth_features(camera.points(part[None], rows[None], columns[None]))[0]
+    return changed
+
+
+def rectangles(mask: np.ndarray, tile: int) -> list[Box]:
+    """Of uint8 (H, W), rows and columns around what is set: one for all that is connected, of whole tiles.
+
+    Args:
+        tile: side of the squares that are told apart, a power of two.
+    """
+    if not mask.any():
+        return []
+    height, width = mask.shape
+    tiles = coarsened(np.pad(mask, ((0, -height % tile), (0, -width % tile))), tile)
+    found = cv2.connectedComponentsWithStats(tiles)[2][1:, :4] * tile
+    return [
+        (slice(top, min(height, top + rows)), slice(left, min(width, left + columns)))
+        for left, top, columns, rows in found.tolist()
+    ]
+
+
+def coarsened(mask: np.ndarray, cell: int) -> np.ndarray:
+    """Cells of so many pixels, a power of two, with any that is set."""
+    while cell > 1:
+        mask, cell = halved(mask), cell // 2
+    return mask
+
+
+def halved(mask: np.ndarray) -> np.ndarray:
+    """Coarser cells with any of the finer ones."""
+    rows = mask[::2] | mask[1::2]
+    return np.asarray(rows[:, ::2] | rows[:, 1::2])
 
 
 def heights_of(features: Tensor) -> Tensor:

@@ -176,7 +176,10 @@ class DirectionNet(nn.Module):
 
     def forward(self, crops: Tensor, keep: Tensor | None = None) -> tuple[Tensor, Tensor]:
         places = self.places[None].expand(len(crops), -1, -1, -1)
-        embedded = self.convolutions(torch.cat([crops, places.to(crops.dtype)], dim=1))  # (B, 16 d)
+        return self.answer(self.convolutions(torch.cat([crops, places.to(crops.dtype)], dim=1)), keep)
+
+    def answer(self, embedded: Tensor, keep: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """What is told of what the convolutions made of crops, (B, 16 d)."""
         hidden = functional.relu(self.hidden(embedded))
         logits = self.head(hidden if keep is None else hidden * keep)  # (B, 19)
         return logits[:, :DIRECTION_COUNT], logits[:, DIRECTION_COUNT]

@@ -51,6 +51,7 @@ class BoardMemory:
         pairs: link to the direction pair that moved it last.
         failures: those that no later success has explained.
         responders: components that looked otherwise after another one was acted on, and of which no link has moved.
+        _moved: components of which a link has moved, and 0 where one reached beyond them.
     """
 
     def __init__(self, height: np.ndarray, config: PolicyConfig):
@@ -60,6 +61,7 @@ class BoardMemory:
         self.pairs: dict[int, int] = {}
         self.failures: list[Failure] = []
         self.responders: set[int] = set()
+        self._moved: set[int] = set()
 
     def succeeded(self, pixel: tuple[int, int], direction: int, before: Observation, after: Observation) -> int:
         """Remember an action with reward; returns the number of the link that moved.
@@ -74,10 +76,11 @@ class BoardMemory:
         link = self._link(moved)
         self.links[enlarged(moved) & (self.links == 0)] = link
         self.links[moved] = link
+        self._moved = set(np.flatnonzero(np.bincount(self._components[self.links > 0])).tolist())
         self.pairs[link] = int(PAIR_OF[direction])
         self.failures = [one for one in self.failures if not moved[one.pixel[1], one.pixel[0]]]
         self.responders |= self._changed(before.rgb, after.rgb)
-        self.responders -= self._moved()
+        self.responders -= self._moved
         return link
 
     def _changed(self, before: np.ndarray, after: np.ndarray) -> set[int]:
@@ -127,13 +130,9 @@ class BoardMemory:
             pairs[links == link, pair] = np.maximum(pairs[links == link, pair], self._config.known_pair)
         return beliefs, pairs
 
-    def _moved(self) -> set[int]:
-        """Components of which a link has moved, and 0 where one reached beyond them."""
-        return set(np.unique(self._components[self.links > 0]).tolist())
-
     def _triggers(self) -> set[int]:
         """Components of which a link has moved and no action failed."""
-        return self._moved() - {0} - {int(self._components[one.pixel[1], one.pixel[0]]) for one in self.failures}
+        return self._moved - {0} - {int(self._components[one.pixel[1], one.pixel[0]]) for one in self.failures}
 
     def tried(self, pixels: np.ndarray) -> np.ndarray:
         """Which of the pixels (K, 2) lie where a pair has failed, bool (K,)."""

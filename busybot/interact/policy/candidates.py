@@ -242,15 +242,27 @@ def _peaks(smooth: np.ndarray, where: np.ndarray, config: PolicyConfig) -> np.nd
     if (found := cv2.findNonZero(top.view(np.uint8))) is None:
         return np.zeros((0, 2), int)
     pixels = found.reshape(-1, 2).astype(int)  # (K, 2) or (K, 1, 2), as cv2 is old or new
-    plateau = cv2.connectedComponents(top.view(np.uint8), connectivity=8)[1][pixels[:, 1], pixels[:, 0]]
+    if _touching(pixels):
+        pixels = _middles(pixels, cv2.connectedComponents(top.view(np.uint8), connectivity=8)[1])
+    return pixels[np.argsort(-smooth[pixels[:, 1], pixels[:, 0]], kind="stable")[: config.most]]
+
+
+def _touching(pixels: np.ndarray) -> bool:
+    """Whether any two of the pixels (K, 2) are neighbours."""
+    columns, rows = (np.abs(axis[:, None] - axis) <= 1 for axis in pixels.T)
+    return bool(np.count_nonzero(columns & rows) > len(pixels))
+
+
+def _middles(pixels: np.ndarray, labels: np.ndarray) -> np.ndarray:
+    """Of the pixels (K, 2) of each plateau (H, W) the one in its middle."""
+    plateau = labels[pixels[:, 1], pixels[:, 0]]
     # not cv2's statistics, which take ten times as long because they count every pixel
     sums = np.stack([np.bincount(plateau, axis) for axis in pixels.T], axis=1)
     centres = sums / np.maximum(np.bincount(plateau), 1)[:, None]
     from_centre = ((pixels - centres[plateau]) ** 2).sum(axis=1)
     order = np.lexsort((from_centre, plateau))
     _, first = np.unique(plateau[order], return_index=True)
-    pixels = pixels[order[first]]
-    return pixels[np.argsort(-smooth[pixels[:, 1], pixels[:, 0]], kind="stable")[: config.most]]
+    return np.asarray(pixels[order[first]])
 
 
 def _regions(affordance: np.ndarray, links: np.ndarray, pixels: np.ndarray, config: PolicyConfig) -> np.ndarray:

@@ -151,13 +151,16 @@ def apply_symmetry(batch: Batch, matrix: np.ndarray, chosen: Tensor, depth: bool
     last = part.shape[-1] - 1
     if matrix is TRANSPOSE:
         part, moved = part.transpose(-1, -2), (columns, rows)
+        if depth:
+            part = torch.stack([part[:, 0], -part[:, 2], -part[:, 1], part[:, 3]], dim=1)
     elif matrix is MIRROR_X:
         part, moved = part.flip(-1), (rows, last - columns)
+        if depth:
+            part[:, 1].neg_()
     else:
         part, moved = part.flip(-2), (last - rows, columns)
-    if depth:
-        turn = torch.tensor(matrix, dtype=part.dtype)
-        part = torch.cat([part[:, :1], torch.einsum("ij,bjhw->bihw", turn, part[:, 1:])], dim=1)
+        if depth:
+            part[:, 2].neg_()
     batch.features[chosen] = part
     batch.rows, batch.columns = torch.where(chosen, moved[0], rows), torch.where(chosen, moved[1], columns)
     order = torch.from_numpy(remapped_directions(matrix))

@@ -104,7 +104,7 @@ def judge_episode(
         features: float (T + 1, N, 256) of the model's encoder; what infers a graph alone needs none.
     """
     judging = judging or ReasonEvaluation()
-    observed, truth = observe_episode(episode), states_of(episode)
+    observed, truth = observe_episode(episode, again=True), states_of(episode)
     observed = observed if judging.told else replace(observed, world="")
     judged, predicted = judged_objects(observed), None
     proposed = propose_objects(observed, judging.images) if judging.boxes == PROPOSED else None

@@ -14,6 +14,9 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.codec import EncodedImage, LazyImages
 from busybot.episodes.episode import Camera, Episode, Image
 
+KEPT, DECODED = 64_000_000, 7
+"""Decoded pictures of one board take so many bytes at most, and so many a pixel: three colours and a float of depth."""
+
 NO_BOXES = np.empty((0, 4), np.int16)
 
 REACH = 0.5
@@ -114,10 +117,14 @@ class ObservedEpisode:
         return replace(self, actions=actions, image_of=image_of, boxed_in=boxed)
 
 
-def observe_episode(episode: Episode) -> ObservedEpisode:
-    """Everything of the episode that a reasoner may read."""
+def observe_episode(episode: Episode, again: bool = False) -> ObservedEpisode:
+    """Everything of the episode that a reasoner may read.
+
+    Args:
+        again: its pictures will be looked at several times: as many as fit into `KEPT` are decoded once.
+    """
     if isinstance(episode.images, LazyImages):
-        images: Sequence[Image] = _without_truth(episode.images)
+        images: Sequence[Image] = _without_truth(episode.images, again)
         first_boxes = episode.images.encoded[episode.frame_of[0]].boxes
     else:
         images = [Image(image.rgb, image.depth, None, NO_BOXES) for image in episode.images]
@@ -140,10 +147,13 @@ def goal_of(episode: Episode) -> Frame | None:
     return Frame(goals[0].rgb, goals[0].depth) if len(goals) else None
 
 
-def _without_truth(images: LazyImages) -> LazyImages:
+def _without_truth(images: LazyImages, again: bool = False) -> LazyImages:
     """The same pictures; segmentation and boxes are left out and never decoded."""
     encoded = [EncodedImage(image.rgb, image.depth, None, NO_BOXES) for image in images.encoded]
-    return LazyImages(images.where, images.width, images.height, 0, images.depth_scale, encoded)
+    shown = LazyImages(images.where, images.width, images.height, 0, images.depth_scale, encoded)
+    if again:
+        shown.keeps = max(shown.keeps, KEPT // (DECODED * images.width * images.height))
+    return shown
 
 
 def _vector(direction: int) -> tuple[float, float, float]:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from busybot.episodes.codec import LazyImages
 from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
@@ -186,3 +187,20 @@ def test_far_from_all_triggers_nothing_was_acted_on() -> None:
 
 def test_responders_and_unseen_triggers_are_not_acted_on() -> None:
     assert acted([(-1, -1, -1, -1), (60, 60, 80, 80)], (70, 70), roles="tr") == -1
+
+
+def test_what_is_looked_at_again_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded = make_episode()
+    write_episode(tmp_path / "e.mcap", recorded)
+    episode = read_episode(tmp_path / "e.mcap", "lazy")
+    frames = range(len(episode.frame_of))
+    once, twice = observe_episode(episode), observe_episode(episode, again=True)
+    assert len(set(once.image_of)) > 2  # more than are kept of what is looked at in order
+    shown = [[observed.frame(k).rgb for k in (*frames, *frames)] for observed in (once, twice)]
+    assert all(np.array_equal(one, other) for one, other in zip(*shown, strict=True))
+    first, again = shown[1][: len(frames)], shown[1][len(frames) :]
+    assert all(one is other for one, other in zip(first, again, strict=True))
+    assert shown[0][0] is not shown[0][len(frames)]
+    monkeypatch.setattr("busybot.reason.inputs.observation.KEPT", 0)
+    small = observe_episode(episode, again=True)
+    assert small.frame(0).rgb is small.frame(0).rgb and isinstance(small.images, LazyImages) and small.images.keeps == 2

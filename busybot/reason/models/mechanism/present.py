@@ -6,7 +6,7 @@ of them moved since the end of what was seen as possible. A memory (a toggle's, 
 shows.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -40,6 +40,7 @@ class Past:
     perceived: Perceived
     found: Explanations
     shares: np.ndarray
+    _shown: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     def standing(self, shown: np.ndarray, action: np.ndarray, acted: int) -> np.ndarray:
         """States of the links before an action, int (L,).
@@ -82,18 +83,25 @@ class Past:
             after: int (H,), contexts after it.
             shown: int (R,), states before it.
         """
-        trace, contexts = self.perceived.trace, np.tile(after, (len(shown), 1))
+        contexts = np.tile(after, (len(shown), 1))
         for number in np.flatnonzero(np.isin(self.found.memory, _PRESSED)):
-            known = self.found.contexts[:, number]
             odd, pressed = self.found.memory[number] in _ODD, rested[number] != after[number]
             if pressed and not odd:
                 continue
-            values, which = np.unique(known, return_inverse=True)
-            usual = [np.bincount(states[which == value], minlength=STATES).argmax() for states in trace.responders.T
-                     for value in range(len(values))]  # fmt: skip
-            for responder, states in enumerate(np.array(usual).reshape(len(shown), -1)):
+            values, usual = self._usual(int(number))
+            for responder, states in enumerate(usual):
                 [fitting] = np.nonzero(states == shown[responder])
                 if len(fitting) and rested[number] not in values[fitting]:
                     context = int(values[fitting[-1]])
                     contexts[responder, number] = context ^ 1 if odd and pressed else context
         return contexts
+
+    def _usual(self, number: int) -> tuple[np.ndarray, np.ndarray]:
+        """The contexts of an explanation that were met, (V,), and what each responder mostly showed in them, (R, V)."""
+        if number not in self._shown:
+            values, which = np.unique(self.found.contexts[:, number], return_inverse=True)
+            counts = np.zeros((len(values), STATES, self.perceived.trace.responders.shape[1]), int)
+            for context, states in zip(which, self.perceived.trace.responders, strict=True):
+                counts[context, states, np.arange(len(states))] += 1
+            self._shown[number] = values, counts.argmax(1).T
+        return self._shown[number]

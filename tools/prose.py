@@ -123,10 +123,10 @@ def laptop() -> str:
     holds("no gate was missed", _missed(run / "report.md") == 0)
     minutes = sum(stage["seconds"] for stage in stages.values()) / 60
     return _filled(
-        f"A run of `laptop` took {minutes:.0f} minutes on two cores that did other work, too, from nothing to its "
-        "report, and reached every gate that it measures: [Tables 1 to 3, pictures and what every stage "
-        "took](../../benchmarks/results/laptop/report.md). What it does not measure, further seeds and strict rows "
-        "among it, the report names."
+        f"A run of `laptop` took {minutes:.0f} minutes on two cores, from nothing to its report, and reached "
+        "every gate that it measures: [Tables 1 to 3, pictures and what every stage took]"
+        "(../../benchmarks/results/laptop/report.md). What it does not measure, further seeds and strict rows among "
+        "it, the report names."
     )
 
 

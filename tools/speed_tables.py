@@ -21,13 +21,19 @@ def interact_speed() -> str:
     for threads, milliseconds in told["milliseconds_per_look"].items():
         counted = f"{threads} thread{'s' if int(threads) > 1 else ''}"
         rows.append((f"affordance of a whole picture, {counted}, by the clock", milliseconds))
-    rows.append(("decision, from the first picture of a board", told["milliseconds_per_first_decision"]))
-    rows.append((f"decision, mean of {told['steps']} on a board", told["milliseconds_per_decision"]))
-    for policy, milliseconds in told["milliseconds_per_recorded_action"].items():
-        rows.append((f"recorded action, policy `{policy}`: simulated, rendered, written", milliseconds))
+    acted = told["milliseconds"]
+    rows.append(("recorded action, `scripted`: simulated, rendered, written", acted["scripted"]["action"]))
     corner = f"milliseconds, {told['machine']['processor']}, one thread"
-    words = f"A learned action takes {told['ratio_learned_to_scripted']:.2f} times as long as a scripted one."
-    return markdown([plain_grid([""], [(what, [f"{value:.0f}"]) for what, value in rows], corner), Text(words)])
+    learned = [
+        (f"`{name}`", [f"{one['first_decision']:.0f}", f"{one['decision']:.0f}", f"{one['action']:.0f}",
+                       f"{one['to_scripted']:.2f}", percent(one["rewarded"])])
+        for name, one in acted["learned"].items()
+    ]  # fmt: skip
+    heads = ("first decision", f"mean of {acted['steps']}", "recorded action", "to scripted", "percent rewarded")
+    return markdown([
+        plain_grid([""], [(words, [f"{value:.0f}"]) for words, value in rows], corner),
+        plain_grid(heads, learned, "learned, model"),
+    ])  # fmt: skip
 
 
 def waiting() -> str:

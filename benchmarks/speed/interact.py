@@ -1,14 +1,14 @@
 """Measures the cost of learning to interact: an iteration of training, a decision, a recorded action.
 
-    python -m benchmarks.speed.interact [--assets DIR] [--boards 12] [--iterations 30] [--out FILE]
+    python -m benchmarks.speed.interact [--assets DIR] [--boards 12] [--iterations 30] [--models NAME,DIR] [--out FILE]
     python -m benchmarks.speed.interact paper [--assets DIR] [--iterations 50] [--threads 1] [--out FILE]
 
 Figures are CPU seconds of one process with one thread, medians of one run. The limit of an iteration is the time that
 the same processor needs for as many multiplications in one large matrix product, in bfloat16 if it has that, else in
 float32; its ratio to the limit is what could still be gained. Decisions and actions are measured on the boards of one
-dataset, 30 on each: the policy of the shipped model beside the scripted one, with everything that `busybot collect`
-does for an action. What the dense position network needs for a board's first picture, its features included, is told
-for each number of threads, by the clock.
+dataset, 30 on each: the policies of trained models beside the scripted one, with everything that `busybot collect` does
+for an action. What a decision costs depends on how often something moved, so that is told, too. What the dense position
+network needs for a board's first picture, its features included, is told for each number of threads, by the clock.
 
 With `paper` the paper's training is measured (`train interact --variant paper`). The data of the first epoch of every
 phase are collected at the paper's size (16 boards of 10 actions), with untrained networks and as the schedule has it
@@ -25,7 +25,7 @@ import json
 import os
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
@@ -152,27 +152,39 @@ class Timed:
         self.spent[-1] += time.process_time() - began
 
 
-def acting(library: Library, boards: list[BoardSpec], folder: Path) -> dict[str, Any]:
-    """CPU milliseconds of a recorded action, of a board's first decision, and of its decisions on average."""
+def acting(library: Library, models: Sequence[str], boards: list[BoardSpec], folder: Path) -> dict[str, Any]:
+    """CPU milliseconds of a recorded action, and of decisions by models, which also tell how often something moved."""
     simulator, config = Simulator(library, RenderConfig()), InteractionConfig()
-    learned = Timed(LearnedPolicyFactory(DEFAULT_MODEL, "collect"))
-    factories: dict[str, Any] = {"scripted": builtin_factory("scripted"), "learned": learned}
-    spent: dict[str, list[float]] = {name: [] for name in (*factories, "first", "decision")}
+    learned = {model: Timed(LearnedPolicyFactory(model, "collect")) for model in models}
+    factories: dict[str, Any] = {"scripted": builtin_factory("scripted"), **learned}
+    spent: dict[str, list[list[float]]] = {name: [] for name in factories}
     for board in boards:
         simulator.board(board)  # loads its objects, for whoever acts first
         for name, factory in factories.items():
             began = time.process_time()
-            write_episode(folder / "episode.mcap", record_episode(simulator, board, factory, STEPS, config, SEED))
-            spent[name].append((time.process_time() - began) / STEPS)
-        spent["first"].append(learned.spent[0])
-        spent["decision"].append(float(np.mean(learned.spent)))
-    took = {name: round(1000 * float(np.median(values[1:])), 1) for name, values in spent.items()}
+            episode = record_episode(simulator, board, factory, STEPS, config, SEED)
+            write_episode(folder / "episode.mcap", episode)
+            took = [(time.process_time() - began) / STEPS]
+            if name in learned:
+                decisions = learned[name].spent
+                took += [decisions[0], float(np.mean(decisions)), float(np.mean([s.reward for s in episode.steps]))]
+            spent[name].append(took)
+    told = {name: (1000 * np.median(values[1:], axis=0)).tolist() for name, values in spent.items()}
+    rewarded = {name: float(np.mean(spent[name][1:], axis=0)[-1]) for name in learned}
+    action = told.pop("scripted")[0]
     return {
         "steps": STEPS,
-        "milliseconds_per_recorded_action": {name: took[name] for name in factories},
-        "ratio_learned_to_scripted": round(took["learned"] / took["scripted"], 2),
-        "milliseconds_per_first_decision": took["first"],
-        "milliseconds_per_decision": took["decision"],
+        "scripted": {"action": round(action, 1)},
+        "learned": {
+            Path(name).name: {
+                "action": round(one[0], 1),
+                "to_scripted": round(one[0] / action, 2),
+                "first_decision": round(one[1], 1),
+                "decision": round(one[2], 1),
+                "rewarded": round(rewarded[name], 2),
+            }
+            for name, one in told.items()
+        },
     }
 
 
@@ -194,17 +206,22 @@ def main(words: list[str]) -> None:
     options = parser(__doc__, out=False)
     options.add_argument("--boards", type=int, default=12)
     options.add_argument("--iterations", type=int, default=30)
+    options.add_argument("--models", default=DEFAULT_MODEL, help="shipped models' names and folders, comma-separated")
     arguments = options.parse_args(words)
     torch.set_num_threads(1)
-    library = find(arguments.assets)
+    library, models = find(arguments.assets), arguments.models.split(",")
     boards = list(generate_boards(BoardConfig(boards=arguments.boards, group_size=1, seed=SEED), library))
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         cache = record(folder, library, arguments.boards)
         iterations = {kind: iteration(kind, cache, folder, arguments.iterations) for kind in KINDS}
         looks = {str(threads): looking(library, boards, threads) for threads in range(1, (os.cpu_count() or 1) + 1)}
-        result = {"iteration": iterations, "milliseconds_per_look": looks, **acting(library, boards, folder)}
-    hashes = {"models": {DEFAULT_MODEL: fingerprint(DEFAULT_MODEL)["sha256"]}, "data": {"objects": library.sha256}}
+        acted = acting(library, models, boards, folder)
+    result = {"iteration": iterations, "milliseconds_per_look": looks, "milliseconds": acted}
+    hashes = {
+        "models": {Path(model).name: fingerprint(model)["sha256"] for model in models},
+        "data": {"objects": library.sha256},
+    }
     print(json.dumps(finish("interact-speed", arguments, result, hashes=hashes, seed=SEED), indent=1))
 
 

@@ -162,11 +162,13 @@ def package_versions(packages: tuple[str, ...] = PACKAGES) -> dict[str, str]:
 def commit(source: Path = SOURCE) -> str | None:
     """The commit of the source, 40 hexadecimal digits; `-dirty` behind them if tracked files differ from it.
 
-    None where the source is not tracked by git (an installed package may lie inside of somebody else's repository), and
-    where git is not there or says nothing.
+    `params.yaml` may: whoever reproduces a profile makes it that profile's. None where the source is not tracked by git
+    (an installed package may lie inside of somebody else's repository), and where git is not there or says nothing.
     """
     tracked = _git(source, "ls-files", "--error-unmatch", "__init__.py")
-    return _git(source, "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*") if tracked else None
+    head = _git(source, "rev-parse", "--verify", "HEAD") if tracked else None
+    differs = head and _git(source, "diff", "HEAD", "--name-only", "--", ":/", ":(top,exclude)params.yaml")
+    return f"{head}-dirty" if differs else head
 
 
 def _git(folder: Path, *arguments: str) -> str | None:

@@ -144,7 +144,7 @@ class AffordanceModel:
         """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.
 
         Args:
-            earlier: of the same board, saves closer looks at what has not changed.
+            earlier: of the same board, saves work where nothing has changed; its features become those of this picture.
         """
         if self.info.inputs == "depth" and oblique(rays.camera):
             return self._look_from_above(seen, rays, None if earlier is None else earlier.drawn)
@@ -179,10 +179,11 @@ class AffordanceModel:
         than before, uint8 (H, W)."""
         camera, changed = self._pinhole(rays), np.ones(seen.depth.shape, np.uint8)
         if self.info.inputs == "rgb":
-            height = heights_of(picture_features(seen.depth, camera)).numpy()
+            features, height = colour_features(seen.rgb), heights_of(picture_features(seen.depth, camera)).numpy()
             if kept is None:
-                return KeptLook(seen.depth, colour_features(seen.rgb)), height, changed
-            kept.depth, kept.features = seen.depth, colour_features(seen.rgb)
+                return KeptLook(seen.depth, features), height, changed
+            changed = (features.numpy() != kept.features.numpy()).any(axis=0).view(np.uint8)
+            kept.depth, kept.features = seen.depth, features
             return kept, height, changed
         if kept is None:
             kept = KeptLook(seen.depth, picture_features(seen.depth, camera))

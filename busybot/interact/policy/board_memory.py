@@ -55,7 +55,7 @@ class BoardMemory:
     """
 
     def __init__(self, height: np.ndarray, config: PolicyConfig):
-        self._config = config
+        self._config, self._reach = config, max(config.reach, config.disc)
         _, self._components = cv2.connectedComponents((height > ELEVATED).astype(np.uint8))
         self.links = np.zeros(height.shape, np.int32)
         self.pairs: dict[int, int] = {}
@@ -73,10 +73,11 @@ class BoardMemory:
         component = self._components[pixel[1], pixel[0]]
         body = (self._components == component) & (component > 0)
         moved = moved_region(before.depth, after.depth, pixel, body, self._config)
-        link = self._link(moved)
-        self.links[enlarged(moved) & (self.links == 0)] = link
-        self.links[moved] = link
-        self._moved = set(np.flatnonzero(np.bincount(self._components[self.links > 0])).tolist())
+        link, around = self._link(moved), _around(pixel, self._reach + BESIDE, moved.shape)
+        links = self.links[around]
+        links[enlarged(moved[around]) & (links == 0)] = link
+        links[moved[around]] = link
+        self._moved |= set(np.flatnonzero(np.bincount(self._components[around][links > 0])).tolist())
         self.pairs[link] = int(PAIR_OF[direction])
         self.failures = [one for one in self.failures if not moved[one.pixel[1], one.pixel[0]]]
         self.responders |= self._changed(before.rgb, after.rgb)

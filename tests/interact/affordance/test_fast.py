@@ -98,9 +98,11 @@ def test_around_what_is_elevated_it_sees_what_it_sees_in_the_whole_picture(
     assert np.abs(given - wanted).max() < 0.05
 
 
-def test_looking_again_sees_what_a_first_look_sees(scene: BoardScene) -> None:
+@pytest.mark.parametrize("inputs", ["depth", "rgb"])
+def test_looking_again_sees_what_a_first_look_sees(scene: BoardScene, inputs: str) -> None:
     """Whatever moved, and whatever a responder did."""
-    model, rays, view, windows = load_model("procedural"), Rays(scene.camera), None, set()
+    model = load_model("procedural") if inputs == "depth" else untrained("rgb")
+    rays, view, windows = Rays(scene.camera), None, set()
     model.bfloat16 = False
     for number, trigger in enumerate(scene.triggers):
         scene.set_trigger(number, (trigger.state + 1) % 2)

@@ -242,15 +242,15 @@ def _peaks(smooth: np.ndarray, where: np.ndarray, config: PolicyConfig) -> np.nd
     if (found := cv2.findNonZero(top.view(np.uint8))) is None:
         return np.zeros((0, 2), int)
     pixels = found.reshape(-1, 2).astype(int)  # (K, 2) or (K, 1, 2), as cv2 is old or new
-    if _touching(pixels):
+    if _touching(top):
         pixels = _middles(pixels, cv2.connectedComponents(top.view(np.uint8), connectivity=8)[1])
     return pixels[np.argsort(-smooth[pixels[:, 1], pixels[:, 0]], kind="stable")[: config.most]]
 
 
-def _touching(pixels: np.ndarray) -> bool:
-    """Whether any two of the pixels (K, 2) are neighbours."""
-    columns, rows = (np.abs(axis[:, None] - axis) <= 1 for axis in pixels.T)
-    return bool(np.count_nonzero(columns & rows) > len(pixels))
+def _touching(top: np.ndarray) -> bool:
+    """Whether any two of the pixels that are set, bool (H, W), are neighbours."""
+    pairs = ((top[1:], top[:-1]), (top[:, 1:], top[:, :-1]), (top[1:, 1:], top[:-1, :-1]), (top[1:, :-1], top[:-1, 1:]))
+    return any(bool((one & other).any()) for one, other in pairs)
 
 
 def _middles(pixels: np.ndarray, labels: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import pytest
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import BoardMemory
-from busybot.interact.policy.candidates import find_candidates
+from busybot.interact.policy.candidates import _peaks, find_candidates
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import PAIR_OF, PAIRS, pair_scores
 from tests.interact.scenes import BODY, BUTTON, PRESSED, RAYS, ButtonModel, picture
@@ -73,3 +73,12 @@ def test_an_empty_board_has_no_candidates(kind: str) -> None:
     config = PolicyConfig.model_validate({"candidates": kind})
     found = find_candidates(MODEL, picture(), RAYS, config=config)
     assert len(found) == len(found.best_of_regions()) == len(found.scores) == 0
+
+
+def test_a_plateau_has_its_peak_in_the_middle_however_large_it_is() -> None:
+    smooth = np.zeros((481, 641), np.float32)
+    smooth[1:-1, 1:-1] = 1
+    smooth[100, 40] = 2
+    found = _peaks(smooth, smooth > 0, PolicyConfig())
+    assert found[0].tolist() == [40, 100]
+    assert len(found) == 2 and np.abs(found[1] - (320, 240)).max() <= 2  # a few pixels around the highest are missing

@@ -75,7 +75,7 @@ from busybot.objects.resolve import find
 from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policy import Action, AnyPolicyFactory
+from busybot.sim.policy import Action
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
@@ -128,7 +128,7 @@ def iteration(kind: Kind, cache: Path, folder: Path, iterations: int) -> dict[st
 class Timed:
     """A factory of policies, and the one that it made last: `spent` CPU seconds went into each of its decisions."""
 
-    factory: AnyPolicyFactory
+    factory: LearnedPolicyFactory
     spent: list[float] = field(default_factory=list)
 
     @property
@@ -136,7 +136,6 @@ class Timed:
         return self.factory.name
 
     def make_policy(self, rays: Rays) -> "Timed":
-        assert isinstance(self.factory, LearnedPolicyFactory)
         self._policy, self.spent = self.factory.make_policy(rays), []
         return self
 

@@ -148,8 +148,7 @@ class AffordanceModel:
         """
         if self.info.inputs == "depth" and oblique(rays.camera):
             return self._look_from_above(seen, rays, None if earlier is None else earlier.drawn)
-        kept = None if earlier is None else earlier.kept
-        kept, height, changed = self._features(seen, rays, kept)
+        kept, height, changed = self._features(seen, rays, None if earlier is None else earlier.kept)
         elevated = height > ELEVATED
         affordance = np.full(height.shape, NOT_ELEVATED, np.float32)
         if (window := _window(elevated)) is None:
@@ -202,7 +201,7 @@ class AffordanceModel:
             return self._run("position", part[None])[0]
         rows, columns = part.shape[1:]
         if position is None or kept.window is None:
-            position = IncrementalPositionNet(network, (rows, columns))
+            position = IncrementalPositionNet(network, (rows, columns), self._number_type)
         elif kept.window != window:
             first = (window[0].start - kept.window[0].start, window[1].start - kept.window[1].start)
             position = position.moved(first, (rows, columns))
@@ -210,7 +209,7 @@ class AffordanceModel:
         missing = [(0, rows - len(elevated)), (0, columns - elevated.shape[1])]
         wanted, changed = np.pad(elevated.view(np.uint8), missing), np.pad(changed, missing, mode="edge")
         with self._computing():
-            return position(part.to(self._number_type), wanted, changed).float()
+            return position(part, wanted, changed).float()
 
     def directions(self, view: AffordanceView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A closer look at pixels, int (K, 2), u and v.

@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from busybot.interact.affordance.folding import FoldedBlock
 from busybot.interact.affordance.inputs import Box, coarsened, halved, rectangles
-from busybot.interact.affordance.networks import FOLD, PositionNet
+from busybot.interact.affordance.networks import FOLD, PositionNet, double_size
 
 TILES = {2: 4, 4: 2, 8: 1, 16: 1}
 """Rectangles are of whole squares of so many cells a side, powers of two, by the width of a cell in pixels."""
@@ -123,10 +123,11 @@ class IncrementalPositionNet:
     Args:
         network: in evaluation mode.
         size: rows and columns of the pictures, multiples of 16.
+        dtype: of what is kept of its layers.
     """
 
-    def __init__(self, network: PositionNet, size: tuple[int, int]):
-        self._network, self._size = network, size
+    def __init__(self, network: PositionNet, size: tuple[int, int], dtype: torch.dtype = torch.float32):
+        self._network, self._size, self._dtype = network, size, dtype
         self._changed = np.ones(size, np.uint8)  # since it was told last
         self._logits: Tensor | None = None  # before the first picture
         widths = [FOLD << level for level in range(len(network.encoders))]
@@ -149,16 +150,16 @@ class IncrementalPositionNet:
         """Logits of the next picture.
 
         Shapes:
-            features: (C, H, W).
+            features: float32 (C, H, W).
             wanted: uint8 (H, W), 1 where logits will be read.
             changed: uint8 (H, W), 1 where the picture may differ from the one before, if there was one.
             returns: (H, W), until the next call; what is not wanted may be of an earlier picture.
         """
         if self._logits is None:
-            self._picture.start(FOLD**2 * len(features), features.dtype)
+            self._picture.start(FOLD**2 * len(features), self._dtype)
             for layer in self._layers:
-                layer.start(len(layer.blocks[-1].weight), features.dtype)
-            self._logits = torch.zeros(self._size, dtype=features.dtype)
+                layer.start(len(layer.blocks[-1].weight), self._dtype)
+            self._logits = torch.zeros(self._size, dtype=self._dtype)
         if (changed := changed | self._changed).any():
             self._mark(features, changed)
         self._compute(coarsened(wanted, FOLD), self._logits)
@@ -172,7 +173,7 @@ class IncrementalPositionNet:
             first: row and column of this part at which the other one begins, multiples of 16; negative if before it.
             size: rows and columns of the other part.
         """
-        other = IncrementalPositionNet(self._network, size)
+        other = IncrementalPositionNet(self._network, size, self._dtype)
         here, there = _overlap(first, size, self._size)
         if self._logits is None or any(side.start >= side.stop for side in here):
             return other
@@ -194,7 +195,7 @@ class IncrementalPositionNet:
         cells = coarsened(changed, FOLD)
         for place in rectangles(cells, TILES[FOLD]):
             rows, columns = (slice(FOLD * side.start, FOLD * side.stop) for side in place)
-            part = features[None, :, rows, columns].to(self._picture.values.dtype)
+            part = features[None, :, rows, columns].to(self._dtype)
             self._picture.values[:, :, *place] = functional.pixel_unshuffle(part, FOLD)
         masks = {self._picture: cells}
         for layer in self._layers:
@@ -225,12 +226,12 @@ def _read(source: _Source, place: Box) -> Tensor:
         return values[:, :, *place]
     if source.scale == "finer":
         rows, columns = (slice(2 * side.start, 2 * side.stop) for side in place)
-        return _scaled(values[:, :, rows, columns], "finer")
+        return functional.max_pool2d(values[:, :, rows, columns], 2)
     # a cell more on each side, to interpolate with
     rows, columns = (slice(max(0, side.start // 2 - 1), -(-side.stop // 2) + 1) for side in place)
     within = [slice(side.start - 2 * coarse.start, side.stop - 2 * coarse.start)
               for side, coarse in zip(place, (rows, columns), strict=True)]  # fmt: skip
-    return _scaled(values[:, :, rows, columns], "coarser")[:, :, *within]
+    return double_size(values[:, :, rows, columns])[:, :, *within]
 
 
 def _beyond(place: Box, inner: Box, reach: int) -> list[int]:
@@ -240,13 +241,6 @@ def _beyond(place: Box, inner: Box, reach: int) -> list[int]:
         for outer, side in zip(reversed(place), reversed(inner), strict=True)
         for missing in (outer.start + reach - side.start, side.stop + reach - outer.stop)
     ]
-
-
-def _scaled(x: Tensor, scale: Scale) -> Tensor:
-    """A source's output as its reader takes it."""
-    if scale == "finer":
-        return functional.max_pool2d(x, 2)
-    return x if scale == "same" else functional.interpolate(x, scale_factor=2, mode="bilinear", align_corners=False)
 
 
 def _overlap(first: tuple[int, int], shape: tuple[int, int], other: tuple[int, int]) -> tuple[list[slice], list[slice]]:

@@ -131,11 +131,12 @@ class PositionNet(nn.Module):
             finer.append(x)
         for level in reversed(range(len(self.decoders))):
             lifted = self.lifts[level](x) if self.size.added else x
-            x = self.decoders[level](self.joined(_double_size(lifted), finer[level]))
+            x = self.decoders[level](self.joined(double_size(lifted), finer[level]))
         return functional.pixel_shuffle(self.head(x), FOLD)[:, 0]  # (B, H, W)
 
 
-def _double_size(x: Tensor) -> Tensor:
+def double_size(x: Tensor) -> Tensor:
+    """A coarser level, (B, C, H, W), as the next finer one reads it: interpolated to twice the rows and columns."""
     return functional.interpolate(x, scale_factor=2, mode="bilinear", align_corners=False)
 
 

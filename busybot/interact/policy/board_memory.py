@@ -51,17 +51,16 @@ class BoardMemory:
         pairs: link to the direction pair that moved it last.
         failures: those that no later success has explained.
         responders: components that looked otherwise after another one was acted on, and of which no link has moved.
-        _moved: components of which a link has moved, and 0 where one reached beyond them.
     """
 
     def __init__(self, height: np.ndarray, config: PolicyConfig):
-        self._config, self._reach = config, max(config.reach, config.disc)
+        self._config = config
         _, self._components = cv2.connectedComponents((height > ELEVATED).astype(np.uint8))
         self.links = np.zeros(height.shape, np.int32)
         self.pairs: dict[int, int] = {}
         self.failures: list[Failure] = []
         self.responders: set[int] = set()
-        self._moved: set[int] = set()
+        self._moved: set[int] = set()  # components of which a link has moved, and 0 where one reached beyond them
 
     def succeeded(self, pixel: tuple[int, int], direction: int, before: Observation, after: Observation) -> int:
         """Remember an action with reward; returns the number of the link that moved.
@@ -73,7 +72,7 @@ class BoardMemory:
         component = self._components[pixel[1], pixel[0]]
         body = (self._components == component) & (component > 0)
         moved = moved_region(before.depth, after.depth, pixel, body, self._config)
-        link, around = self._link(moved), _around(pixel, self._reach + BESIDE, moved.shape)
+        link, around = self._link(moved), _within_reach(pixel, self._config, moved.shape)
         links = self.links[around]
         links[enlarged(moved[around]) & (links == 0)] = link
         links[moved[around]] = link
@@ -200,7 +199,7 @@ def moved_region(
     Returns:
         bool (H, W); holds the pixel in any case.
     """
-    around = _around(pixel, max(config.reach, config.disc) + BESIDE, before.shape)
+    around = _within_reach(pixel, config, before.shape)
     middle = (pixel[0] - around[1].start, pixel[1] - around[0].start)
     moved = moved_window(before[around], after[around], middle, config.reach, config.change).astype(np.uint8)
     disc = np.asarray(cv2.circle(np.zeros(moved.shape, np.uint8), middle, config.disc, 1, -1), np.uint8)
@@ -212,6 +211,11 @@ def moved_region(
     region[around] = mine & ((disc == 0) | (moved > 0)) if (mine & (moved > 0)).any() else mine
     region[pixel[1], pixel[0]] = True
     return region
+
+
+def _within_reach(pixel: tuple[int, int], config: PolicyConfig, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Where the link under an action can be, with an empty border."""
+    return _around(pixel, max(config.reach, config.disc) + BESIDE, shape)
 
 
 def _around(pixel: tuple[int, int], reach: int, shape: tuple[int, ...]) -> tuple[slice, slice]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from busybot.reason.inputs.sequence import BoardSequence, clusters_of, threshold_of
-from busybot.reason.inputs.trigger_links import BESIDE, REACH, ObservedLinks, directions_of
+from busybot.reason.inputs.trigger_links import REACH, ObservedLinks, directions_of
 from busybot.reason.models.mechanism.contexts import STATES, Trace
 
 STILL, APART = 0.3, 2.0
@@ -18,6 +18,8 @@ so many times what they do then."""
 
 AWAY = 0.05
 """A link that cannot be seen to move is taken hold of so far from where links that can be are, board units."""
+BESIDE = 0.06
+"""Such actions on one trigger may be on one link, if they are so near to each other, board units."""
 EFFECTS, OFTEN = 2, 0.25
 """Responders changed in so many of its actions, and in so large a share of them."""
 

@@ -24,11 +24,21 @@ EFFECTS, OFTEN = 2, 0.25
 """Responders changed in so many of its actions, and in so large a share of them."""
 
 
+THERE = 0.02
+"""Two actions took hold of the same place, board units."""
+BACK = np.array([1, 1, 1, -1, -1, -1])
+"""Turns an action round."""
+UNTRIED, SAME, UNLIKE = 0.5, 0.8, -9.0
+"""How much less an action is like one that led the other way, turned round, than like one that led this way; how much
+it is at least like another where the same is expected to fail again; and how much at the least."""
+
+
 @dataclass(frozen=True)
 class Perceived:
     """T actions, L links, R responders.
 
     Attributes:
+        actions, acted: as of `BoardSequence`.
         responders: int (R,), their objects.
         looks: for each responder the mean feature of each of its states, float32 (S, 256).
     """
@@ -37,25 +47,51 @@ class Perceived:
     links: ObservedLinks
     responders: np.ndarray
     looks: tuple[np.ndarray, ...]
+    actions: np.ndarray
+    acted: np.ndarray
 
-    def moved(self, states: np.ndarray, action: np.ndarray, acted: int) -> np.ndarray:
-        """States of the links after an action, if it works; int (L,).
+    def moved(self, states: np.ndarray, action: np.ndarray, acted: int, worked: bool = True) -> np.ndarray:
+        """States of the links after an action, int (L,).
 
-        It moves the nearest link of its trigger into the state to which the seen actions that were most like it led.
+        The nearest link of its trigger goes where the seen action led that was most like it and met the link in this
+        state, or whose way back this may be.
+
+        Args:
+            acted: the object that is acted on, -1 for none.
+            worked: it moved something; else it may be like an action that moved nothing, as far as is known.
         """
         link, after = self.link_at(action, acted), states.copy()
         if link is None:
             return after
-        now = int(states[link])
-        others = [one for one in (now - 1, now + 1) if 0 <= one < self.trace.sizes[link]]
-        after[link] = max(others, key=lambda one: float(self.links.directions[link][now, one] @ action[3:]))
+        now, size = int(states[link]), self.trace.sizes[link]
+        steps, stood = np.flatnonzero(self.links.clusters == link), self.trace.links[:, link]
+        before, led, alike = stood[steps], stood[steps + 1], self._alike(steps, action)
+        back = self._alike(steps, action * BACK) - UNTRIED
+        likeness = {other: UNLIKE for other in (now - 1, now + 1) if 0 <= other < size}
+        for other in likeness:
+            there, from_there = alike[(before == now) & (led == other)], back[(before == other) & (led == now)]
+            likeness[other] = max(there.max(initial=UNLIKE), from_there.max(initial=UNLIKE))
+        best = max(likeness, key=lambda other: likeness[other])
+        vain = alike[(before == now) & (led == now)].max(initial=UNLIKE)
+        if worked or vain < max(SAME, likeness[best]):
+            after[link] = best
         return after
 
     def link_at(self, action: np.ndarray, acted: int) -> int | None:
-        """The nearest link of the trigger that is acted on, if it is near."""
-        own = np.flatnonzero(self.links.owners == acted)
-        away = np.linalg.norm(self.links.places[own] - action[:2], axis=1)
-        return int(own[away.argmin()]) if len(own) and away.min() <= 2 * REACH else None
+        """The link that was taken hold of nearest to an action on this trigger, if that was near; None where an action
+        took hold of none."""
+        own = np.flatnonzero(self.acted == acted) if acted >= 0 else np.zeros(0, int)
+        away = np.linalg.norm(self.actions[own, :2] - action[:2], axis=1)
+        links = self.links.clusters[own]
+        if not (links >= 0).any() or away[links < 0].min(initial=np.inf) <= min(THERE, away[links >= 0].min()):
+            return None
+        nearest = np.where(links >= 0, away, np.inf).argmin()
+        return int(links[nearest]) if away[nearest] <= 2 * REACH else None
+
+    def _alike(self, steps: np.ndarray, action: np.ndarray) -> np.ndarray:
+        """How much these actions are like another one: cosine of the directions, less how far away they were."""
+        away = np.linalg.norm(self.actions[steps, :2] - action[:2], axis=1)
+        return self.actions[steps, 3:] @ action[3:] - away / REACH
 
     def pushed_from(self, link: int, action: np.ndarray) -> np.ndarray:
         """For each state of a link, how well the action fits those that moved it from there: cosines, float (S,)."""
@@ -92,7 +128,7 @@ def perceive(seen: BoardSequence, encoder: str) -> Perceived:
         for index, states in zip(responders, shown.T, strict=True)
     )
     links = _with_felt(links, seen, (shown[1:] != shown[:-1]).any(1))
-    return Perceived(Trace(links.states, shown, links.sizes), links, responders, looks)
+    return Perceived(Trace(links.states, shown, links.sizes), links, responders, looks, seen.actions, seen.acted)
 
 
 def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -> ObservedLinks:

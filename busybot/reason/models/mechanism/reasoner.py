@@ -160,7 +160,7 @@ class MechanismReasoner:
             rested = known.trace
             for _ in range(REST):
                 rested = rested.longer(links, before)
-            moved = rested.longer(known.perceived.moved(links, action, int(owner)), before)
+            moved = rested.longer(known.perceived.moved(links, action, int(owner), worked=False), before)
             *_, earlier, later = explanations_of(moved).contexts
             after = known.following(past.remembered(earlier, later, before), before)
             changed = np.isin(np.arange(len(looks)), known.perceived.responders[after != before])
@@ -175,7 +175,7 @@ class MechanismReasoner:
             trace = known.trace.first(start)
             for number, (action, owner) in enumerate(zip(actions[question], acted[question].tolist(), strict=True)):
                 before = trace.responders[-1]
-                links = known.perceived.moved(trace.links[-1], action, owner)
+                links = known.perceived.moved(trace.links[-1], action, owner, worked=False)
                 contexts = explanations_of(trace.longer(links, before)).contexts[-1]
                 after = known.following(contexts, before)
                 trace = trace.longer(links, after)

@@ -64,7 +64,7 @@ def test_two_frozen_boards_are_judged_once(tmp_path: Path) -> None:
     world_gates.main(words)
     told = read_result(out, "world-gates")["rows"]["gates"]["validation"]["mechanism"]
     assert told["boards"] == 2 and list(told["after"]) == ["10", "22", "30"] and told["model"]
-    [evaluation] = (tmp_path / "work").glob("gates-validation-2-*.json")
+    [evaluation] = (tmp_path / "work").glob("*/gates-validation-2-*.json")
     values = json.loads(evaluation.read_text())
     evaluation.write_text(json.dumps({**values, "what_if": 0.123}))
     world_gates.main(words)
@@ -75,4 +75,4 @@ def test_two_frozen_boards_are_judged_once(tmp_path: Path) -> None:
 def test_other_boards_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world_gates, "SEED", 1)
     with pytest.raises(BusybotError, match="gates/validation: not the frozen boards"):
-        world_gates.recorded("gates", "validation", Namespace(work=tmp_path, assets="procedural", boards=1))
+        world_gates.recorded("gates", "validation", Namespace(work=tmp_path, policy=None, assets="procedural", boards=1))

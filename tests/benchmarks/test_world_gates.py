@@ -75,4 +75,6 @@ def test_two_frozen_boards_are_judged_once(tmp_path: Path) -> None:
 def test_other_boards_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world_gates, "SEED", 1)
     with pytest.raises(BusybotError, match="gates/validation: not the frozen boards"):
-        world_gates.recorded("gates", "validation", Namespace(work=tmp_path, policy=None, assets="procedural", boards=1))
+        world_gates.recorded(
+            "gates", "validation", Namespace(work=tmp_path, policy=None, assets="procedural", boards=1)
+        )

@@ -438,9 +438,7 @@ def _met(walk: Questions, read: Sequence[int], replayed: _Replayed) -> bool:
     return all(np.isin(one, other).all() for one, other in zip(asked, seen, strict=True))
 
 
-def _columns(
-    triggers: np.ndarray, shown: np.ndarray, read: Sequence[int], replayed: _Replayed
-) -> Iterator[np.ndarray]:
+def _columns(triggers: np.ndarray, shown: np.ndarray, read: Sequence[int], replayed: _Replayed) -> Iterator[np.ndarray]:
     """States of these inputs in all frames, from those of links (T, L) and objects (T, N)."""
     links = triggers.shape[1]
     return (triggers[:, one] if one < links else shown[:, replayed.names[one].object] for one in read)

@@ -38,9 +38,9 @@ KEYS: dict[str, str] = {
     "that predict nothing (`count`, `pc`)",
     "mechanism_bound": "share of which the exact observer claims a mechanism (more probable than all others "
     "together) that responds as the true one does",
-    "mechanism_accuracy_met, mechanism_bound_met, mechanisms_met": "both of the responders whose inputs were in all the "
-    "states in which the tour asks about them, and which share of all that is: pictures do not show that a link has one "
-    "more state, the exact observer is told",
+    "mechanism_accuracy_met, mechanism_bound_met, mechanisms_met": "both of the responders whose inputs were in all "
+    "states in which the tour asks about them, and which share of all that is: pictures do not show that a link has "
+    "one more state, the exact observer is told",
     "mechanism_by_kind": "both by kind of mechanism, with numbers; `none` are responders that nothing moves",
     "kind_accuracy, kind_bound, lag_accuracy, lag_bound": "share of all responders whose kind of mechanism, and whose "
     "lag, is named rightly. Null for models that do not tell them",

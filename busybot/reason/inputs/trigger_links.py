@@ -3,9 +3,9 @@
 Where a trigger's own pixels change, a link moved; moves that change the same pixels, one way or the other, are those of
 one link. How it stands is read from these pixels, as far as no other link changes them: pictures in which they look
 alike show one state. A link with three states changes other pixels by its second move than by its first, but some of
-them again: two links that share pixels and never stand in all four ways are one. An action that changed nothing on its trigger belongs to the link
-that was taken hold of nearest to it. Pictures do not tell which
-state is "on", nor that there is a link that never moved.
+them again: two links that share pixels and never stand in all four ways are one. An action that changed nothing on its
+trigger belongs to the link that was taken hold of nearest to it. Pictures do not tell which state is "on", nor that
+there is a link that never moved.
 
 Pictures of a camera that is not still (`steady`) differ where nothing moved. Between two actions on a trigger it shows
 one state: the median of these pictures is taken for each of them, without what is hidden in it, and a trigger that is

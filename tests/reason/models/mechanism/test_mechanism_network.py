@@ -115,33 +115,6 @@ def test_what_is_counted_is_what_brute_force_counts(gates: list[LabelledTrace]) 
         assert round(float(told[responder, row, COLUMNS["actions"]])) == 19
 
 
-def test_contexts_are_cut_in_two() -> None:
-    """An and has eight rivals with one corner unlike the others, a timer ten with a time and a state; an exclusive or
-    is none of them."""
-    links = walk(2, 30)
-
-    def told(shown: np.ndarray, memory: str, cuts: list[np.ndarray]) -> tuple[float, float]:
-        """What is counted, and which share of the functions agrees."""
-        trace = Trace(links, shown[:, None], (2, 2))
-        found = explanations_of(trace)
-        row = explaining(found, (0, 1) if memory == "late 0" else (0,), memory)
-        functions = [np.where(cut, inside, 1 - inside) for cut in cuts for inside in (0, 1)]
-        share = np.mean([np.array_equal(function, shown) for function in functions])
-        return 5 * float(evidence_of(trace, found, [30]).explanations[0, row, 0, -1]), float(share)
-
-    corners = [(links == corner).all(1) for corner in product((0, 1), repeat=2)]
-    pressed = np.diff(links[:, 0], prepend=0) > 0
-    lately = [np.array([pressed[max(0, step - k) : step + 1].any() for step in range(31)]) for k in range(5)]
-    for shown, memory, cuts in (
-        (corners[3].astype(int), "late 0", corners),
-        (lately[2].astype(int), "since press up", lately),
-    ):
-        count, share = told(shown, memory, cuts)
-        assert share > 0 and count == pytest.approx(math.log(share), abs=0.7)
-    count, share = told(links[:, 0] ^ links[:, 1], "late 0", corners)
-    assert share == 0 and count < math.log(1 / 8) - 1
-
-
 def test_functions_that_do_without_an_input_are_left_out() -> None:
     links = walk(3, 12)
     trace = Trace(links, links[:, :1] & links[:, 1:2], (2, 2, 2))

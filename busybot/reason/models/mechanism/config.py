@@ -15,13 +15,11 @@ class MechanismNetConfig(FrozenModel):
         width: of hidden layers.
         worlds: that may be told, by name; what is told of others is not heard. Training takes those of its recordings.
         changes: whether it says which mechanisms changed; training without labels does not teach that.
-        cuts: whether it reads the last column of the evidence; models from before there was one do not.
     """
 
     width: Annotated[int, Field(ge=4, le=512)] = 32
     worlds: Annotated[tuple[Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")], ...], Field(max_length=64)] = ()
     changes: bool = True
-    cuts: bool = False
 
 
 class Blur(FrozenModel):
@@ -73,5 +71,5 @@ class MechanismConfig(FrozenModel):
     rough: NonNegativeFloat = 0.3
     changes: NonNegativeFloat = 0.3
     untold: Annotated[float, Field(ge=0, le=1)] = 0.3
-    net: MechanismNetConfig = MechanismNetConfig(cuts=True)
+    net: MechanismNetConfig = MechanismNetConfig()
     loop: LoopConfig = LoopConfig(judge=100, patience=20)

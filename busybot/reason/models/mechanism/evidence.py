@@ -7,36 +7,22 @@ explanations of T actions, R responders and E inputs that explanations read comp
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import product
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import one_hot
 
-from busybot.reason.models.mechanism.contexts import (
-    INPUTS,
-    LONGEST,
-    MEMORIES,
-    STATES,
-    SURE,
-    UNSURE,
-    Explanations,
-    Trace,
-)
+from busybot.reason.models.mechanism.contexts import STATES, SURE, UNSURE, Explanations, Trace
 
-EVIDENCE, WITHOUT_CUTS = 16, 15
-"""Numbers that are counted of an explanation, see `Evidence`; and how many of them older networks read."""
+EVIDENCE = 15
+"""Numbers that are counted of an explanation, see `Evidence`."""
 EITHER, LEFT, SCALE = 2, 14, 5.0
 """Two of its columns, and a unit."""
 WITNESSES = 2
 """Numbers that are counted of an input of an explanation."""
 FEWEST = 1e-3
 """Of the functions that agree with what was shown at least so many are left; sums of rounded shares may be none."""
-CONTEXTS = STATES**INPUTS
-_LATE, _SINCE = ([number for number, name in enumerate(MEMORIES) if name.startswith(one)] for one in ("late", "since"))
-_LATELY = np.arange(CONTEXTS) < np.arange(1, LONGEST + 1)[:, None]
 RECENT = 10
 """So many actions are recent."""
 
@@ -64,14 +50,13 @@ class Evidence:
     | 12 | the same, if nothing but these actions is known |
     | 13 | column 4 of the last `RECENT` actions |
     | 14 | column 0 if every input is to matter (column 2 for what remembers the responder's own state) |
-    | 15 | column 0 if contexts are of two kinds, cut as in `Cuts`; column 14 where there are none |
 
     Columns 3 to 10 and 13 are log(1 + number). Luck that several responders have in common is not told. Columns of
     inputs, as log(1 + number): pairs of moments whose contexts differ in this input alone and in which the responder
     showed different states, or equal ones.
 
     Attributes:
-        explanations: float32 (R, H, K, 16).
+        explanations: float32 (R, H, K, 15).
         inputs: float32 (R, E, K, 2), in the order of `Explanations.reads`.
     """
 
@@ -86,7 +71,6 @@ def evidence_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Evid
     moments = torch.as_tensor(after)
     earlier = Earlier(found.contexts, found.own, before)
     counted = _of_explanations(earlier, found, shown, before)
-    _cut(counted, cuts_of(found, trace), earlier, shown)
     return Evidence(counted[:, :, moments], _of_inputs(earlier, found, shown)[:, :, moments])
 
 
@@ -121,73 +105,6 @@ class Earlier:
         return told
 
 
-@dataclass(frozen=True)
-class Cuts:
-    """C ways to cut the contexts of explanations in two, of which each shows one state, another than the other.
-
-    Where several links or responders decide without a longer past: all of them are at a certain end, or not, as of an
-    and, an or, and their negations. Where it counts when a link was pressed: lately, or not, as of a timer.
-
-    Attributes:
-        rows: int (C,), the explanations.
-        inside: bool (T + 1, C), on which side of the cut they are after each action.
-        ways: int (H,), how many an explanation has.
-    """
-
-    rows: Tensor
-    inside: Tensor
-    ways: Tensor
-
-
-ENDS = {2: ((0,), (1,)), 3: ((0,), (2,), (0, 1), (1, 2))}
-"""By number of states: what is at one end. The middle one of three is at none, or at either."""
-
-
-def cuts_of(found: Explanations, trace: Trace) -> Cuts:
-    """All of a board's."""
-    sizes = (*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2).tolist())
-    tables: list[np.ndarray] = []
-    rows: list[int] = []
-    for row, memory in enumerate(found.memory.tolist()):
-        if memory in _SINCE:
-            tables.append(_LATELY)
-        elif memory in _LATE and found.inputs[row].sum() > 1:
-            tables.append(_corners(tuple(sizes[one] for one in np.flatnonzero(found.inputs[row]))))
-        else:
-            continue
-        rows += [row] * len(tables[-1])
-    inside = np.concatenate([np.zeros((0, CONTEXTS), bool), *tables])[np.arange(len(rows)), found.contexts[:, rows]]
-    ways = np.bincount(rows, minlength=len(found.own)) if rows else np.zeros(len(found.own), int)
-    return Cuts(torch.tensor(rows, dtype=torch.long), torch.from_numpy(inside), torch.from_numpy(ways))
-
-
-@lru_cache(maxsize=64)
-def _corners(sizes: tuple[int, ...]) -> np.ndarray:
-    """Which contexts have all inputs at a certain end, for each choice of ends, bool (cuts, `CONTEXTS`)."""
-    told = []
-    for ends in product(*(ENDS[size] for size in sizes)):
-        places = [sum(state * STATES**place for place, state in enumerate(states)) for states in product(*ends)]
-        told.append(np.isin(np.arange(CONTEXTS), places))
-    return np.array(told)
-
-
-def _cut(counted: Tensor, cuts: Cuts, earlier: Earlier, shown: Tensor) -> None:
-    """Fill the last column of (R, H, M, 16): all cuts of an explanation are equally likely at first."""
-    if not len(cuts.rows):
-        return
-    inside, states = cuts.inside.T, one_hot(shown, STATES).float()[:, None]
-    follow = ((inside[:, :, None] == inside[:, None]) & earlier.past).float() @ states
-    ways = (shown.cummax(1).values + 1).clamp(min=2)[:, None]
-    logs = torch.log((_right(follow, shown) + SURE) / (follow.sum(-1) + SURE * ways)).cumsum(-1)  # (R, C, M)
-    never = SCALE * counted[:, :1, :, 0]  # the first explanation: nothing decides
-    apart = logs + ((ways - (never - logs).exp()) / (ways - 1)).clamp(min=FEWEST).log()
-    rows = cuts.rows[:, None].expand(apart.shape)
-    best = counted.new_full(counted.shape[:3], -torch.inf).scatter_reduce(1, rows, apart, "amax")
-    total = torch.zeros_like(best).scatter_add(1, rows, (apart - best.gather(1, rows)).exp())
-    told = cuts.ways > 0
-    counted[:, told, :, -1] = (best[:, told] + total[:, told].log() - cuts.ways[told].log()[:, None]) / SCALE
-
-
 def log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Of what was shown, before it was: by sure contexts, unsure ones, and where either is found out, (R, H, M) each.
 
@@ -208,7 +125,7 @@ def _right(follow: Tensor, shown: Tensor) -> Tensor:
 
 
 def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, before: Tensor) -> Tensor:
-    """(R, H, M, 16)."""
+    """(R, H, M, 15)."""
     states = one_hot(shown, STATES).float()
     follow, lately = earlier.sum(states), earlier.sum(states, recent=True)
     logs = log_probabilities(earlier, shown, follow)
@@ -225,7 +142,6 @@ def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, befor
     columns += [_lately(logs[0]) / SCALE, _lately(afresh) / SCALE, torch.log1p(_lately(never.float()))]
     every = _if_every_input_matters(found, sums[0], shown)
     columns.append(torch.where(earlier.own[:, None], sums[2], every) / SCALE)
-    columns.append(columns[-1])  # `_cut` tells what is another
     return torch.stack(columns, -1)
 
 

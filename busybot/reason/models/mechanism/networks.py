@@ -20,7 +20,7 @@ from torch import Tensor, nn
 
 from busybot.reason.models.mechanism.config import MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, Trace, explanations_of, layout
-from busybot.reason.models.mechanism.evidence import EVIDENCE, WITHOUT_CUTS, WITNESSES, evidence_of
+from busybot.reason.models.mechanism.evidence import EVIDENCE, WITNESSES, evidence_of
 from busybot.reason.models.message_passing import GraphModule
 from busybot.reason.pyg import HeteroData, scatter
 
@@ -43,7 +43,7 @@ def explanation_graph(
 
     | nodes and edges | attribute | shape | meaning |
     |---|---|---|---|
-    | `explanation` | `evidence` | float32 (R * H, K, 16) | `Evidence.explanations` |
+    | `explanation` | `evidence` | float32 (R * H, K, 15) | `Evidence.explanations` |
     | | `kind` | int64 (R * H,) | memory and number of inputs, see `KINDS` |
     | | `possible` | bool (R * H,) | False where it reads its own responder |
     | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
@@ -149,7 +149,7 @@ class MechanismNet(nn.Module):
         super().__init__()
         self.config, width = config, config.width
         self.kind = nn.Linear(KINDS, width, bias=False)
-        self.evidence = nn.Linear(EVIDENCE if config.cuts else WITHOUT_CUTS, width)
+        self.evidence = nn.Linear(EVIDENCE, width)
         self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width))
         self.rough = nn.Linear(width, 1)
         self.sharpness = nn.Parameter(torch.tensor(0.6 * SHARP))
@@ -174,7 +174,7 @@ class MechanismNet(nn.Module):
         mattering = scatter(matters.relu(), source, dim_size=explanations, reduce="sum")
         of_board = graph["responder", "lies on", "board"].edge_index[1]
         known = self.kind.weight.T[node.kind] + self.world.weight.T[graph["board"].world[of_board][owner]]
-        token = self.token(self.evidence(node.evidence[..., : self.evidence.in_features]) + known[:, None] + mattering)
+        token = self.token(self.evidence(node.evidence) + known[:, None] + mattering)
         first = self._shares(self.rough(token)[..., 0] + self.sharpness * node.evidence[..., 0], node, owner)
         weight = first.exp()
         summary = scatter(weight[..., None] * token, owner, dim_size=responders, reduce="sum")  # (R, K, width)

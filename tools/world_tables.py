@@ -259,7 +259,15 @@ def world_gates() -> str:
             missed = Counter(gate for told in rows for gate in _missed(world, name, told))
             lines.append((f"{world}, {name}", [*_reached(rows), _by_seeds(missed, len(rows))]))
     heads = (
-        *("boards", "seeds", "P / R at 22", "F1, links (bound)", "mechanism (bound)", "what if", "Pred-A"),
+        *(
+            "boards",
+            "seeds",
+            "P / R at 22",
+            "F1, links (bound)",
+            "mechanism (bound)",
+            "of states that were seen (bound)",
+        ),
+        *("what if", "Pred-A"),
         *("rewirings found / placed", "ECE (images)", "gates missed (seeds)"),
     )
     return markdown([plain_grid(heads, lines, "percent after 10 / 22 / 30")])
@@ -280,6 +288,7 @@ def _reached(rows: list[dict[str, Any]]) -> list[str]:
         f"{mean['parent_p']} / {mean['parent_r']}",
         f"{whole(found[0])} / {whole(found[1])}{middle} / {whole(found[2])} ({' / '.join(map(whole, bound))})",
         f"{mean['mechanism_accuracy']}{known} ({mean['mechanism_bound']})",
+        f"{mean['mechanism_accuracy_met']} ({mean['mechanism_bound_met']})",
         mean["what_if"],
         mean["pred_a"],
         f"{mean['rewired_found']} / {mean['rewired_placed']}" if first["rewirings"] else "-",
@@ -311,8 +320,8 @@ def _by_seeds(missed: Counter[str], seeds: int) -> str:
 
 
 AVERAGED = (
-    "parent_p", "parent_r", "mechanism_accuracy", "mechanism_bound", "what_if", "pred_a", "rewired_found",
-    "rewired_placed",
+    "parent_p", "parent_r", "mechanism_accuracy", "mechanism_bound", "mechanism_accuracy_met", "mechanism_bound_met",
+    "what_if", "pred_a", "rewired_found", "rewired_placed",
 )  # fmt: skip
 BOTH = ("link_parent_f1", "link_parent_f1_bound")
 

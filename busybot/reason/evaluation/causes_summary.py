@@ -10,8 +10,7 @@ import numpy as np
 
 from busybot.boards.spec import BoardSpec
 from busybot.common.rng import generator
-from busybot.evaluation.bootstrap import Interval, two_level_interval
-from busybot.evaluation.exact import binomial_interval
+from busybot.evaluation.statistics import Interval, binomial_interval, two_level_interval
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation import rewirings
 from busybot.reason.evaluation.causes import JudgedCauses, JudgedMechanism

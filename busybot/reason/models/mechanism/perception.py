@@ -28,9 +28,10 @@ THERE = 0.02
 """Two actions took hold of the same place, board units."""
 BACK = np.array([1, 1, 1, -1, -1, -1])
 """Turns an action round."""
-UNTRIED, SAME, UNLIKE = 0.5, 0.8, -9.0
+UNTRIED, SAME, AROUND, UNLIKE = 0.5, 0.8, 0.1, -9.0
 """How much less an action is like one that led the other way, turned round, than like one that led this way; how much
-it is at least like another where the same is expected to fail again; and how much at the least."""
+it is at least like one that failed to be expected to fail, too; how much more where all responders show the same; and
+how much at the least."""
 
 
 @dataclass(frozen=True)
@@ -50,30 +51,31 @@ class Perceived:
     actions: np.ndarray
     acted: np.ndarray
 
-    def moved(self, states: np.ndarray, action: np.ndarray, acted: int, worked: bool = True) -> np.ndarray:
+    def moved(self, states: np.ndarray, action: np.ndarray, acted: int, shown: np.ndarray | None = None) -> np.ndarray:
         """States of the links after an action, int (L,).
 
         The nearest link of its trigger goes where the seen action led that was most like it and met the link in this
-        state, or whose way back this may be.
+        state, or whose way back this may be. That may be nowhere, for a link may be held as long as responders stand as
+        they do.
 
         Args:
             acted: the object that is acted on, -1 for none.
-            worked: it moved something; else it may be like an action that moved nothing, as far as is known.
+            shown: int (R,), what the responders show before it; None if it is known that something moved.
         """
         link, after = self.link_at(action, acted), states.copy()
         if link is None:
             return after
         now, size = int(states[link]), self.trace.sizes[link]
         steps, stood = np.flatnonzero(self.links.clusters == link), self.trace.links[:, link]
-        before, led, alike = stood[steps], stood[steps + 1], self._alike(steps, action)
-        back = self._alike(steps, action * BACK) - UNTRIED
+        before, led, alike = stood[steps], stood[steps + 1], self._alike(steps, action, shown)
+        back = self._alike(steps, action * BACK, shown) - UNTRIED
         likeness = {other: UNLIKE for other in (now - 1, now + 1) if 0 <= other < size}
         for other in likeness:
             there, from_there = alike[(before == now) & (led == other)], back[(before == other) & (led == now)]
             likeness[other] = max(there.max(initial=UNLIKE), from_there.max(initial=UNLIKE))
         best = max(likeness, key=lambda other: likeness[other])
         vain = alike[(before == now) & (led == now)].max(initial=UNLIKE)
-        if worked or vain < max(SAME, likeness[best]):
+        if shown is None or vain < SAME or vain <= likeness[best]:
             after[link] = best
         return after
 
@@ -88,10 +90,14 @@ class Perceived:
         nearest = np.where(links >= 0, away, np.inf).argmin()
         return int(links[nearest]) if away[nearest] <= 2 * REACH else None
 
-    def _alike(self, steps: np.ndarray, action: np.ndarray) -> np.ndarray:
-        """How much these actions are like another one: cosine of the directions, less how far away they were."""
+    def _alike(self, steps: np.ndarray, action: np.ndarray, shown: np.ndarray | None) -> np.ndarray:
+        """How much these actions are like another one: cosine of the directions, less how far away they were, and a
+        little more where the responders showed the same."""
         away = np.linalg.norm(self.actions[steps, :2] - action[:2], axis=1)
-        return self.actions[steps, 3:] @ action[3:] - away / REACH
+        alike = self.actions[steps, 3:] @ action[3:] - away / REACH
+        if shown is not None and len(shown):
+            alike = alike + AROUND * (self.trace.responders[steps] == shown).mean(1)
+        return np.asarray(alike)
 
     def pushed_from(self, link: int, action: np.ndarray) -> np.ndarray:
         """For each state of a link, how well the action fits those that moved it from there: cosines, float (S,)."""

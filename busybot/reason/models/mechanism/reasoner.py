@@ -165,7 +165,7 @@ class MechanismReasoner:
             rested = known.trace
             for _ in range(REST):
                 rested = rested.longer(links, before)
-            moved = rested.longer(known.perceived.moved(links, action, int(owner), worked=False), before)
+            moved = rested.longer(known.perceived.moved(links, action, int(owner), before), before)
             *_, earlier, later = explanations_of(moved).contexts
             after = known.following(past.remembered(earlier, later, before), before)
             changed = np.isin(np.arange(len(looks)), known.perceived.responders[after != before])
@@ -184,7 +184,7 @@ class MechanismReasoner:
             trace = known.trace.first(start)
             for number, (action, owner) in enumerate(zip(actions[question], acted[question].tolist(), strict=True)):
                 before = trace.responders[-1]
-                links = known.perceived.moved(trace.links[-1], action, owner, worked=False)
+                links = known.perceived.moved(trace.links[-1], action, owner, before)
                 contexts = explanations_of(trace.longer(links, before)).contexts[-1]
                 after = known.following(contexts, before, start + number + 1 if start + number < seen.steps else None)
                 trace = trace.longer(links, after)

@@ -1,5 +1,7 @@
 """What an action does to a link, by what the seen ones did."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from busybot.reason.inputs.trigger_links import ObservedLinks, directions_of
@@ -26,9 +28,11 @@ def seen(states: list[tuple[int, ...]], pushes: list[Push], sizes: tuple[int, ..
     return Perceived(trace, known, np.array([1]), looks, actions, np.zeros(len(actions), int))
 
 
-def moved(perceived: Perceived, state: int, place: float, way: tuple[float, float, float], worked: bool = True) -> int:
+def moved(
+    perceived: Perceived, state: int, place: float, way: tuple[float, float, float], shown: int | None = None
+) -> int:
     action = np.array([place, 0, 0, *way])
-    return int(perceived.moved(np.array([state]), action, 0, worked)[0])
+    return int(perceived.moved(np.array([state]), action, 0, None if shown is None else np.array([shown]))[0])
 
 
 def test_a_rocker_goes_where_it_is_pressed() -> None:
@@ -49,10 +53,17 @@ def test_what_failed_fails_again() -> None:
     """Pushed aside, the button stayed where it was; so nothing is expected of that, unless it is known to have worked.
     Of the other state nothing like it was seen."""
     button = seen([(0,), (0,), (1,), (0,)], [(0.0, ASIDE, 0), (0.0, DOWN, 0), (0.0, UP, 0)], (2,))
-    assert moved(button, 0, 0.0, ASIDE, worked=False) == 0
+    assert moved(button, 0, 0.0, ASIDE, shown=0) == 0
     assert moved(button, 0, 0.0, ASIDE) == 1
-    assert moved(button, 1, 0.0, ASIDE, worked=False) == 0
-    assert moved(button, 0, 0.01, DOWN, worked=False) == 1
+    assert moved(button, 1, 0.0, ASIDE, shown=0) == 0
+    assert moved(button, 0, 0.01, DOWN, shown=0) == 1
+
+
+def test_a_link_is_held_as_long_as_a_responder_shows_the_same() -> None:
+    pushes: list[Push] = [(0.0, DOWN, 0), (0.0, DOWN, 0), (0.0, UP, 0), (0.0, DOWN, 0)]
+    held = seen([(0,), (0,), (1,), (0,), (0,)], pushes, (2,))
+    held = replace(held, trace=replace(held.trace, responders=np.array([[0], [1], [1], [0], [0]])))
+    assert [moved(held, 0, 0.0, DOWN, shown=shown) for shown in (0, 1)] == [0, 1]
 
 
 def test_the_link_is_that_of_the_nearest_action() -> None:

@@ -192,7 +192,7 @@ def _known(row: RowFound, place: tuple[str, str]) -> Score:
 
 
 def _cell(told: Score) -> str:
-    return " ".join(filter(None, (number(told.value), spread(told.low, told.high, told.several))))
+    return " ".join(filter(None, (number(told.value), spread(told.value, told.low, told.high, told.several))))
 
 
 def _above(one: Score, other: Score) -> bool:

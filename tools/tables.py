@@ -221,7 +221,7 @@ def _with_interval(judged: dict[str, Any] | None, key: str) -> str:
     if judged is None or judged[key] is None:
         return "missing" if judged is None else "-"
     low, high = (100 * end for end in judged["intervals"][key] or (judged[key], judged[key]))
-    return f"{percent(judged[key])} {spread(low, high)}"
+    return f"{percent(judged[key])} {spread(100 * judged[key], low, high)}"
 
 
 def reason_procedural() -> str:

@@ -247,19 +247,27 @@ def _over_actions(told: dict[str, Any]) -> str:
     return f"{first} / {middle} ({whole(low)}-{whole(high)}) / {last}"
 
 
-def world_gates() -> str:
+def world_gates(name: str = "world-gates") -> str:
     """What trainings from several seeds reach on the frozen boards, the exact observer beside them, and what they miss.
 
     Mean figures of the seeds; behind F1 after 22 actions and mechanisms stand the lowest and the highest of them.
     """
     lines = []
-    for world, sets in result("world-gates")["rows"].items():
-        for name, seeds in sets.items():
+    for world, sets in result(name)["rows"].items():
+        for split, seeds in sets.items():
             rows = list(seeds.values())
-            missed = Counter(gate for told in rows for gate in _missed(world, name, told))
-            lines.append((f"{world}, {name}", [*_reached(rows), _by_seeds(missed, len(rows))]))
+            missed = Counter(gate for told in rows for gate in _missed(world, split, told))
+            lines.append((f"{world}, {split}", [*_reached(rows), _by_seeds(missed, len(rows))]))
     heads = (
-        *("boards", "seeds", "P / R at 22", "F1, links (bound)", "mechanism (bound)", "what if", "Pred-A"),
+        *(
+            "boards",
+            "seeds",
+            "P / R at 22",
+            "F1, links (bound)",
+            "mechanism (bound)",
+            "of states that were seen (bound)",
+        ),
+        *("what if", "Pred-A"),
         *("rewirings found / placed", "ECE (images)", "gates missed (seeds)"),
     )
     return markdown([plain_grid(heads, lines, "percent after 10 / 22 / 30")])
@@ -280,6 +288,7 @@ def _reached(rows: list[dict[str, Any]]) -> list[str]:
         f"{mean['parent_p']} / {mean['parent_r']}",
         f"{whole(found[0])} / {whole(found[1])}{middle} / {whole(found[2])} ({' / '.join(map(whole, bound))})",
         f"{mean['mechanism_accuracy']}{known} ({mean['mechanism_bound']})",
+        f"{mean['mechanism_accuracy_met']} ({mean['mechanism_bound_met']})",
         mean["what_if"],
         mean["pred_a"],
         f"{mean['rewired_found']} / {mean['rewired_placed']}" if first["rewirings"] else "-",
@@ -311,8 +320,8 @@ def _by_seeds(missed: Counter[str], seeds: int) -> str:
 
 
 AVERAGED = (
-    "parent_p", "parent_r", "mechanism_accuracy", "mechanism_bound", "what_if", "pred_a", "rewired_found",
-    "rewired_placed",
+    "parent_p", "parent_r", "mechanism_accuracy", "mechanism_bound", "mechanism_accuracy_met", "mechanism_bound_met",
+    "what_if", "pred_a", "rewired_found", "rewired_placed",
 )  # fmt: skip
 BOTH = ("link_parent_f1", "link_parent_f1_bound")
 

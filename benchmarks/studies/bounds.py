@@ -32,7 +32,7 @@ from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.spec import BoardSpec
 from busybot.boards.worlds import NOVEL, WORLDS, links_of
 from busybot.common.rng import generator
-from busybot.evaluation.bootstrap import share_interval
+from busybot.evaluation.statistics import share_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.reason.evaluation.ground_truth import causes_of

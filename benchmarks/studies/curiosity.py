@@ -33,8 +33,8 @@ from busybot.boards.generate import generate_boards
 from busybot.boards.worlds import WORLDS
 from busybot.common.rng import generator
 from busybot.episodes.mcap.reader import read_episode
-from busybot.evaluation.bootstrap import percentile_interval
 from busybot.evaluation.results import read_result
+from busybot.evaluation.statistics import percentile_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.plan.curious import CERTAIN, REASONER

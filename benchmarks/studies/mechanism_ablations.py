@@ -46,7 +46,7 @@ NOW = [number for number, name in enumerate(MEMORIES) if name in ("none", "own",
 
 def _no_past(graph: HeteroData) -> None:
     node = graph["explanation"]
-    node.possible &= torch.isin(node.kind % len(MEMORIES), torch.tensor(NOW))
+    node.possible = node.possible & torch.isin(node.kind % len(MEMORIES), torch.tensor(NOW))  # boards share it
 
 
 def _no_witnesses(graph: HeteroData) -> None:

@@ -21,7 +21,7 @@ from benchmarks.runner import chosen, finish, parser
 from benchmarks.studies.bounds import CLAIMED, DRAWS, Drawn
 from busybot.boards.worlds import WORLDS
 from busybot.common.rng import generator
-from busybot.evaluation.bootstrap import share_interval
+from busybot.evaluation.statistics import share_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.reason.evaluation.hypotheses import Space

@@ -41,7 +41,7 @@ from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
 from busybot.boards.worlds import links_of
 from busybot.common.rng import generator
-from busybot.evaluation.bootstrap import percentile_interval, share_interval
+from busybot.evaluation.statistics import percentile_interval, share_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.reason.evaluation.causes import candidates_of, parents_at

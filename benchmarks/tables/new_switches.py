@@ -23,7 +23,7 @@ from benchmarks import runner
 from busybot.common.atomic_io import read_json
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
-from busybot.evaluation.bootstrap import two_level_interval
+from busybot.evaluation.statistics import two_level_interval
 from busybot.interact.metrics import JudgedBoard
 from busybot.objects.procedural.switches.drawn import MOTIONS
 from busybot.training.model_cards import file_hashes, find_folder

@@ -25,7 +25,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.codec import encode_rgb
 from busybot.episodes.episode import Episode, Image
 from busybot.episodes.mcap.reader import read_episode
-from busybot.evaluation.exact import binomial_interval
+from busybot.evaluation.statistics import binomial_interval
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.evaluation.evaluate import origin
 from busybot.reason.inputs.object_masks import changes

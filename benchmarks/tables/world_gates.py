@@ -1,17 +1,21 @@
 """The gates of worlds: what a model of relations reaches on the frozen boards of every world, and what it misses.
 
     python -m benchmarks.tables.world_gates --work FOLDER --assets DIR --out benchmarks/results/world-gates.json
-        [--models mechanism,FOLDER] [--sets validation] [--only gates,time] [--boards 200]
+        [--policy FOLDER] [--models mechanism,FOLDER] [--sets validation] [--only gates,time] [--boards 200]
 
-The boards are those of `datasets/worlds`, whose hashes are compared. The shipped interaction policy acts on them, 30
+The boards are those of `datasets/worlds`, whose hashes are compared. A learned interaction policy acts on them, 30
 actions each, and every model is judged by `busybot eval reason`, which logs each judging of a test set. Sets are
 `validation`, on which choices may be made, and the three test splits. The exact observer of the true states is judged
 beside, on the same recordings.
+
+The policy is a training's folder. The shipped one, which acts without `--policy`, learned from procedural objects and
+misses many links of real ones: what it records tells less. Recordings of each policy have a folder of their own.
 
 Every command resumes, so this one does; what a model was judged on already is not judged again.
 """
 
 import argparse
+import hashlib
 from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -27,20 +31,22 @@ from busybot.training.model_cards import file_hashes, find_folder
 frozen: Any = import_module("datasets.worlds")
 """`datasets/worlds.py`; a folder of the same name hides it from type checkers."""
 KIND, STEPS, AFTER, SEED = "world-gates", 30, (10, 22, 30), frozen.SEED
+SHIPPED = "procedural"
 FIGURES = (
-    "mechanism_accuracy", "mechanism_bound", "parent_p", "parent_r", "what_if", "what_if_pairs", "pred_a", "rewirings",
-    "rewired_found", "rewired_found_bound", "rewired_placed", "rewired_placed_bound", "rewired_false_alarms",
+    "mechanism_accuracy", "mechanism_bound", "mechanism_accuracy_met", "mechanism_bound_met", "mechanisms_met",
+    "parent_p", "parent_r", "what_if", "what_if_pairs", "pred_a", "rewirings", "rewired_found", "rewired_found_bound",
+    "rewired_placed", "rewired_placed_bound", "rewired_false_alarms",
 )  # fmt: skip
 POINT = ("parent_f1", "parent_f1_bound", "link_parent_f1", "link_parent_f1_bound")
 
 
 def recorded(world: str, name: str, options: argparse.Namespace) -> Path:
-    """A set's first boards, acted on by the shipped policy.
+    """A set's first boards, acted on by the policy.
 
     Raises:
         BusybotError: the boards are not those that were frozen.
     """
-    folder: Path = options.work / world / name
+    folder: Path = options.work / digest_of(policy_of(options)) / world / name
     busybot(*generating(folder, frozen.SETS[name], options.boards, SEED, options.assets), "--world", world)
     dataset = Dataset.open(folder)
     cards = read_json(frozen.FILES / f"{world}.json")["objects"].get(assets_name(options.assets), {})
@@ -48,9 +54,21 @@ def recorded(world: str, name: str, options: argparse.Namespace) -> Path:
         raise BusybotError(
             f"{world}/{name}: not the frozen boards", "draw them with the same objects; see datasets/worlds/README.md"
         )
-    acting = ("--policy", "learned", "--steps", str(STEPS), "--seed", str(SEED), "--assets", str(options.assets))
-    busybot("collect", str(folder), *acting)
+    acting = ("--policy", "learned", *(("--model", str(options.policy)) if options.policy else ()))
+    drawing = ("--steps", str(STEPS), "--seed", str(SEED), "--assets", str(options.assets))
+    busybot("collect", str(folder), *acting, *drawing)
     return folder
+
+
+def policy_of(options: argparse.Namespace) -> dict[str, str]:
+    """Hashes of the files of the interaction policy."""
+    return file_hashes(find_folder(options.policy or SHIPPED, "interact"))
+
+
+def digest_of(hashes: dict[str, str]) -> str:
+    """What tells a model's weights from others."""
+    weights = "".join(told for name, told in sorted(hashes.items()) if name.endswith(".safetensors"))
+    return hashlib.sha256(weights.encode()).hexdigest()[:12]
 
 
 def judged(dataset: Path, model: str, out: Path, assets: str) -> dict[str, Any]:
@@ -72,22 +90,23 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     rows = told_rows(options.out, KIND)
     models = options.models.split(",")
     hashes = {model: file_hashes(find_folder(model, "reason")) for model in models}
+    policy = policy_of(options)
     for world in chosen(options.only, tuple(WORLDS)) if options.only else WORLDS:
         for name in (one for one in chosen(options.sets, tuple(frozen.SETS)) if one in frozen.sets_of(world)):
             dataset = recorded(world, name, options)
             cells = rows.setdefault(world, {}).setdefault(name, {})
             for model in models:
-                digest = hashes[model]["weights.safetensors"][:12]
-                out = options.work / f"{world}-{name}-{options.boards}-{digest}.json"
+                out = dataset.parent.parent / f"{world}-{name}-{options.boards}-{digest_of(hashes[model])}.json"
                 cells[Path(model).name] = {
                     "model": hashes[model], **judged(dataset, model, out, str(options.assets))
                 }  # fmt: skip
-            yield {"assets": assets_name(options.assets), "boards": options.boards, "rows": rows}
+            yield {"assets": assets_name(options.assets), "boards": options.boards, "policy": policy, "rows": rows}
 
 
 def main(words: Sequence[str] | None = None) -> None:
     options = parser(__doc__)
     options.add_argument("--work", type=Path, required=True, help="for recordings and evaluations")
+    options.add_argument("--policy", help="a training of the interaction policy; the shipped one by default")
     options.add_argument("--models", default="mechanism", help="shipped models' names and folders, comma-separated")
     options.add_argument("--sets", default=frozen.VALIDATION, help=f"of {', '.join(frozen.SETS)}, comma-separated")
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")

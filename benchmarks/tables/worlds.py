@@ -48,7 +48,7 @@ from busybot.common.rng import generator
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
-from busybot.evaluation.bootstrap import two_level_interval
+from busybot.evaluation.statistics import two_level_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.reason.evaluation.causes import JudgedCauses, Watched, count_links, judge_causes, law_of

@@ -20,10 +20,10 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
 from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.mcap.writer import write_episode
-from busybot.evaluation.bootstrap import LEVEL
 from busybot.evaluation.folder import BoardWork, EvaluationRecording, conclude, judge_boards
 from busybot.evaluation.judgements import log_judgement
 from busybot.evaluation.results import package_versions, stamp
+from busybot.evaluation.statistics import LEVEL
 from busybot.interact import metrics as m
 from busybot.objects.library import Library
 from busybot.sim.interaction import InteractionConfig

@@ -2,7 +2,7 @@
 
 A success is a true change of a trigger's state caused by the action. Every proposed action counts, also when nothing
 was held. All values are shares from 0 to 1; what is not defined is None. Micro pools the actions or links of all
-boards, macro averages over boards. Intervals are bootstraps over boards. Networks are judged by how well their scores
+boards, macro averages over boards. Intervals are over boards. Networks are judged by how well their scores
 order what works before what does not.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from busybot.boards.directions import OPPOSITE
 from busybot.common.frozen_model import FrozenModel
-from busybot.evaluation.bootstrap import Interval, share_interval
+from busybot.evaluation.statistics import Interval, interval_over_boards
 from busybot.interact.policy.direction_pairs import PAIRS
 
 DRAWS = 1000
@@ -194,11 +194,11 @@ def macro(boards: Sequence[JudgedBoard]) -> dict[str, float | None]:
 
 
 def intervals(boards: Sequence[JudgedBoard], rng: np.random.Generator) -> dict[str, Interval]:
-    """Percentile intervals of the pooled shares, boards drawn with replacement; None where a draw has none."""
+    """Of the pooled shares, boards drawn with replacement (`interval_over_boards`); None where a draw has none."""
     if not boards:
         return dict.fromkeys(SHARES)
     chosen = rng.integers(len(boards), size=(DRAWS, len(boards)))
-    return {name: share_interval(*table[chosen].sum(1).T) for name, table in _tables(boards).items()}
+    return {name: interval_over_boards(table[:, 0], table[:, 1], chosen) for name, table in _tables(boards).items()}
 
 
 def failures_by_cause(boards: Sequence[JudgedBoard]) -> dict[str, int]:

@@ -11,8 +11,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from busybot.common.frozen_model import FrozenModel
-from busybot.evaluation.bootstrap import percentile_interval, two_level_interval
-from busybot.evaluation.exact import binomial_interval, mcnemar_test, sign_flip_test
+from busybot.evaluation.statistics import (
+    binomial_interval,
+    interval_over_boards,
+    mcnemar_test,
+    sign_flip_test,
+    two_level_interval,
+)
 
 DRAWS = 2000
 
@@ -199,7 +204,7 @@ def _row(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], chosen:
     steps = sum(one.steps for one in rollouts)
     return {
         "success": _mean(success),
-        "interval": percentile_interval(success[chosen].mean(axis=1)) if len(success) else None,
+        "interval": interval_over_boards(success, np.ones(len(success)), chosen) if len(success) else None,
         "micro": _mean([one.reached for one in responders]),
         "by_features": _mean([share for share in looks if share is not None]),
         "asked": _mean([one.reached for one in responders if one.asked]),

@@ -20,6 +20,7 @@ def row(**changes: Any) -> dict[str, Any]:
         "boards": 2, "after": {number: point for number in ("10", "22", "30")}, "what_if": 0.95, "rewirings": 0,
         "uncertain": [{"images": 4, "ece_uncertain": 0.05}, {"images": 8, "ece_uncertain": None}],
         "pred_a": 0.7, "rewired_found": None, "mechanism_accuracy": 0.85, "mechanism_bound": 0.9,
+        "mechanism_accuracy_met": 0.88, "mechanism_bound_met": 0.89,
         "parent_p": 0.96, "parent_r": 0.99, "rewired_placed": None,
     } | changes  # fmt: skip
 
@@ -37,8 +38,8 @@ def told_of_seeds(monkeypatch: pytest.MonkeyPatch, world: str, name: str, *seeds
 
 def test_missed_gates_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     assert told_of(monkeypatch, "gates") == [
-        "gates, validation", "2", "1", "96 / 99", "95 / 95 / 95 (98 / 98 / 98)", "85 (90)", "95", "70", "-", "5 (4)",
-        "none",
+        "gates, validation", "2", "1", "96 / 99", "95 / 95 / 95 (98 / 98 / 98)", "85 (90)", "88 (89)", "95", "70", "-",
+        "5 (4)", "none",
     ]  # fmt: skip
     assert told_of(monkeypatch, "time", mechanism_accuracy=0.8, what_if=0.8)[-1] == "mechanism, what if"
     assert told_of(monkeypatch, "chance", parent_r=0.9)[-1] == "P, R"
@@ -53,7 +54,7 @@ def test_several_seeds_are_one_line_with_their_mean_and_range(monkeypatch: pytes
     worse = row(mechanism_accuracy=0.75, what_if=0.85, rewirings=3, rewired_found=0.9, rewired_placed=0.7)
     better = row(rewirings=3, rewired_found=1.0, rewired_placed=0.8)
     told = told_of_seeds(monkeypatch, "gates", "validation", worse, better)
-    assert told[2] == "2" and told[5] == "80 [75-85] (90)" and told[6] == "90" and told[8] == "95 / 75"
+    assert told[2] == "2" and told[5] == "80 [75-85] (90)" and told[7] == "90" and told[9] == "95 / 75"
     assert told[-1] == "mechanism (1), what if (1)"
 
 
@@ -64,7 +65,7 @@ def test_two_frozen_boards_are_judged_once(tmp_path: Path) -> None:
     world_gates.main(words)
     told = read_result(out, "world-gates")["rows"]["gates"]["validation"]["mechanism"]
     assert told["boards"] == 2 and list(told["after"]) == ["10", "22", "30"] and told["model"]
-    [evaluation] = (tmp_path / "work").glob("gates-validation-2-*.json")
+    [evaluation] = (tmp_path / "work").glob("*/gates-validation-2-*.json")
     values = json.loads(evaluation.read_text())
     evaluation.write_text(json.dumps({**values, "what_if": 0.123}))
     world_gates.main(words)
@@ -75,4 +76,6 @@ def test_two_frozen_boards_are_judged_once(tmp_path: Path) -> None:
 def test_other_boards_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world_gates, "SEED", 1)
     with pytest.raises(BusybotError, match="gates/validation: not the frozen boards"):
-        world_gates.recorded("gates", "validation", Namespace(work=tmp_path, assets="procedural", boards=1))
+        world_gates.recorded(
+            "gates", "validation", Namespace(work=tmp_path, policy=None, assets="procedural", boards=1)
+        )

@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from busybot.common.rng import generator
-from busybot.evaluation.bootstrap import two_level_interval
-from busybot.evaluation.exact import FLIPS, binomial_interval, mcnemar_test, sign_flip_test
+from busybot.evaluation.statistics import (
+    FLIPS,
+    binomial_interval,
+    interval_over_boards,
+    mcnemar_test,
+    sign_flip_test,
+    two_level_interval,
+)
 
 
 def rng(name: str = "test") -> np.random.Generator:
@@ -17,6 +23,17 @@ def test_nothing_and_everything_hit_have_bounds() -> None:
     assert binomial_interval(0, 10) == (0.0, pytest.approx(1 - 0.025 ** (1 / 10)))
     assert binomial_interval(10, 10) == (pytest.approx(0.025 ** (1 / 10)), 1.0)
     assert binomial_interval(0, 0) is None
+
+
+def test_boards_that_are_all_right_are_so_many_trials() -> None:
+    """However many actions each of them has; a board without any says nothing."""
+    whole, chosen = np.array([4, 9, 1, 0]), rng().integers(4, size=(1000, 4))
+    assert interval_over_boards(whole, whole, chosen) == binomial_interval(3, 3)
+    assert interval_over_boards(0 * whole, whole, chosen) == binomial_interval(0, 3)
+    assert interval_over_boards(0 * whole, 0 * whole, chosen) is None
+    some, every = np.array([1, 2, 3, 1]), np.full(4, 4)
+    found = interval_over_boards(some, every, chosen)
+    assert found == tuple(np.quantile(some[chosen].sum(1) / 16, (0.025, 0.975)))
 
 
 def test_the_binomial_bounds_leave_out_what_they_promise() -> None:

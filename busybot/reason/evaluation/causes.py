@@ -10,7 +10,7 @@ For evaluators only. `causes_summary` makes figures of many boards.
   there where the recording knows states and the observer's space explains them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,6 +48,7 @@ class JudgedMechanism:
         driven: whether it has inputs.
         right, bound: whether the model, and the exact observer, foretell it on the whole tour.
         kind_right, kind_bound, lag_right, lag_bound: whether they name its kind and its lag.
+        met: whether the observed actions brought each of its inputs into all the states that it takes on the tour.
     """
 
     responder: int
@@ -59,6 +60,7 @@ class JudgedMechanism:
     kind_bound: bool | None = None
     lag_right: bool | None = None
     lag_bound: bool | None = None
+    met: bool = True
 
 
 @dataclass(frozen=True)
@@ -414,6 +416,7 @@ def _with_mechanisms(
                     None if right is None else bool(right[0, index] and varied),
                     None if belief is None else _known(belief, number, index, cause, walk, replayed),
                     *names[number],
+                    _met(walk, truth.read[index], replayed),
                 )
             )
     return replace(judged, mechanisms=tuple(mechanisms), told=told)
@@ -425,12 +428,20 @@ def _hypothesis(truth: CauseTruth, index: int) -> Hypothesis:
 
 def _varied(walk: Questions, read: Sequence[int], replayed: _Replayed) -> bool:
     """Whether all of these inputs took more than one state on the tour: else nobody was asked about them."""
-    links = walk.triggers.shape[2]
-    columns = [
-        walk.triggers[0, :, place] if place < links else walk.shown[0, :, replayed.names[place].object]
-        for place in read
-    ]
-    return all(column.min() < column.max() for column in columns)
+    return all(column.min() < column.max() for column in _columns(walk.triggers[0], walk.shown[0], read, replayed))
+
+
+def _met(walk: Questions, read: Sequence[int], replayed: _Replayed) -> bool:
+    """Whether each of these inputs was, in the observed frames, in all the states that it takes on the tour."""
+    asked = _columns(walk.triggers[0], walk.shown[0], read, replayed)
+    seen = _columns(replayed.triggers[: replayed.steps + 1], replayed.shown[: replayed.steps + 1], read, replayed)
+    return all(np.isin(one, other).all() for one, other in zip(asked, seen, strict=True))
+
+
+def _columns(triggers: np.ndarray, shown: np.ndarray, read: Sequence[int], replayed: _Replayed) -> Iterator[np.ndarray]:
+    """States of these inputs in all frames, from those of links (T, L) and objects (T, N)."""
+    links = triggers.shape[1]
+    return (triggers[:, one] if one < links else shown[:, replayed.names[one].object] for one in read)
 
 
 def _known(belief: Belief, number: int, index: int, cause: Hypothesis, walk: Questions, replayed: _Replayed) -> bool:

@@ -10,8 +10,7 @@ import numpy as np
 
 from busybot.boards.spec import BoardSpec
 from busybot.common.rng import generator
-from busybot.evaluation.bootstrap import Interval, two_level_interval
-from busybot.evaluation.exact import binomial_interval
+from busybot.evaluation.statistics import Interval, binomial_interval, two_level_interval
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation import rewirings
 from busybot.reason.evaluation.causes import JudgedCauses, JudgedMechanism
@@ -38,6 +37,9 @@ KEYS: dict[str, str] = {
     "that predict nothing (`count`, `pc`)",
     "mechanism_bound": "share of which the exact observer claims a mechanism (more probable than all others "
     "together) that responds as the true one does",
+    "mechanism_accuracy_met, mechanism_bound_met, mechanisms_met": "both of the responders whose inputs were in all "
+    "states in which the tour asks about them, and which share of all that is: pictures do not show that a link has "
+    "one more state, the exact observer is told",
     "mechanism_by_kind": "both by kind of mechanism, with numbers; `none` are responders that nothing moves",
     "kind_accuracy, kind_bound, lag_accuracy, lag_bound": "share of all responders whose kind of mechanism, and whose "
     "lag, is named rightly. Null for models that do not tell them",
@@ -97,6 +99,9 @@ def summarise_causes(
         ),
         "mechanism_accuracy": accuracy,
         "mechanism_bound": _mean([one.bound for one in mechanisms]),
+        "mechanism_accuracy_met": _mean([one.right for one in mechanisms if one.met]),
+        "mechanism_bound_met": _mean([one.bound for one in mechanisms if one.met]),
+        "mechanisms_met": _mean([one.met for one in mechanisms]),
         "mechanism_by_kind": _by_kind(everyone),
         "kind_accuracy": _mean([one.kind_right for one in everyone]),
         "kind_bound": _mean([one.kind_bound for one in everyone]),

@@ -14,7 +14,7 @@ from itertools import chain
 
 import numpy as np
 
-from busybot.evaluation.bootstrap import Interval, share_interval
+from busybot.evaluation.statistics import Interval, interval_over_boards
 
 BINS = 15
 UNCERTAIN = (0.05, 0.95)
@@ -98,12 +98,12 @@ def macro(counts: Sequence[Counts], of: Shares) -> dict[str, float | None]:
 
 
 def intervals(counts: Sequence[Counts], of: Shares, rng: np.random.Generator) -> dict[str, Interval]:
-    """Bootstrap over boards: percentile intervals of the micro scores; None if a resample leaves a score undefined."""
+    """Of the micro scores, over boards (`interval_over_boards`); None if a resample leaves a score undefined."""
     if not counts:
         return dict.fromkeys(of)
     chosen = rng.integers(len(counts), size=(DRAWS, len(counts)))
-    drawn = {name: np.array([one[name] for one in counts])[chosen].sum(1) for name in totals(counts, of)}
-    return {name: share_interval(drawn[part], drawn[whole]) for name, (part, whole) in of.items()}
+    each = {name: np.array([one[name] for one in counts]) for name in totals(counts, of)}
+    return {name: interval_over_boards(each[part], each[whole], chosen) for name, (part, whole) in of.items()}
 
 
 def calibration(probabilities: np.ndarray, true: np.ndarray) -> dict[str, float | None]:

@@ -8,8 +8,8 @@ import numpy as np
 
 from busybot.boards.spec import BoardSpec
 from busybot.common.rng import generator
-from busybot.evaluation.bootstrap import LEVEL
 from busybot.evaluation.results import package_versions
+from busybot.evaluation.statistics import LEVEL
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation.causes import JudgedCauses
 from busybot.reason.evaluation.causes_summary import summarise_causes

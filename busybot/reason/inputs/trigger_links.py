@@ -2,10 +2,10 @@
 
 Where a trigger's own pixels change, a link moved; moves that change the same pixels, one way or the other, are those of
 one link. How it stands is read from these pixels, as far as no other link changes them: pictures in which they look
-alike show one state. A link with three states changes other pixels by its second move than by its first: two links at
-one place that never stand in all four ways are one. An action that changed nothing on its trigger belongs to the link
-that was taken hold of nearest to it. Pictures do not tell which
-state is "on", nor that there is a link that never moved.
+alike show one state. A link with three states changes other pixels by its second move than by its first, but some of
+them again: two links that share pixels and never stand in all four ways are one. An action that changed nothing on its
+trigger belongs to the link that was taken hold of nearest to it. Pictures do not tell which state is "on", nor that
+there is a link that never moved.
 
 Pictures of a camera that is not still (`steady`) differ where nothing moved. Between two actions on a trigger it shows
 one state: the median of these pictures is taken for each of them, without what is hidden in it, and a trigger that is
@@ -30,8 +30,9 @@ TOGETHER = 0.7
 a link that goes back changes the same pixels the other way round."""
 REACH = 0.1
 """An action that moved nothing belongs to a link that was taken hold of so near, board units."""
-BESIDE = 0.06
-"""What is taken hold of so near to each other on one trigger may be one link, board units."""
+SHARED = 0.28
+"""The moves of a link with three states have so large a share of pixels in common, of those that the smaller one
+changed: .31 or more on boards of training objects, where those of two links never had more than .24."""
 OFTEN = 0.3
 """How a link stands is read from pixels that so large a share of its moves changed."""
 ALIKE = 0.45
@@ -76,6 +77,21 @@ class _Move:
 
 
 @dataclass(frozen=True)
+class _Link:
+    """The actions that moved one link, its states in all F frames, and the pixels of its trigger's box that it changes.
+
+    Attributes:
+        steps: int (n,).
+        states: int (F,).
+        changed: bool (h, w).
+    """
+
+    steps: np.ndarray
+    states: np.ndarray
+    changed: np.ndarray
+
+
+@dataclass(frozen=True)
 class _View:
     """A trigger's box in P pictures.
 
@@ -114,16 +130,15 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
             view = _still(pictures, pixels, trigger, config)
         groups = _together(_moves(np.flatnonzero(acted == trigger), view, frames))
         links = [
-            (np.array([move.step for move in group]), _states(view.pictures, where)[frames])
-            for group, where in zip(groups, _own_pixels(groups), strict=True)
+            _Link(np.array([move.step for move in group]), _states(view.pictures, own)[frames], _changed(group))
+            for group, own in zip(groups, _own_pixels(groups), strict=True)
         ]
-        links = [(steps, seen) for steps, seen in links if (seen[steps] != seen[steps + 1]).any()]
-        for steps, seen in _whole(links, contacts):
-            clusters[steps] = len(places)
-            places.append(contacts[steps, :2].mean(0))
+        for link in _whole([one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]):
+            clusters[link.steps] = len(places)
+            places.append(contacts[link.steps, :2].mean(0))
             owners.append(trigger)
-            states.append(seen)
-            directions.append(directions_of(pushed, seen, steps))
+            states.append(link.states)
+            directions.append(directions_of(pushed, link.states, link.steps))
     _join_failed(clusters, acted, contacts, np.array(owners, int), np.array(places).reshape(-1, 2))
     told = np.array(states, int).T.reshape(len(observed.image_of), len(states))
     at = np.array(places).reshape(-1, 2)
@@ -212,16 +227,21 @@ def _states(pictures: Sequence[np.ndarray], where: np.ndarray) -> np.ndarray:
     return _numbered(labels)
 
 
-def _whole(told: list[tuple[np.ndarray, np.ndarray]], contacts: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Links of one trigger, each as its steps and its states in all frames, with those joined that are one of three
-    states."""
-    for (one, seen), (other, also) in combinations(told, 2):
-        both = seen * STATES + also
-        near = np.linalg.norm(contacts[one, :2].mean(0) - contacts[other, :2].mean(0)) < BESIDE
-        if near and seen.max() == also.max() == 1 and len(set(both.tolist())) == STATES:
-            rest = [each for each in told if each[0] is not one and each[0] is not other]
-            return _whole([*rest, (np.union1d(one, other), _numbered(both))], contacts)
-    return told
+def _changed(moves: Sequence[_Move]) -> np.ndarray:
+    """The pixels that any of these changed, bool (h, w)."""
+    return np.any([move.changed for move in moves], axis=0)
+
+
+def _whole(links: list[_Link]) -> list[_Link]:
+    """The links of one trigger, with those joined that are one of three states."""
+    for one, other in combinations(links, 2):
+        both = one.states * STATES + other.states
+        shared = (one.changed & other.changed).sum() / min(one.changed.sum(), other.changed.sum())
+        two = one.states.max() == other.states.max() == 1
+        if two and shared > SHARED and len(set(both.tolist())) == STATES:
+            joined = _Link(np.union1d(one.steps, other.steps), _numbered(both), one.changed | other.changed)
+            return _whole([*(each for each in links if each is not one and each is not other), joined])
+    return links
 
 
 def _numbered(labels: np.ndarray) -> np.ndarray:

@@ -123,7 +123,9 @@ def _place(one: Verdict) -> str:
 
 def _missed(one: Verdict) -> tuple[Entry, ...]:
     assert one.score is not None and one.worst is not None
-    measured = Entry(number(one.score.value), spread(one.score.low, one.score.high, one.score.several), "missed")
+    measured = Entry(
+        number(one.score.value), spread(one.score.value, one.score.low, one.score.high, one.score.several), "missed"
+    )
     return (measured, Entry(f"{one.gate:g}"), Entry(number(one.gate - one.worst)), Entry(_bound(one.score)))
 
 

@@ -109,11 +109,14 @@ def reference(value: float) -> str:
     return f"{value:g}" if value < 1 else number(value)
 
 
-def spread(low: float | None, high: float | None, several: bool = False) -> str:
-    """Half the width of an interval, or the extremes of several seeds, if they differ; all percent."""
+def spread(value: float, low: float | None, high: float | None, several: bool = False) -> str:
+    """Half the width of an interval, or the bounds of a share of 0 or 100, or the extremes of several seeds, if they
+    differ; all percent."""
     if low is None or high is None or (several and number(low) == number(high)):
         return ""
-    return f"({number(low)} to {number(high)})" if several else f"± {number((high - low) / 2)}"
+    if several or (value in (0, 100) and low < high):
+        return f"({number(low)} to {number(high)})"
+    return f"± {number((high - low) / 2)}"
 
 
 def markdown(blocks: Sequence[Block], folder: Path = Path()) -> str:

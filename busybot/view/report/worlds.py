@@ -183,7 +183,7 @@ def _planned(results: WorldResults) -> Grid:
         for name, told in plan.agents.items():
             own = known if name in REASONED else None
             low, high = told.interval or (None, None)
-            interval = "" if low is None or high is None else spread(100 * low, 100 * high)
+            interval = "" if low is None or high is None else spread(100 * (told.success or 0), 100 * low, 100 * high)
             gap = None if own is None or told.success is None else told.success - own
             entries = (_entry(told.success, interval), _entry(told.solved), _plain(told.steps_over_shortest, 2))
             lines.append((short(name), (*entries, _entry(own), _entry(gap, sign=True))))

@@ -164,6 +164,16 @@ def asked(episode: Episode, reasoner: Reasoner, **more: int) -> JudgedCauses:
     return judge_causes(watched(episode, reasoner, **more), claims(steps=len(episode.steps)))
 
 
+def test_who_is_asked_about_states_that_were_never_seen_is_told_apart() -> None:
+    """Switch 3 moved before the observed actions end, or after: one of its states was never shown to anybody."""
+    for presses, met in (((0, 3, 0, 3), 1.0), ((0, 0, 0, 3), 0.5)):
+        episode = play([AND, relation("one-to-one", (0,), 4, (0, 1))], presses)
+        told = summary((episode, judge_causes(watched(episode, Knower(episode), images=4), claims(steps=4))), images=4)
+        assert told["mechanisms_met"] == met
+        assert told["mechanism_bound_met"] == told["mechanism_bound"] or met < 1
+        assert told["mechanism_accuracy_met"] == 1.0
+
+
 @pytest.mark.parametrize("second", [FOLLOWS, LATE, relation("toggle", (3,), 2, (0, 1))], ids=lambda one: one.kind)
 def test_who_knows_the_law_answers_everything(second: Relation) -> None:
     episode = play([AND, second], PRESSES, "mixed")

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from busybot.evaluation.statistics import binomial_interval
 from busybot.reason.evaluation.metrics import (
     EDGES,
     calibration,
@@ -104,7 +105,7 @@ def test_intervals_of_undefined_scores_are_undefined() -> None:
     rng = np.random.Generator(np.random.PCG64(0))
     assert intervals([], EDGES, rng) == three(None, None, None)
     spread = intervals([of(0, 0, 2, 4, 6)] * 3, EDGES, rng)
-    assert spread["precision"] is None and spread["recall"] == (0.0, 0.0)
+    assert spread["precision"] is None and spread["recall"] == binomial_interval(0, 3)
 
 
 def test_calibration_error_by_hand() -> None:

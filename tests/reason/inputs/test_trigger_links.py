@@ -15,7 +15,9 @@ THREE = ((40, 24, 48, 30), (40, 34, 48, 40), (40, 44, 48, 50))
 CONTACTS = {"two": (0.1, 0.1, 0.0), "three": (0.6, 0.1, 0.0)}
 
 
-def played(moves: list[str]) -> tuple[ObservedEpisode, np.ndarray]:
+def played(
+    moves: list[str], contacts: dict[str, tuple[float, float, float]] = CONTACTS
+) -> tuple[ObservedEpisode, np.ndarray]:
     """A plate with two levers; `two` or `three` moves one of them, with `-` it is only touched. True states beside."""
     states = [[0, 0]]
     up = True
@@ -35,7 +37,7 @@ def played(moves: list[str]) -> tuple[ObservedEpisode, np.ndarray]:
     )  # fmt: skip
     observed = scene.observed()
     actions = tuple(
-        replace(one, position=CONTACTS[move.strip("-")]) for one, move in zip(observed.actions, moves, strict=True)
+        replace(one, position=contacts[move.strip("-")]) for one, move in zip(observed.actions, moves, strict=True)
     )
     return replace(observed, actions=actions), np.array(states)
 
@@ -53,6 +55,18 @@ def test_moves_that_change_the_same_pixels_are_those_of_one_link() -> None:
     three = found.states[:, 1 - two]
     assert three.tolist() in (states[:, 1].tolist(), (2 - states[:, 1]).tolist()), "either end is the first"
     np.testing.assert_allclose(found.places[two], CONTACTS["two"][:2])
+
+
+def test_two_links_side_by_side_are_two_and_a_long_one_is_one() -> None:
+    """Pixels tell, however near or far they are taken hold of, where they never stood in all four ways."""
+    beside, _ = played(["two", "three", "-two"], CONTACTS | {"two": (0.57, 0.1, 0.0)})
+    assert observe_links(beside).sizes == (2, 2)
+    moves = ["three", "three", "three", "three"]
+    observed, states = played(moves)
+    ends = [(0.6, 0.1 + 0.2 * (high == 2), 0.0) for high in np.maximum(states[1:, 1], states[:-1, 1])]
+    actions = [replace(one, position=end) for one, end in zip(observed.actions, ends, strict=True)]
+    long = observe_links(replace(observed, actions=tuple(actions)))
+    assert long.sizes == (3,) and long.clusters.tolist() == [0] * 4
 
 
 def test_what_was_never_moved_is_no_link_and_nothing_is_known_before_the_first_action() -> None:

@@ -101,5 +101,6 @@ def test_simple_markup_within_escaped_text() -> None:
 
 
 def test_spreads() -> None:
-    assert (spread(96.0, 98.0), spread(None, 1.0), spread(1.0, 1.01, several=True)) == ("± 1.0", "", "")
-    assert spread(1.0, 2.0, several=True) == "(1.0 to 2.0)"
+    assert (spread(97, 96.0, 98.0), spread(0, None, 1.0), spread(1, 1.0, 1.01, several=True)) == ("± 1.0", "", "")
+    assert spread(1.5, 1.0, 2.0, several=True) == "(1.0 to 2.0)"
+    assert (spread(100, 96.4, 100), spread(0, 0, 3.6)) == ("(96.4 to 100.0)", "(0.0 to 3.6)")

@@ -1,7 +1,8 @@
 """What follows in a situation that was never met, told by what a parent is.
 
 An explanation says which inputs decide a responder. Each of them matters then: in some situation it alone changes what
-follows. Of all functions that agree with what was met only those are left in which every input matters, often one.
+follows. Of all functions that agree with what was met only those are left in which every input matters, often one; of
+several, those are likelier in which each input works one way.
 """
 
 from collections.abc import Mapping, Sequence
@@ -9,6 +10,9 @@ from itertools import product
 
 import numpy as np
 
+BOTH_WAYS = 0.25
+"""A function in which an input works one way here and the other way there, as in an exclusive or, is so much less
+likely than one in which each works one way."""
 MOST = 1024
 """So many functions are compared at most; with more, nothing is told."""
 
@@ -41,4 +45,15 @@ def completed(
     left = ways[np.all(matter, axis=0)]
     if not len(left):
         return {}
-    return dict(zip(unmet, np.eye(states)[left].mean(0), strict=True))
+    weights = np.where(_one_way(tables[..., np.all(matter, axis=0)]), 1.0, BOTH_WAYS)
+    shares = np.einsum("f,fus->us", weights, np.eye(states)[left]) / weights.sum()
+    return dict(zip(unmet, shares, strict=True))
+
+
+def _one_way(tables: np.ndarray) -> np.ndarray:
+    """Which functions, the last axis, are unate: no input raises what follows here and lowers it there."""
+    fits = np.ones(tables.shape[-1], bool)
+    for axis in range(tables.ndim - 1):
+        steps = np.diff(tables, axis=axis).reshape(-1, tables.shape[-1])
+        fits &= ~((steps > 0).any(0) & (steps < 0).any(0))
+    return fits

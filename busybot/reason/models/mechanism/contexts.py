@@ -99,7 +99,7 @@ class _Group:
 
 
 @dataclass(frozen=True)
-class _Layout:
+class Layout:
     """All explanations of boards with so many links and responders, group by group."""
 
     groups: tuple[_Group, ...]
@@ -113,7 +113,7 @@ class _Layout:
 
 
 @lru_cache(maxsize=64)
-def _layout(links: int, responders: int) -> _Layout:
+def layout(links: int, responders: int) -> Layout:
     """Up to two inputs of which at most one is a responder, and up to three links; only links have a longer past."""
     count, late = links + responders, [f"late {delay}" for delay in range(1, DELAYS)]
     single = [(one,) for one in range(links)]
@@ -133,7 +133,7 @@ def _layout(links: int, responders: int) -> _Layout:
     memory = np.array([MEMORIES.index(name) for name in names])
     reads = np.array(np.nonzero(told))
     own = np.array([name.startswith("own") for name in names])
-    return _Layout(tuple(groups), told, memory, own, reads, *_fewer(told, names, reads))
+    return Layout(tuple(groups), told, memory, own, reads, *_fewer(told, names, reads))
 
 
 def _fewer(told: np.ndarray, names: Sequence[str], reads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -162,10 +162,10 @@ def _group(memory: str, sets: Sequence[tuple[int, ...]]) -> _Group:
 
 def explanations_of(trace: Trace) -> Explanations:
     """All explanations of a board, with their contexts."""
-    layout, late = _layout(trace.links.shape[1], trace.responders.shape[1]), _late_inputs(trace)
+    known, late = layout(trace.links.shape[1], trace.responders.shape[1]), _late_inputs(trace)
     since, odd = _presses(trace)  # each int (2, T + 1, L), up and down
     found = []
-    for group in layout.groups:
+    for group in known.groups:
         what, *rest = group.memory.replace(",", "").split()
         if what == "odd":
             found.append(odd[WAYS.index(rest[-1])][:, group.sets[:, 0]])
@@ -178,11 +178,11 @@ def explanations_of(trace: Trace) -> Explanations:
             found.append(_joint(late[int(rest[0]) if what == "late" else 0][:, group.sets]))
     contexts = np.concatenate(found, axis=1)
     sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])
-    met = np.where(layout.inputs, sizes, 1).prod(1)
-    met = np.where(np.isin(layout.memory, _OF_PRESSES), 2, met)
-    met = np.where(np.isin(layout.memory, _SINCE), LONGEST + 1, met)
+    met = np.where(known.inputs, sizes, 1).prod(1)
+    met = np.where(np.isin(known.memory, _OF_PRESSES), 2, met)
+    met = np.where(np.isin(known.memory, _SINCE), LONGEST + 1, met)
     return Explanations(
-        layout.inputs, layout.memory, contexts, layout.own, layout.reads, layout.fewer, layout.parts, layout.signs, met
+        known.inputs, known.memory, contexts, known.own, known.reads, known.fewer, known.parts, known.signs, met
     )
 
 

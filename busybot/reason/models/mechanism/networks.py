@@ -11,13 +11,15 @@ Letters: X explanations and C candidates of R responders of all boards, K moment
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from busybot.reason.models.mechanism.config import MechanismNetConfig
-from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, Trace, explanations_of
+from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, Trace, explanations_of, layout
 from busybot.reason.models.mechanism.evidence import EVIDENCE, WITNESSES, evidence_of
 from busybot.reason.models.message_passing import GraphModule
 from busybot.reason.pyg import HeteroData, scatter
@@ -59,39 +61,49 @@ def explanation_graph(
         parents: bool (K, I, R), the true parents at each moment.
         odds: float32 (T + 1, R, 3), of `changes_of`.
     """
-    found = explanations_of(trace)
-    (count, inputs), responders = found.inputs.shape, trace.responders.shape[1]
-    links = inputs - responders
+    found, responders = explanations_of(trace), trace.responders.shape[1]
     graph = HeteroData()
-    graph["responder"].num_nodes = responders
+    for kept, values in _structure(*(states.shape[1] for states in (trace.links, trace.responders))).items():
+        for name, value in values.items():
+            graph[kept][name] = value
+    node, reads = graph["explanation"], graph["explanation", "reads", "candidate"]
+    evidence = evidence_of(trace, found, after)
+    node.evidence, reads.witnesses = evidence.explanations.flatten(0, 1), evidence.inputs.flatten(0, 1)
     if odds is not None:
         graph["responder"].odds = torch.from_numpy(odds[np.asarray(after)].transpose(1, 0, 2).copy())
-    graph["input"].num_nodes = inputs
-    node = graph["explanation"]
-    node.num_nodes = responders * count
-    evidence = evidence_of(trace, found, after)
-    node.evidence = evidence.explanations.flatten(0, 1)
-    node.kind = torch.from_numpy(found.memory + len(MEMORIES) * found.inputs.sum(1)).repeat(responders)
-    node.possible = torch.from_numpy(~found.inputs[:, links:].T.copy()).flatten()
     if parents is not None:
         right = (found.inputs[None, :, :, None] == parents[:, None]).all(2)  # (K, H, R)
-        node.right = torch.from_numpy(right.transpose(2, 1, 0).reshape(responders * count, -1).copy())
-    graph["candidate"].num_nodes = responders * inputs
-    (row, read), each = found.reads, np.arange(responders)[:, None]
-    reads = graph["explanation", "reads", "candidate"]
-    reads.edge_index = torch.from_numpy(np.stack([(row + each * count).ravel(), (read + each * inputs).ravel()]))
-    reads.witnesses = evidence.inputs.flatten(0, 1)
-    graph["board"].num_nodes = 1
+        node.right = torch.from_numpy(right.transpose(2, 1, 0).reshape(responders * len(found.own), -1).copy())
     graph["board"].world = torch.tensor([world])
-    owner = torch.arange(responders)
-    for edges, targets in (
+    return graph
+
+
+@lru_cache(maxsize=64)
+def _structure(links: int, responders: int) -> dict[Any, dict[str, Any]]:
+    """What the graphs of boards with so many links and responders have in common; they share its tensors."""
+    found = layout(links, responders)
+    (count, inputs), owner = found.inputs.shape, torch.arange(responders)
+    kind = torch.from_numpy(found.memory + len(MEMORIES) * found.inputs.sum(1))
+    (row, read), each = found.reads, np.arange(responders)[:, None]
+    edges = {
+        ("explanation", "reads", "candidate"): torch.from_numpy(
+            np.stack([(row + each * count).ravel(), (read + each * inputs).ravel()])
+        )
+    }
+    for name, targets in (
         (("explanation", "explains", "responder"), owner.repeat_interleave(count)),
         (("candidate", "moves", "responder"), owner.repeat_interleave(inputs)),
         (("candidate", "is", "input"), torch.arange(inputs).repeat(responders)),
         (("responder", "lies on", "board"), torch.zeros_like(owner)),
     ):
-        graph[edges].edge_index = torch.stack([torch.arange(len(targets)), targets])
-    return graph
+        edges[name] = torch.stack([torch.arange(len(targets)), targets])
+    sizes = {"explanation": responders * count, "candidate": responders * inputs, "responder": responders}
+    nodes = {name: {"num_nodes": size} for name, size in {**sizes, "input": inputs, "board": 1}.items()}
+    nodes["explanation"] |= {
+        "kind": kind.repeat(responders),
+        "possible": torch.from_numpy(~found.inputs[:, links:].T.copy()).flatten(),
+    }
+    return {**nodes, **{name: {"edge_index": edge} for name, edge in edges.items()}}
 
 
 KINDS = len(MEMORIES) * (INPUTS + 1)

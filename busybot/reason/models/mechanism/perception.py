@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from busybot.reason.inputs.sequence import BoardSequence, clusters_of, threshold_of
-from busybot.reason.inputs.trigger_links import BESIDE, REACH, ObservedLinks, directions_of
+from busybot.reason.inputs.trigger_links import REACH, ObservedLinks, directions_of
 from busybot.reason.models.mechanism.contexts import STATES, Trace
 
 STILL, APART = 0.3, 2.0
@@ -18,8 +18,20 @@ so many times what they do then."""
 
 AWAY = 0.05
 """A link that cannot be seen to move is taken hold of so far from where links that can be are, board units."""
+BESIDE = 0.06
+"""Such actions on one trigger may be on one link, if they are so near to each other, board units."""
 EFFECTS, OFTEN = 2, 0.25
 """Responders changed in so many of its actions, and in so large a share of them."""
+
+
+THERE = 0.02
+"""Two actions took hold of the same place, board units."""
+BACK = np.array([1, 1, 1, -1, -1, -1])
+"""Turns an action round."""
+UNTRIED, SAME, AROUND, UNLIKE = 0.5, 0.8, 0.1, -9.0
+"""How much less an action is like one that led the other way, turned round, than like one that led this way; how much
+it is at least like one that failed to be expected to fail, too; how much more where all responders show the same; and
+how much at the least."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +39,7 @@ class Perceived:
     """T actions, L links, R responders.
 
     Attributes:
+        actions, acted: as of `BoardSequence`.
         responders: int (R,), their objects.
         looks: for each responder the mean feature of each of its states, float32 (S, 256).
     """
@@ -35,25 +48,56 @@ class Perceived:
     links: ObservedLinks
     responders: np.ndarray
     looks: tuple[np.ndarray, ...]
+    actions: np.ndarray
+    acted: np.ndarray
 
-    def moved(self, states: np.ndarray, action: np.ndarray, acted: int) -> np.ndarray:
-        """States of the links after an action, if it works; int (L,).
+    def moved(self, states: np.ndarray, action: np.ndarray, acted: int, shown: np.ndarray | None = None) -> np.ndarray:
+        """States of the links after an action, int (L,).
 
-        It moves the nearest link of its trigger into the state to which the seen actions that were most like it led.
+        The nearest link of its trigger goes where the seen action led that was most like it and met the link in this
+        state, or whose way back this may be. That may be nowhere, for a link may be held as long as responders stand as
+        they do.
+
+        Args:
+            acted: the object that is acted on, -1 for none.
+            shown: int (R,), what the responders show before it; None if it is known that something moved.
         """
         link, after = self.link_at(action, acted), states.copy()
         if link is None:
             return after
-        now = int(states[link])
-        others = [one for one in (now - 1, now + 1) if 0 <= one < self.trace.sizes[link]]
-        after[link] = max(others, key=lambda one: float(self.links.directions[link][now, one] @ action[3:]))
+        now, size = int(states[link]), self.trace.sizes[link]
+        steps, stood = np.flatnonzero(self.links.clusters == link), self.trace.links[:, link]
+        before, led, alike = stood[steps], stood[steps + 1], self._alike(steps, action, shown)
+        back = self._alike(steps, action * BACK, shown) - UNTRIED
+        likeness = {other: UNLIKE for other in (now - 1, now + 1) if 0 <= other < size}
+        for other in likeness:
+            there, from_there = alike[(before == now) & (led == other)], back[(before == other) & (led == now)]
+            likeness[other] = max(there.max(initial=UNLIKE), from_there.max(initial=UNLIKE))
+        best = max(likeness, key=lambda other: likeness[other])
+        vain = alike[(before == now) & (led == now)].max(initial=UNLIKE)
+        if shown is None or vain < SAME or vain <= likeness[best]:
+            after[link] = best
         return after
 
     def link_at(self, action: np.ndarray, acted: int) -> int | None:
-        """The nearest link of the trigger that is acted on, if it is near."""
-        own = np.flatnonzero(self.links.owners == acted)
-        away = np.linalg.norm(self.links.places[own] - action[:2], axis=1)
-        return int(own[away.argmin()]) if len(own) and away.min() <= 2 * REACH else None
+        """The link that was taken hold of nearest to an action on this trigger, if that was near; None where an action
+        took hold of none."""
+        own = np.flatnonzero(self.acted == acted) if acted >= 0 else np.zeros(0, int)
+        away = np.linalg.norm(self.actions[own, :2] - action[:2], axis=1)
+        links = self.links.clusters[own]
+        if not (links >= 0).any() or away[links < 0].min(initial=np.inf) <= min(THERE, away[links >= 0].min()):
+            return None
+        nearest = np.where(links >= 0, away, np.inf).argmin()
+        return int(links[nearest]) if away[nearest] <= 2 * REACH else None
+
+    def _alike(self, steps: np.ndarray, action: np.ndarray, shown: np.ndarray | None) -> np.ndarray:
+        """How much these actions are like another one: cosine of the directions, less how far away they were, and a
+        little more where the responders showed the same."""
+        away = np.linalg.norm(self.actions[steps, :2] - action[:2], axis=1)
+        alike = self.actions[steps, 3:] @ action[3:] - away / REACH
+        if shown is not None and len(shown):
+            alike = alike + AROUND * (self.trace.responders[steps] == shown).mean(1)
+        return np.asarray(alike)
 
     def pushed_from(self, link: int, action: np.ndarray) -> np.ndarray:
         """For each state of a link, how well the action fits those that moved it from there: cosines, float (S,)."""
@@ -90,7 +134,7 @@ def perceive(seen: BoardSequence, encoder: str) -> Perceived:
         for index, states in zip(responders, shown.T, strict=True)
     )
     links = _with_felt(links, seen, (shown[1:] != shown[:-1]).any(1))
-    return Perceived(Trace(links.states, shown, links.sizes), links, responders, looks)
+    return Perceived(Trace(links.states, shown, links.sizes), links, responders, looks, seen.actions, seen.acted)
 
 
 def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -> ObservedLinks:

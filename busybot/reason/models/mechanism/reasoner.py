@@ -60,12 +60,14 @@ class _Understood:
         found, trace = self.found, self.trace
         return Laws(trace.sizes, found.inputs, found.memory, self.shares[..., -1], trace.links, trace.responders)
 
-    def following(self, contexts: np.ndarray, before: np.ndarray) -> np.ndarray:
+    def following(self, contexts: np.ndarray, before: np.ndarray, at: int | None = None) -> np.ndarray:
         """The likeliest states after an action, int (R,).
 
         Args:
             contexts: int (H,) or (R, H), after the action; what `own` adds is left out.
             before: int (R,), states before it.
+            at: in place of which action of the recording this one is taken, from 1: what luck did then it does now, so
+                an explanation to which nothing is different foretells what was seen.
         """
         counts, shown = followed(self.trace, self.found, contexts, before), self.trace.responders
         total = counts.sum(2, keepdims=True)
@@ -76,6 +78,9 @@ class _Understood:
             told = self._completed(responder, row).get(context)
             if told is not None and told.max() > 0.5:
                 likely[responder, row] = told
+        if at is not None:
+            same = (contexts == self.found.contexts[at]) & (~self.found.own | (before == shown[at - 1])[:, None])
+            likely = np.where(same[..., None], np.eye(STATES)[shown[at]][:, None], likely)
         known = np.arange(STATES) <= shown.max(0)[:, None]
         return np.asarray((np.einsum("rh,rhs->rs", self.shares[..., -1], likely) * known).argmax(1))
 
@@ -160,7 +165,7 @@ class MechanismReasoner:
             rested = known.trace
             for _ in range(REST):
                 rested = rested.longer(links, before)
-            moved = rested.longer(known.perceived.moved(links, action, int(owner)), before)
+            moved = rested.longer(known.perceived.moved(links, action, int(owner), before), before)
             *_, earlier, later = explanations_of(moved).contexts
             after = known.following(past.remembered(earlier, later, before), before)
             changed = np.isin(np.arange(len(looks)), known.perceived.responders[after != before])
@@ -168,16 +173,20 @@ class MechanismReasoner:
         return np.array(told, np.float32).reshape(current.shape)
 
     def what_if(self, seen: BoardSequence, steps: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
-        """See `Imagining`: what links did before is remembered, by the explanations that need it."""
+        """See `Imagining`: what links did before is remembered, by the explanations that need it.
+
+        Of actions that were recorded it is known what followed; that tells of the luck that they would have had
+        otherwise (abduction, action, prediction: Pearl, Causality, 2009).
+        """
         known = self._understand(seen)
         told = np.zeros((*actions.shape[:2], *seen.features.shape[1:]), np.float32)
         for question, start in enumerate(steps.tolist()):
             trace = known.trace.first(start)
             for number, (action, owner) in enumerate(zip(actions[question], acted[question].tolist(), strict=True)):
                 before = trace.responders[-1]
-                links = known.perceived.moved(trace.links[-1], action, owner)
+                links = known.perceived.moved(trace.links[-1], action, owner, before)
                 contexts = explanations_of(trace.longer(links, before)).contexts[-1]
-                after = known.following(contexts, before)
+                after = known.following(contexts, before, start + number + 1 if start + number < seen.steps else None)
                 trace = trace.longer(links, after)
                 told[question, number] = known.perceived.shown(after, seen.features[0])
         return told

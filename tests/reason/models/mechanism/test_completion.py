@@ -2,21 +2,24 @@
 
 import numpy as np
 
-from busybot.reason.models.mechanism.completion import completed
+from busybot.reason.models.mechanism.completion import BOTH_WAYS, completed
 
 
 def test_the_last_situation_is_what_makes_every_input_matter() -> None:
     assert completed({(0, 0): 0, (0, 1): 0, (1, 0): 0}, (2, 2), 2)[1, 1].tolist() == [0, 1]
-    assert completed({(0, 0): 0, (0, 1): 1, (1, 0): 1}, (2, 2), 2)[1, 1].tolist() == [0.5, 0.5], "or, or exclusive or"
+    told = completed({(0, 0): 0, (0, 1): 1, (1, 0): 1}, (2, 2), 2)[1, 1]
+    assert told.tolist() == [BOTH_WAYS / (1 + BOTH_WAYS), 1 / (1 + BOTH_WAYS)], "exclusive or, or, likelier, or"
     assert completed({(0,): 1}, (2,), 2)[1,].tolist() == [1, 0]
 
 
 def test_shares_are_those_of_the_functions_that_are_left() -> None:
-    """Of two inputs ten functions need both: five with each state of any situation."""
+    """Of two inputs ten functions need both: five with each state of any situation, one of them exclusive."""
     told = completed({}, (2, 2), 2)
     assert len(told) == 4 and all(np.allclose(shares, 0.5) for shares in told.values())
     left = completed({(0, 0): 0}, (2, 2), 2)
-    assert left[0, 1].tolist() == [2 / 5, 3 / 5] and left[1, 1].tolist() == [3 / 5, 2 / 5]
+    five = 4 + BOTH_WAYS
+    np.testing.assert_allclose(left[0, 1], [2 / five, (2 + BOTH_WAYS) / five])
+    np.testing.assert_allclose(left[1, 1], [(2 + BOTH_WAYS) / five, 2 / five])
 
 
 def test_nothing_is_told_where_all_was_met_or_nothing_fits_or_too_much_does() -> None:

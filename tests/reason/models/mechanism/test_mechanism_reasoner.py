@@ -101,6 +101,23 @@ def test_it_says_what_follows_and_what_would_have_followed(watched: BoardSequenc
     np.testing.assert_allclose(told[0], watched.features[after + 1 : after + 6], atol=1e-5)
 
 
+def test_what_might_have_been_has_the_luck_of_what_was(watched: BoardSequence) -> None:
+    """The toy, which nothing decides, showed another look for two frames. Had the first switch not been moved it would
+    have, too; after the recording that is not expected again."""
+    features = watched.features.copy()
+    features[8:10, 4], features[:8, 4] = features[0, 1] + 1, features[0, 1]
+    features[10:, 4] = features[0, 1]
+    reasoner, seen = MechanismReasoner(Right(), "embedded"), replace(watched, features=features)
+    actions, acted = seen.actions[None, 6:10].copy(), seen.acted[None, 6:10].copy()
+    for moved in (True, False):
+        actions[0, 0], acted[0, 0] = (seen.actions[6], seen.acted[6]) if moved else (np.zeros(6), -1)
+        told = reasoner.what_if(seen, np.array([6]), actions, acted)[0]
+        np.testing.assert_allclose(told[:, 4], features[7:11, 4], atol=1e-5)
+        assert np.allclose(told[0, 1], features[7, 1], atol=1e-5) == moved, "the lamp follows the switches"
+    after = reasoner.what_if(seen, np.array([seen.steps]), actions, acted)[0]
+    np.testing.assert_allclose(after[:, 4], features[[0] * 4, 4], atol=1e-5)
+
+
 def test_an_untrained_network_claims_little_and_nothing_before_anything_was_done(watched: BoardSequence) -> None:
     torch.manual_seed(0)
     reasoner = MechanismReasoner(MechanismNet(MechanismNetConfig()), "embedded")

@@ -1,5 +1,7 @@
 """How a board stands that was not watched for a while."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from busybot.reason.inputs.trigger_links import ObservedLinks
@@ -20,7 +22,10 @@ def past(links: np.ndarray, shown: np.ndarray, inputs: list[int], memory: str) -
     found, wanted = explanations_of(trace), np.isin(np.arange(3), inputs)
     [row] = np.flatnonzero((found.inputs == wanted).all(1) & (found.memory == MEMORIES.index(memory)))
     shares = np.eye(len(found.own))[[row]]
-    return Past(Perceived(trace, seen, np.array([1]), (np.zeros((2, 256), np.float32),)), found, shares)
+    pushes = np.array([push(0, UP if late > early else DOWN) for early, late in pairwise(links[:, 0])])
+    acted = np.zeros(len(pushes), int)
+    perceived = Perceived(trace, seen, np.array([1]), (np.zeros((2, 256), np.float32),), pushes, acted)
+    return Past(perceived, found, shares)
 
 
 def push(place: float, way: np.ndarray) -> np.ndarray:

@@ -1,0 +1,145 @@
+"""Intervals and tests that the metrics of several skills share: what chance alone may have made of a figure.
+
+The same objects stand on many boards, and many boards have mechanisms of one kind. An interval over boards therefore
+says what other boards *with these objects* would give. `two_level_interval` also draws the objects anew (Davison and
+Hinkley, Bootstrap Methods and their Application, 1997, section 3.8), and so says more about others. Of shares of 0 and
+1 a bootstrap says nothing; they have exact bounds.
+
+Imports neither torch nor sapien, and of SciPy nothing that is slow to load.
+"""
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from scipy.special import betainc, betaincinv
+
+LEVEL = 0.95
+ALL_SIGNS = 12
+"""With up to so many differences that are not 0 all signs are gone through; with more, `FLIPS` are drawn."""
+FLIPS = 10_000
+EQUAL = 1e-12
+"""Sums of differences that lie nearer than this are equal."""
+Interval = tuple[float, float] | None
+"""Least and greatest value; None where it is undefined."""
+
+
+def percentile_interval(drawn: np.ndarray, level: float = LEVEL) -> tuple[float, float]:
+    """What the middle `level` of the values of all draws lie between."""
+    low, high = np.quantile(drawn, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)
+
+
+def share_interval(part: np.ndarray, whole: np.ndarray, level: float = LEVEL) -> Interval:
+    """Of the share part / whole, both (draws,); None if a draw has no whole."""
+    return percentile_interval(part / whole, level) if whole.all() else None
+
+
+def interval_over_boards(part: np.ndarray, whole: np.ndarray, chosen: np.ndarray) -> Interval:
+    """Of the share that boards have together, if other boards like them had been drawn.
+
+    Where all boards have a share of 0, or all of 1, it has exact bounds, of so many independent trials as boards: they
+    may be alike in much, but what one has in its parts is not independent.
+
+    Args:
+        part, whole: (B,), of each board; the share is the sum of `part` divided by the sum of `whole`.
+        chosen: int (draws, B), the boards of each draw.
+
+    Returns:
+        None if a draw has no whole.
+    """
+    counts = whole > 0
+    if counts.any() and part.sum() in (0, whole.sum()):
+        return binomial_interval(int(counts.sum()) if part.any() else 0, int(counts.sum()))
+    return share_interval(part[chosen].sum(1), whole[chosen].sum(1))
+
+
+def two_level_interval(
+    part: np.ndarray,
+    whole: np.ndarray,
+    groups: Sequence[str],
+    boards: Sequence[int],
+    rng: np.random.Generator,
+    draws: int = 1000,
+    level: float = LEVEL,
+) -> Interval:
+    """Of a pooled share, with groups drawn anew, and of each of these its boards.
+
+    What a group (an object, a kind of mechanism) has on one board stays together. A group that is drawn twice has its
+    boards drawn twice, each time by itself.
+
+    Args:
+        part, whole: (R,), of each record; the share is the sum of `part` divided by the sum of `whole`.
+        groups: to which each record belongs.
+        boards: number of the board of each.
+
+    Returns:
+        None without records, or if a draw has no whole.
+    """
+    if not len(part):
+        return None
+    names, group = np.unique(np.array(groups, str), return_inverse=True)
+    cells = np.unique(np.stack([group, np.asarray(boards, int)]), axis=1, return_inverse=True)
+    owner, cell = cells[0][0], cells[1].reshape(-1)
+    sums = np.stack([np.bincount(cell, values) for values in (part, whole)], axis=1)  # (cells, 2)
+    drawn = np.zeros((draws, 2))
+    times = rng.multinomial(len(names), np.full(len(names), 1 / len(names)), size=draws)  # (draws, groups)
+    for number in range(len(names)):
+        own = sums[owner == number]
+        weights = rng.multinomial(times[:, number] * len(own), np.full(len(own), 1 / len(own)))
+        drawn += weights @ own
+    return share_interval(drawn[:, 0], drawn[:, 1], level)
+
+
+def binomial_interval(hits: int, count: int, level: float = LEVEL) -> Interval:
+    """Bounds on the probability of what happened `hits` times in `count` independent trials; None without any.
+
+    Exact (Clopper and Pearson, Biometrika 26, 1934): it holds the true probability at least so often, also where
+    everything or nothing was hit, of which a bootstrap says nothing.
+    """
+    if not count:
+        return None
+    tail = (1 - level) / 2
+    low = float(betaincinv(hits, count - hits + 1, tail)) if hits else 0.0
+    high = float(betaincinv(hits + 1, count - hits, 1 - tail)) if hits < count else 1.0
+    return low, high
+
+
+def sign_flip_test(differences: np.ndarray, rng: np.random.Generator) -> float | None:
+    """How probable a mean difference at least as large is, either way, if two methods are equally good; None without
+    boards.
+
+    A permutation test of paired values (Fisher, The Design of Experiments, 1935): were they equally good, each board's
+    difference might as well have the other sign. Exact for up to `ALL_SIGNS` differences that are not 0. Otherwise
+    signs are drawn, and what was seen counts as one more draw, so that the result is never 0 (Phipson and Smyth, 2010).
+
+    Args:
+        differences: (B,), of the two methods on each board.
+    """
+    if not len(differences):
+        return None
+    told = np.asarray(differences, float)
+    told = told[told != 0]
+    seen = abs(told.sum()) - EQUAL
+    if len(told) <= ALL_SIGNS:
+        signs = np.array(list(product((-1, 1), repeat=len(told)))).reshape(2 ** len(told), -1)
+        return float((np.abs(signs @ told) >= seen).mean())
+    signs = rng.choice((-1, 1), size=(FLIPS, len(told)))
+    return float((1 + (np.abs(signs @ told) >= seen).sum()) / (1 + FLIPS))
+
+
+def mcnemar_test(first: np.ndarray, second: np.ndarray) -> float | None:
+    """How probable such different successes are, either way, if two methods are equally good; None without boards.
+
+    McNemar's test in its exact form (Psychometrika 12, 1947): of the boards on which only one of them succeeded, each
+    has half of them but for chance.
+
+    Args:
+        first, second: bool (B,), on which of the same boards each succeeded.
+    """
+    first, second = np.asarray(first, bool), np.asarray(second, bool)
+    if not len(first):
+        return None
+    one, other = int((first & ~second).sum()), int((second & ~first).sum())
+    total, fewer = one + other, min(one, other)
+    return min(1.0, 2 * float(betainc(total - fewer, fewer + 1, 0.5))) if total else 1.0

@@ -1,0 +1,75 @@
+"""What an action does to a link, by what the seen ones did."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from busybot.reason.inputs.trigger_links import ObservedLinks, directions_of
+from busybot.reason.models.mechanism.contexts import Trace
+from busybot.reason.models.mechanism.perception import Perceived
+
+UP, DOWN, ASIDE = (0.0, 0, 1), (0.0, 0, -1), (1.0, 0, 0)
+Push = tuple[float, tuple[float, float, float], int]
+"""Where along x, in which direction, and on which link."""
+
+
+def seen(states: list[tuple[int, ...]], pushes: list[Push], sizes: tuple[int, ...]) -> Perceived:
+    """Object 0 has these links, which stood so before and after these actions on it."""
+    links = np.array(states)
+    actions = np.array([(place, 0, 0, *way) for place, way, _ in pushes])
+    clusters = np.array([link for *_, link in pushes])
+    count = links.shape[1]
+    directions = tuple(
+        directions_of(actions[:, 3:], links[:, link], np.flatnonzero(clusters == link)) for link in range(count)
+    )
+    known = ObservedLinks(clusters, links, np.zeros(count, int), np.zeros((count, 2)), directions)
+    trace = Trace(links, np.zeros((len(links), 1), int), sizes)
+    looks = (np.zeros((1, 256), np.float32),)
+    return Perceived(trace, known, np.array([1]), looks, actions, np.zeros(len(actions), int))
+
+
+def moved(
+    perceived: Perceived, state: int, place: float, way: tuple[float, float, float], shown: int | None = None
+) -> int:
+    action = np.array([place, 0, 0, *way])
+    return int(perceived.moved(np.array([state]), action, 0, None if shown is None else np.array([shown]))[0])
+
+
+def test_a_rocker_goes_where_it_is_pressed() -> None:
+    """Three states; it is pressed down at either end."""
+    rocker = seen(
+        [(0,), (1,), (2,), (1,), (0,)],
+        [(0.05, DOWN, 0), (0.05, DOWN, 0), (-0.05, DOWN, 0), (-0.05, DOWN, 0)], (3,),
+    )  # fmt: skip
+    assert [moved(rocker, 1, place, DOWN) for place in (0.04, -0.04)] == [2, 0]
+
+
+def test_a_way_that_was_not_gone_is_the_other_way_back() -> None:
+    slider = seen([(0,), (1,), (2,)], [(0.0, UP, 0), (0.0, UP, 0)], (3,))
+    assert [moved(slider, 1, 0.0, way) for way in (UP, DOWN)] == [2, 0]
+
+
+def test_what_failed_fails_again() -> None:
+    """Pushed aside, the button stayed where it was; so nothing is expected of that, unless it is known to have worked.
+    Of the other state nothing like it was seen."""
+    button = seen([(0,), (0,), (1,), (0,)], [(0.0, ASIDE, 0), (0.0, DOWN, 0), (0.0, UP, 0)], (2,))
+    assert moved(button, 0, 0.0, ASIDE, shown=0) == 0
+    assert moved(button, 0, 0.0, ASIDE) == 1
+    assert moved(button, 1, 0.0, ASIDE, shown=0) == 0
+    assert moved(button, 0, 0.01, DOWN, shown=0) == 1
+
+
+def test_a_link_is_held_as_long_as_a_responder_shows_the_same() -> None:
+    pushes: list[Push] = [(0.0, DOWN, 0), (0.0, DOWN, 0), (0.0, UP, 0), (0.0, DOWN, 0)]
+    held = seen([(0,), (0,), (1,), (0,), (0,)], pushes, (2,))
+    held = replace(held, trace=replace(held.trace, responders=np.array([[0], [1], [1], [0], [0]])))
+    assert [moved(held, 0, 0.0, DOWN, shown=shown) for shown in (0, 1)] == [0, 1]
+
+
+def test_the_link_is_that_of_the_nearest_action() -> None:
+    """Link 0 is long and was taken hold of at both ends, link 1 beside one of them; at .05 there is nothing."""
+    pushes: list[Push] = [(0.0, DOWN, 0), (0.3, UP, 0), (0.36, DOWN, 1), (0.05, DOWN, -1)]
+    panel = seen([(0, 0), (1, 0), (0, 0), (0, 1), (0, 1)], pushes, (2, 2))
+    found = [panel.link_at(np.array([place, 0, 0, *DOWN]), 0) for place in (0.01, 0.31, 0.35, 0.05, 0.9)]
+    assert found == [0, 0, 1, None, None]
+    assert panel.link_at(np.array([0.0, 0, 0, *DOWN]), 1) is None and panel.link_at(np.zeros(6), -1) is None

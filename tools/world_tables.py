@@ -247,13 +247,13 @@ def _over_actions(told: dict[str, Any]) -> str:
     return f"{first} / {middle} ({whole(low)}-{whole(high)}) / {last}"
 
 
-def world_gates(name: str = "world-gates") -> str:
+def world_gates() -> str:
     """What trainings from several seeds reach on the frozen boards, the exact observer beside them, and what they miss.
 
     Mean figures of the seeds; behind F1 after 22 actions and mechanisms stand the lowest and the highest of them.
     """
     lines = []
-    for world, sets in result(name)["rows"].items():
+    for world, sets in result("world-gates")["rows"].items():
         for split, seeds in sets.items():
             rows = list(seeds.values())
             missed = Counter(gate for told in rows for gate in _missed(world, split, told))

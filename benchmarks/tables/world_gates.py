@@ -26,12 +26,12 @@ from busybot.boards.worlds import WORLDS
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
+from busybot.interact.policy.policy_factory import DEFAULT_MODEL
 from busybot.training.model_cards import file_hashes, find_folder
 
 frozen: Any = import_module("datasets.worlds")
 """`datasets/worlds.py`; a folder of the same name hides it from type checkers."""
 KIND, STEPS, AFTER, SEED = "world-gates", 30, (10, 22, 30), frozen.SEED
-SHIPPED = "procedural"
 FIGURES = (
     "mechanism_accuracy", "mechanism_bound", "mechanism_accuracy_met", "mechanism_bound_met", "mechanisms_met",
     "parent_p", "parent_r", "what_if", "what_if_pairs", "pred_a", "rewirings", "rewired_found", "rewired_found_bound",
@@ -62,7 +62,7 @@ def recorded(world: str, name: str, options: argparse.Namespace) -> Path:
 
 def policy_of(options: argparse.Namespace) -> dict[str, str]:
     """Hashes of the files of the interaction policy."""
-    return file_hashes(find_folder(options.policy or SHIPPED, "interact"))
+    return file_hashes(find_folder(options.policy or DEFAULT_MODEL, "interact"))
 
 
 def digest_of(hashes: dict[str, str]) -> str:
@@ -98,9 +98,9 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             for model in models:
                 out = dataset.parent.parent / f"{world}-{name}-{options.boards}-{digest_of(hashes[model])}.json"
                 cells[Path(model).name] = {
-                    "model": hashes[model], **judged(dataset, model, out, str(options.assets))
+                    "model": hashes[model], "policy": policy, **judged(dataset, model, out, str(options.assets))
                 }  # fmt: skip
-            yield {"assets": assets_name(options.assets), "boards": options.boards, "policy": policy, "rows": rows}
+            yield {"assets": assets_name(options.assets), "boards": options.boards, "rows": rows}
 
 
 def main(words: Sequence[str] | None = None) -> None:

@@ -38,20 +38,23 @@ def share_interval(part: np.ndarray, whole: np.ndarray, level: float = LEVEL) ->
 def interval_over_boards(part: np.ndarray, whole: np.ndarray, chosen: np.ndarray) -> Interval:
     """Of the share that boards have together, if other boards like them had been drawn.
 
-    Where all boards have a share of 0, or all of 1, it has exact bounds, of so many independent trials as boards: they
-    may be alike in much, but what one has in its parts is not independent.
-
     Args:
         part, whole: (B,), of each board; the share is the sum of `part` divided by the sum of `whole`.
         chosen: int (draws, B), the boards of each draw.
 
     Returns:
-        None if a draw has no whole.
+        `extreme_interval` where there is one; None if a draw has no whole.
     """
-    counts = whole > 0
-    if counts.any() and part.sum() in (0, whole.sum()):
-        return binomial_interval(int(counts.sum()) if part.any() else 0, int(counts.sum()))
-    return share_interval(part[chosen].sum(1), whole[chosen].sum(1))
+    return extreme_interval(part, whole) or share_interval(part[chosen].sum(1), whole[chosen].sum(1))
+
+
+def extreme_interval(part: np.ndarray, whole: np.ndarray) -> Interval:
+    """Exact bounds of a share of 0 or 1, of boards as `interval_over_boards` takes them; None of any other.
+
+    Each board with a whole is one trial: what it has in its parts is not independent.
+    """
+    boards = int((whole > 0).sum())
+    return binomial_interval(boards if part.any() else 0, boards) if part.sum() in (0, whole.sum()) else None
 
 
 def two_level_interval(

@@ -10,7 +10,7 @@ import numpy as np
 
 from busybot.boards.spec import BoardSpec
 from busybot.common.rng import generator
-from busybot.evaluation.statistics import Interval, binomial_interval, two_level_interval
+from busybot.evaluation.statistics import Interval, extreme_interval, two_level_interval
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation import rewirings
 from busybot.reason.evaluation.causes import JudgedCauses, JudgedMechanism
@@ -58,7 +58,7 @@ KEYS: dict[str, str] = {
     "bound_boards": "boards that the exact observer could follow; bounds are of these alone",
     "cause_intervals": "95 % intervals by a bootstrap over `boards`; over `objects` (the responders') and their "
     "boards; over `mechanisms` (their kinds) and their boards. Over boards, shares of 0 or 1 (not F1) have exact "
-    "binomial bounds",
+    "binomial bounds, each board being one trial",
     "cause_boards": "the figures of each board, for paired tests between models on the same boards",
 }
 """What the figures are called, and what they are."""
@@ -263,8 +263,8 @@ def _interval(
 
 def _exact(records: Sequence[tuple[int, int, str, str, int]]) -> Interval:
     """Of a share that is 0 or 1."""
-    part, whole = sum(one[0] for one in records), sum(one[1] for one in records)
-    return binomial_interval(part, whole) if part in (0, whole) else None
+    part, whole, boards = (np.array([one[column] for one in records], int) for column in (0, 1, 4))
+    return extreme_interval(np.bincount(boards, part), np.bincount(boards, whole))
 
 
 def _row(board: BoardSpec, one: JudgedCauses, steps: int) -> dict[str, Any]:

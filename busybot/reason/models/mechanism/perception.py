@@ -23,7 +23,6 @@ BESIDE = 0.06
 EFFECTS, OFTEN = 2, 0.25
 """Responders changed in so many of its actions, and in so large a share of them."""
 
-
 THERE = 0.02
 """Two actions took hold of the same place, board units."""
 BACK = np.array([1, 1, 1, -1, -1, -1])
@@ -69,13 +68,14 @@ class Perceived:
         steps, stood = np.flatnonzero(self.links.clusters == link), self.trace.links[:, link]
         before, led, alike = stood[steps], stood[steps + 1], self._alike(steps, action, shown)
         back = self._alike(steps, action * BACK, shown) - UNTRIED
-        likeness = {other: UNLIKE for other in (now - 1, now + 1) if 0 <= other < size}
-        for other in likeness:
+
+        def likeness(other: int) -> float:
             there, from_there = alike[(before == now) & (led == other)], back[(before == other) & (led == now)]
-            likeness[other] = max(there.max(initial=UNLIKE), from_there.max(initial=UNLIKE))
-        best = max(likeness, key=lambda other: likeness[other])
-        vain = alike[(before == now) & (led == now)].max(initial=UNLIKE)
-        if shown is None or vain < SAME or vain <= likeness[best]:
+            return float(np.concatenate([there, from_there]).max(initial=UNLIKE))
+
+        best = max((other for other in (now - 1, now + 1) if 0 <= other < size), key=likeness)
+        vain = float(alike[(before == now) & (led == now)].max(initial=UNLIKE))
+        if shown is None or vain < SAME or vain <= likeness(best):
             after[link] = best
         return after
 

@@ -10,7 +10,7 @@ by one thread, which is timed in the same run: that ratio says the same on a fas
 action are differences of two commands, one of which does more, so that starting is not in them.
 
 Everything is measured with warm caches: each checkout has made its procedural objects and has parsed them, if it keeps
-that, and the operating system has its files in memory.
+that, Python has compiled its modules, and the operating system has its files in memory.
 
 `reproduce` runs the whole pipeline of a profile in a copy of this checkout, as `make reproduce` does once everything is
 set up, DVC included (`make dvc`): processor time of all processes, and of the stages, those of one kind together.
@@ -99,7 +99,13 @@ class Checkout:
     def __init__(self, source: Path, work: Path) -> None:
         self.work = work
         path = os.pathsep.join(filter(None, [str(source), os.environ.get("PYTHONPATH")]))
-        self.environment = {**os.environ, "PYTHONPATH": path, "BUSYBOT_CACHE": str(work / "cache")}
+        self.environment = {
+            **os.environ,
+            "PYTHONPATH": path,
+            "BUSYBOT_CACHE": str(work / "cache"),
+            "PYTHONDONTWRITEBYTECODE": "",  # where it is set every process compiles the project anew
+            "PYTHONPYCACHEPREFIX": str(work / "compiled"),
+        }
         self.commit = subprocess.run(
             ["git", "-C", str(source), "rev-parse", "HEAD"], capture_output=True, text=True
         ).stdout.strip()

@@ -3,7 +3,7 @@
 Here is the `fast` variant; `interact.affordance.paper` has the `paper` variant. `interact.affordance.load` loads both.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -222,18 +222,19 @@ class AffordanceModel:
             return np.empty(0, np.float32), np.empty((0, 18), np.float32)
         if view.drawn is not None:
             return self.directions(view.drawn.view, view.drawn.cells[pixels[:, 1], pixels[:, 0]])
-        crops = crops_around(view.features, pixels)
         places = [(int(u), int(v)) for u, v in pixels]
-        known = [view.closer.get(place) for place in places]
-        fresh = [i for i, one in enumerate(known) if one is None or not np.array_equal(one.crop, crops[i])]
-        if fresh:
-            logits, position = self._run("direction", torch.from_numpy(crops[fresh]))
-            for i, *answer in zip(fresh, position.numpy(), torch.sigmoid(logits).numpy(), strict=True):
-                known[i] = CropFeatures(crops[i].copy(), *answer)
-        looks = [one for one in known if one is not None]
+        crops = {place: crop_around(view.features, place) for place in places}
+        looks = {place: known for place in places
+                 if (known := view.closer.get(place)) and np.array_equal(known.crop, crops[place])}  # fmt: skip
+        if fresh := [place for place in crops if place not in looks]:
+            stacked = np.stack([crops[place] for place in fresh])
+            logits, position = self._run("direction", torch.from_numpy(stacked))
+            answers = zip(stacked, position.numpy(), torch.sigmoid(logits).numpy(), strict=True)
+            looks |= {place: CropFeatures(*answer) for place, answer in zip(fresh, answers, strict=True)}
         view.closer.clear()
-        view.closer.update(zip(places, looks, strict=True))
-        return np.array([one.position for one in looks]), np.stack([one.directions for one in looks])
+        view.closer.update(looks)
+        closer = [looks[place] for place in places]
+        return np.array([one.position for one in closer]), np.stack([one.directions for one in closer])
 
     @property
     def _number_type(self) -> torch.dtype:
@@ -266,9 +267,9 @@ def weights_file(folder: Path, kind: Kind) -> Path:
     return folder / f"{kind}.safetensors"
 
 
-def crops_around(features: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """What the direction network looks at: of (C, H, W), around pixels (K, 2), crops (K, C, CROP, CROP)."""
-    return np.stack([features[:, *square_around(pixel, CROP, *features.shape[1:])] for pixel in pixels])
+def crop_around(features: np.ndarray, pixel: Sequence[int]) -> np.ndarray:
+    """What the direction network looks at: of (C, H, W), around a pixel (u, v), the crop (C, CROP, CROP)."""
+    return np.asarray(features[:, *square_around(pixel, CROP, *features.shape[1:])])
 
 
 def _window(elevated: np.ndarray) -> tuple[slice, slice] | None:

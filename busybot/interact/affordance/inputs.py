@@ -134,7 +134,9 @@ def rectangles(mask: np.ndarray, tile: int) -> list[Box]:
     if not mask.any():
         return []
     height, width = mask.shape
-    tiles = coarsened(np.pad(mask, ((0, -height % tile), (0, -width % tile))), tile)
+    if height % tile or width % tile:
+        mask = np.pad(mask, ((0, -height % tile), (0, -width % tile)))
+    tiles = coarsened(mask, tile)
     found = cv2.connectedComponentsWithStats(tiles)[2][1:, :4] * tile
     return [
         (slice(top, min(height, top + rows)), slice(left, min(width, left + columns)))

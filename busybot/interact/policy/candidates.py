@@ -199,12 +199,13 @@ def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, co
         likely = held(affordance) & (sigmoid(smooth + prior_shift(config)) > config.cluster_belief)
         return cluster_tops(smooth, likely, config.clusters)
     found = _peaks(smooth, held(affordance) & (smooth > config.peak_logit), config)
-    if (links > 0).any():
-        rest = np.where(links > 0, np.float32(NOT_ELEVATED), affordance)
+    if (known := links > 0).any():
+        rest = np.where(known, np.float32(NOT_ELEVATED), affordance)
         square = np.ones((OPENING, OPENING), np.uint8)
-        left = cv2.morphologyEx((rest > config.region_logit).astype(np.uint8), cv2.MORPH_OPEN, square)
-        rest = np.where(links > 0, np.float32(NOT_ELEVATED), smoothed(rest, config.blur))
-        found = np.unique(np.concatenate([found, _peaks(rest, left > 0, config)]), axis=0)
+        left = cv2.morphologyEx((rest > config.region_logit).view(np.uint8), cv2.MORPH_OPEN, square)
+        rest = smoothed(rest, config.blur)
+        rest[known] = NOT_ELEVATED
+        found = np.unique(np.concatenate([found, _peaks(rest, left.view(bool), config)]), axis=0)
     return found
 
 
@@ -268,7 +269,7 @@ def _middles(pixels: np.ndarray, labels: np.ndarray) -> np.ndarray:
 def _regions(affordance: np.ndarray, links: np.ndarray, pixels: np.ndarray, config: PolicyConfig) -> np.ndarray:
     """Region of each pixel: the known link, else minus a number of its own for each connected rest of affordance."""
     new = (affordance > config.region_logit) & (links == 0)
-    count, labels = cv2.connectedComponents(new.astype(np.uint8))
+    count, labels = cv2.connectedComponents(new.view(np.uint8))
     columns, rows = pixels.T
     known, label = links[rows, columns], labels[rows, columns]
     alone = count + np.arange(len(pixels))  # a peak outside of every region is a region of its own

@@ -190,11 +190,10 @@ def determined(
     for step, held in enumerate(truth.links):
         link = held if held >= 0 else _aimed_at(truth, contacts, acted, observed, step)
         seen = np.flatnonzero((truth.links[:observed] == link) & (link >= 0))
-        for responder in range(before.shape[1]):
-            start, end = before[step, responder], after[step, responder]
-            ends = _ends(before[seen, responder], after[seen, responder], start)
-            expected = not knowing and len(ends) > 0
-            right[step, responder] = end in ends if end != start else not expected
+        old, new, start, end = before[seen], after[seen], before[step], after[step]
+        repeated, undone = (old != new) & (old == start), (old != new) & (new == start)
+        told = ((repeated & (new == end)) | (undone & (old == end))).any(0)
+        right[step] = np.where(end != start, told, knowing | ~(repeated | undone).any(0))
     return right
 
 
@@ -205,10 +204,3 @@ def _aimed_at(truth: StateTruth, contacts: np.ndarray, acted: np.ndarray, observ
     if not len(near):
         return -1
     return int(truth.links[near[np.linalg.norm(contacts[near] - contacts[step], axis=1).argmin()]])
-
-
-def _ends(before: np.ndarray, after: np.ndarray, start: int) -> set[int]:
-    """States that seen transitions, or their reverses, lead to from `start`."""
-    changed = before != after
-    forward, backward = after[changed & (before == start)], before[changed & (after == start)]
-    return {int(state) for state in (*forward, *backward)}

@@ -8,7 +8,7 @@ import torch
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.rng import generator
-from busybot.interact.affordance.fast import crops_around
+from busybot.interact.affordance.fast import crop_around
 from busybot.interact.affordance.inputs import Pinhole, picture_features
 from busybot.interact.training.augmentation import (
     MIRROR_X,
@@ -45,7 +45,7 @@ def test_training_crops_are_those_that_the_model_cuts(samples: Samples) -> None:
     depth = episode.images[0].depth
     assert depth is not None
     whole = picture_features(depth, Pinhole(episode.camera)).numpy()
-    expected = crops_around(whole, samples.pixels[:1])
+    expected = crop_around(whole, samples.pixels[0])[None]
     batch = cut_batch(samples, np.array([0]), 64)
     rows = samples.pixels[0, 1] + np.arange(64) - 32
     columns = samples.pixels[0, 0] + np.arange(64) - 32

@@ -282,6 +282,7 @@ class EventReasoner:
 
     def __init__(self, network: EventNet, encoder: str, blur: float = 0.5):
         self.network, self.encoder, self.blur = network.eval(), encoder, blur
+        self._last: tuple[BoardSequence, Context, Tensor] | None = None
 
     @threads(1)
     @torch.no_grad()
@@ -293,7 +294,7 @@ class EventReasoner:
         beliefs = np.zeros((seen.steps + 1, *seen.candidates.shape))
         if not self.network.inference:
             return InferredGraph(self.name, beliefs[: max(1, seen.steps)])
-        known = self._known(seen)
+        known = self._context_of(seen)
         for step in range(seen.steps + 1):
             # pairs stand in the order of the candidates
             beliefs[step][seen.candidates] = self.network.log_edges(known.first(step))[0].exp().numpy()
@@ -307,7 +308,7 @@ class EventReasoner:
         responders = np.flatnonzero(seen.responders)
         if not len(responders) or not len(actions) or not seen.steps:
             return result
-        known = self._known(seen)
+        known, log_edges = self._known(seen)
         looks = torch.from_numpy(np.ascontiguousarray(seen.features[:, responders].swapaxes(0, 1)))
         now = torch.from_numpy(np.ascontiguousarray(result[:, responders].swapaxes(0, 1)))
         asked = Queries(
@@ -315,23 +316,33 @@ class EventReasoner:
             torch.from_numpy(np.asarray(actions, np.float32))[None],
             torch.from_numpy(trigger_rows(seen.triggers, np.asarray(acted, np.int64)))[None],
         )
-        frame = likeliest_frames(self.network, known, asked, self.blur).numpy()
+        frame = likeliest_frames(self.network, known, asked, self.blur, log_edges).numpy()
         row, step = np.nonzero(frame >= 0)
         result[step, responders[row]] = seen.features[frame[row, step], responders[row]]
         return result
 
-    def _known(self, seen: BoardSequence) -> Context:
+    def _known(self, seen: BoardSequence) -> tuple[Context, Tensor]:
+        """What was seen, and `log_edges` of it; whoever asks for one step after the other asks about the same."""
+        if self._last is None or self._last[0] is not seen:
+            context = self._context_of(seen)
+            self._last = seen, context, self.network.log_edges(context)[0]
+        return self._last[1:]
+
+    def _context_of(self, seen: BoardSequence) -> Context:
         return context_of(Batch.from_data_list([board_graph(seen)]), self.network.scale)
 
 
-def likeliest_frames(network: EventNet, seen: Context, asked: Queries, blur: float) -> Tensor:
+def likeliest_frames(
+    network: EventNet, seen: Context, asked: Queries, blur: float, log_edges: Tensor | None = None
+) -> Tensor:
     """The frame whose look every responder is likeliest to copy in every step, int (R, Q); -1 where it stays as it is.
 
     Args:
         blur: as of `EventReasoner`.
+        log_edges: `network.log_edges(seen)`, if they are known already, (E,).
     """
     effects = network.effects(seen, asked)
-    log_edges, _ = network.log_edges(seen)
+    log_edges = network.log_edges(seen)[0] if log_edges is None else log_edges
     trigger, row = seen.edge_index
     on = asked.acted[seen.board[row]] == trigger[:, None]  # (E, Q)
     edge = scatter(log_edges.exp()[:, None] * on, row, dim_size=len(seen.board), reduce="sum")

@@ -151,7 +151,8 @@ class PaperLearner(Learner):
         self.network = make_network(config, seed).to(device())
         self.optimizer = make_optimizer(self.network, config)
         self.last = math.inf
-        self.resident = ResidentBoards(self._read(np.arange(len(boards)))) if resident else None
+        parts = np.array_split(np.arange(len(boards)), self.batches)
+        self.resident = ResidentBoards(map(self._read, parts)) if resident else None
 
     def _read(self, chosen: np.ndarray) -> Boards:
         """Boards as a batch, where the network is."""

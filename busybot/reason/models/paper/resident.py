@@ -5,6 +5,8 @@ all frames lie where the networks are (10,000 boards of 30 steps: 3.2 GB), and w
 the numbers of its rows.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -16,11 +18,11 @@ class ResidentBoards:
     """Boards, of which batches can be asked for.
 
     Args:
-        boards: all of them, where they are to stay.
+        parts: all of them in their order, some at once, where they are to stay.
     """
 
-    def __init__(self, boards: Boards):
-        self._boards = boards
+    def __init__(self, parts: Iterable[Boards]):
+        boards = self._boards = joined(list(parts))
         self._nodes = np.array(boards.sizes, np.int64)
         board_of = torch.from_numpy(np.repeat(np.arange(len(self._nodes)), self._nodes))
         pairs = board_of[boards.edge_index[1].cpu()]
@@ -41,11 +43,31 @@ class ResidentBoards:
             features=whole.features[at_nodes],
             positions=whole.positions[at_nodes],
             actions=whole.actions[boards],
-            actors=torch.where(actors >= 0, actors - there(moved)[:, None], actors),
+            actors=actors - (actors >= 0) * there(moved)[:, None],
             responders=whole.responders[at_nodes],
             edge_index=whole.edge_index[:, there(pairs)] - there(moved[board_of_pair]),
             sizes=tuple(self._nodes[chosen].tolist()),
         )
+
+
+def joined(parts: list[Boards]) -> Boards:
+    """The boards of all parts in one list."""
+    starts = np.cumsum([0, *(len(part.positions) for part in parts)])
+
+    def together(name: str) -> Tensor:
+        return torch.cat([getattr(part, name) for part in parts])
+
+    actors = [part.actors + (part.actors >= 0) * int(start) for part, start in zip(parts, starts, strict=False)]
+    pairs = [part.edge_index + int(start) for part, start in zip(parts, starts, strict=False)]
+    return Boards(
+        features=together("features"),
+        positions=together("positions"),
+        actions=together("actions"),
+        actors=torch.cat(actors),
+        responders=together("responders"),
+        edge_index=torch.cat(pairs, dim=1),
+        sizes=tuple(size for part in parts for size in part.sizes),
+    )
 
 
 def rows_of(counts: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -32,7 +32,8 @@ def threads() -> Iterator[None]:
 def test_a_batch_is_the_one_that_is_read(pairs: Literal["all", "candidates"], chosen: list[int]) -> None:
     config = SMALL.model_copy(update={"pairs": pairs})
     expected = boards_of([BOARDS[number] for number in chosen], config)
-    batch = ResidentBoards(boards_of(BOARDS, config)).batch(np.array(chosen))
+    parts = [boards_of(BOARDS[:3], config), boards_of(BOARDS[3:], config)]
+    batch = ResidentBoards(parts).batch(np.array(chosen))
     assert batch.sizes == expected.sizes and sum(batch.sizes) == len(batch.positions)
     for name, value in vars(expected).items():
         assert not isinstance(value, Tensor) or torch.equal(getattr(batch, name), value), name
@@ -41,7 +42,7 @@ def test_a_batch_is_the_one_that_is_read(pairs: Literal["all", "candidates"], ch
 def test_no_number_leaves_the_device() -> None:
     """On a device without numbers whatever asked for one would be refused."""
     whole = boards_of(BOARDS, SMALL)
-    resident = ResidentBoards(whole)
+    resident = ResidentBoards([whole])
     resident._boards = whole.to("meta")
     batch = resident.batch(np.array([3, 1]))
     assert {value.device.type for value in vars(batch).values() if isinstance(value, Tensor)} == {"meta"}

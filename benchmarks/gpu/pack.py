@@ -12,10 +12,12 @@ x86-64 and the Python of `--python`. `benchmarks.gpu.train` needs torch, torch-g
 safetensors with what these need; without a NAME all of them are added but numpy and torch with what it needs itself.
 
 The paper's interaction networks are not trained this way. Their schedule collects every epoch's boards with the
-networks of the epoch before, which takes the simulator; what could travel is a buffer that somebody else collected.
-A whole picture of depth takes some 40 kB compressed, and the buffer of 6400 steps sees thousands of them, so it would
-come in parts; and a network that learns from others' actions alone is not the paper's (it never corrects its own
-mistakes). On a machine with a GPU *and* the simulator `busybot train interact --variant paper` is all there is to run.
+networks of the epoch before, which takes the simulator; what could travel is a buffer that was recorded once, and a
+network that learns from others' actions alone is not the paper's: it never corrects its own mistakes. There would be
+room for it: a depth image takes 32 kB as it is stored, but 2 to 3 kB as the difference from the one before, so that the
+buffer of 6400 steps would be some 18 MB. It is left for a second step, since their learner, unlike the graph networks',
+is configured in terms of the simulator. Where there are a GPU *and* the simulator, `busybot train interact --variant
+paper` is all there is to run.
 """
 
 import argparse
@@ -42,8 +44,7 @@ from busybot.reason.models.paper.config import PaperReasonConfig
 LOCK = Path(__file__).resolve().parents[2] / "requirements" / "lock.txt"
 WHEELS = (
     *("torch-geometric", "psutil", "tqdm", "xxhash", "requests", "certifi", "charset-normalizer", "idna", "urllib3"),
-    *("pydantic", "pydantic-core", "annotated-types", "typing-inspection"),
-    "safetensors",
+    *("pydantic", "pydantic-core", "annotated-types", "typing-extensions", "typing-inspection", "safetensors"),
 )
 """What training needs beside numpy and torch with what it needs itself: of the other packages what they import."""
 PLATFORMS = ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64", "manylinux1_x86_64")

@@ -30,7 +30,7 @@ from busybot.common.process_pool import machine
 from busybot.evaluation.results import commit
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.learner import PaperLearner
-from busybot.training.device import device
+from busybot.training.device import device, multiplies_bfloat16
 from busybot.training.loop import Budget, files_of, fit
 from busybot.training.run_folder import begin_folder, learner_versions
 
@@ -73,7 +73,12 @@ def used() -> dict[str, Any]:
     on = device()
     if on.type != "cuda":
         return {**machine(), "gpu": None}
-    return {**machine(), "gpu": torch.cuda.get_device_name(on), "gpu_peak_bytes": torch.cuda.max_memory_allocated(on)}
+    return {
+        **machine(),
+        "gpu": torch.cuda.get_device_name(on),
+        "gpu_peak_bytes": torch.cuda.max_memory_allocated(on),
+        "gpu_multiplies": "bfloat16" if multiplies_bfloat16() else "float32",
+    }
 
 
 def main() -> None:
@@ -84,7 +89,7 @@ def main() -> None:
     options.add_argument("--out", type=Path, required=True, help="folder for what travels back")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--minutes", type=float, default=9.0, help="of training, through all interruptions")
-    options.add_argument("--checkpoint", type=int, default=500, help="iterations between checkpoints")
+    options.add_argument("--checkpoint", type=int, default=1000, help="iterations between checkpoints")
     options.add_argument("--file-mb", type=float, default=15.0, help="of a file of weights")
     options.add_argument("--half", action="store_true", help="round matrices to float16")
     options.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")

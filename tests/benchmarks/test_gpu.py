@@ -14,6 +14,7 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
+from benchmarks.gpu import formats, train
 from benchmarks.gpu import pack as packing
 from benchmarks.gpu.formats import METRICS, PACK, RUN, PackedBoards, packed, read_pack, read_run, write_pack, write_run
 from benchmarks.gpu.unpack import unpack
@@ -23,6 +24,7 @@ from busybot.reason.inputs.sequence import BoardSequence
 from busybot.training.checkpoint import load_tensors
 from tests.conftest import ROOT
 from tests.reason.boards import make_boards
+from tests.reason.models.test_imports import ALLOWED, of, strangers
 
 WIDTHS = ("embedding", "edge_embedding", "action", "hidden", "convolution", "recurrent")
 SMALL = f"network: {{{', '.join(f'{name}: 4' for name in WIDTHS)}}}\nimages: 9\nepochs: 8\nbatch: 5\nthreads: 1\n"
@@ -117,6 +119,10 @@ def test_packages_come_in_the_locks_versions() -> None:
     assert text.count("==") == len(packing.WHEELS) and text.count("sha256:") >= len(packing.WHEELS)
     with pytest.raises(BusybotError, match="lock.txt has no nosuchpackage"):
         packing.locked(["nosuchpackage"])
+
+
+def test_training_imports_nothing_but_what_computes() -> None:
+    assert (strangers(of(train), {}) | strangers(of(formats), {})) - ALLOWED == {"benchmarks"}
 
 
 def training(folder: Path, *words: str) -> list[str]:

@@ -25,7 +25,6 @@ import re
 import subprocess
 import sys
 import tempfile
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -58,12 +57,16 @@ def trainings(rows: list[str], file: Path | None) -> dict[str, PaperReasonConfig
     Raises:
         BusybotError: one does not train the paper's networks on all boards.
     """
+    options = argparse.ArgumentParser()  # those of `busybot train reason` that rows have
+    options.add_argument("--variant")
+    options.add_argument("--encoder")
+    options.add_argument("--set", action="append", default=[])
     found = {}
     for name in rows:
-        options = ROWS[name].train
-        if options[:2] != ("--variant", "paper"):
+        told = options.parse_args(ROWS[name].train)
+        if told.variant != "paper":
             raise BusybotError(f"the row {name} trains none of the paper's networks", "choose rows `paper...`")
-        config = build(PaperReasonConfig, file, [value for word, value in pairwise(options) if word == "--set"], {})
+        config = build(PaperReasonConfig, file, told.set, {"encoder": told.encoder})
         if config.loop.held_out or config.loop.boards:
             raise BusybotError(f"the row {name} does not train on all boards", "choose one that holds none out")
         found[name] = config

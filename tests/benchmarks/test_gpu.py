@@ -27,7 +27,8 @@ from tests.reason.boards import make_boards
 from tests.reason.models.test_imports import ALLOWED, of, strangers
 
 WIDTHS = ("embedding", "edge_embedding", "action", "hidden", "convolution", "recurrent")
-SMALL = f"network: {{{', '.join(f'{name}: 4' for name in WIDTHS)}}}\nimages: 9\nepochs: 8\nbatch: 5\nthreads: 1\n"
+SMALL = f"network: {{{', '.join(f'{name}: 4' for name in WIDTHS)}}}\nencoder: embedded\nimages: 9\nepochs: 8\n"
+SMALL += "batch: 5\nthreads: 1\n"
 """Networks too small to learn anything, 24 iterations."""
 
 ALONE = """

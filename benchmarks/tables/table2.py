@@ -125,7 +125,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
             commands.append(("train", "reason", *row.train, *options, *runner.option("--config", arguments.config)))
             told = runner.train(Path(model), *commands[-1])
             kept = {key: value for key, value in told.items() if key not in ("out", "model")}
-            trained.append({**kept, "machine": machine()})
+            trained.append({**kept, "machine": told["training"].get("machine") or machine()})
         for split in SPLITS:
             if (data / split).is_dir():
                 commands.append(("eval", "reason", str(data / split), "--reasoner", model, *judging))

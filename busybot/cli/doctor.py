@@ -31,8 +31,11 @@ ROOT = Path(__file__).resolve().parents[2]
 PYTHONS = ((3, 11), (3, 13))
 IMPORTS = ("sapien", "torch", "cv2", "rerun", "pyarrow")
 TIME_LIMIT_S = 120.0
+TOGETHER_S = 60.0
+"""For a picture while torch computes."""
 LEAST_FREE_BYTES = 2 << 30
 CHOOSE_DRIVER = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
+DRAW_ON_CORES = "export VK_DRIVER_FILES=FILE (Mesa's lvp_icd.*.json): networks on the GPU, pictures on the cores"
 CATEGORIES = ("Switch", "Door", "Lamp", "Toy")
 
 SYSTEM = ("/usr/", "/lib", "/opt/", "/etc/", "/dev/", "/proc/", "/bin/", "/sbin/")
@@ -189,8 +192,25 @@ def vulkan() -> list[Check]:
 
 
 def gpu() -> list[Check]:
-    """NVIDIA GPUs, whether torch uses them, and what `--device` chooses. None is needed."""
-    return [_gpus(), _device()]
+    """NVIDIA GPUs, whether torch uses them and SAPIEN draws meanwhile, and what `--device` chooses. None is needed."""
+    tool = shutil.which("nvidia-smi")
+    listed, error = _ask([tool, "--query-gpu=name", "--format=csv,noheader"]) if tool else ("", "absent")
+    if error is not None or not listed:
+        return [Check("GPU", True, "none (not needed; everything runs on the CPU)"), _device()]
+    names = ", ".join(listed.splitlines())
+    seen, error = _ask([sys.executable, "-c", "import torch; print(torch.cuda.is_available())"])
+    if error is None and seen.endswith("True"):
+        return [Check("GPU", True, f"{names}, CUDA"), _together(), _device()]
+    return [Check("GPU", True, f"{names}, not used by torch", SETUP), _device()]
+
+
+def _together() -> Check:
+    """Whether pictures can be drawn while torch uses the GPU: on some hosts both together hang."""
+    from busybot.sim.vulkan_check import run
+
+    found = run(sys.executable, TOGETHER_S, cuda=True)
+    told = f"{found['device']} draws while torch computes" if found["renders"] else found["error"]
+    return Check("CUDA and rendering", found["renders"], told, None if found["renders"] else DRAW_ON_CORES)
 
 
 def _device() -> Check:
@@ -203,18 +223,6 @@ def _device() -> Check:
     name, count = answer.split()
     of_all = f"{count} GPU{'s, in turn' if int(count) > 1 else ''}" if int(count) else "the CPU"
     return Check("device", True, f"{name}: {of_all}" if name in ("auto", "cuda") else name)
-
-
-def _gpus() -> Check:
-    tool = shutil.which("nvidia-smi")
-    listed, error = _ask([tool, "--query-gpu=name", "--format=csv,noheader"]) if tool else ("", "absent")
-    if error is not None or not listed:
-        return Check("GPU", True, "none (not needed; everything runs on the CPU)")
-    names = ", ".join(listed.splitlines())
-    seen, error = _ask([sys.executable, "-c", "import torch; print(torch.cuda.is_available())"])
-    if error is None and seen.endswith("True"):
-        return Check("GPU", True, f"{names}, CUDA")
-    return Check("GPU", True, f"{names}, not used by torch", SETUP)
 
 
 def assets() -> list[Check]:

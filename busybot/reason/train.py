@@ -75,7 +75,7 @@ def train_reason(
     boards, held_out = held_apart(datasets, features, config.loop.held_out, seed, config.loop.boards)
     learner = make_learner(config, boards, held_out, seed)
     figures = fit(learner, out, config.loop)
-    _plot(out, learner.name)
+    plot(out, learner.name)
     info = ReasonerInfo(
         model=config.model,
         encoder=config.encoder,
@@ -123,7 +123,7 @@ def make_learner(config: Config, boards: RecordedBoards, held_out: RecordedBoard
     return EventLearner(config, boards, held_out, seed)
 
 
-def _plot(out: Path, name: str) -> None:
+def plot(out: Path, name: str) -> None:
     """Draw `training.png`: losses, and shares on held-out boards if known."""
     lines = read_metrics(out / "metrics" / f"{name}.jsonl")
     known = {figure for line in lines for figure in line.get("validation", {})}

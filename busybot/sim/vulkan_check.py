@@ -1,7 +1,9 @@
 """Checks that SAPIEN renders here: `python -m busybot.sim.vulkan_check` renders a tiny image and prints a JSON object.
 
 A bad Vulkan driver can crash the process, at exit too, or hang: so `run` asks in a process of its own with a time
-limit. Importing this module imports nothing but the standard library: the set-up runs it from outside of `.venv`.
+limit. With `--cuda` PyTorch computes on the GPU before and after: there are hosts on which either works alone and both
+together hang. Importing this module imports nothing but the standard library: the set-up runs it from outside of
+`.venv`.
 """
 
 import ctypes
@@ -16,6 +18,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZE = 16
+BESIDE = "--cuda"
 NO_ANSWER: dict[str, Any] = {"renders": False, "device": None, "driver": None, "error": None}
 STRUCTURE_PROPERTIES2 = 1000059001
 STRUCTURE_DRIVER = 1000196000
@@ -23,8 +26,11 @@ STRUCTURE_INSTANCE = 1
 VULKAN_1_2 = (1 << 22) | (2 << 12)
 
 
-def run(python: str = sys.executable, time_limit_s: float = 60.0) -> dict[str, Any]:
+def run(python: str = sys.executable, time_limit_s: float = 60.0, cuda: bool = False) -> dict[str, Any]:
     """Probe in a new process of `python`.
+
+    Args:
+        cuda: while PyTorch uses the GPU in the same process.
 
     Returns:
         `renders` (bool), `device` and `driver` (names, or None when unknown), `error` (None when it renders).
@@ -32,7 +38,7 @@ def run(python: str = sys.executable, time_limit_s: float = 60.0) -> dict[str, A
     path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
     try:
         done = subprocess.run(
-            [python, "-m", "busybot.sim.vulkan_check"],
+            [python, "-m", "busybot.sim.vulkan_check", *([BESIDE] if cuda else [])],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
@@ -68,6 +74,19 @@ def probe() -> dict[str, Any]:
         answer["error"] = None if answer["renders"] else "the picture of a red box is not as it should be"
     except Exception as error:  # whatever the driver or SAPIEN says belongs into the answer
         answer["error"] = f"{type(error).__name__}: {error}"
+    return answer
+
+
+def probe_beside_cuda() -> dict[str, Any]:
+    """As `probe`, between two sums of PyTorch on the GPU."""
+    import torch
+
+    ones = torch.ones(SIZE, SIZE, device="cuda")
+    if ones.sum().item() != SIZE**2:
+        return NO_ANSWER | {"error": "PyTorch does not compute on the GPU as it should"}
+    answer = probe()
+    if ones.sum().item() != SIZE**2:
+        return answer | {"renders": False, "error": "PyTorch does not compute as before once a picture is drawn"}
     return answer
 
 
@@ -165,6 +184,6 @@ def _drivers(vulkan: ctypes.CDLL) -> dict[str, str]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(probe()), flush=True)
+    print(json.dumps(probe_beside_cuda() if BESIDE in sys.argv[1:] else probe()), flush=True)
     # A failed render device can crash the interpreter at its end; the answer is out, so end at once.
     os._exit(0)

@@ -85,6 +85,72 @@ def test_the_device_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         assert (check.hint is None) is ok
 
 
+FAKE_TORCH = """
+class cuda:
+    is_available = staticmethod(lambda: True)
+
+class ones:
+    def __init__(self, rows, columns, device):
+        assert device == "cuda"
+        self.count = rows * columns
+    def sum(self):
+        return self
+    def item(self):
+        return self.count
+"""
+
+
+def gpu_beside(tmp_path: Path, sapien: str, monkeypatch: pytest.MonkeyPatch) -> list[doctor.Check]:
+    """What is told where a driver lists a GPU, torch uses it, and sapien does this when it is imported."""
+    (tmp_path / "nvidia-smi").write_text("#!/bin/sh\necho 'NVIDIA Imagined'\n")
+    (tmp_path / "nvidia-smi").chmod(0o755)
+    (tmp_path / "torch.py").write_text(FAKE_TORCH)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    sapien_that(tmp_path, sapien, monkeypatch)
+    return doctor.gpu()
+
+
+def test_without_a_gpu_nothing_is_drawn_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor.shutil, "which", lambda name: None)
+    assert [check.name for check in doctor.gpu()] == ["GPU", "device"]
+
+
+@pytest.mark.parametrize(
+    ("sapien", "limit", "words"),
+    [
+        ("import time; time.sleep(600)", 1.0, "did not end within 1 s"),
+        ("import os; os.abort()", 60.0, "ended with code -6"),
+        (BROKEN, 60.0, "libGL.so.1"),
+    ],
+)
+def test_a_gpu_that_cannot_draw_while_it_computes_is_named(
+    tmp_path: Path, sapien: str, limit: float, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(doctor, "_device", lambda: doctor.Check("device", True, "auto"))
+    monkeypatch.setattr(doctor, "TOGETHER_S", limit)
+    gpus, together, _ = gpu_beside(tmp_path, sapien, monkeypatch)
+    assert gpus.ok and gpus.value == "NVIDIA Imagined, CUDA"
+    assert together.name == "CUDA and rendering" and not together.ok and words in together.value
+    assert together.hint is not None and "VK_DRIVER_FILES" in together.hint
+
+
+DRAWS = """
+import sys, torch
+sys.modules["__main__"]._red_box_is_seen = lambda *_: True
+class render:
+    class RenderSystem:
+        class device:
+            name = "Imagined"
+"""
+
+
+def test_torch_computes_before_and_after_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    together = gpu_beside(tmp_path, DRAWS, monkeypatch)[1]
+    assert together.ok and together.value == "Imagined draws while torch computes" and together.hint is None
+    together = gpu_beside(tmp_path, f"{DRAWS}\ntorch.ones.item = lambda self: 0", monkeypatch)[1]
+    assert not together.ok and "does not compute as before" in together.value
+
+
 @pytest.mark.long
 def test_a_report_for_a_bug_tells_the_machine_but_not_whose_it_is(tmp_path: Path) -> None:
     home = tmp_path / "home of" / "ada-lovelace"

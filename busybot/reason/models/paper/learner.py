@@ -27,6 +27,7 @@ from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.data import Boards, board_graph, read_batch
 from busybot.reason.models.paper.networks import Network, Relations, network_of
+from busybot.reason.models.paper.resident import ResidentBoards
 from busybot.training.checkpoint import Checkpoint, drawing
 from busybot.training.device import device, mixed, repeat_exactly
 from busybot.training.loop import Learner, descend
@@ -124,6 +125,7 @@ class PaperLearner(Learner):
     Args:
         boards: to train on.
         held_out: to judge by; the paper holds none out.
+        resident: read all of them now, and keep them where the network is: a GPU does not wait for batches then.
     """
 
     name = "paper"
@@ -135,6 +137,7 @@ class PaperLearner(Learner):
         boards: Sequence[BoardSequence],
         held_out: Sequence[BoardSequence],
         seed: int,
+        resident: bool = False,
     ):
         torch.set_num_threads(config.threads)
         repeat_exactly()
@@ -148,12 +151,18 @@ class PaperLearner(Learner):
         self.network = make_network(config, seed).to(device())
         self.optimizer = make_optimizer(self.network, config)
         self.last = math.inf
+        parts = np.array_split(np.arange(len(boards)), self.batches)
+        self.resident = ResidentBoards(map(self._read, parts)) if resident else None
+
+    def _read(self, chosen: np.ndarray) -> Boards:
+        """Boards as a batch, where the network is."""
+        return read_batch(next(batches_of(self.boards, [chosen]))).to(device())
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """One iteration of the schedule: an epoch's next batch."""
         epoch, place = divmod(iteration, self.batches)
         chosen = batches(len(self.boards), self.config.batch, self.seed, epoch)[place]
-        boards = read_batch(next(batches_of(self.boards, [chosen]))).to(device())
+        boards = self.resident.batch(chosen) if self.resident else self._read(chosen)
         rng = generator(self.seed, "train", iteration, "reason/paper")
         outcome = iterate(self.network, self.optimizer, boards, self.config, rng, self.last)
         if outcome.taken:

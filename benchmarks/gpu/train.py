@@ -1,0 +1,104 @@
+"""Trains one of the paper's graph networks on a pack, for as long as it may take; runs where the simulator does not.
+
+    python -m benchmarks.gpu.train --pack PACK --row paper --work WORK --out OUT --minutes 9
+
+The learner, its loop and its checkpoints are those of `busybot train reason --variant paper`; only the boards come from
+the pack, and all of them lie in the GPU's memory, where batches are gathered. On a GPU that can, networks multiply in
+bfloat16. On a CPU the weights are, bit by bit, those of that command on the datasets that were packed.
+
+`--work` is the training's folder. Killed at any time, or out of minutes, the same command goes on there from the last
+checkpoint and ends in the weights of one that was not stopped. `--minutes` are those of the training through all of its
+interruptions: to go on when they are spent, ask for more. A checkpoint has three numbers for each weight, 220 MB, so it
+is not meant to travel.
+
+`--out` gets what travels: weights in files of at most `--file-mb`, losses, and what is to be known of the run. With
+`--half` matrices are rounded to float16, 37 MB in all, and lose nothing that a network multiplied in bfloat16 has used.
+
+Nothing but torch, torch-geometric, numpy, pydantic and safetensors is imported.
+"""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from benchmarks.gpu.formats import RunInfo, read_pack, read_pack_info, write_run
+from busybot.common.device import choose
+from busybot.common.errors import BusybotError
+from busybot.common.process_pool import machine
+from busybot.evaluation.results import commit
+from busybot.reason.models.paper.config import PaperReasonConfig
+from busybot.reason.models.paper.learner import PaperLearner
+from busybot.training.device import device, multiplies_bfloat16
+from busybot.training.loop import Budget, files_of, fit
+from busybot.training.run_folder import begin_folder, learner_versions
+
+MB = 1_000_000
+
+
+def train(arguments: argparse.Namespace) -> RunInfo:
+    """Train until the end or until the minutes are spent; returns what is told of it."""
+    info, boards = read_pack(arguments.pack)
+    _, pack = read_pack_info(arguments.pack)
+    if arguments.row not in info.rows:
+        raise BusybotError(f"{arguments.pack}: it has no row {arguments.row}", f"choose {', '.join(info.rows)}")
+    config = PaperReasonConfig.model_validate(info.rows[arguments.row])
+    begin_folder(arguments.work, config, arguments.seed, pack=pack)
+    learner = PaperLearner(config, boards, [], arguments.seed, resident=True)
+    budget = learner.budget = Budget(arguments.minutes)
+    # no board is held out, so that judgements are checkpoints and nothing else
+    figures = fit(learner, arguments.work, config.loop.model_copy(update={"judge": arguments.checkpoint}))
+    return write_run(
+        arguments.out,
+        learner.network.state_dict(),
+        files_of(arguments.work, learner.name)[1].read_bytes(),
+        int(arguments.file_mb * MB),
+        pack=pack,
+        row=arguments.row,
+        seed=arguments.seed,
+        iterations=figures["iterations"],
+        schedule=learner.iterations,
+        seconds=round(budget.seconds, 1),
+        figures=figures,
+        half=arguments.half,
+        machine=used(),
+        versions=learner_versions(),
+        commit=commit(),
+    )
+
+
+def used() -> dict[str, Any]:
+    """The machine, and what of its GPU was used."""
+    on = device()
+    if on.type != "cuda":
+        return {**machine(), "gpu": None}
+    return {
+        **machine(),
+        "gpu": torch.cuda.get_device_name(on),
+        "gpu_peak_bytes": torch.cuda.max_memory_allocated(on),
+        "gpu_multiplies": "bfloat16" if multiplies_bfloat16() else "float32",
+    }
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--pack", type=Path, required=True, help="folder of benchmarks.gpu.pack")
+    options.add_argument("--row", required=True, help="which of its trainings")
+    options.add_argument("--work", type=Path, required=True, help="folder of the training; continued if it exists")
+    options.add_argument("--out", type=Path, required=True, help="folder for what travels back")
+    options.add_argument("--seed", type=int, default=0)
+    options.add_argument("--minutes", type=float, default=9.0, help="of training, through all interruptions")
+    options.add_argument("--checkpoint", type=int, default=1000, help="iterations between checkpoints")
+    options.add_argument("--file-mb", type=float, default=15.0, help="of a file of weights")
+    options.add_argument("--half", action="store_true", help="round matrices to float16")
+    options.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
+    arguments = options.parse_args()
+    choose(arguments.device)
+    told = train(arguments)
+    each = told.seconds / told.iterations
+    print(f"{told.iterations} of {told.schedule} iterations in {told.seconds} s, {each:.4f} s each: {told.machine}")
+
+
+if __name__ == "__main__":
+    main()

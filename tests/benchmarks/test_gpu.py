@@ -1,0 +1,192 @@
+"""The paper's graph networks trained elsewhere: what travels is whole, and weights are those of the usual command."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner
+
+from benchmarks.gpu import formats, train
+from benchmarks.gpu import pack as packing
+from benchmarks.gpu.formats import METRICS, PACK, RUN, PackedBoards, packed, read_pack, read_run, write_pack, write_run
+from benchmarks.gpu.unpack import unpack
+from busybot.cli.main import app
+from busybot.common.errors import BusybotError
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.training.checkpoint import load_tensors
+from tests.conftest import ROOT
+from tests.reason.boards import make_boards
+from tests.reason.models.test_imports import ALLOWED, of, strangers
+
+WIDTHS = ("embedding", "edge_embedding", "action", "hidden", "convolution", "recurrent")
+SMALL = f"network: {{{', '.join(f'{name}: 4' for name in WIDTHS)}}}\nencoder: embedded\nimages: 9\nepochs: 8\n"
+SMALL += "batch: 5\nthreads: 1\n"
+"""Networks too small to learn anything, 24 iterations."""
+
+ALONE = """
+import runpy, sys
+
+class Only:
+    def __init__(self, finder):
+        self.finder = finder
+    def __getattr__(self, name):
+        return getattr(self.finder, name)
+    def find_spec(self, name, path=None, target=None):
+        top = name.partition(".")[0]
+        there = top.startswith("_") or top in sys.stdlib_module_names or top in {THERE}
+        return self.finder.find_spec(name, path, target) if there else None
+
+sys.meta_path[:] = map(Only, sys.meta_path)
+runpy.run_module("benchmarks.gpu.train", run_name="__main__", alter_sys=True)
+"""
+THERE = {"benchmarks", "busybot", "numpy", "torch", "torchgen", "functorch"}
+THERE |= {"sympy", "mpmath", "networkx", "jinja2", "markupsafe", "filelock", "fsspec", "typing_extensions"}
+"""With what torch needs itself; nothing else can be imported but what is packed (`packing.WHEELS`)."""
+
+
+def equal(one: BoardSequence, other: BoardSequence) -> bool:
+    pairs = zip(one.arrays.values(), other.arrays.values(), strict=True)
+    return all(a.dtype == b.dtype and np.array_equal(a, b) for a, b in pairs)
+
+
+def as_stored(boards: Iterable[BoardSequence]) -> list[BoardSequence]:
+    """With features of the precision in which they are stored."""
+    return [
+        BoardSequence(**one.arrays | {"features": one.features.astype(np.float16).astype(np.float32)}) for one in boards
+    ]
+
+
+def test_packed_boards_are_what_they_were() -> None:
+    boards = as_stored(board.seen for steps in (4, 30) for board in make_boards(3, seed=steps, steps=steps))
+    assert len({len(board.positions) for board in boards}) > 1
+    again = PackedBoards([packed(boards[:4]), packed(boards[4:])])
+    assert len(again) == 6 and all(map(equal, again, boards))
+    long = as_stored(board.seen for board in make_boards(6, noise=0))
+    raw = sum(values.nbytes for board in long for values in board.arrays.values())
+    assert len(packed(long)) < raw / 15, "an appearance is packed once"
+
+
+FACTS = {"commit": None, "data": [], "features": "random-0", "oracle": False, "rows": {}}
+
+
+def test_a_pack_that_was_changed_is_refused(tmp_path: Path) -> None:
+    boards = as_stored(board.seen for board in make_boards(5, steps=3))
+    info = write_pack(tmp_path, boards, each=2, **FACTS)
+    assert (info.boards, len(info.files)) == (5, 3)
+    assert all(map(equal, read_pack(tmp_path)[1], boards))
+    file = tmp_path / "boards-001.safetensors.xz"
+    file.write_bytes(file.read_bytes()[:-1] + b"?")
+    with pytest.raises(BusybotError, match="boards-001.*its SHA-256 is not the recorded one"):
+        read_pack(tmp_path)
+    (tmp_path / PACK).write_text((tmp_path / PACK).read_text().replace('"1"', '"2"'))
+    with pytest.raises(BusybotError, match="format"):
+        read_pack(tmp_path)
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_weights_travel_in_files_of_a_size(tmp_path: Path, half: bool) -> None:
+    tensors = {f"{number}.weight": torch.randn(50, 50) for number in range(5)} | {"bias": torch.randn(50)}
+    tensors["count"] = torch.tensor(7)
+    facts = {"pack": "0", "row": "paper", "seed": 0, "iterations": 1, "schedule": 2, "seconds": 1.0, "figures": {}}
+    facts |= {"machine": {}, "versions": {}, "commit": None, "half": half}
+    info = write_run(tmp_path, tensors, b"{}\n", 12_000, **facts)
+    assert len(info.files) == (3 if half else 5)
+    assert all((tmp_path / name).stat().st_size < 12_000 for name in info.files)
+    told, again = read_run(tmp_path)
+    assert told == info and again.keys() == tensors.keys()
+    assert all(torch.allclose(again[name], value, atol=2e-3 * half, rtol=0) for name, value in tensors.items())
+    assert torch.equal(again["bias"], tensors["bias"]) and again["count"].dtype == torch.int64
+
+
+def test_rows_are_those_of_table_2_that_train_on_all_boards() -> None:
+    found = packing.trainings(["paper", "paper-without-inference"], None)
+    assert [config.inference for config in found.values()] == [True, False]
+    assert {(config.epochs, config.batch, config.network.pairs) for config in found.values()} == {(200, 64, "all")}
+    for name, words in (("paper-50-epochs", "not train on all boards"), ("event", "none of the paper's networks")):
+        with pytest.raises(BusybotError, match=words):
+            packing.trainings([name], None)
+
+
+def test_packages_come_in_the_locks_versions() -> None:
+    text = packing.locked(list(packing.WHEELS))
+    assert text.count("==") == len(packing.WHEELS) and text.count("sha256:") >= len(packing.WHEELS)
+    with pytest.raises(BusybotError, match="lock.txt has no nosuchpackage"):
+        packing.locked(["nosuchpackage"])
+
+
+def test_training_imports_nothing_but_what_computes() -> None:
+    assert (strangers(of(train), {}) | strangers(of(formats), {})) - ALLOWED == {"benchmarks"}
+
+
+def training(folder: Path, *words: str) -> list[str]:
+    """The command where nothing but what trains can be imported."""
+    there = THERE | {name.replace("-", "_") for name in packing.WHEELS}
+    places = ("--pack", folder / "pack", "--row", "paper", "--work", folder / "work", "--out", folder / "out")
+    code = ALONE.replace("{THERE}", repr(sorted(there)))
+    return [sys.executable, "-c", code, *map(str, places), "--checkpoint", "3", *words]
+
+
+def usual(folder: Path, data: Path, out: str) -> list[str]:
+    words = ["train", "reason", "--variant", "paper", "--data", str(data), "--out", str(folder / out)]
+    return [*words, "--config", str(folder / "small.yaml"), "--workers", "1", "--json"]
+
+
+@pytest.mark.long
+def test_there_and_back_with_a_kill_between(tmp_path: Path, tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "small.yaml").write_text(SMALL)
+    places = ["--data", str(tiny), "--out", str(tmp_path / "pack"), "--config", str(tmp_path / "small.yaml")]
+    monkeypatch.setattr(sys, "argv", ["pack", *places, "--rows", "paper", "--workers", "1"])
+    packing.main()
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+
+    checkpoint = tmp_path / "work" / "checkpoints" / "paper.safetensors"
+    killed = subprocess.Popen(training(tmp_path), env=environment, stderr=subprocess.DEVNULL)
+    while killed.poll() is None and not checkpoint.exists():
+        time.sleep(0.005)
+    killed.send_signal(signal.SIGKILL)
+    killed.wait()
+    assert checkpoint.exists() and not (tmp_path / "out").exists()
+    out_of_time = subprocess.run([*training(tmp_path), "--minutes", "0.0001"], env=environment, capture_output=True)
+    assert out_of_time.returncode == 0, out_of_time.stderr
+    told, _ = read_run(tmp_path / "out")
+    assert told.iterations < told.schedule == 24
+    unpack(tmp_path / "pack", tmp_path / "out", tmp_path / "unfinished")
+    assert not (tmp_path / "unfinished" / "train.json").exists(), "it is no row of the table"
+    done = subprocess.run(training(tmp_path), env=environment, capture_output=True)
+    assert done.returncode == 0, done.stderr
+    told, tensors = read_run(tmp_path / "out")
+    assert told.iterations == told.schedule and len((tmp_path / "out" / METRICS).read_text().splitlines()) == 5
+
+    run = CliRunner().invoke(app, usual(tmp_path, tiny, "straight"))
+    assert run.exit_code == 0, run.stderr
+    expected = load_tensors(tmp_path / "straight" / "model" / "weights.safetensors").tensors
+    assert expected.keys() == tensors.keys()
+    assert all(torch.equal(tensors[name], value) for name, value in expected.items())
+
+    unpack(tmp_path / "pack", tmp_path / "out", tmp_path / "paper-0")
+    again = CliRunner().invoke(app, usual(tmp_path, tiny, "paper-0"))
+    assert again.exit_code == 0, again.stderr
+    card = json.loads(again.stdout)["training"]
+    assert card["pack_sha256"] == told.pack and card["machine"]["gpu"] is None, "found trained, not trained again"
+    assert card["iterations"] == 24 and card["boards"] == 12
+    judged = CliRunner().invoke(app, ["eval", "reason", str(tiny), "--reasoner", str(tmp_path / "paper-0"), "--json"])
+    assert judged.exit_code == 0, judged.stderr
+    assert json.loads(judged.stdout)["boards"] == 12
+
+
+def test_a_run_of_another_pack_is_refused(tmp_path: Path) -> None:
+    boards = as_stored(board.seen for board in make_boards(2, steps=3))
+    write_pack(tmp_path / "pack", boards, each=2, **FACTS)
+    facts = {"pack": "0", "row": "paper", "seed": 0, "iterations": 1, "schedule": 1, "seconds": 1.0, "figures": {}}
+    write_run(tmp_path / "run", {}, b"", 1, **facts, machine={}, versions={}, commit=None, half=False)
+    with pytest.raises(BusybotError, match="trained on another pack"):
+        unpack(tmp_path / "pack", tmp_path / "run", tmp_path / "out")
+    assert not (tmp_path / "out").exists() and (tmp_path / "run" / RUN).exists()

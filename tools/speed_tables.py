@@ -14,10 +14,12 @@ TIMES = {"cpu": "processors", "wall": "by the clock"}
 def interact_speed() -> str:
     """Milliseconds of what training and acting consist of."""
     told = result("interact")
-    rows = []
-    for kind, one in told["iteration"].items():
-        limit = f"{one['ratio_to_limit']:.1f} times as long as one matrix product of as many operations takes"
-        rows.append((f"iteration of the {kind} network, {one['batch']} crops ({limit})", one["milliseconds"]))
+    rows, trained = [], []
+    for size, kinds in told["iteration"].items():
+        for kind, one in kinds.items():
+            minutes = one["milliseconds"] * one["of_a_training"] / 60_000
+            cells = [str(one["batch"]), f"{one['milliseconds']:.0f}", f"{one['ratio_to_limit']:.1f}"]
+            trained.append((f"{size}, {kind}", [*cells, f"{one['of_a_training']:,}", f"{minutes:.1f}"]))
     for threads, milliseconds in told["milliseconds_per_look"].items():
         counted = f"{threads} thread{'s' if int(threads) > 1 else ''}"
         rows.append((f"affordance of a whole picture, {counted}, by the clock", milliseconds))
@@ -30,7 +32,9 @@ def interact_speed() -> str:
         for name, one in acted["learned"].items()
     ]  # fmt: skip
     heads = ("first decision", f"mean of {acted['steps']}", "recorded action", "to scripted", "percent rewarded")
+    limit = "times one matrix product of as many operations"
     return markdown([
+        plain_grid(["crops", "ms", limit, "iterations of a training", "minutes of a core"], trained, "iteration of"),
         plain_grid([""], [(words, [f"{value:.0f}"]) for words, value in rows], corner),
         plain_grid(heads, learned, "learned, model"),
     ])  # fmt: skip

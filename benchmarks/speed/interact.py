@@ -51,6 +51,7 @@ from benchmarks.runner import (
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
+from busybot.common.config import build
 from busybot.common.rng import generator
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
@@ -83,6 +84,7 @@ from busybot.training.checkpoint import parameters_of
 from busybot.training.device import multiplies_bfloat16
 
 SEED = 3
+LEAN = Path(__file__).parents[1] / "lean.yaml"
 STEPS, EXPLORED = 30, 20
 """Actions on each board: of those that are timed, and of those that batches are drawn from."""
 WARM_UP = 2
@@ -103,9 +105,14 @@ def record(folder: Path, library: Library, boards: int) -> Path:
     return cache_samples(Dataset.open(folder / "round"), folder / "cache", "depth")
 
 
-def iteration(kind: Kind, cache: Path, folder: Path, iterations: int) -> dict[str, float]:
-    """One iteration of a network's training with the default configuration."""
-    job = FitJob(folder / "unused", TrainConfig(), SEED, kind, (cache,), None, 0, 10**6)
+def trainings() -> dict[str, TrainConfig]:
+    """The usual one and the lean one."""
+    return {"usual": TrainConfig(), "lean": build(TrainConfig, LEAN, [], {})}
+
+
+def iteration(kind: Kind, config: TrainConfig, cache: Path, folder: Path, iterations: int) -> dict[str, float]:
+    """One iteration of a network's training, and how many there are."""
+    job = FitJob(folder / "unused", config, SEED, kind, (cache,), None, 0, 10**6)
     learner = FastAffordanceLearner(job)
     rng = generator(SEED, "train", 0, f"benchmark/{kind}")
     _, batch = learner.draw(rng)
@@ -117,6 +124,7 @@ def iteration(kind: Kind, cache: Path, folder: Path, iterations: int) -> dict[st
     limit = counted.get_total_flops() * per_operation
     return {
         "batch": learner.config.batch,
+        "of_a_training": sum(getattr(one, kind) for one in config.rounds),
         "milliseconds": round(1000 * (drawing + learning), 1),
         "of_them_drawing_the_batch": round(1000 * drawing, 1),
         "gigaflop": round(counted.get_total_flops() / 1e9, 2),
@@ -213,7 +221,10 @@ def main(words: list[str]) -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         cache = record(folder, library, arguments.boards)
-        iterations = {kind: iteration(kind, cache, folder, arguments.iterations) for kind in KINDS}
+        iterations = {
+            size: {kind: iteration(kind, config, cache, folder, arguments.iterations) for kind in KINDS}
+            for size, config in trainings().items()
+        }
         looks = {str(threads): looking(library, boards, threads) for threads in range(1, (os.cpu_count() or 1) + 1)}
         acted = acting(library, models, boards, folder)
     result = {"iteration": iterations, "milliseconds_per_look": looks, "milliseconds": acted}

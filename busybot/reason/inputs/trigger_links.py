@@ -13,15 +13,16 @@ not seen at all keeps how it looked. A pixel then changed if it did by more than
 """
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property, partial
 from itertools import combinations
 
 import numpy as np
 
 from busybot.reason.inputs.object_masks import ChangeConfig, ObjectMasks
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
-from busybot.reason.inputs.steady import Steady, steadied
+from busybot.reason.inputs.steady import pictures_of, steadied, still_pictures
 
 STATES = 3
 """A link has so many at most."""
@@ -91,46 +92,125 @@ class _Link:
     changed: np.ndarray
 
 
-@dataclass(frozen=True)
 class _View:
-    """A trigger's box in P pictures.
+    """A trigger's box in the pictures of T + 1 frames.
 
-    Attributes:
-        pictures: P of uint8 or float32 (h, w, 3).
+    Args:
+        pictures: uint8 or float32 (h, w, 3), by their number.
+        frames: int (T + 1,), number of the picture that each frame shows.
         least: float (h, w), what a pixel that did not change may differ by.
         masks: of two frames, which pixels may have changed, bool (h, w).
         pixels: more than so many changed, if any did.
     """
 
-    pictures: Sequence[np.ndarray]
-    least: np.ndarray
-    masks: Callable[[int, int], np.ndarray]
-    pixels: int = 0
+    def __init__(
+        self,
+        pictures: Mapping[int, np.ndarray],
+        frames: np.ndarray,
+        least: np.ndarray,
+        masks: Callable[[int, int], np.ndarray],
+        pixels: int = 0,
+    ):
+        self.pictures, self.frames = pictures, frames
+        self._least, self._masks, self._pixels = least, masks, pixels
+        self._moves: dict[int, _Move | None] = {}
+
+    def moves(self, steps: np.ndarray) -> list[_Move]:
+        """The actions on the trigger, of these, that changed pixels of it."""
+        for step in steps.tolist():
+            if step not in self._moves:
+                self._moves[step] = self._move(step)
+        return [move for step in steps.tolist() if (move := self._moves[step]) is not None]
+
+    def _move(self, step: int) -> _Move | None:
+        if self.frames[step] == self.frames[step + 1]:
+            return None
+        before, after = (self.pictures[int(self.frames[number])].astype(np.float32) for number in (step, step + 1))
+        changed = np.abs(after - before).max(axis=-1) > self._least
+        if changed.any():
+            changed &= self._masks(step, step + 1)
+        if changed.sum() <= self._pixels:
+            return None
+        return _Move(step, changed, np.where(changed[..., None], after - before, 0))
+
+
+class LinkWatch:
+    """Watches the links of a recording. What several parts of it show is told without looking at all pictures again.
+
+    Args:
+        observed: T actions.
+    """
+
+    def __init__(self, observed: ObservedEpisode, config: ChangeConfig | None = None):
+        self._observed, self._config = observed, config or ChangeConfig()
+
+    def first(self, steps: int) -> ObservedLinks:
+        """What pictures show in the first so many actions."""
+        observed = self._observed.first(steps + 1)
+        unsteady = len(pictures_of(observed)) > self._still
+        views = self._steadied(observed) if unsteady else self._views
+        return _links_of(observed, views, self._acted[:steps], unsteady)
+
+    @cached_property
+    def _acted(self) -> np.ndarray:
+        return acted_objects(self._observed)
+
+    @cached_property
+    def _still(self) -> int:
+        return still_pictures(self._observed)
+
+    @cached_property
+    def _views(self) -> dict[int, _View]:
+        """Each trigger's box as a still camera shows it: how it looks in a frame does not depend on later ones."""
+        observed, config = self._observed, self._config
+        pixels, frames = ObjectMasks(observed, config), np.array(observed.image_of)
+        regions = {int(one): pixels.regions[one] for one in observed.triggers if one in pixels.regions}
+        boxes: dict[int, dict[int, np.ndarray]] = {one: {} for one in regions}
+        for number in dict.fromkeys(observed.image_of):
+            picture = observed.images[number].rgb
+            for one, region in regions.items():
+                boxes[one][number] = picture[region.rows, region.columns].copy()
+
+        def masks(trigger: int, one: int, other: int) -> np.ndarray:
+            before, after = (pixels.masks(trigger, number) for number in (one, other))
+            return np.asarray((before[0] | after[0]) & ~before[1] & ~after[1])
+
+        return {
+            one: _View(boxes[one], frames, np.full(region.mine.shape, float(config.tolerance)), partial(masks, one))
+            for one, region in regions.items()
+        }
+
+    def _steadied(self, observed: ObservedEpisode) -> dict[int, _View]:
+        steady, acted = steadied(observed), self._acted[: len(observed.actions)]
+        pixels = ObjectMasks(steady, self._config)
+        return {
+            int(one): _calm(steady, pixels, int(one), acted == one, self._config)
+            for one in observed.triggers
+            if one in pixels.regions
+        }
 
 
 def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None) -> ObservedLinks:
     """Watch the links of a recording."""
-    config, acted, unsteady = config or ChangeConfig(), acted_objects(observed), Steady(observed).needed
-    observed = steadied(observed)
-    pixels, contacts = ObjectMasks(observed, config), np.array([one.position for one in observed.actions], float)
+    return LinkWatch(observed, config).first(len(observed.actions))
+
+
+def _links_of(
+    observed: ObservedEpisode, views: Mapping[int, _View], acted: np.ndarray, unsteady: bool
+) -> ObservedLinks:
+    contacts = np.array([one.position for one in observed.actions], float)
     pushed = np.array([one.direction for one in observed.actions], float)
-    pictures = [observed.frame(observed.image_of.index(one)).rgb for one in sorted(set(observed.image_of))]
-    frames = np.unique(observed.image_of, return_inverse=True)[1]  # the picture of each frame
     clusters = np.full(len(acted), -1)
     places: list[np.ndarray] = []
     owners: list[int] = []
     states: list[np.ndarray] = []
     directions: list[np.ndarray] = []
-    for trigger in map(int, observed.triggers):
-        if trigger not in pixels.regions:
-            continue
-        if unsteady:
-            view, frames = _calm(observed, pixels, trigger, acted == trigger, config), np.arange(len(acted) + 1)
-        else:
-            view = _still(pictures, pixels, trigger, config)
-        groups = _together(_moves(np.flatnonzero(acted == trigger), view, frames))
+    for trigger, view in views.items():
+        groups = _together(view.moves(np.flatnonzero(acted == trigger)))
+        shown, frames = np.unique(view.frames[: len(acted) + 1], return_inverse=True)
+        pictures = [view.pictures[number] for number in shown.tolist()]
         links = [
-            _Link(np.array([move.step for move in group]), _states(view.pictures, own)[frames], _changed(group))
+            _Link(np.array([move.step for move in group]), _states(pictures, own)[frames], _changed(group))
             for group, own in zip(groups, _own_pixels(groups), strict=True)
         ]
         for link in _whole([one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]):
@@ -143,17 +223,6 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
     told = np.array(states, int).T.reshape(len(observed.image_of), len(states))
     at = np.array(places).reshape(-1, 2)
     return ObservedLinks(clusters, told, np.array(owners, int), at, tuple(directions), unsteady)
-
-
-def _still(pictures: Sequence[np.ndarray], pixels: ObjectMasks, trigger: int, config: ChangeConfig) -> _View:
-    region = pixels.regions[trigger]
-
-    def masks(one: int, other: int) -> np.ndarray:
-        before, after = (pixels.masks(trigger, number) for number in (one, other))
-        return np.asarray((before[0] | after[0]) & ~before[1] & ~after[1])
-
-    boxes = [one[region.rows, region.columns] for one in pictures]
-    return _View(boxes, np.full(region.mine.shape, float(config.tolerance)), masks)
 
 
 def _calm(
@@ -174,22 +243,8 @@ def _calm(
             calm[runs == run] = last
         usual = np.nan_to_num(np.nanquantile(np.abs(boxes - calm).max(axis=-1), USUAL, axis=0))
     mine = own.mean(axis=0) > 0.5
-    return _View(list(calm), np.maximum(config.tolerance, ABOVE * usual), lambda *_: mine, config.least)
-
-
-def _moves(steps: np.ndarray, view: _View, frames: np.ndarray) -> list[_Move]:
-    """The actions on a trigger that changed pixels of it."""
-    found = []
-    for step in steps.tolist():
-        if frames[step] == frames[step + 1]:
-            continue
-        before, after = (view.pictures[frames[number]].astype(np.float32) for number in (step, step + 1))
-        changed = np.abs(after - before).max(axis=-1) > view.least
-        if changed.any():
-            changed &= view.masks(step, step + 1)
-        if changed.sum() > view.pixels:
-            found.append(_Move(step, changed, np.where(changed[..., None], after - before, 0)))
-    return found
+    least = np.maximum(config.tolerance, ABOVE * usual)
+    return _View(dict(enumerate(calm)), np.arange(count), least, lambda *_: mine, config.least)
 
 
 def _together(moves: list[_Move]) -> list[list[_Move]]:

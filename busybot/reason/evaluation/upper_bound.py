@@ -265,11 +265,11 @@ class Belief:
 
     def kinds(self) -> list[dict[str, float]]:
         """Probability of each kind of mechanism, for each responder."""
-        return [self._told([one.kind for one in self.space.hypotheses], column) for column in self.now.T]
+        return self._told([one.kind for one in self.space.hypotheses])
 
     def lags(self) -> list[dict[int, float]]:
         """Probability of each lag (`hypotheses.lag_of`), for each responder."""
-        return [self._told(self.space.lags.tolist(), column) for column in self.now.T]
+        return self._told(self.space.lags.tolist())
 
     def changed(self) -> tuple[np.ndarray, np.ndarray]:
         """Probability that another mechanism decides each responder than at the start, float (R,), and the likeliest
@@ -319,12 +319,12 @@ class Belief:
         order, starts = _sorted_meanings(self.space)
         return np.asarray(np.add.reduceat(values[order], starts, axis=0))
 
-    @staticmethod
-    def _told(names: Sequence, column: np.ndarray) -> dict:
-        told = dict.fromkeys(names, 0.0)
-        for name, weight in zip(names, column, strict=True):
-            told[name] += float(weight)
-        return told
+    def _told(self, names: Sequence) -> list[dict]:
+        """Sums over hypotheses of one name, for each responder."""
+        places = {name: place for place, name in enumerate(dict.fromkeys(names))}
+        mass = np.zeros((len(places), self.space.responders))
+        np.add.at(mass, [places[name] for name in names], self.now)
+        return [dict(zip(places, column, strict=True)) for column in mass.T.tolist()]
 
 
 @lru_cache(maxsize=64)

@@ -61,7 +61,8 @@ class BoardSequence:
         """
         if name not in self._made:
             self._made[name] = make()
-        return self._made[name]  # type: ignore[no-any-return]
+        found: Made = self._made[name]
+        return found
 
     @property
     def links(self) -> "ObservedLinks":

@@ -201,7 +201,7 @@ def followed(trace: Trace, found: Explanations, contexts: np.ndarray, before: np
     """
     shown = trace.responders
     earlier = np.concatenate([shown[:1], shown[:-1]])
-    equal = (found.contexts.T == contexts[..., None]).astype(float)  # (H, T + 1) or (R, H, T + 1)
+    equal = (contexts[..., None] == found.contexts.T).astype(float)  # (H, T + 1) or (R, H, T + 1)
     states = np.eye(STATES)[shown.T]  # (R, T + 1, S)
     alike = states * (earlier == before).T[..., None]
     return np.where(found.own[:, None], equal @ alike, equal @ states)

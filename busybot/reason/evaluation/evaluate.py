@@ -287,8 +287,9 @@ def evaluate_dataset(
     Raises:
         BusybotError: no episode is finished, one is damaged, or there is no such model.
     """
+    told = None if each is None else lambda file, judged: each(file, judged[0])
     asked = [judging or ReasonEvaluation()]
-    return evaluate_models(dataset, asked, training, assets, seed, workers, progress, each)[0]
+    return evaluate_models(dataset, asked, training, assets, seed, workers, progress, told)[0]
 
 
 def evaluate_models(
@@ -299,13 +300,13 @@ def evaluate_models(
     seed: int = 0,
     workers: int | None = None,
     progress: Progress | None = None,
-    each: Callable[[Path, JudgedGraph], object] | None = None,
+    each: Callable[[Path, Sequence[JudgedGraph]], object] | None = None,
 ) -> list[dict[str, Any]]:
     """Evaluate several models, each as `evaluate_dataset` does alone; what does not depend on them is found out once.
 
     Args:
         judgings: at least one, alike in all but models and their parameters.
-        each: is told every judged board of every model.
+        each: is told every board, as each model is judged on it, with its episode's file.
     """
     for judging in judgings:
         _check(judging, training)
@@ -325,8 +326,8 @@ def evaluate_models(
     for done, ((_, file), board) in enumerate(zip(tasks, share(work, tasks, processes), strict=True), start=1):
         for own, one in zip(judged, board, strict=True):
             own.append(one)
-            if each is not None:
-                each(file, one)
+        if each is not None:
+            each(file, board)
         if progress is not None:
             progress(done, len(indices))
     sets = [origin(one) for one in (dataset, training) if one is not None]

@@ -373,10 +373,15 @@ class _Collected:
 
     def add(self, weight: float, hypothesis: Hypothesis, stages: int) -> None:
         mechanism, inputs = hypothesis.mechanism, hypothesis.inputs
-        luck = tuple(mechanism.parameters().values()) if mechanism.draws else ()
+        luck = _luck(mechanism) if mechanism.draws else ()
         key = (stages, mechanism.kind, luck, hypothesis.meaning)
         before, first, _, written = self.found.get(key, (0.0, hypothesis, 0, set()))
         self.found[key] = (before + weight, first, stages, written | {(inputs, mechanism.table)})
+
+
+@lru_cache(maxsize=4096)
+def _luck(mechanism: Mechanism) -> tuple[Any, ...]:
+    return tuple(mechanism.parameters().values())
 
 
 @lru_cache(maxsize=256)

@@ -67,15 +67,18 @@ class EvaluatedBoard:
     judged: np.ndarray
     sequence: BoardSequence | None
     judges: Mapping[str, StateReadout]
-    _bounds: dict[tuple[int, bool], np.ndarray] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _bounds: dict[tuple[int, int, bool], np.ndarray] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
-    def bound(self, observed: int, knowing: bool = False) -> np.ndarray:
-        """What the first `observed` steps determine, bool (T, N), found out once; see `determined`."""
-        if (observed, knowing) not in self._bounds:
+    def bound(self, observed: int, start: int, knowing: bool = False) -> np.ndarray:
+        """What the first `observed` steps determine of those from `start` on, bool (S, N), found out once."""
+        asked = observed, start, knowing
+        if asked not in self._bounds:
             contacts = np.array([action.position for action in self.observed.actions], float).reshape(-1, 3)
-            told = determined(self.truth, contacts, acted_objects(self.observed), observed, knowing)
-            self._bounds[observed, knowing] = told
-        return self._bounds[observed, knowing]
+            acted = acted_objects(self.observed)
+            self._bounds[asked] = determined(self.truth, contacts, acted, observed, knowing, start)
+        return self._bounds[asked]
 
 
 def judge_prediction(
@@ -89,10 +92,10 @@ def judge_prediction(
     """
     truth, start = watched.truth, images - 1
     right = {
-        BOUND: watched.bound(start)[start:],
-        BOUND_KNOWING: watched.bound(start, knowing=True)[start:],
+        BOUND: watched.bound(start, start),
+        BOUND_KNOWING: watched.bound(start, start, knowing=True),
     }
-    by_images = {number: {BOUND: watched.bound(number - 1)[start:]} for number in curve if number <= images}
+    by_images = {number: {BOUND: watched.bound(number - 1, start)} for number in curve if number <= images}
     reads: dict[str, np.ndarray] = {}
     if watched.sequence is not None:
         features = watched.sequence.features

@@ -100,6 +100,7 @@ class Layout:
     Attributes:
         inputs, memory, own, reads, fewer, parts, signs: as of `Explanations`.
         places, weights: int (H, INPUTS), which columns of `_memories` a context is the weighted sum of.
+        since, last: rows of those that remember since when a link was pressed, or which was pressed last.
     """
 
     inputs: np.ndarray
@@ -111,6 +112,8 @@ class Layout:
     signs: np.ndarray
     places: np.ndarray
     weights: np.ndarray
+    since: np.ndarray
+    last: np.ndarray
 
 
 @lru_cache(maxsize=64)
@@ -136,7 +139,8 @@ def layout(links: int, responders: int) -> Layout:
     memory = np.array([MEMORIES.index(name) for name in names])
     reads = np.array(np.nonzero(told))
     own = np.array([name.startswith("own") for name in names])
-    return Layout(told, memory, own, reads, *_fewer(told, names, reads), places, weights)
+    since, last = (np.flatnonzero(np.isin(memory, which)) for which in (_SINCE, _LAST))
+    return Layout(told, memory, own, reads, *_fewer(told, names, reads), places, weights, since, last)
 
 
 def _columns(name: str, inputs: Sequence[int], links: int, count: int) -> list[int]:
@@ -186,9 +190,8 @@ def contexts_of(trace: Trace, moments: int | None = None) -> np.ndarray:
     known = layout(trace.links.shape[1], trace.responders.shape[1])
     memories = _memories(trace)[-(moments or len(trace.links)) :]
     contexts = (memories[:, known.places] * known.weights).sum(-1)
-    since, last = np.isin(known.memory, _SINCE), np.isin(known.memory, _LAST)
-    contexts[:, since] = contexts[:, since].clip(max=LONGEST)
-    contexts[:, last] = np.sign(contexts[:, last])
+    contexts[:, known.since] = contexts[:, known.since].clip(max=LONGEST)
+    contexts[:, known.last] = np.sign(contexts[:, known.last])
     return np.asarray(contexts)
 
 

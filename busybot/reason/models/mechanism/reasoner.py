@@ -8,6 +8,7 @@ that is open, nothing changes.
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -69,6 +70,11 @@ class _Understood:
         found, trace = self.found, self.trace
         return Laws(trace.sizes, found.inputs, found.memory, self.shares[..., -1], trace.links, trace.responders)
 
+    @cached_property
+    def _completing(self) -> np.ndarray:
+        """bool (R, H), which explanations are asked about what they never met."""
+        return np.asarray((self.shares[..., -1] > LIKELY) & np.isin(self.found.memory, _STATES_OF_INPUTS))
+
     def following(self, contexts: np.ndarray, before: np.ndarray, at: int | None = None) -> np.ndarray:
         """The likeliest states after an action, int (R,).
 
@@ -81,7 +87,7 @@ class _Understood:
         counts, shown = followed(self.trace, self.found, contexts, before), self.trace.responders
         total = counts.sum(2, keepdims=True)
         likely = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), np.eye(STATES)[before][:, None])
-        asked = (total[..., 0] == 0) & (self.shares[..., -1] > LIKELY) & np.isin(self.found.memory, _STATES_OF_INPUTS)
+        asked = (total[..., 0] == 0) & self._completing
         for responder, row in zip(*np.nonzero(asked), strict=True):
             context = int(np.broadcast_to(contexts, asked.shape)[responder, row])
             told = self._completed(responder, row).get(context)

@@ -33,20 +33,20 @@ app = typer.Typer(
 
 OutOption = Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")]
 BUILT_IN = ("random", "scripted")
+USUAL_REASONERS = ["event"]
 
 
 @app.command()
 def reason(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
     reasoner: Annotated[
-        list[str] | None,
+        list[str],
         typer.Option(
             help="Who infers relations: count, pc, lookup, persistence, or a trained model. Several are judged "
             "together, which is cheaper.",
             autocompletion=offering(reasoners),
-            show_default="event",
         ),
-    ] = None,
+    ] = USUAL_REASONERS,
     images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
     decoders: Annotated[
         Path | None, typer.Option(help="Judge predictions by decoders trained on this training dataset, too.")
@@ -91,9 +91,9 @@ def reason(
     from busybot.evaluation.results import write_result
     from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_models
     from busybot.reason.evaluation.graph_files import read_graphs
-    from busybot.reason.models.registry import DEFAULT_REASONER, config_class
+    from busybot.reason.models.registry import config_class
 
-    names, files = reasoner or [DEFAULT_REASONER], out or []
+    names, files = reasoner, out or []
     _check_several(names, files, figure, graph, graphs)
     for file in files:
         check_file("--out", file, "reason.json")

@@ -195,7 +195,6 @@ class _Read:
     """A recording as an encoder's features show it, or without any.
 
     Attributes:
-        sequence: that models read; None without features.
         board: to judge predictions on; None where none can be judged.
         watched: to judge causes on.
     """
@@ -205,7 +204,7 @@ class _Read:
         judges: dict[str, StateReadout] = {}
         if sequence is not None and truth is not None:
             judges = _judges(episode.board, judging, sequence, truth.states, judged, recording.proposed)
-        self.sequence, self.board = sequence, None
+        self.board = None
         if truth is not None and len(truth.links) >= judging.images:
             counted = judged & _controlled(episode.board)
             self.board = EvaluatedBoard(truth, recording.observed, counted, sequence, judges)

@@ -71,6 +71,8 @@ def _default(parameter: Any) -> str:
     value = parameter.default
     if value is None or value is False or value == [] or callable(value):
         return ""
+    if isinstance(value, list):
+        return ", ".join(f"`{one}`" for one in value)
     return f"`{'on' if value is True else value}`"
 
 

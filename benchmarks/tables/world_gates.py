@@ -4,9 +4,9 @@
         [--policy FOLDER] [--models mechanism,FOLDER] [--sets validation] [--only gates,time] [--boards 200]
 
 The boards are those of `datasets/worlds`, whose hashes are compared. A learned interaction policy acts on them, 30
-actions each, and every model is judged by `busybot eval reason`, which logs each judging of a test set. Sets are
-`validation`, on which choices may be made, and the three test splits. The exact observer of the true states is judged
-beside, on the same recordings.
+actions each, and the models are judged, together, by `busybot eval reason`, which logs each judging of a test set. Sets
+are `validation`, on which choices may be made, and the three test splits. The exact observer of the true states is
+judged beside, on the same recordings.
 
 The policy is a training's folder. The shipped one, which acts without `--policy`, learned from procedural objects and
 misses many links of real ones: what it records tells less. Recordings of each policy have a folder of their own.
@@ -71,11 +71,16 @@ def digest_of(hashes: dict[str, str]) -> str:
     return hashlib.sha256(weights.encode()).hexdigest()[:12]
 
 
-def judged(dataset: Path, model: str, out: Path, assets: str) -> dict[str, Any]:
-    """What counts of an evaluation; one that is there is not made again."""
-    told = read_json(out) if out.exists() else busybot(
-        "eval", "reason", str(dataset), "--reasoner", model, "--assets", assets, "--out", str(out)
-    )  # fmt: skip
+def judge(dataset: Path, outs: dict[str, Path], assets: str) -> None:
+    """Evaluate these models together, each into its file; those whose file is there are not judged again."""
+    missing = {model: out for model, out in outs.items() if not out.exists()}
+    asked = [word for model, out in missing.items() for word in ("--reasoner", model, "--out", str(out))]
+    if missing:
+        busybot("eval", "reason", str(dataset), *asked, "--assets", assets)
+
+
+def figures_of(told: dict[str, Any]) -> dict[str, Any]:
+    """What counts of an evaluation."""
     points = {point["actions"]: point for point in told["discovery"]}
     return {
         "boards": told["boards"],
@@ -94,12 +99,12 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     for world in chosen(options.only, tuple(WORLDS)) if options.only else WORLDS:
         for name in (one for one in chosen(options.sets, tuple(frozen.SETS)) if one in frozen.sets_of(world)):
             dataset = recorded(world, name, options)
+            named = dataset.parent.parent / f"{world}-{name}-{options.boards}"
+            outs = {model: Path(f"{named}-{digest_of(hashes[model])}.json") for model in models}
+            judge(dataset, outs, str(options.assets))
             cells = rows.setdefault(world, {}).setdefault(name, {})
-            for model in models:
-                out = dataset.parent.parent / f"{world}-{name}-{options.boards}-{digest_of(hashes[model])}.json"
-                cells[Path(model).name] = {
-                    "model": hashes[model], "policy": policy, **judged(dataset, model, out, str(options.assets))
-                }  # fmt: skip
+            for model, out in outs.items():
+                cells[Path(model).name] = {"model": hashes[model], "policy": policy, **figures_of(read_json(out))}
             yield {"assets": assets_name(options.assets), "boards": options.boards, "rows": rows}
 
 

@@ -193,9 +193,9 @@ def _of_board(
     visible = judged_objects(observed)
     watched = Watched(
         seen.episode, seen.sequence.actions, seen.sequence.acted, visible, IMAGES, validation.library, seen.sequence,
-        Persistence(), NearestState(seen.sequence.features, seen.looks, states.states, visible), told, found.error,
+        NearestState(seen.sequence.features, seen.looks, states.states, visible), told, found.error,
     )  # fmt: skip
-    nothing = judge_causes(watched, Persistence().graph(seen.sequence))
+    nothing = judge_causes(watched, Persistence().graph(seen.sequence), Persistence())
     causes = {
         "count": claimed_by(truth, seen, counted(seen, clusters, found.counting)),
         "lookup": truth,

@@ -9,7 +9,7 @@ without row filters is the fastest to encode and decode (1.1 and 0.4 ms) and the
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, overload
 
@@ -311,13 +311,18 @@ class LazyImages(Sequence[Image]):
             return [self[i] for i in range(*index.indices(len(self)))]
         position = range(len(self))[index]
         if position not in self._recent:
-            image = LazyImage.of(self, self.encoded[position], position)
+            image = LazyImage.of(self._alone, self.encoded[position], position)
             if not self.keeps:
                 return image
             while len(self._recent) >= self.keeps:
                 del self._recent[next(iter(self._recent))]
             self._recent[position] = image
         return self._recent[position]
+
+    @cached_property
+    def _alone(self) -> "LazyImages":
+        """What its images decode themselves by: as they do not hold each other, all are freed with their last use."""
+        return replace(self, encoded=(), _recent={})
 
     def as_stored(self, image: Image) -> Image:
         """Another image as it would come back from this file: through its codecs."""

@@ -1,8 +1,10 @@
 """Episodes survive the way to disk and back, and others can read the files too."""
 
+import gc
 import hashlib
 import subprocess
 import sys
+import weakref
 from dataclasses import replace
 from pathlib import Path
 
@@ -124,6 +126,20 @@ def test_lazy_images_are_the_eager_ones_and_know_boxes_without_decoding(file: Pa
     np.testing.assert_array_equal(lazy.images[-1].rgb, eager.images[-1].rgb)
     with pytest.raises(IndexError):
         lazy.images[len(eager.images)]
+
+
+def test_decoded_pictures_are_freed_with_their_last_use(file: Path) -> None:
+    images = read_episode(file, images="lazy").images
+    image = images[0]
+    picture = weakref.ref(image.rgb)
+    del images
+    np.testing.assert_array_equal(image.depth, read_episode(file).images[0].depth, "what is held decodes on")
+    gc.disable()
+    try:
+        del image
+        assert picture() is None, "nothing waits for the garbage collector"
+    finally:
+        gc.enable()
 
 
 def test_the_same_episode_gives_the_same_bytes_in_every_process(file: Path, tmp_path: Path) -> None:

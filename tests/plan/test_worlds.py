@@ -13,7 +13,7 @@ from busybot.common.errors import BusybotError
 from busybot.datasets.create import create_dataset
 from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
 from busybot.reason.evaluation.causes_summary import KEYS
-from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
+from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset, evaluate_models
 from busybot.sim.collect import CollectConfig, collect
 from tests.episodes.symbolic import library_at
 
@@ -32,8 +32,10 @@ def test_every_world_is_judged(
     dataset = create_dataset(tmp_path / "data", BoardConfig(world=world, boards=1, tasks="reach", seed=3), library)
     with work_here():
         collect(dataset, library, CollectConfig(policy="scripted", steps=26), workers=1)
-    for model in ("count", "lookup", "persistence", "event", "mechanism"):
-        told = evaluate_dataset(dataset, ReasonEvaluation(model), workers=1)
+    asked = [ReasonEvaluation(model) for model in ("count", "lookup", "persistence", "event", "mechanism")]
+    together = evaluate_models(dataset, asked, workers=1)
+    assert together == [evaluate_dataset(dataset, one, workers=1) for one in asked], "what is shared changes nothing"
+    for model, told in zip((one.model for one in asked), together, strict=True):
         assert told["world"] == world and {name for line in KEYS for name in line.split(", ")} <= told.keys()
         assert told["bound_boards"] == 1 and 0 <= told["parent_r"] <= 1
         assert (told["mechanism_accuracy"] is None) == (model == "count"), model

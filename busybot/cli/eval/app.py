@@ -1,12 +1,13 @@
 """`busybot eval`: measure a skill on a dataset."""
 
 import shlex
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import CONTEXT, check_file, episode_progress, print_json, processes, say
+from busybot.cli.common import CONTEXT, check_file, episode_progress, print_json, processes, say, tell
 from busybot.cli.eval import printing
 from busybot.cli.options import (
     AssetsOption,
@@ -23,6 +24,7 @@ from busybot.common.errors import UsageError
 
 if TYPE_CHECKING:
     from busybot.interact.evaluate import InteractEvaluation
+    from busybot.reason.evaluation.summary import JudgedGraph
     from busybot.sim.policy import AnyPolicyFactory
 
 app = typer.Typer(
@@ -31,24 +33,29 @@ app = typer.Typer(
 
 OutOption = Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")]
 BUILT_IN = ("random", "scripted")
+USUAL_REASONERS = ["event"]
 
 
 @app.command()
 def reason(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
     reasoner: Annotated[
-        str,
+        list[str],
         typer.Option(
-            help="Who infers relations: count, pc, lookup, persistence, or a trained model.",
+            help="Who infers relations: count, pc, lookup, persistence, or a trained model. Several are judged "
+            "together, which is cheaper.",
             autocompletion=offering(reasoners),
         ),
-    ] = "event",
+    ] = USUAL_REASONERS,
     images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
     decoders: Annotated[
         Path | None, typer.Option(help="Judge predictions by decoders trained on this training dataset, too.")
     ] = None,
     assets: Annotated[str | None, typer.Option(help="Objects for --decoders, if they are not found by hash.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Write the result as JSON to this file.")] = None,
+    out: Annotated[
+        list[Path] | None,
+        typer.Option(help="Write the result as JSON to this file; one for each --reasoner, in their order."),
+    ] = None,
     figure: Annotated[
         Path | None, typer.Option(help="Draw the scores against the number of images into this file, F.png.")
     ] = None,
@@ -82,33 +89,63 @@ def reason(
     from busybot.common.config import build
     from busybot.datasets.dataset import Dataset
     from busybot.evaluation.results import write_result
-    from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
+    from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_models
     from busybot.reason.evaluation.graph_files import read_graphs
     from busybot.reason.models.registry import config_class
 
-    check_file("--out", out, "reason.json")
+    names, files = reasoner, out or []
+    _check_several(names, files, figure, graph, graphs)
+    for file in files:
+        check_file("--out", file, "reason.json")
     check_file("--figure", figure, "reason.png")
-    parameters = build(config_class(reasoner), config, set_ or [], {})
     given_graphs = None if graph is None else read_graphs(graph)
-    asked = ReasonEvaluation(reasoner, images, parameters, given=given_graphs, boxes=boxes)
+    asked = [
+        ReasonEvaluation(
+            name, images, build(config_class(name), config, set_ or [], {}), given=given_graphs, boxes=boxes
+        )
+        for name in names
+    ]
     training = Dataset.open(decoders) if decoders else None
     with episode_progress("inferring") as progress:
-        told = printing.ToldGraphs(graphs)
-        result = evaluate_dataset(Dataset.open(dataset), asked, training, assets, seed, workers, progress, told.keep)
-    given = {"reasoner": reasoner, "images": images, "seed": seed, "decoders": decoders, "graph": graph}
+        told = [printing.ToldGraphs(graphs) for _ in names]
+
+        def keep(file: Path, judged: "Sequence[JudgedGraph]") -> None:
+            for own, one in zip(told, judged, strict=True):
+                own.keep(file, one)
+
+        results = evaluate_models(Dataset.open(dataset), asked, training, assets, seed, workers, progress, keep)
+    given: dict[str, Any] = {"images": images, "seed": seed, "decoders": decoders, "graph": graph}
     given |= {} if boxes == "given" else {"boxes": boxes}
-    result["command"] = _command_again("reason", dataset, set_, config, **given)
-    if out is not None:
-        write_result(out, result)
-        say(f"wrote {out}")
+    for name, result in zip(names, results, strict=True):
+        result["command"] = _command_again("reason", dataset, set_, config, reasoner=name, **given)
+    for file, result in zip(files, results, strict=False):
+        write_result(file, result)
+        say(f"wrote {file}")
     if figure is not None:
         from busybot.view.figures.curves import images_figure
 
-        say(f"wrote {images_figure(figure, result)}")
+        say(f"wrote {images_figure(figure, results[0])}")
     if json:
-        print_json(result)
-    else:
-        printing.reasoning(result, told.unjudged)
+        print_json(results[0] if len(results) == 1 else {"results": results})
+        return
+    for name, result, own in zip(names, results, told, strict=True):
+        if len(results) > 1:
+            tell(f"{name}:")
+        printing.reasoning(result, own.unjudged)
+
+
+def _check_several(
+    names: list[str], files: list[Path], figure: Path | None, graph: Path | None, graphs: Path | None
+) -> None:
+    """Refuse what would be said of one reasoner, and not of several."""
+    if files and len(files) != len(names):
+        what = (
+            f"--out names {len(files)} file{'s' * (len(files) > 1)} for {len(names)} reasoner{'s' * (len(names) > 1)}"
+        )
+        raise UsageError(what, "give one --out for each --reasoner, in the same order")
+    for option, value in (("--figure", figure), ("--graph", graph), ("--graphs", graphs)):
+        if len(names) > 1 and value is not None:
+            raise UsageError(f"{option} is about one reasoner, {len(names)} are named", "judge them one by one")
 
 
 @app.command()

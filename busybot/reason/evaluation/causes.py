@@ -12,6 +12,7 @@ For evaluators only. `causes_summary` makes figures of many boards.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from busybot.objects.library import Library
 from busybot.reason.evaluation.decoders import StateReadout
 from busybot.reason.evaluation.ground_truth import CauseTruth, causes_of, trace_of
 from busybot.reason.evaluation.hypotheses import NOTHING, Hypothesis, Stages, board_space, lag_of
-from busybot.reason.evaluation.rewirings import ChangeBelief, JudgedRewirings, judge_rewirings, shown_rewirings
+from busybot.reason.evaluation.rewirings import ChangeBelief, JudgedRewirings, Rewired, judge_rewirings, shown_rewirings
 from busybot.reason.evaluation.upper_bound import Belief, Observer
 from busybot.reason.evaluation.what_if import Questions, contacts_of, pairs, told_rightly, tour
 from busybot.reason.inputs.sequence import BoardSequence
@@ -98,15 +99,15 @@ class JudgedCauses:
 
 @dataclass(frozen=True)
 class Watched:
-    """A recording as it is judged.
+    """A recording as it is judged. What does not depend on who is judged is found out once.
 
     Attributes:
         actions, acted: of all T steps, as of `BoardSequence`.
         judged: bool (N,), responders that show in the first frame.
         images: how many were observed when mechanisms are asked about.
         library: the board's objects; in the paper's world the board tells what is needed of them.
-        sequence, reasoner, judge: who is asked about mechanisms with what features, and what reads the answers as
-            states; None for a model that infers a graph alone.
+        sequence, judge: with what features reasoners are asked about mechanisms, and what reads their answers as
+            states; None for models that infer a graph alone.
         detected: int (T + 1, L) and (T + 1, N), states of trigger links and objects that the exact observer is told in
             place of the true ones; None for the true ones.
         error: probability that a responder's detected state is wrong.
@@ -119,7 +120,6 @@ class Watched:
     images: int
     library: Library | None = None
     sequence: BoardSequence | None = None
-    reasoner: Reasoner | None = None
     judge: StateReadout | None = None
     detected: tuple[np.ndarray, np.ndarray] | None = None
     error: float = 0.0
@@ -129,14 +129,62 @@ class Watched:
         """How many actions were observed."""
         return min(self.images - 1, len(self.episode.steps))
 
-    def ask(self, questions: Questions) -> np.ndarray | None:
+    @property
+    def followed(self) -> int:
+        """K, for how many actions discovery is followed."""
+        return min(len(self.episode.steps), ACTIONS)
+
+    def ask(self, reasoner: Reasoner | None, questions: Questions) -> np.ndarray | None:
         """Whether each responder is told rightly, bool (Q, N); None if nobody can be asked."""
-        if self.reasoner is None or self.sequence is None or self.judge is None:
+        if reasoner is None or self.sequence is None or self.judge is None:
             return None
         seen = self.sequence.first(self.images)
-        told = imagine(self.reasoner, seen, questions.steps, questions.actions, questions.acted)
+        told = imagine(reasoner, seen, questions.steps, questions.actions, questions.acted)
         read = self.judge.read(told.reshape(-1, *told.shape[2:]))
         return told_rightly(read.reshape(*told.shape[:2], -1), questions)
+
+    @cached_property
+    def candidates(self) -> np.ndarray:
+        """See `JudgedCauses`."""
+        return candidates_of(self.episode.board)
+
+    @cached_property
+    def true(self) -> np.ndarray:
+        """See `JudgedCauses`."""
+        board = self.episode.board
+        return (
+            np.array([parents_at(board, max(0, number - 1)) for number in range(self.followed + 1)]) & self.candidates
+        )
+
+    @cached_property
+    def replayed(self) -> "_Replayed | None":
+        """See `_replayed`."""
+        return _replayed(self)
+
+    @cached_property
+    def observed(self) -> "_Observed | None":
+        """See `_observed`; None where nothing can be replayed, either."""
+        if self.replayed is None:
+            return None
+        triggers, shown = self.detected or (self.replayed.triggers, self.replayed.shown)
+        return _observed(replace(self.replayed, triggers=triggers, shown=shown), self.followed, self.error)
+
+    @cached_property
+    def bound(self) -> np.ndarray | None:
+        """See `JudgedCauses`."""
+        return None if self.observed is None else self.observed.objects & self.candidates
+
+    @cached_property
+    def shown_rewirings(self) -> list[Rewired]:
+        """See `rewirings.shown_rewirings`; of what was replayed."""
+        assert self.replayed is not None
+        return shown_rewirings(self.replayed.dynamics, self.replayed.triggers, self.replayed.states)
+
+    @cached_property
+    def asked(self) -> "_Asked":
+        """What is asked about mechanisms, of what was replayed."""
+        assert self.replayed is not None
+        return _asked(self, self.replayed)
 
 
 def candidates_of(board: BoardSpec) -> np.ndarray:
@@ -167,37 +215,32 @@ def parents_at(board: BoardSpec, action: int) -> np.ndarray:
     return found
 
 
-def judge_causes(watched: Watched, graph: InferredGraph) -> JudgedCauses:
+def judge_causes(watched: Watched, graph: InferredGraph, reasoner: Reasoner | None = None) -> JudgedCauses:
     """Compare what a model tells of a recorded board with the truth.
 
     Args:
         graph: inferred from at least the observed images; it is followed step by step.
+        reasoner: who is asked about mechanisms; None for a model that infers a graph alone.
     """
-    episode, board = watched.episode, watched.episode.board
-    count, candidates = min(len(episode.steps), ACTIONS), candidates_of(board)
-    claimed = np.array([graph.claimed(number) for number in range(count + 1)]) & candidates
+    episode, board, numbers = watched.episode, watched.episode.board, range(watched.followed + 1)
+    claimed = np.array([graph.claimed(number) for number in numbers]) & watched.candidates
     judged = JudgedCauses(
-        candidates,
-        np.array([parents_at(board, max(0, number - 1)) for number in range(count + 1)]) & candidates,
-        np.array([graph.after(number) for number in range(count + 1)], np.float32),
+        watched.candidates,
+        watched.true,
+        np.array([graph.after(number) for number in numbers], np.float32),
         claimed,
         links=None if graph.links is None else count_links(episode, graph.links, graph.threshold, claimed),
     )
-    replayed = _replayed(watched)
-    if replayed is None:
+    if watched.replayed is None:
         return judged
-    triggers, shown = watched.detected or (replayed.triggers, replayed.shown)
-    bound = _observed(replace(replayed, triggers=triggers, shown=shown), count, watched.error)
-    belief = None
-    if bound is not None:
-        judged, belief = replace(judged, bound=bound.objects & candidates, links_bound=bound.links), bound.belief
-    said = None
+    known, said = None, None
+    if watched.observed is not None:
+        known = watched.observed.changes
+        judged = replace(judged, bound=watched.bound, links_bound=watched.observed.links)
     if graph.changed is not None and graph.changed_at is not None:
         said = ChangeBelief(graph.changed, graph.changed_at)
-    happened = shown_rewirings(replayed.dynamics, replayed.triggers, replayed.states)
-    known = None if bound is None else bound.changes
-    judged = replace(judged, rewired=judge_rewirings(board, happened, watched.judged, count, said, known))
-    return _with_mechanisms(judged, watched, replayed, graph, belief)
+    changes = judge_rewirings(board, watched.shown_rewirings, watched.judged, watched.followed, said, known)
+    return _with_mechanisms(replace(judged, rewired=changes), watched, graph, reasoner)
 
 
 def link_names(episode: Episode) -> tuple[LinkRef, ...]:
@@ -380,45 +423,104 @@ def _observed(replayed: _Replayed, count: int, error: float) -> _Observed | None
     return _Observed(pairs_, links, last, changes)
 
 
-def _with_mechanisms(
-    judged: JudgedCauses, watched: Watched, replayed: _Replayed, graph: InferredGraph, belief: Belief | None
-) -> JudgedCauses:
-    board, steps = replayed.board, replayed.steps
-    truth = causes_of(board, replayed.law.links, max(0, steps - 1))
-    contacts = contacts_of(watched.episode, watched.actions, watched.acted, replayed.law.links.sizes)
+@dataclass(frozen=True)
+class _Asked:
+    """What is asked about a board's mechanisms, whoever is asked.
+
+    Attributes:
+        walk: the tour.
+        pairs: see `what_if.pairs`.
+        controlled: bool (N,), whose answers to pairs count.
+        mechanisms: of the responders that show in the first frame.
+    """
+
+    walk: Questions
+    pairs: tuple[Questions, Questions] | None
+    controlled: np.ndarray
+    mechanisms: list["_Mechanism"]
+
+
+def _asked(watched: Watched, replayed: _Replayed) -> _Asked:
+    board, steps, links = replayed.board, replayed.steps, replayed.law.links
+    truth = causes_of(board, links, max(0, steps - 1))
+    contacts = contacts_of(watched.episode, watched.actions, watched.acted, links.sizes)
     past = tuple(one for one in board.rewirings if one.step < steps)
-    calm = Dynamics(board.model_copy(update={"rewirings": past}), replayed.law.links, lucky=False)
+    calm = Dynamics(board.model_copy(update={"rewirings": past}), links, lucky=False)
     now = tuple(int(state) for state in replayed.triggers[steps])
     rng = generator(board.seed, board.split, board.index, "reason/tour")
     walk = tour(calm, now, replayed.states[steps], contacts, steps, rng)
-    right = watched.ask(walk)
-    told = None
-    if right is not None:
-        controlled = watched.judged & truth.link_parents.any(0)
-        told = np.zeros((0, 2), bool)
-        asked = pairs(
-            replayed.dynamics, watched.episode, watched.actions[:steps], watched.acted, replayed.states, controlled
-        )
-        if asked is not None:
-            answers = [watched.ask(questions) for questions in asked]
-            told = np.stack([one[:, controlled].all(1) for one in answers if one is not None], axis=1)
-    names = _named(graph, truth, belief, replayed)
-    mechanisms = []
-    for number, index in enumerate(replayed.responders):
+    controlled, actions = watched.judged & truth.link_parents.any(0), watched.actions[:steps]
+    asked = pairs(replayed.dynamics, watched.episode, actions, watched.acted, replayed.states, controlled)
+    return _Asked(walk, asked, controlled, _mechanisms(watched, truth, walk, replayed))
+
+
+def _mechanisms(watched: Watched, truth: CauseTruth, walk: Questions, replayed: _Replayed) -> list["_Mechanism"]:
+    bounds, found = [_Bound()] * len(replayed.responders), []
+    if watched.observed is not None:
+        bounds = _bounds(watched.observed.belief, truth, walk, replayed)
+    for index, bound in zip(replayed.responders, bounds, strict=True):
         if watched.judged[index]:
-            cause = _hypothesis(truth, index)
-            varied = _varied(walk, truth.read[index], replayed)
-            mechanisms.append(
-                JudgedMechanism(
-                    index,
-                    cause.kind,
-                    bool(cause.inputs),
-                    None if right is None else bool(right[0, index] and varied),
-                    None if belief is None else _known(belief, number, index, cause, walk, replayed),
-                    *names[number],
-                    _met(walk, truth.read[index], replayed),
-                )
+            cause, read = _hypothesis(truth, index), truth.read[index]
+            known = JudgedMechanism(
+                index, cause.kind, bool(cause.inputs), bound=bound.known, kind_bound=bound.kind, lag_bound=bound.lag,
+                met=_met(walk, read, replayed),
+            )  # fmt: skip
+            lag = lag_of(cause, len(replayed.law.links.sizes))
+            found.append(_Mechanism(known, lag, _varied(walk, read, replayed)))
+    return found
+
+
+def _bounds(belief: Belief, truth: CauseTruth, walk: Questions, replayed: _Replayed) -> list["_Bound"]:
+    """Of each responder. A mechanism is known that is claimed and responds as the true one does."""
+    found = []
+    told = zip(replayed.responders, *belief.mechanisms(), belief.kinds(), belief.lags(), strict=True)
+    for index, likeliest, share, kinds, lags in told:
+        cause = _hypothesis(truth, index)
+        known = bool(share > CLAIMED and _alike(belief, likeliest, cause, index, walk, replayed))
+        kind, lag = max(kinds, key=lambda one: kinds[one]), max(lags, key=lambda one: lags[one])
+        found.append(_Bound(known, kind == cause.kind, lag == lag_of(cause, len(replayed.law.links.sizes))))
+    return found
+
+
+@dataclass(frozen=True)
+class _Bound:
+    """What the exact observer knows of a responder, as `JudgedMechanism`."""
+
+    known: bool | None = None
+    kind: bool | None = None
+    lag: bool | None = None
+
+
+@dataclass(frozen=True)
+class _Mechanism:
+    """What is known of a responder's mechanism before a model is asked, its lag, and whether it is asked about."""
+
+    known: JudgedMechanism
+    lag: int
+    varied: bool
+
+
+def _with_mechanisms(
+    judged: JudgedCauses, watched: Watched, graph: InferredGraph, reasoner: Reasoner | None
+) -> JudgedCauses:
+    asked = watched.asked
+    right, told = watched.ask(reasoner, asked.walk), None
+    if right is not None:
+        told = np.zeros((0, 2), bool)
+        if asked.pairs is not None:
+            answers = [watched.ask(reasoner, questions) for questions in asked.pairs]
+            told = np.stack([one[:, asked.controlled].all(1) for one in answers if one is not None], axis=1)
+    mechanisms = []
+    for one in asked.mechanisms:
+        index = one.known.responder
+        mechanisms.append(
+            replace(
+                one.known,
+                right=None if right is None else bool(right[0, index] and one.varied),
+                kind_right=None if graph.kinds is None else _paper_name(graph.kinds[index]) == one.known.kind,
+                lag_right=None if graph.lags is None else int(graph.lags[index]) == one.lag,
             )
+        )
     return replace(judged, mechanisms=tuple(mechanisms), told=told)
 
 
@@ -444,12 +546,10 @@ def _columns(triggers: np.ndarray, shown: np.ndarray, read: Sequence[int], repla
     return (triggers[:, one] if one < links else shown[:, replayed.names[one].object] for one in read)
 
 
-def _known(belief: Belief, number: int, index: int, cause: Hypothesis, walk: Questions, replayed: _Replayed) -> bool:
-    """Whether the exact observer claims a mechanism, and it responds as the true one does."""
-    mechanisms, probable = belief.mechanisms()
-    if probable[number] <= CLAIMED:
-        return False
-    likeliest = mechanisms[number]
+def _alike(
+    belief: Belief, likeliest: Hypothesis, cause: Hypothesis, index: int, walk: Questions, replayed: _Replayed
+) -> bool:
+    """Whether a mechanism responds as the true one does."""
     if belief.space.meaning_of(likeliest) == belief.space.meaning_of(cause):
         return True
     triggers = np.concatenate([replayed.triggers[: replayed.steps + 1], walk.triggers[0, 1:]])
@@ -464,27 +564,6 @@ def _known(belief: Belief, number: int, index: int, cause: Hypothesis, walk: Que
         told.append(state)
     asked = slice(replayed.steps + 1, None)
     return _varied(walk, cause.inputs, replayed) and told[asked] == shown[asked, index].tolist()
-
-
-def _named(
-    graph: InferredGraph, truth: CauseTruth, belief: Belief | None, replayed: _Replayed
-) -> list[tuple[bool | None, bool | None, bool | None, bool | None]]:
-    """Of each responder whether model and observer name the kind, and whether they name the lag."""
-    links, found = len(replayed.law.links.sizes), []
-    for number, index in enumerate(replayed.responders):
-        cause = _hypothesis(truth, index)
-        lag = lag_of(cause, links)
-        kinds = None if belief is None else belief.kinds()[number]
-        lags = None if belief is None else belief.lags()[number]
-        found.append(
-            (
-                None if graph.kinds is None else _paper_name(graph.kinds[index]) == cause.kind,
-                None if kinds is None else max(kinds, key=lambda kind: kinds[kind]) == cause.kind,
-                None if graph.lags is None else int(graph.lags[index]) == lag,
-                None if lags is None else max(lags, key=lambda one: lags[one]) == lag,
-            )
-        )
-    return found
 
 
 def _paper_name(kind: str) -> str:

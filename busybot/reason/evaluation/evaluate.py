@@ -4,7 +4,7 @@ The graph is inferred from the first 23 images, as in the paper; each later step
 features (protocol "Reasoning"). Models see what `observed` lets through; the truth is read here, after it.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -49,7 +49,7 @@ from busybot.reason.evaluation.proposed import (
 )
 from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.inputs.feature_store import features_of
-from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, observe_episode
+from busybot.reason.inputs.observation import acted_objects, observe_episode
 from busybot.reason.inputs.sequence import BoardSequence, actions_of, clusters_of, sequence_of, threshold_of
 from busybot.reason.models.base import InferredGraph, Reasoner
 from busybot.reason.models.registry import GRAPHS, config_class, infer, reasoner_of, without_training
@@ -104,40 +104,115 @@ def judge_episode(
         features: float (T + 1, N, 256) of the model's encoder; what infers a graph alone needs none.
     """
     judging = judging or ReasonEvaluation()
-    observed, truth = observe_episode(episode, again=True), states_of(episode)
-    observed = observed if judging.told else replace(observed, world="")
-    judged, predicted = judged_objects(observed), None
-    proposed = propose_objects(observed, judging.images) if judging.boxes == PROPOSED else None
-    told = _told(episode, observed, judging, features, proposed)
-    graph, longer, reasoner, sequence = told.graph, told.longer, told.reasoner, told.sequence
-    actions, acted, spurious = actions_of(observed), acted_objects(observed), None
-    if proposed is not None:
-        acted, spurious = proposed.acted, proposed.spurious(longer, min(len(episode.steps), ACTIONS))
-        graph, longer = proposed.true_part(graph), proposed.true_part(longer)
-    judges: dict[str, StateReadout] = {}
-    if sequence is not None and truth is not None:
-        judges = _judges(episode.board, judging, sequence, truth.states, judged, proposed)
-    if truth is not None and len(truth.links) >= judging.images:
-        watched = EvaluatedBoard(truth, observed, judged & _controlled(episode.board), sequence, judges)
-        predicted = judge_prediction(watched, reasoner, judging.images, (*judging.curve, judging.images))
-    read = judges.get(NEAREST)
-    causes = None
-    recorded = Watched(episode, actions, acted, judged, judging.images, judging.library, sequence, reasoner, read)
-    if episode.board.relations_known:
-        causes = judge_causes(recorded, replace(longer, kinds=graph.kinds, lags=graph.lags))
-        causes = replace(causes, spurious=spurious)
-    return JudgedGraph(
-        episode.board,
-        graph,
-        truth_of(episode),
-        steps=min(judging.images - 1, len(episode.steps)),
-        policy=episode.policy,
-        oracle=episode.oracle,
-        forecast=predicted,
-        causes=causes,
-        proposals=None if proposed is None else proposed.judged,
-        spurious=None if spurious is None else spurious[:, 0],
-    )
+    return _Recording(episode, judging).judge(judging, features)
+
+
+class _Recording:
+    """A recording that several models are judged on; what does not depend on them is found out once.
+
+    Args:
+        judging: how; they may differ in model and parameters.
+    """
+
+    def __init__(self, episode: Episode, judging: ReasonEvaluation):
+        observed = observe_episode(episode, again=True)
+        self.episode, self.truth = episode, states_of(episode)
+        self.observed = observed if judging.told else replace(observed, world="")
+        self.judged = judged_objects(self.observed)
+        self.proposed = propose_objects(self.observed, judging.images) if judging.boxes == PROPOSED else None
+        self._sequences: dict[str, BoardSequence] = {}
+        self._read: dict[str, _Read] = {}
+
+    def sequence(self, encoder: str, features: np.ndarray) -> BoardSequence:
+        """What models see that read the features of this encoder."""
+        if encoder not in self._sequences:
+            self._sequences[encoder] = sequence_of(self.observed, features)
+        return self._sequences[encoder]
+
+    def read(self, judging: ReasonEvaluation, sequence: BoardSequence | None) -> "_Read":
+        """The recording as the features of a model's encoder show it.
+
+        Args:
+            sequence: None for a model that infers a graph alone.
+        """
+        encoder = "" if sequence is None else _encoder_of(judging) or ""
+        if encoder not in self._read:
+            self._read[encoder] = _Read(self, judging, sequence)
+        return self._read[encoder]
+
+    def judge(self, judging: ReasonEvaluation, features: np.ndarray | None) -> JudgedGraph:
+        """See `judge_episode`."""
+        episode, proposed = self.episode, self.proposed
+        told = self._told(judging, features)
+        graph, longer, spurious, forecast, causes = told.graph, told.longer, None, None, None
+        if proposed is not None:
+            spurious = proposed.spurious(longer, min(len(episode.steps), ACTIONS))
+            graph, longer = proposed.true_part(graph), proposed.true_part(longer)
+        read = self.read(judging, told.sequence)
+        if read.board is not None:
+            forecast = judge_prediction(read.board, told.reasoner, judging.images, (*judging.curve, judging.images))
+        if episode.board.relations_known:
+            causes = judge_causes(read.watched, replace(longer, kinds=graph.kinds, lags=graph.lags), told.reasoner)
+            causes = replace(causes, spurious=spurious)
+        return JudgedGraph(
+            episode.board,
+            graph,
+            truth_of(episode),
+            steps=min(judging.images - 1, len(episode.steps)),
+            policy=episode.policy,
+            oracle=episode.oracle,
+            forecast=forecast,
+            causes=causes,
+            proposals=None if proposed is None else proposed.judged,
+            spurious=None if spurious is None else spurious[:, 0],
+        )
+
+    def _told(self, judging: ReasonEvaluation, features: np.ndarray | None) -> "_Told":
+        proposed = self.proposed
+        if judging.given is not None:
+            graph = judging.given.of(self.episode)
+            return _Told(graph, graph)
+        if judging.model in GRAPHS or (features is None and proposed is None):
+            seen = self.observed if proposed is None else proposed.observed
+            longer = infer(seen.first(max(judging.images, ACTIONS + 1)), judging.model, judging.config)
+            longer = longer if proposed is None else proposed.placed(longer)
+            # after each action they know what was seen until then
+            return _Told(replace(longer, probabilities=longer.probabilities[: max(1, judging.images - 1)]), longer)
+        reasoner = reasoner_of(judging.model, judging.config)
+        if proposed is not None:
+            reasoner = PlacedReasoner(reasoner, proposed)
+            sequence = reasoner.sequence
+        else:
+            assert features is not None
+            sequence = self.sequence(reasoner.encoder, features)
+        graph = longer = reasoner.graph(sequence.first(judging.images))
+        if judging.images <= min(ACTIONS, sequence.steps):
+            longer = reasoner.graph(sequence.first(ACTIONS + 1))
+        return _Told(graph, longer, reasoner, sequence)
+
+
+class _Read:
+    """A recording as an encoder's features show it, or without any.
+
+    Attributes:
+        board: to judge predictions on; None where none can be judged.
+        watched: to judge causes on.
+    """
+
+    def __init__(self, recording: _Recording, judging: ReasonEvaluation, sequence: BoardSequence | None):
+        episode, truth, judged = recording.episode, recording.truth, recording.judged
+        judges: dict[str, StateReadout] = {}
+        if sequence is not None and truth is not None:
+            judges = _judges(episode.board, judging, sequence, truth.states, judged, recording.proposed)
+        self.board = None
+        if truth is not None and len(truth.links) >= judging.images:
+            counted = judged & _controlled(episode.board)
+            self.board = EvaluatedBoard(truth, recording.observed, counted, sequence, judges)
+        acted = acted_objects(recording.observed) if recording.proposed is None else recording.proposed.acted
+        self.watched = Watched(
+            episode, actions_of(recording.observed), acted, judged, judging.images, judging.library, sequence,
+            judges.get(NEAREST),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -149,35 +224,6 @@ class _Told:
     longer: InferredGraph
     reasoner: Reasoner | None = None
     sequence: BoardSequence | None = None
-
-
-def _told(
-    episode: Episode,
-    observed: ObservedEpisode,
-    judging: ReasonEvaluation,
-    features: np.ndarray | None,
-    proposed: Proposed | None,
-) -> _Told:
-    if judging.given is not None:
-        graph = judging.given.of(episode)
-        return _Told(graph, graph)
-    if judging.model in GRAPHS or (features is None and proposed is None):
-        seen = observed if proposed is None else proposed.observed
-        longer = infer(seen.first(max(judging.images, ACTIONS + 1)), judging.model, judging.config)
-        longer = longer if proposed is None else proposed.placed(longer)
-        # after each action they know what was seen until then
-        return _Told(replace(longer, probabilities=longer.probabilities[: max(1, judging.images - 1)]), longer)
-    reasoner = reasoner_of(judging.model, judging.config)
-    if proposed is not None:
-        reasoner = PlacedReasoner(reasoner, proposed)
-        sequence = reasoner.sequence
-    else:
-        assert features is not None
-        sequence = sequence_of(observed, features)
-    graph = longer = reasoner.graph(sequence.first(judging.images))
-    if judging.images <= min(ACTIONS, sequence.steps):
-        longer = reasoner.graph(sequence.first(ACTIONS + 1))
-    return _Told(graph, longer, reasoner, sequence)
 
 
 def _controlled(board: BoardSpec) -> np.ndarray:
@@ -206,9 +252,15 @@ def _judges(
     return judges
 
 
-def _judge_file(task: tuple[int, Path], judging: ReasonEvaluation, features: FeaturesOf | None) -> JudgedGraph:
-    index, path = task
-    return judge_episode(read_episode(path, "lazy"), judging, None if features is None else features[index])
+def _judge_file(
+    task: tuple[int, Path], judgings: Sequence[ReasonEvaluation], features: Mapping[str, FeaturesOf]
+) -> list[JudgedGraph]:
+    (index, path), judged = task, []
+    recording = _Recording(read_episode(path, "lazy"), judgings[0])
+    for judging in judgings:
+        known = features.get(_encoder_of(judging) or "")
+        judged.append(recording.judge(judging, None if known is None else known[index]))
+    return judged
 
 
 def evaluate_dataset(
@@ -234,43 +286,89 @@ def evaluate_dataset(
     Raises:
         BusybotError: no episode is finished, one is damaged, or there is no such model.
     """
-    judging = judging or ReasonEvaluation()
-    if judging.images < 2:
-        raise BusybotError(f"{judging.images} images show no action", "take at least 2")
-    _check_boxes(judging, training)
-    encoder = _encoder_of(judging)
+    told = None if each is None else lambda file, judged: each(file, judged[0])
+    asked = [judging or ReasonEvaluation()]
+    return evaluate_models(dataset, asked, training, assets, seed, workers, progress, told)[0]
+
+
+def evaluate_models(
+    dataset: Dataset,
+    judgings: Sequence[ReasonEvaluation],
+    training: Dataset | None = None,
+    assets: str | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    each: Callable[[Path, Sequence[JudgedGraph]], object] | None = None,
+) -> list[dict[str, Any]]:
+    """Evaluate several models, each as `evaluate_dataset` does alone; what does not depend on them is found out once.
+
+    Args:
+        judgings: at least one, alike in all but models and their parameters.
+        each: is told every board, as each model is judged on it, with its episode's file.
+    """
+    for judging in judgings:
+        _check(judging, training)
+    encoders = [_encoder_of(judging) for judging in judgings]
     indices = sorted(dataset.finished())
     if not indices:
         what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
         raise BusybotError(what, collect_command(dataset.path, dataset.info))
-    sets = {one.path: origin(one) for one in (dataset, training) if one is not None}
-    features = features_of(dataset, encoder, workers=workers) if encoder and judging.boxes == GIVEN else None
-    if training is not None and encoder is not None:
-        learnt = features_of(training, encoder, workers=workers)
-        trained = train_decoders(training, learnt, library_of(training, assets))
-        judging = replace(judging, decoders=trained)
-    if judging.decoders is not None or any(board.world != PAPER for board in dataset.boards()):
-        judging = replace(judging, library=library_of(dataset, assets))
-    judged: list[JudgedGraph] = []
+    features: dict[str, FeaturesOf] = {}
+    if judgings[0].boxes == GIVEN:
+        features = {one: features_of(dataset, one, workers=workers) for one in encoders if one}
+    judgings = _prepared(judgings, dataset, training, assets, workers)
+    judged: list[list[JudgedGraph]] = [[] for _ in judgings]
     processes = workers or min(default_workers(), 1 + len(indices) // BOARDS_PER_WORKER)
     tasks = [(index, dataset.episode_path(index)) for index in indices]
-    for one in share(partial(_judge_file, judging=judging, features=features), tasks, processes):
-        judged.append(one)
+    work = partial(_judge_file, judgings=judgings, features=features)
+    for done, ((_, file), board) in enumerate(zip(tasks, share(work, tasks, processes), strict=True), start=1):
+        for own, one in zip(judged, board, strict=True):
+            own.append(one)
         if each is not None:
-            each(tasks[len(judged) - 1][1], one)
+            each(file, board)
         if progress is not None:
-            progress(len(judged), len(indices))
+            progress(done, len(indices))
+    sets = [origin(one) for one in (dataset, training) if one is not None]
+    results = [_result(*one, sets, seed) for one in zip(judgings, judged, strict=True)]
+    return [{**one, "logged": log_judgement(dataset, indices, str(one["model"]), one)} for one in results]
+
+
+def _prepared(
+    judgings: Sequence[ReasonEvaluation],
+    dataset: Dataset,
+    training: Dataset | None,
+    assets: str | None,
+    workers: int | None,
+) -> list[ReasonEvaluation]:
+    """With decoders, which are trained once for each encoder, and with the objects, as far as they are needed."""
+    decoders: dict[str, dict[str, Linear]] = {}
+    if training is not None:
+        for encoder in {_encoder_of(judging) for judging in judgings} - {None}:
+            learnt = features_of(training, str(encoder), workers=workers)
+            decoders[str(encoder)] = train_decoders(training, learnt, library_of(training, assets))
+    prepared = [replace(one, decoders=decoders.get(_encoder_of(one) or "", one.decoders)) for one in judgings]
+    needed = any(one.decoders is not None for one in prepared)
+    if needed or any(board.world != PAPER for board in dataset.boards()):
+        library = library_of(dataset, assets)
+        prepared = [replace(one, library=library) for one in prepared]
+    return prepared
+
+
+def _result(
+    judging: ReasonEvaluation, judged: list[JudgedGraph], sets: Sequence[dict[str, Any]], seed: int
+) -> dict[str, Any]:
+    """One model's. `sets` are origins of the dataset, and of that on which decoders were trained, if there is one."""
     models = _model_hashes(judging.model) if judging.given is None else judging.given.hashes
-    result = {
-        **stamp("reason", hashes={"models": models, "data": dict(map(_hashes, sets.values()))}),
+    return {
+        **stamp("reason", hashes={"models": models, "data": dict(map(_hashes, sets))}),
         **_summarised(judged, judging, seed),
         "images_used": 1 + max(one.steps for one in judged),
         "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
-        "encoder": encoder,
-        "dataset": sets[dataset.path],
-        "decoders": None if training is None else sets[training.path],
+        "encoder": _encoder_of(judging),
+        "dataset": sets[0],
+        "decoders": sets[1] if len(sets) > 1 else None,
     }
-    return {**result, "logged": log_judgement(dataset, indices, str(result["model"]), result)}
 
 
 def _encoder_of(judging: ReasonEvaluation) -> str | None:
@@ -285,7 +383,9 @@ def _summarised(judged: list[JudgedGraph], judging: ReasonEvaluation, seed: int)
     return {**summarise(judged, judging.images, seed), **earlier, "given": judging.given is not None}
 
 
-def _check_boxes(judging: ReasonEvaluation, training: Dataset | None) -> None:
+def _check(judging: ReasonEvaluation, training: Dataset | None) -> None:
+    if judging.images < 2:
+        raise BusybotError(f"{judging.images} images show no action", "take at least 2")
     if judging.boxes not in BOXES:
         raise UsageError(f"boxes are {' or '.join(BOXES)}, not {judging.boxes!r}", "choose one of them")
     if judging.boxes == PROPOSED and judging.given is not None:

@@ -172,9 +172,9 @@ def states_of(episode: Episode) -> StateTruth | None:
 
 
 def determined(
-    truth: StateTruth, contacts: np.ndarray, acted: np.ndarray, observed: int, knowing: bool = False
+    truth: StateTruth, contacts: np.ndarray, acted: np.ndarray, observed: int, knowing: bool = False, start: int = 0
 ) -> np.ndarray:
-    """Whether each object's state after each step is determined by the steps before `observed`.
+    """Whether each object's state after each step, from `start` on, is determined by the steps before `observed`.
 
     Args:
         contacts: float (T, 3), the actions' positions, board units.
@@ -183,18 +183,19 @@ def determined(
         knowing: whether it is known which actions fail.
 
     Returns:
-        bool (T, N).
+        bool (T - start, N).
     """
     before, after = truth.states[:-1], truth.states[1:]
     right = np.ones(before.shape, bool)
-    for step, held in enumerate(truth.links):
+    for step in range(start, len(truth.links)):
+        held = truth.links[step]
         link = held if held >= 0 else _aimed_at(truth, contacts, acted, observed, step)
         seen = np.flatnonzero((truth.links[:observed] == link) & (link >= 0))
-        old, new, start, end = before[seen], after[seen], before[step], after[step]
-        repeated, undone = (old != new) & (old == start), (old != new) & (new == start)
+        old, new, was, end = before[seen], after[seen], before[step], after[step]
+        repeated, undone = (old != new) & (old == was), (old != new) & (new == was)
         told = ((repeated & (new == end)) | (undone & (old == end))).any(0)
-        right[step] = np.where(end != start, told, knowing | ~(repeated | undone).any(0))
-    return right
+        right[step] = np.where(end != was, told, knowing | ~(repeated | undone).any(0))
+    return right[start:]
 
 
 def _aimed_at(truth: StateTruth, contacts: np.ndarray, acted: np.ndarray, observed: int, step: int) -> int:

@@ -70,7 +70,7 @@ class Hypothesis:
 
         Exact for luck of equal names: how probable it is does not count, what it does counts.
         """
-        order = tuple(int(place) for place in np.argsort(self.inputs, kind="stable"))
+        order = tuple(sorted(range(len(self.inputs)), key=self.inputs.__getitem__))
         return tuple(sorted(self.inputs)), *_meaning(self.mechanism, order)
 
 
@@ -371,12 +371,17 @@ class _Collected:
     def __init__(self) -> None:
         self.found: Weighted = {}
 
-    def add(self, weight: float, mechanism: Mechanism, inputs: tuple[int, ...], stages: int) -> None:
-        hypothesis = Hypothesis(mechanism, inputs)
-        luck = tuple(mechanism.parameters().values()) if mechanism.draws else ()
+    def add(self, weight: float, hypothesis: Hypothesis, stages: int) -> None:
+        mechanism, inputs = hypothesis.mechanism, hypothesis.inputs
+        luck = _luck(mechanism) if mechanism.draws else ()
         key = (stages, mechanism.kind, luck, hypothesis.meaning)
         before, first, _, written = self.found.get(key, (0.0, hypothesis, 0, set()))
         self.found[key] = (before + weight, first, stages, written | {(inputs, mechanism.table)})
+
+
+@lru_cache(maxsize=4096)
+def _luck(mechanism: Mechanism) -> tuple[Any, ...]:
+    return tuple(mechanism.parameters().values())
 
 
 @lru_cache(maxsize=256)
@@ -396,8 +401,14 @@ def space_of(world: str, novel: bool, sizes: tuple[int, ...], stages: tuple[Stag
     single = [number for number, (two, _) in enumerate(stages) if two]
     of_links = {able: _driven(law, novel, sizes, able).found for able in set(stages)}
     driven = [of_links[able] for able in stages]
-    others = [tuple(other for other in single if other != number) for number in range(len(stages))]
-    columns = [_alone(law, novel, sizes, *one) for one in zip(stages, driven, others, strict=True)]
+    resting = {able: _resting(of_links[able], able) for able in of_links}
+    alone: dict[Any, Weighted] = {}  # responders that can be the same and read the same have the same column
+    columns = []
+    for number, able in enumerate(stages):
+        sources = tuple(other for other in single if other != number) if law.follows and able[0] else ()
+        if (able, sources) not in alone:
+            alone[able, sources] = _alone(law, novel, sizes, able, of_links[able], resting[able], sources)
+        columns.append(alone[able, sources])
     clocked: Weighted = {}
     if law.clock and len(single) > CLOCKED[1]:
         clocked = _drawn(CLOCK, (), (), 2, novel).found
@@ -432,7 +443,13 @@ def _table(columns: Sequence[Weighted]) -> _Columns:
 
 
 def _alone(
-    law: World, novel: bool, sizes: tuple[int, ...], able: Stages, driven: Weighted, sources: tuple[int, ...]
+    law: World,
+    novel: bool,
+    sizes: tuple[int, ...],
+    able: Stages,
+    driven: Weighted,
+    resting: Weighted,
+    sources: tuple[int, ...],
 ) -> Weighted:
     """What may decide a responder that no clock moves: by itself, one of the sources, or what links drive."""
     rest = 1 - INERT
@@ -445,31 +462,37 @@ def _alone(
         total = sum(weight for weight, *_ in column.values())
         if total > 0:
             for weight, one, stages, _ in column.values():
-                found.add(rest * share * weight / total, one.mechanism, one.inputs, stages)
+                found.add(rest * share * weight / total, one, stages)
             rest *= 1 - share
-    resting = _resting(driven, able)
     total = sum(weight for weight, *_ in resting.values())
     for weight, one, stages, _ in resting.values():
-        found.add((INERT + rest) * weight / total, one.mechanism, one.inputs, stages)
+        found.add((INERT + rest) * weight / total, one, stages)
     return found.found
 
 
 def _resting(driven: Weighted, able: Stages) -> Weighted:
     """What nothing moves: it shows what something that links drive would have shown at first, from any states."""
     found = _Collected()
+    rests = {state: Hypothesis(Rest(sizes=(), table=(state,)), ()) for state in range(3)}
     for weight, one, stages, _ in driven.values():
-        starts = [one.mechanism.start(states)[0] for states in product(*map(range, one.mechanism.sizes))]
+        starts = _starts(one.mechanism)
         for state in starts:
-            found.add(weight / len(starts), Rest(sizes=(), table=(state,)), (), stages)
+            found.add(weight / len(starts), rests[state], stages)
     for state in () if driven else range(2 if able[0] else 3):
-        found.add(1.0, Rest(sizes=(), table=(state,)), (), 2 if able[0] else 3)
+        found.add(1.0, rests[state], 2 if able[0] else 3)
     return found.found
+
+
+@lru_cache(maxsize=4096)
+def _starts(mechanism: Mechanism) -> list[int]:
+    """What it shows on a new board, for all combinations of its inputs."""
+    return [mechanism.start(states)[0] for states in product(*map(range, mechanism.sizes))]
 
 
 def _drawn(kind: str, sizes: tuple[int, ...], inputs: tuple[int, ...], stages: int, novel: bool) -> _Collected:
     found = _Collected()
     for weight, mechanism in _outcomes(kind, sizes, stages, novel):
-        found.add(weight, mechanism, inputs, stages)
+        found.add(weight, Hypothesis(mechanism, inputs), stages)
     return found
 
 
@@ -492,7 +515,7 @@ def _driven(law: World, novel: bool, sizes: tuple[int, ...], able: Stages) -> _C
                 each = weight / total * share / len(orders) / len(suitable)
                 read = tuple(sizes[place] for place in inputs)
                 for likely, mechanism in _outcomes(name, read, states, novel):
-                    found.add(each * likely, mechanism, inputs, states)
+                    found.add(each * likely, Hypothesis(mechanism, inputs), states)
     return found
 
 
@@ -512,10 +535,10 @@ def _following(law: World, novel: bool, sizes: tuple[int, ...], sources: tuple[i
     for source in sources:
         place = len(sizes) + source
         for likely, mechanism in _outcomes(DIRECT, (2,), 2, novel):
-            found.add((1 - second) * likely, mechanism, (place,), 2)
+            found.add((1 - second) * likely, Hypothesis(mechanism, (place,)), 2)
         for link, size in enumerate(sizes):
             for likely, mechanism in _outcomes("gate", (2, size), 2, novel):
-                found.add(second * likely / len(sizes), mechanism, (place, link), 2)
+                found.add(second * likely / len(sizes), Hypothesis(mechanism, (place, link)), 2)
     return found
 
 
@@ -540,18 +563,18 @@ def table_space(links: int, responders: int) -> Space:
     or two actions late, and latches. One of these six families is as probable as another."""
     family = {name: _Collected() for name in ("nothing", "one", "one late", "two", "two late", "latch")}
     for state in (0, 1):
-        family["nothing"].add(1.0, Rest(sizes=(), table=(state,)), (), 2)
+        family["nothing"].add(1.0, Hypothesis(Rest(sizes=(), table=(state,)), ()), 2)
     for link, table in product(range(links), ((0, 1), (1, 0))):
-        family["one"].add(1.0, OneToOne(sizes=(2,), table=table), (link,), 2)
+        family["one"].add(1.0, Hypothesis(OneToOne(sizes=(2,), table=table), (link,)), 2)
         for late in (1, 2):
-            family["one late"].add(1.0, Delay(sizes=(2,), table=table, actions=late), (link,), 2)
+            family["one late"].add(1.0, Hypothesis(Delay(sizes=(2,), table=table, actions=late), (link,)), 2)
     both = [four for four in product((0, 1), repeat=4) if _depends_on_both(four)]
     for pair, four in product(combinations(range(links), 2), both):
-        family["two"].add(1.0, Tabled(sizes=(2, 2), table=four), pair, 2)
+        family["two"].add(1.0, Hypothesis(Tabled(sizes=(2, 2), table=four), pair), 2)
         for late in (1, 2):
-            family["two late"].add(1.0, Delay(sizes=(2, 2), table=four, actions=late), pair, 2)
+            family["two late"].add(1.0, Hypothesis(Delay(sizes=(2, 2), table=four, actions=late), pair), 2)
     for pair, first in product(permutations(range(links), 2), (0, 1)):
-        family["latch"].add(1.0, Latch(sizes=(2, 2), table=(0, 1), first=first), pair, 2)
+        family["latch"].add(1.0, Hypothesis(Latch(sizes=(2, 2), table=(0, 1), first=first), pair), 2)
     every: Weighted = {}
     for collected in family.values():
         each = 1 / len(collected.found)

@@ -9,7 +9,7 @@ primary judge reads expectations as states; where a recording does not know stat
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -67,6 +67,18 @@ class EvaluatedBoard:
     judged: np.ndarray
     sequence: BoardSequence | None
     judges: Mapping[str, StateReadout]
+    _bounds: dict[tuple[int, int, bool], np.ndarray] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def bound(self, observed: int, start: int, knowing: bool = False) -> np.ndarray:
+        """What the first `observed` steps determine of those from `start` on, bool (S, N), found out once."""
+        asked = observed, start, knowing
+        if asked not in self._bounds:
+            contacts = np.array([action.position for action in self.observed.actions], float).reshape(-1, 3)
+            acted = acted_objects(self.observed)
+            self._bounds[asked] = determined(self.truth, contacts, acted, observed, knowing, start)
+        return self._bounds[asked]
 
 
 def judge_prediction(
@@ -80,10 +92,10 @@ def judge_prediction(
     """
     truth, start = watched.truth, images - 1
     right = {
-        BOUND: _bound(watched, start, start),
-        BOUND_KNOWING: _bound(watched, start, start, knowing=True),
+        BOUND: watched.bound(start, start),
+        BOUND_KNOWING: watched.bound(start, start, knowing=True),
     }
-    by_images = {number: {BOUND: _bound(watched, number - 1, start)} for number in curve if number <= images}
+    by_images = {number: {BOUND: watched.bound(number - 1, start)} for number in curve if number <= images}
     reads: dict[str, np.ndarray] = {}
     if watched.sequence is not None:
         features = watched.sequence.features
@@ -104,12 +116,6 @@ def judge_prediction(
         reads=reads,
         by_images=by_images,
     )
-
-
-def _bound(watched: EvaluatedBoard, observed: int, start: int, knowing: bool = False) -> np.ndarray:
-    """What the first `observed` steps determine of those from `start` on, bool (S, N)."""
-    contacts = np.array([action.position for action in watched.observed.actions], float).reshape(-1, 3)
-    return determined(watched.truth, contacts, acted_objects(watched.observed), observed, knowing)[start:]
 
 
 def _predict(reasoner: Reasoner, sequence: BoardSequence, images: int, start: int) -> np.ndarray:

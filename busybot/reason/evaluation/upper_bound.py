@@ -265,11 +265,11 @@ class Belief:
 
     def kinds(self) -> list[dict[str, float]]:
         """Probability of each kind of mechanism, for each responder."""
-        return [self._told([one.kind for one in self.space.hypotheses], column) for column in self.now.T]
+        return self._told([one.kind for one in self.space.hypotheses])
 
     def lags(self) -> list[dict[int, float]]:
         """Probability of each lag (`hypotheses.lag_of`), for each responder."""
-        return [self._told(self.space.lags.tolist(), column) for column in self.now.T]
+        return self._told(self.space.lags.tolist())
 
     def changed(self) -> tuple[np.ndarray, np.ndarray]:
         """Probability that another mechanism decides each responder than at the start, float (R,), and the likeliest
@@ -319,12 +319,12 @@ class Belief:
         order, starts = _sorted_meanings(self.space)
         return np.asarray(np.add.reduceat(values[order], starts, axis=0))
 
-    @staticmethod
-    def _told(names: Sequence, column: np.ndarray) -> dict:
-        told = dict.fromkeys(names, 0.0)
-        for name, weight in zip(names, column, strict=True):
-            told[name] += float(weight)
-        return told
+    def _told(self, names: Sequence) -> list[dict]:
+        """Sums over hypotheses of one name, for each responder."""
+        places = {name: place for place, name in enumerate(dict.fromkeys(names))}
+        mass = np.zeros((len(places), self.space.responders))
+        np.add.at(mass, [places[name] for name in names], self.now)
+        return [dict(zip(places, column, strict=True)) for column in mass.T.tolist()]
 
 
 @lru_cache(maxsize=64)
@@ -434,22 +434,15 @@ class Observer:
         """
         clocks = self.space.clocks
         assert clocks is not None
-        log = self._history[-1].runs[-1].log
-        own = _total(_log(clocks.prior) + log)
-        first = _total(_log(clocks.prior) + self._history[0].runs[-1].log)
-        groups, told = np.zeros((len(clocks.sets), self.space.responders), bool), []
-        sizes = [len(group) for group in clocks.sets]
-        for number, group in enumerate(clocks.sets):
-            groups[number, list(group)] = True
-            prior = np.log(clocks.share / len(set(sizes)) / sizes.count(len(group)))
-            members = list(group)
+        own, first = (_total(_log(clocks.prior) + self._history[when].runs[-1].log) for when in (-1, 0))
+        groups, priors = _groups(self.space)
+        told = np.full(len(groups), -np.inf)
+        for number, (prior, members) in enumerate(zip(priors, map(list, clocks.sets), strict=True)):
             if not self._exact:
-                told.append(prior + own[members].sum())
-            elif self._together[np.ix_(members, members)].all():
-                told.append(prior + own[members[0]] + first[members[1:]].sum())
-            else:
-                told.append(-np.inf)
-        return groups, np.array(told)
+                told[number] = prior + own[members].sum()
+            elif self._together[members[0], members].all():
+                told[number] = prior + own[members[0]] + first[members[1:]].sum()
+        return groups, told
 
     def _rewired(self, step: int) -> "_Rewired":
         """What a responder was before and is after a rewiring of that step, if there was one or is to be one."""
@@ -458,18 +451,38 @@ class Observer:
         late = self._history[-1].runs[step].log if step < now else np.zeros_like(early)
         before, after = np.zeros_like(early), np.zeros_like(early)
         scale = _finite(early.max(0)) + _finite(late.max(0))
+        until, since = (np.exp(one - _finite(one.max(0))) for one in (early, late))
         again = 1 / space.orders[:, None]  # share that is written down in the same way, which is no rewiring
-        for stages in np.unique(space.stages):  # a responder keeps its number of states
-            here = (space.stages == stages)[:, None]
-            prior = np.where(here, space.driven, 0)
-            within = prior / np.maximum(prior.sum(0), np.finfo(float).tiny)
-            first = prior / np.maximum(1 - within * again, ALIKE) * np.exp(early - _finite(early.max(0)))
-            second = within * np.exp(late - _finite(late.max(0)))
+        for chance, within in _rewirable(space):
+            first, second = chance * until, within * since
             before += first * (second.sum(0) - second * again).clip(0)
             after += second * (first.sum(0) - first * again).clip(0)
         mass = before.sum(0)
         safe = np.maximum(mass, np.finfo(float).tiny)
         return _Rewired(before / safe, after / safe, _log(mass) + scale)
+
+
+@lru_cache(maxsize=64)
+def _groups(space: Space) -> tuple[np.ndarray, np.ndarray]:
+    """The groups that a clock may move, bool (C, R), and the log probability that it moves each, float (C,)."""
+    clocks = space.clocks
+    assert clocks is not None
+    groups, sizes = np.zeros((len(clocks.sets), space.responders), bool), [len(group) for group in clocks.sets]
+    for row, group in zip(groups, clocks.sets, strict=True):
+        row[list(group)] = True
+    return groups, np.log([clocks.share / len(set(sizes)) / sizes.count(size) for size in sizes])
+
+
+@lru_cache(maxsize=64)
+def _rewirable(space: Space) -> list[tuple[np.ndarray, np.ndarray]]:
+    """For each number of states, which a responder keeps: float (H, R), how probable each mechanism is before a
+    rewiring, which leads to another one, and after it."""
+    again, found = 1 / space.orders[:, None], []
+    for stages in np.unique(space.stages):
+        prior = np.where((space.stages == stages)[:, None], space.driven, 0)
+        within = prior / np.maximum(prior.sum(0), np.finfo(float).tiny)
+        found.append((prior / np.maximum(1 - within * again, ALIKE), within))
+    return found
 
 
 @dataclass(frozen=True, eq=False)

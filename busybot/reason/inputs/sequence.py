@@ -9,9 +9,9 @@ front) and those of different states.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 CHANNELS = 256
 """Numbers per object and frame (paper section 3.2)."""
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,18 @@ class BoardSequence:
     responders: np.ndarray
     world: str = ""
     watch: "Callable[[int], ObservedLinks] | None" = None
+    _made: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def once(self, name: Any, make: Callable[[], Made]) -> Made:
+        """What is made of this recording, made once: evaluators ask several models several things of the same one.
+
+        Args:
+            name: tells it from whatever else is made; what has another name is made anew.
+        """
+        if name not in self._made:
+            self._made[name] = make()
+        found: Made = self._made[name]
+        return found
 
     @property
     def links(self) -> "ObservedLinks":
@@ -65,7 +78,7 @@ class BoardSequence:
     @property
     def arrays(self) -> dict[str, np.ndarray]:
         """All but `world` and `watch`, by name."""
-        return {name: value for name, value in vars(self).items() if name not in ("world", "watch")}
+        return {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
 
     @property
     def steps(self) -> int:
@@ -79,10 +92,14 @@ class BoardSequence:
 
     def first(self, images: int) -> "BoardSequence":
         """The same board watched for at most `images` frames (so many minus one actions)."""
-        steps = max(0, images - 1)
-        return replace(
-            self, features=self.features[: steps + 1], actions=self.actions[:steps], acted=self.acted[:steps]
-        )
+        steps = min(max(0, images - 1), self.steps)
+
+        def shortened() -> BoardSequence:
+            return replace(
+                self, features=self.features[: steps + 1], actions=self.actions[:steps], acted=self.acted[:steps]
+            )
+
+        return self.once(("first", steps), shortened)
 
 
 def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSequence:
@@ -96,7 +113,7 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
         BusybotError: the features are not those of so many frames and objects.
     """
     from busybot.reason.inputs.observation import acted_objects  # decodes pictures; what trains does without
-    from busybot.reason.inputs.trigger_links import observe_links
+    from busybot.reason.inputs.trigger_links import LinkWatch
 
     roles = np.array(observed.roles, str)
     expected = (len(observed.image_of), len(roles), CHANNELS)
@@ -112,7 +129,7 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
         triggers=roles == "trigger",
         responders=roles == "responder",
         world=observed.world,
-        watch=lru_cache(maxsize=2)(lambda steps: observe_links(observed.first(steps + 1))),
+        watch=lru_cache(maxsize=None)(LinkWatch(observed).first),
     )
 
 
@@ -166,11 +183,16 @@ def _cluster(looks: np.ndarray, threshold: float) -> np.ndarray:
     """Clusters of one object's looks (T + 1, C): average linkage of those that differ."""
     from scipy.cluster.hierarchy import fcluster, linkage  # what trains on sequences does without
 
-    distinct, frame = np.unique(looks, axis=0, return_inverse=True)
-    frame = frame.reshape(-1)
+    looks = looks + 0.0  # there is but one zero
+    each = [one.tobytes() for one in looks]
+    distinct = dict.fromkeys(each)
     if len(distinct) == 1:
         return np.zeros(len(looks), int)
-    found = fcluster(linkage(distinct, "average"), threshold, "distance")[frame]
+    # sorted, so that clusters do not depend on the order in which looks appear
+    ordered = sorted(distinct, key=lambda one: np.frombuffer(one, np.float32).tolist())
+    place = {one: number for number, one in enumerate(ordered)}
+    tree = linkage(np.array([np.frombuffer(one, np.float32) for one in ordered]), "average")
+    found = fcluster(tree, threshold, "distance")[[place[one] for one in each]]
     order = {number: place for place, number in enumerate(dict.fromkeys(found.tolist()))}
     return np.array([order[number] for number in found.tolist()])
 

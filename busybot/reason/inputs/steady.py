@@ -44,8 +44,7 @@ class Steady:
 
     def __init__(self, observed: ObservedEpisode):
         self._first = observed.boxed
-        grey = [cv2.cvtColor(observed.images[one].rgb, cv2.COLOR_RGB2GRAY) for one in _pictures(observed)]
-        self.needed = any(np.median(cv2.absdiff(*pair)) > 0 for pair in zip(grey, grey[1:], strict=False))
+        self.needed = still_pictures(observed) < len(pictures_of(observed))
 
     def of(self, frame: Frame) -> Frame:
         """The picture, comparable with the others."""
@@ -62,13 +61,27 @@ def steadied(observed: ObservedEpisode) -> ObservedEpisode:
     if not steady.needed:
         return observed
     images = list(observed.images)
-    for one in _pictures(observed):
+    for one in pictures_of(observed):
         frame = steady.of(Frame(images[one].rgb, images[one].depth))
         images[one] = Image(frame.rgb, frame.depth, None, NO_BOXES)
     return replace(observed, images=images)
 
 
-def _pictures(observed: ObservedEpisode) -> list[int]:
+def still_pictures(observed: ObservedEpisode) -> int:
+    """How many pictures, of `pictures_of` the first ones, are those of a perfect camera: of most pixels, the next one
+    tells the same."""
+    pictures = pictures_of(observed)
+    before = cv2.cvtColor(observed.images[pictures[0]].rgb, cv2.COLOR_RGB2GRAY)
+    for number, one in enumerate(pictures[1:], start=1):
+        after = cv2.cvtColor(observed.images[one].rgb, cv2.COLOR_RGB2GRAY)
+        if 2 * cv2.countNonZero(cv2.absdiff(before, after)) >= before.size:
+            return number
+        before = after
+    return len(pictures)
+
+
+def pictures_of(observed: ObservedEpisode) -> list[int]:
+    """Indices of the pictures, as they are first shown: that with the boxes, and those of all frames."""
     boxed = observed.image_of[0] if observed.boxed_in is None else observed.boxed_in
     return list(dict.fromkeys((boxed, *observed.image_of)))
 

@@ -7,21 +7,20 @@ them again: two links that share pixels and never stand in all four ways are one
 trigger belongs to the link that was taken hold of nearest to it. Pictures do not tell which state is "on", nor that
 there is a link that never moved.
 
-Pictures of a camera that is not still (`steady`) differ where nothing moved. Between two actions on a trigger it shows
-one state: the median of these pictures is taken for each of them, without what is hidden in it, and a trigger that is
-not seen at all keeps how it looked. A pixel then changed if it did by more than what is left of the noise.
+How pictures show each trigger, also those of a camera that is not still, `trigger_views` tells.
 """
 
-import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 
 import numpy as np
 
-from busybot.reason.inputs.object_masks import ChangeConfig, ObjectMasks
+from busybot.reason.inputs.object_masks import ChangeConfig
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
-from busybot.reason.inputs.steady import Steady, steadied
+from busybot.reason.inputs.steady import pictures_of, steadied, still_pictures
+from busybot.reason.inputs.trigger_views import Move, View, calm_views, still_views
 
 STATES = 3
 """A link has so many at most."""
@@ -37,8 +36,6 @@ OFTEN = 0.3
 """How a link stands is read from pixels that so large a share of its moves changed."""
 ALIKE = 0.45
 """Two pictures of a link show one state if they differ by less than this share of the largest difference."""
-USUAL, ABOVE = 0.8, 3.0
-"""Of a pixel's noise: what so large a share of its pictures stays within, and how far beyond a change lies."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +65,6 @@ class ObservedLinks:
 
 
 @dataclass(frozen=True)
-class _Move:
-    """What an action changed in a trigger's box: which pixels, bool (h, w), and by how much, float32 (h, w, 3)."""
-
-    step: int
-    changed: np.ndarray
-    difference: np.ndarray
-
-
-@dataclass(frozen=True)
 class _Link:
     """The actions that moved one link, its states in all F frames, and the pixels of its trigger's box that it changes.
 
@@ -91,46 +79,57 @@ class _Link:
     changed: np.ndarray
 
 
-@dataclass(frozen=True)
-class _View:
-    """A trigger's box in P pictures.
+class LinkWatch:
+    """Watches the links of a recording. What several parts of it show is told without looking at all pictures again.
 
-    Attributes:
-        pictures: P of uint8 or float32 (h, w, 3).
-        least: float (h, w), what a pixel that did not change may differ by.
-        masks: of two frames, which pixels may have changed, bool (h, w).
-        pixels: more than so many changed, if any did.
+    Args:
+        observed: T actions.
     """
 
-    pictures: Sequence[np.ndarray]
-    least: np.ndarray
-    masks: Callable[[int, int], np.ndarray]
-    pixels: int = 0
+    def __init__(self, observed: ObservedEpisode, config: ChangeConfig | None = None):
+        self._observed, self._config = observed, config or ChangeConfig()
+
+    def first(self, steps: int) -> ObservedLinks:
+        """What pictures show in the first so many actions."""
+        observed = self._observed.first(steps + 1)
+        unsteady = len(pictures_of(observed)) > self._still
+        acted = self._acted[:steps]
+        views = calm_views(steadied(observed), acted, self._config) if unsteady else self._views
+        return _links_of(observed, views, acted, unsteady)
+
+    @cached_property
+    def _acted(self) -> np.ndarray:
+        return acted_objects(self._observed)
+
+    @cached_property
+    def _still(self) -> int:
+        return still_pictures(self._observed)
+
+    @cached_property
+    def _views(self) -> dict[int, View]:
+        """How a still camera shows a trigger in a frame does not depend on later ones."""
+        return still_views(self._observed, self._config)
 
 
 def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None) -> ObservedLinks:
     """Watch the links of a recording."""
-    config, acted, unsteady = config or ChangeConfig(), acted_objects(observed), Steady(observed).needed
-    observed = steadied(observed)
-    pixels, contacts = ObjectMasks(observed, config), np.array([one.position for one in observed.actions], float)
+    return LinkWatch(observed, config).first(len(observed.actions))
+
+
+def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.ndarray, unsteady: bool) -> ObservedLinks:
+    contacts = np.array([one.position for one in observed.actions], float)
     pushed = np.array([one.direction for one in observed.actions], float)
-    pictures = [observed.frame(observed.image_of.index(one)).rgb for one in sorted(set(observed.image_of))]
-    frames = np.unique(observed.image_of, return_inverse=True)[1]  # the picture of each frame
     clusters = np.full(len(acted), -1)
     places: list[np.ndarray] = []
     owners: list[int] = []
     states: list[np.ndarray] = []
     directions: list[np.ndarray] = []
-    for trigger in map(int, observed.triggers):
-        if trigger not in pixels.regions:
-            continue
-        if unsteady:
-            view, frames = _calm(observed, pixels, trigger, acted == trigger, config), np.arange(len(acted) + 1)
-        else:
-            view = _still(pictures, pixels, trigger, config)
-        groups = _together(_moves(np.flatnonzero(acted == trigger), view, frames))
+    for trigger, view in views.items():
+        groups = _together(view.moves(np.flatnonzero(acted == trigger)))
+        shown, frames = np.unique(view.frames[: len(acted) + 1], return_inverse=True)
+        pictures = [view.pictures[number] for number in shown.tolist()]
         links = [
-            _Link(np.array([move.step for move in group]), _states(view.pictures, own)[frames], _changed(group))
+            _Link(np.array([move.step for move in group]), _states(pictures, own)[frames], _changed(group))
             for group, own in zip(groups, _own_pixels(groups), strict=True)
         ]
         for link in _whole([one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]):
@@ -145,54 +144,7 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
     return ObservedLinks(clusters, told, np.array(owners, int), at, tuple(directions), unsteady)
 
 
-def _still(pictures: Sequence[np.ndarray], pixels: ObjectMasks, trigger: int, config: ChangeConfig) -> _View:
-    region = pixels.regions[trigger]
-
-    def masks(one: int, other: int) -> np.ndarray:
-        before, after = (pixels.masks(trigger, number) for number in (one, other))
-        return np.asarray((before[0] | after[0]) & ~before[1] & ~after[1])
-
-    boxes = [one[region.rows, region.columns] for one in pictures]
-    return _View(boxes, np.full(region.mine.shape, float(config.tolerance)), masks)
-
-
-def _calm(
-    observed: ObservedEpisode, pixels: ObjectMasks, trigger: int, touched: np.ndarray, config: ChangeConfig
-) -> _View:
-    """A trigger's box in each frame: the median of what was seen of each pixel since the trigger was touched last."""
-    region, count = pixels.regions[trigger], len(observed.image_of)
-    boxes = np.array([observed.frame(k).rgb[region.rows, region.columns] for k in range(count)], np.float32)
-    own, hidden = (np.array(one) for one in zip(*(pixels.masks(trigger, k) for k in range(count)), strict=True))
-    boxes[hidden] = np.nan
-    runs, calm = np.concatenate([[0], np.cumsum(touched)]), np.empty_like(boxes)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # what was never seen has no median
-        last = np.nan_to_num(np.nanmedian(boxes, axis=0))
-        for run in range(int(runs[-1]) + 1):
-            look = np.nanmedian(boxes[runs == run], axis=0)
-            last = np.where(np.isnan(look), last, look)
-            calm[runs == run] = last
-        usual = np.nan_to_num(np.nanquantile(np.abs(boxes - calm).max(axis=-1), USUAL, axis=0))
-    mine = own.mean(axis=0) > 0.5
-    return _View(list(calm), np.maximum(config.tolerance, ABOVE * usual), lambda *_: mine, config.least)
-
-
-def _moves(steps: np.ndarray, view: _View, frames: np.ndarray) -> list[_Move]:
-    """The actions on a trigger that changed pixels of it."""
-    found = []
-    for step in steps.tolist():
-        if frames[step] == frames[step + 1]:
-            continue
-        before, after = (view.pictures[frames[number]].astype(np.float32) for number in (step, step + 1))
-        changed = np.abs(after - before).max(axis=-1) > view.least
-        if changed.any():
-            changed &= view.masks(step, step + 1)
-        if changed.sum() > view.pixels:
-            found.append(_Move(step, changed, np.where(changed[..., None], after - before, 0)))
-    return found
-
-
-def _together(moves: list[_Move]) -> list[list[_Move]]:
+def _together(moves: list[Move]) -> list[list[Move]]:
     from scipy.cluster.hierarchy import fcluster, linkage  # what only reads features does without
     from scipy.spatial.distance import squareform
 
@@ -204,7 +156,7 @@ def _together(moves: list[_Move]) -> list[list[_Move]]:
     return [[move for move, label in zip(moves, labels, strict=True) if label == each] for each in sorted(set(labels))]
 
 
-def _own_pixels(groups: list[list[_Move]]) -> list[np.ndarray]:
+def _own_pixels(groups: list[list[Move]]) -> list[np.ndarray]:
     """The pixels that tell how each link stands, bool (h, w): often changed by its moves, and not by another link's if
     there are such."""
     changed = [np.sum([move.changed for move in group], axis=0) for group in groups]
@@ -227,7 +179,7 @@ def _states(pictures: Sequence[np.ndarray], where: np.ndarray) -> np.ndarray:
     return _numbered(labels)
 
 
-def _changed(moves: Sequence[_Move]) -> np.ndarray:
+def _changed(moves: Sequence[Move]) -> np.ndarray:
     """The pixels that any of these changed, bool (h, w)."""
     return np.any([move.changed for move in moves], axis=0)
 

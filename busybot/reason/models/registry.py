@@ -121,7 +121,7 @@ def config_class(model: str) -> type[BaseModel]:
     return without_training()[model][1] if model in without_training() else NoParameters
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=32)
 def reasoner_of(model: str, config: BaseModel | None = None) -> Reasoner:
     """A reasoner by its name, or a trained model's name or folder; loaded once in a process.
 

@@ -41,6 +41,19 @@ def test_out_gets_the_same_object(dataset: Path, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "results" / "reason.json").read_text()) == json.loads(result.stdout)
 
 
+def test_several_reasoners_get_a_file_each_as_if_judged_alone(dataset: Path, tmp_path: Path) -> None:
+    names = ("count", "persistence")
+    files = [tmp_path / f"{name}.json" for name in names]
+    asked = [word for name, file in zip(names, files, strict=True) for word in ("--reasoner", name, "--out", file)]
+    result = run(dataset, *asked, "--workers", "1", "--json")
+    together = [json.loads(file.read_text()) for file in files]
+    assert json.loads(result.stdout)["results"] == together
+    for name, told in zip(names, together, strict=True):
+        assert told == json.loads(run(dataset, "--reasoner", name, "--workers", "1", "--json").stdout)
+    shown = run(dataset, "--reasoner", "count", "--reasoner", "persistence", "--workers", "1").stdout
+    assert shown.index("count:") < shown.index("persistence:")
+
+
 def test_people_see_the_trivial_graphs_beside_it(dataset: Path) -> None:
     result = run(dataset, "--reasoner", "count")
     assert result.exit_code == 0
@@ -60,6 +73,8 @@ def test_parameters_can_be_set(dataset: Path) -> None:
         (("--reasoner", "oracle"), 1, "oracle: no model of that name"),
         (("--set", "noise=3"), 2, "parameter noise"),
         (("--images", "1"), 2, "--images"),
+        (("--reasoner", "count", "--reasoner", "pc", "--out", "one.json"), 2, "one --out for each --reasoner"),
+        (("--reasoner", "count", "--reasoner", "pc", "--graphs", "folder"), 2, "--graphs is about one reasoner"),
     ],
 )
 def test_what_cannot_be_is_refused(dataset: Path, arguments: tuple[str, ...], code: int, message: str) -> None:

@@ -12,7 +12,7 @@ from busybot.boards.spec import LinkRef, Relation
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
-from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset, judge_episode
+from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset, evaluate_models, judge_episode
 from busybot.reason.evaluation.ground_truth import truth_of
 from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.models.base import InferredGraph
@@ -162,6 +162,13 @@ def test_looking_up_predicts_what_was_seen(tmp_path: Path) -> None:
     result = evaluate_dataset(dataset, ReasonEvaluation("lookup", images=4), workers=1)
     assert result["bounds"]["knowing"]["pred_a_successful"] >= result["pred_a_successful"] > 0.5
     assert result == evaluate_dataset(dataset, ReasonEvaluation("lookup", images=4), workers=2)
+
+
+def test_models_judged_together_are_judged_as_each_alone(tmp_path: Path) -> None:
+    dataset, asked = make_dataset(tmp_path / "toys"), [ReasonEvaluation(name, 4) for name in ("count", "persistence")]
+    together = evaluate_models(dataset, asked, workers=1)
+    assert together == [evaluate_dataset(dataset, one, workers=1) for one in asked]
+    assert [one["model"] for one in together] == ["count", "persistence"]
 
 
 def test_boards_without_further_steps_or_known_states_have_no_pred_a(tmp_path: Path) -> None:

@@ -39,13 +39,10 @@ def claims(*pairs: tuple[int, int], steps: int = len(PRESSES), p: float = 1.0) -
     return InferredGraph("claimed", probabilities)
 
 
-def watched(episode: Episode, reasoner: Reasoner | None = None, images: int = 17) -> Watched:
+def watched(episode: Episode, images: int = 17) -> Watched:
     sequence = sequence_of(episode)
     everyone = np.array([False, True, True, False, True])
-    return Watched(
-        episode, sequence.actions, sequence.acted, everyone, images, None, sequence, reasoner,
-        None if reasoner is None else judge_of(sequence),
-    )  # fmt: skip
+    return Watched(episode, sequence.actions, sequence.acted, everyone, images, None, sequence, judge_of(sequence))
 
 
 @pytest.fixture(autouse=True)
@@ -161,14 +158,14 @@ def test_parents_at_the_level_of_links() -> None:
 
 
 def asked(episode: Episode, reasoner: Reasoner, **more: int) -> JudgedCauses:
-    return judge_causes(watched(episode, reasoner, **more), claims(steps=len(episode.steps)))
+    return judge_causes(watched(episode, **more), claims(steps=len(episode.steps)), reasoner)
 
 
 def test_who_is_asked_about_states_that_were_never_seen_is_told_apart() -> None:
     """Switch 3 moved before the observed actions end, or after: one of its states was never shown to anybody."""
     for presses, met in (((0, 3, 0, 3), 1.0), ((0, 0, 0, 3), 0.5)):
         episode = play([AND, relation("one-to-one", (0,), 4, (0, 1))], presses)
-        told = summary((episode, judge_causes(watched(episode, Knower(episode), images=4), claims(steps=4))), images=4)
+        told = summary((episode, judge_causes(watched(episode, images=4), claims(steps=4), Knower(episode))), images=4)
         assert told["mechanisms_met"] == met
         assert told["mechanism_bound_met"] == told["mechanism_bound"] or met < 1
         assert told["mechanism_accuracy_met"] == 1.0

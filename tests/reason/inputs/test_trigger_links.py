@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from busybot.reason.inputs.observation import ObservedEpisode
-from busybot.reason.inputs.trigger_links import observe_links
+from busybot.reason.inputs.trigger_links import LinkWatch, observe_links
 from tests.reason.scenes import Patch, Scene
 
 PLATE = Patch((20, 20, 60, 60), (200, 200, 200))
@@ -84,3 +84,12 @@ def test_a_responder_that_changes_moves_no_link() -> None:
     changed = replace(observed, images=[replace(i, rgb=f) for i, f in zip(observed.images, frames, strict=True)])
     one, other = observe_links(observed), observe_links(changed)
     assert one.clusters.tolist() == other.clusters.tolist() and np.array_equal(one.states, other.states)
+
+
+def test_what_was_watched_further_shows_of_the_first_actions_what_they_alone_show() -> None:
+    observed, _ = played(MOVES)
+    watch = LinkWatch(observed)
+    for steps in (len(MOVES), *range(len(MOVES))):
+        one, other = vars(watch.first(steps)), vars(observe_links(observed.first(steps + 1)))
+        for name, value in one.items():
+            np.testing.assert_array_equal(value, other[name], err_msg=f"{name} after {steps}")

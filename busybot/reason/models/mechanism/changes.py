@@ -7,6 +7,8 @@ changes are, and what is luck, the network learns (`networks`). Cost: that of th
 change may have come.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -34,10 +36,12 @@ def changes_of(trace: Trace, found: Explanations) -> tuple[np.ndarray, np.ndarra
     before = torch.cat([shown[:, :1], shown[:, :-1]], 1)
     prior = _prior(trace, found)
     moments = shown.shape[1]
-    first = _explained(found, shown, before, 0, prior)  # (R, M, 3)
+    now = np.isin(found.memory, _NOW) & (found.inputs.sum(1) <= 2) & ~found.inputs[:, -len(shown) :].any(1)
+    kinds = [torch.from_numpy(np.flatnonzero(which)) for which in (np.ones_like(now), ~found.own, now)]
+    first = _explained(found, shown, before, 0, prior, kinds)  # (R, M, 3)
     later = torch.full((len(shown), moments, moments, 3), -torch.inf)  # by the moment of the change, and until when
     for start in range(EARLIEST, moments):
-        later[:, start, start:] = first[:, start - 1, None] + _explained(found, shown, before, start, prior)
+        later[:, start, start:] = first[:, start - 1, None] + _explained(found, shown, before, start, prior, kinds)
     either = torch.logsumexp(later, 1) - torch.arange(moments).clamp(min=1).log()[:, None]
     odds = (either - first).clamp(min=NOTHING)
     return odds.transpose(0, 1).numpy(), later[:, :, -1, 0].argmax(1).numpy()
@@ -52,12 +56,14 @@ def _prior(trace: Trace, found: Explanations) -> Tensor:
     return torch.where(itself, -torch.inf, share)
 
 
-def _explained(found: Explanations, shown: Tensor, before: Tensor, start: int, prior: Tensor) -> Tensor:
-    """Log probability of all that was shown from a moment on, until each later one, (R, M - start, 3), see above."""
+def _explained(
+    found: Explanations, shown: Tensor, before: Tensor, start: int, prior: Tensor, kinds: Sequence[Tensor]
+) -> Tensor:
+    """Log probability of all that was shown from a moment on, until each later one, by these kinds of explanations,
+    (R, M - start, kinds)."""
     earlier = Earlier(found.contexts[start:], found.own, before[:, start:])
     own = shown[:, start:]
     sure, _, either = log_probabilities(earlier, own, earlier.sum(one_hot(own, STATES).float()))
     told = torch.where(earlier.own[:, None], either, sure)  # what has no luck never shows anything else
     logs = told.cumsum(-1) + prior[..., None]
-    now = np.isin(found.memory, _NOW) & (found.inputs.sum(1) <= 2) & ~found.inputs[:, -len(shown) :].any(1)
-    return torch.stack([torch.logsumexp(logs[:, of], 1) for of in (..., ~earlier.own, torch.from_numpy(now))], -1)
+    return torch.stack([torch.logsumexp(logs.index_select(1, of), 1) for of in kinds], -1)

@@ -33,6 +33,7 @@ MEMORIES = (
 """What explanations remember. `own` is the responder's state before the action, which is what luck leaves in place. A
 link is pressed up when it comes to rest in its highest state, down in its lowest: pictures do not tell which is on."""
 _OF_PRESSES = [number for number, name in enumerate(MEMORIES) if name.startswith(("odd", "last"))]
+_LAST = [number for number, name in enumerate(MEMORIES) if name.startswith("last")]
 _SINCE = [number for number, name in enumerate(MEMORIES) if name.startswith("since")]
 SURE, UNSURE = 0.03, 0.4
 """Pseudo-counts of the estimators: of what is determined, and of what has a luck of its own."""
@@ -56,9 +57,11 @@ class Trace:
         """What was known after so many actions."""
         return Trace(self.links[: actions + 1], self.responders[: actions + 1], self.sizes)
 
-    def longer(self, links: np.ndarray | Sequence[int], responders: np.ndarray) -> "Trace":
-        """After one more action, which left links and responders so."""
-        return Trace(np.vstack([self.links, links]), np.vstack([self.responders, responders]), self.sizes)
+    def longer(self, links: np.ndarray | Sequence[int], responders: np.ndarray, times: int = 1) -> "Trace":
+        """After one more action, or several, which left links and responders so."""
+        return Trace(
+            np.vstack([self.links, *[links] * times]), np.vstack([self.responders, *[responders] * times]), self.sizes
+        )
 
 
 @dataclass(frozen=True)
@@ -91,18 +94,15 @@ class Explanations:
 
 
 @dataclass(frozen=True)
-class _Group:
-    """Explanations that remember the same, of equally many inputs: int (n, inputs), numbers of the inputs of each."""
-
-    memory: str
-    sets: np.ndarray
-
-
-@dataclass(frozen=True)
 class Layout:
-    """All explanations of boards with so many links and responders, group by group."""
+    """All explanations of boards with so many links and responders.
 
-    groups: tuple[_Group, ...]
+    Attributes:
+        inputs, memory, own, reads, fewer, parts, signs: as of `Explanations`.
+        places, weights: int (H, INPUTS), which columns of `_memories` a context is the weighted sum of.
+        since, last: rows of those that remember since when a link was pressed, or which was pressed last.
+    """
+
     inputs: np.ndarray
     memory: np.ndarray
     own: np.ndarray
@@ -110,6 +110,10 @@ class Layout:
     fewer: np.ndarray
     parts: np.ndarray
     signs: np.ndarray
+    places: np.ndarray
+    weights: np.ndarray
+    since: np.ndarray
+    last: np.ndarray
 
 
 @lru_cache(maxsize=64)
@@ -119,21 +123,33 @@ def layout(links: int, responders: int) -> Layout:
     single = [(one,) for one in range(links)]
     pairs, threes = list(combinations(range(links), 2)), list(combinations(range(links), INPUTS))
     mixed = [(one, other) for one in range(links) for other in range(links, count)]
-    groups = [_group("none", [()]), _group("own", [()])]
+    groups: list[tuple[str, Sequence[tuple[int, ...]]]] = [("none", [()]), ("own", [()])]
     for sets in ([(one,) for one in range(count)], [*pairs, *mixed], threes):
-        groups += [_group("late 0", sets), _group("own and now", sets)]
-    groups += [_group(memory, sets) for sets in (single, pairs) for memory in late]
-    groups += [_group(f"{what} {way}", single) for what in ("odd presses", "since press") for way in WAYS]
-    groups += [_group(f"last press {one}, {two}", pairs) for one in WAYS for two in WAYS]
-    groups = [group for group in groups if len(group.sets)]
-    told = np.zeros((sum(len(group.sets) for group in groups), count), bool)
-    for row, inputs in zip(told, (one for group in groups for one in group.sets), strict=True):
-        row[inputs] = True
-    names = [group.memory for group in groups for _ in group.sets]
+        groups += [("late 0", sets), ("own and now", sets)]
+    groups += [(memory, sets) for sets in (single, pairs) for memory in late]
+    groups += [(f"{what} {way}", single) for what in ("odd presses", "since press") for way in WAYS]
+    groups += [(f"last press {one}, {two}", pairs) for one in WAYS for two in WAYS]
+    every = [(name, one) for name, sets in groups for one in sets]
+    told, names = np.zeros((len(every), count), bool), [name for name, _ in every]
+    places, weights = np.full((len(every), INPUTS), -1), np.zeros((len(every), INPUTS), int)
+    for number, (name, inputs) in enumerate(every):
+        told[number, inputs] = True
+        places[number, : len(inputs)] = _columns(name, inputs, links, count)
+        weights[number, : len(inputs)] = (1, -1) if name.startswith("last") else STATES ** np.arange(len(inputs))
     memory = np.array([MEMORIES.index(name) for name in names])
     reads = np.array(np.nonzero(told))
     own = np.array([name.startswith("own") for name in names])
-    return Layout(tuple(groups), told, memory, own, reads, *_fewer(told, names, reads))
+    since, last = (np.flatnonzero(np.isin(memory, which)) for which in (_SINCE, _LAST))
+    return Layout(told, memory, own, reads, *_fewer(told, names, reads), places, weights, since, last)
+
+
+def _columns(name: str, inputs: Sequence[int], links: int, count: int) -> list[int]:
+    """The columns of `_memories` that an explanation reads, one for each of its inputs."""
+    what, *rest = name.replace(",", "").split()
+    if what in ("odd", "since", "last"):
+        ways = [WAYS.index(way) + len(WAYS) * (what == "odd") for way in rest if way in WAYS]
+        return [DELAYS * count + way * links + one for way, one in zip(ways, inputs, strict=True)]
+    return [(int(rest[0]) if what == "late" else 0) * count + one for one in inputs]
 
 
 def _fewer(told: np.ndarray, names: Sequence[str], reads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -156,34 +172,27 @@ def _fewer(told: np.ndarray, names: Sequence[str], reads: np.ndarray) -> tuple[n
     return np.array([without(number, [one]) for number, one in reads.T], int), parts, signs
 
 
-def _group(memory: str, sets: Sequence[tuple[int, ...]]) -> _Group:
-    return _Group(memory, np.array(sets, int).reshape(len(sets), -1) if sets else np.zeros((0, 0), int))
-
-
 def explanations_of(trace: Trace) -> Explanations:
     """All explanations of a board, with their contexts."""
-    known, late = layout(trace.links.shape[1], trace.responders.shape[1]), _late_inputs(trace)
-    since, odd = _presses(trace)  # each int (2, T + 1, L), up and down
-    found = []
-    for group in known.groups:
-        what, *rest = group.memory.replace(",", "").split()
-        if what == "odd":
-            found.append(odd[WAYS.index(rest[-1])][:, group.sets[:, 0]])
-        elif what == "since":
-            found.append(since[WAYS.index(rest[-1])][:, group.sets[:, 0]].clip(max=LONGEST))
-        elif what == "last":
-            one, two = (since[WAYS.index(way)][:, group.sets[:, k]] for k, way in enumerate(rest[-2:]))
-            found.append(np.sign(one - two))
-        else:
-            found.append(_joint(late[int(rest[0]) if what == "late" else 0][:, group.sets]))
-    contexts = np.concatenate(found, axis=1)
+    known = layout(trace.links.shape[1], trace.responders.shape[1])
     sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])
     met = np.where(known.inputs, sizes, 1).prod(1)
     met = np.where(np.isin(known.memory, _OF_PRESSES), 2, met)
     met = np.where(np.isin(known.memory, _SINCE), LONGEST + 1, met)
     return Explanations(
-        known.inputs, known.memory, contexts, known.own, known.reads, known.fewer, known.parts, known.signs, met
-    )
+        known.inputs, known.memory, contexts_of(trace), known.own, known.reads, known.fewer, known.parts, known.signs,
+        met,
+    )  # fmt: skip
+
+
+def contexts_of(trace: Trace, moments: int | None = None) -> np.ndarray:
+    """Contexts of all explanations, as of `Explanations`, at all moments or the last so many, int (moments, H)."""
+    known = layout(trace.links.shape[1], trace.responders.shape[1])
+    memories = _memories(trace)[-(moments or len(trace.links)) :]
+    contexts = (memories[:, known.places] * known.weights).sum(-1)
+    contexts[:, known.since] = contexts[:, known.since].clip(max=LONGEST)
+    contexts[:, known.last] = np.sign(contexts[:, known.last])
+    return np.asarray(contexts)
 
 
 def followed(trace: Trace, found: Explanations, contexts: np.ndarray, before: np.ndarray) -> np.ndarray:
@@ -195,23 +204,22 @@ def followed(trace: Trace, found: Explanations, contexts: np.ndarray, before: np
     """
     shown = trace.responders
     earlier = np.concatenate([shown[:1], shown[:-1]])
-    each = np.broadcast_to(contexts, (shown.shape[1], len(found.own)))
-    equal = (found.contexts[:, None] == each).astype(float)  # (T + 1, R, H)
-    states = np.eye(STATES)[shown]  # (T + 1, R, S)
-    alike = states * (earlier == before)[..., None]
-    counts = [np.einsum("trh,trs->rhs", equal, each) for each in (alike, states)]
-    return np.where(found.own[None, :, None], *counts)
+    equal = (contexts[..., None] == found.contexts.T).astype(float)  # (H, T + 1) or (R, H, T + 1)
+    states = np.eye(STATES)[shown.T]  # (R, T + 1, S)
+    alike = states * (earlier == before).T[..., None]
+    return np.where(found.own[:, None], equal @ alike, equal @ states)
 
 
-def _late_inputs(trace: Trace) -> list[np.ndarray]:
-    """For each delay, int (T + 1, I): links after, and responders before, the action that was so many actions ago.
-
-    Before the first action everything has rested for long.
-    """
+def _memories(trace: Trace) -> np.ndarray:
+    """What may be remembered, int (T + 1, DELAYS I + 4 L + 1): for each delay the links after, and the responders
+    before, the action that was so many actions ago; for each of `WAYS` since when each link was pressed; and whether an
+    odd number of times; zeros. Before the first action everything has rested for long."""
     responders = np.concatenate([trace.responders[:1], trace.responders[:-1]])
     rows = np.concatenate([trace.links, responders], axis=1)
     steps = np.arange(len(rows))
-    return [rows[np.maximum(steps - delay, 0)] for delay in range(DELAYS)]
+    late = [rows[np.maximum(steps - delay, 0)] for delay in range(DELAYS)]
+    since, odd = _presses(trace)
+    return np.concatenate([*late, *since, *odd, np.zeros((len(rows), 1), int)], axis=1)
 
 
 def _presses(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
@@ -224,8 +232,3 @@ def _presses(trace: Trace) -> tuple[np.ndarray, np.ndarray]:
     latest = np.maximum.accumulate(np.where(pressed, steps, -LONGEST - 1), axis=1)
     since = np.where(latest < 0, len(steps) + LONGEST, steps - latest)
     return since, np.cumsum(pressed, axis=1) % 2
-
-
-def _joint(states: np.ndarray) -> np.ndarray:
-    """One number for each of the last rows of states (..., n)."""
-    return np.asarray(states @ (STATES ** np.arange(states.shape[-1])))

@@ -17,7 +17,7 @@ from busybot.reason.models.mechanism.contexts import (
     UNSURE,
     Explanations,
     Trace,
-    explanations_of,
+    contexts_of,
     followed,
 )
 
@@ -37,7 +37,7 @@ def expected_information(
     few = np.where(found.own, UNSURE, SURE)[:, None] * (np.arange(STATES) < ways[:, None, None])  # (R, H, S)
     told = []
     for links in moves:
-        contexts = explanations_of(trace.longer(links, before)).contexts[-1]
+        [contexts] = contexts_of(trace.longer(links, before), 1)
         told.append(_information(followed(trace, found, contexts, before) + few, shares))
     return np.array(told)
 

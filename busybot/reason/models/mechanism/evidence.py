@@ -92,17 +92,21 @@ class Earlier:
         self.same = each[:, :, None] == each[:, None]  # (H, M, M)
         self.alike = before[:, :, None] == before[:, None]  # (R, M, M)
         self.own = torch.from_numpy(own)
-        self._free = (self.same[~self.own] & self.past).float()
-        self._bound = (self.same[self.own] & self.past & self.alike[:, None]).float()
+        self._rows = [torch.from_numpy(np.flatnonzero(which)) for which in (~own, own)]
+        free, bound = (self.same[rows] & self.past for rows in self._rows)
+        self._free, self._bound = free.float(), (bound & self.alike[:, None]).float()
 
     def sum(self, numbers: Tensor, recent: bool = False) -> Tensor:
         """Over earlier moments of equal context, (R, H, M, N) from (R, M, N) or (R, H, M, N)."""
         free, bound = (one * self.recent if recent else one for one in (self._free, self._bound))
-        each = numbers[:, None] if numbers.dim() == 3 else numbers
-        told = numbers.new_empty(len(numbers), len(self.own), *numbers.shape[-2:])
-        told[:, ~self.own] = free @ (each if len(each[0]) == 1 else each[:, ~self.own])
-        told[:, self.own] = bound @ (each if len(each[0]) == 1 else each[:, self.own])
-        return told
+        each = numbers[:, None].expand(-1, len(self.own), -1, -1) if numbers.dim() == 3 else numbers
+        of_free, of_bound = (each.index_select(1, rows) for rows in self._rows)
+        # what is free is equal for all responders, whose numbers stand side by side
+        side_by_side = of_free.permute(1, 2, 0, 3).reshape(*free.shape[:2], -1)
+        summed = torch.bmm(free, side_by_side).view(*free.shape[:2], len(numbers), -1).permute(2, 0, 1, 3)
+        told = numbers.new_empty(each.shape)
+        told.index_copy_(1, self._rows[0], summed)
+        return told.index_copy_(1, self._rows[1], bound @ of_bound)
 
 
 def log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -112,11 +116,18 @@ def log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[
         shown: int (R, M).
         follow: (R, H, M, STATES), how often each state followed equal contexts.
     """
-    right, ways = _right(follow, shown), (shown.cummax(1).values + 1).clamp(min=2)[:, None]
-    both = torch.stack([torch.log((right + few) / (follow.sum(-1) + few * ways)) for few in (SURE, UNSURE)], -1)
-    known = earlier.sum(both)  # log probability of what each has seen in this context
-    either = torch.logsumexp(known + both, -1) - torch.logsumexp(known, -1)
-    return both[..., 0], both[..., 1], either
+    right, ways, total = _right(follow, shown), (shown.cummax(1).values + 1).clamp(min=2)[:, None], follow.sum(-1)
+    sure, unsure = (torch.log((right + few) / (total + few * ways)) for few in (SURE, UNSURE))
+    # log probability of what each has seen in this context
+    known = earlier.sum(torch.stack([sure, unsure], -1)).unbind(-1)
+    either = _log_sum(known[0] + sure, known[1] + unsure) - _log_sum(*known)
+    return sure, unsure, either
+
+
+def _log_sum(one: Tensor, other: Tensor) -> Tensor:
+    """Log of the sum of two exponentials."""
+    top = torch.maximum(one, other)
+    return ((one - top).exp() + (other - top).exp()).log() + top
 
 
 def _right(follow: Tensor, shown: Tensor) -> Tensor:

@@ -118,11 +118,15 @@ class Perceived:
 
 
 def perceive(seen: BoardSequence, encoder: str) -> Perceived:
-    """Links and states of a recording, of which the encoder's features are given.
+    """Links and states of a recording, of which the encoder's features are given; looked at once.
 
     Under a camera that was not still, looks are unlike that differ by more than noise: by much more than they do in
     the steps in which responders changed least.
     """
+    return seen.once(("perceived", encoder), lambda: _perceived(seen, encoder))
+
+
+def _perceived(seen: BoardSequence, encoder: str) -> Perceived:
     links, responders = seen.links, np.flatnonzero(seen.responders)
     unlike = threshold_of(encoder)
     if links.steadied:

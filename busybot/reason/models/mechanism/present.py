@@ -6,7 +6,8 @@ of them moved since the end of what was seen as possible. A memory (a toggle's, 
 shows.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -24,6 +25,8 @@ RARE = 0.05
 """Pseudo-count of what never followed a context."""
 REST = LONGEST + DELAYS
 """After so many actions in which nothing moved no press is remembered, and nothing comes late."""
+LEAST = -1
+"""The contexts of what remembers presses lie between this and `LONGEST`."""
 _STATELESS = [MEMORIES.index(name) for name in ("none", "late 0", "own and now")]
 _ODD = [number for number, name in enumerate(MEMORIES) if name.startswith("odd")]
 _PRESSED = [number for number, name in enumerate(MEMORIES) if name.startswith(("odd", "since", "last"))]
@@ -40,7 +43,6 @@ class Past:
     perceived: Perceived
     found: Explanations
     shares: np.ndarray
-    _shown: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
     def standing(self, shown: np.ndarray, action: np.ndarray, acted: int) -> np.ndarray:
         """States of the links before an action, int (L,).
@@ -84,24 +86,25 @@ class Past:
             shown: int (R,), states before it.
         """
         contexts = np.tile(after, (len(shown), 1))
-        for number in np.flatnonzero(np.isin(self.found.memory, _PRESSED)):
-            odd, pressed = self.found.memory[number] in _ODD, rested[number] != after[number]
-            if pressed and not odd:
-                continue
-            values, usual = self._usual(int(number))
-            for responder, states in enumerate(usual):
-                [fitting] = np.nonzero(states == shown[responder])
-                if len(fitting) and rested[number] not in values[fitting]:
-                    context = int(values[fitting[-1]])
-                    contexts[responder, number] = context ^ 1 if odd and pressed else context
+        odd, pressed = np.isin(self.found.memory[self._presses], _ODD), (rested != after)[self._presses]
+        met, usual = self._usual
+        fitting = met[..., None] & (usual == shown)  # (P, V, R)
+        rests = fitting[np.arange(len(odd)), rested[self._presses] - LEAST]
+        latest = fitting.shape[1] - 1 - fitting[:, ::-1].argmax(1) + LEAST
+        told = np.where((odd & pressed)[:, None], latest ^ 1, latest)
+        other = fitting.any(1) & ~rests & ~(pressed & ~odd)[:, None]
+        contexts[:, self._presses] = np.where(other.T, told.T, contexts[:, self._presses])
         return contexts
 
-    def _usual(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """The contexts of an explanation that were met, (V,), and what each responder mostly showed in them, (R, V)."""
-        if number not in self._shown:
-            values, which = np.unique(self.found.contexts[:, number], return_inverse=True)
-            counts = np.zeros((len(values), STATES, self.perceived.trace.responders.shape[1]), int)
-            for context, states in zip(which, self.perceived.trace.responders, strict=True):
-                counts[context, states, np.arange(len(states))] += 1
-            self._shown[number] = values, counts.argmax(1).T
-        return self._shown[number]
+    @cached_property
+    def _presses(self) -> np.ndarray:
+        """int (P,), the explanations that remember presses."""
+        return np.flatnonzero(np.isin(self.found.memory, _PRESSED))
+
+    @cached_property
+    def _usual(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of each context from `LEAST` on, whether it was met, bool (P, V), and what each responder mostly showed in
+        it, int (P, V, R)."""
+        equal = self.found.contexts[:, self._presses, None] == np.arange(LEAST, LONGEST + 1)  # (T + 1, P, V)
+        shown = np.eye(STATES)[self.perceived.trace.responders]
+        return equal.any(0), np.tensordot(equal.astype(float), shown, (0, 0)).argmax(-1)

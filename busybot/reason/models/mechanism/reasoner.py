@@ -6,22 +6,32 @@ that is open, nothing changes.
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import torch
 
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks
-from busybot.reason.models.mechanism.changes import changes_of
 from busybot.reason.models.mechanism.completion import completed
-from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace, explanations_of, followed
+from busybot.reason.models.mechanism.contexts import (
+    MEMORIES,
+    STATES,
+    Explanations,
+    Trace,
+    contexts_of,
+    explanations_of,
+    followed,
+)
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, world_number
-from busybot.reason.models.mechanism.perception import Perceived, perceive
+from busybot.reason.models.mechanism.perception import Perceived
 from busybot.reason.models.mechanism.present import RARE, REST, Past
-from busybot.reason.pyg import Batch
+from busybot.reason.models.mechanism.study import study_of
+from busybot.reason.pyg import Batch, HeteroData
 
 KINDS = {
     "none": "rest",
@@ -60,6 +70,11 @@ class _Understood:
         found, trace = self.found, self.trace
         return Laws(trace.sizes, found.inputs, found.memory, self.shares[..., -1], trace.links, trace.responders)
 
+    @cached_property
+    def _completing(self) -> np.ndarray:
+        """bool (R, H), which explanations are asked about what they never met."""
+        return np.asarray((self.shares[..., -1] > LIKELY) & np.isin(self.found.memory, _STATES_OF_INPUTS))
+
     def following(self, contexts: np.ndarray, before: np.ndarray, at: int | None = None) -> np.ndarray:
         """The likeliest states after an action, int (R,).
 
@@ -72,7 +87,7 @@ class _Understood:
         counts, shown = followed(self.trace, self.found, contexts, before), self.trace.responders
         total = counts.sum(2, keepdims=True)
         likely = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), np.eye(STATES)[before][:, None])
-        asked = (total[..., 0] == 0) & (self.shares[..., -1] > LIKELY) & np.isin(self.found.memory, _STATES_OF_INPUTS)
+        asked = (total[..., 0] == 0) & self._completing
         for responder, row in zip(*np.nonzero(asked), strict=True):
             context = int(np.broadcast_to(contexts, asked.shape)[responder, row])
             told = self._completed(responder, row).get(context)
@@ -113,7 +128,6 @@ class MechanismReasoner:
 
     def __init__(self, net: MechanismNet, encoder: str):
         self._net, self.encoder = net.eval(), encoder
-        self._last: tuple[BoardSequence, _Understood] | None = None
 
     def graph(self, seen: BoardSequence) -> InferredGraph:
         """Edge probabilities after each step, at the level of objects and of links, with kinds and lags.
@@ -121,10 +135,9 @@ class MechanismReasoner:
         What counts as one link, and as one look, is found in all pictures of `seen`: rows of earlier steps have their
         evidence alone from the actions until then. Kinds and lags are those of the end.
         """
-        perceived = perceive(seen, self.encoder)
-        odds, first = changes_of(perceived.trace, explanations_of(perceived.trace))
-        found, shares, believed = self.explain(perceived.trace, range(seen.steps + 1), seen.world, odds)
-        known = _Understood(perceived, found, shares)
+        study = study_of(seen, self.encoder)
+        shares, believed = self._weighed(study.after_each, seen.world)
+        known = _Understood(study.perceived, study.found, shares)
         links, objects = known.perceived.links, len(seen.triggers)
         owners = np.concatenate([links.owners, known.perceived.responders]).astype(int)
         of_objects = np.zeros((len(known.found.inputs), objects), bool)
@@ -141,7 +154,7 @@ class MechanismReasoner:
         if believed is not None:
             changed, changed_at = np.zeros((seen.steps, objects)), np.full(objects, -1)
             changed[:, known.perceived.responders] = believed[:, 1:].T
-            changed_at[known.perceived.responders] = np.where(believed[:, -1] > 0.5, first - 1, -1)
+            changed_at[known.perceived.responders] = np.where(believed[:, -1] > 0.5, study.changes[1] - 1, -1)
         after = slice(1, None) if moments > 1 else slice(None)
         return InferredGraph(
             self.name,
@@ -162,11 +175,9 @@ class MechanismReasoner:
         for looks, action, owner in zip(current, actions, acted, strict=True):
             before = known.perceived.states_of(looks)
             links = past.standing(before, action, int(owner))
-            rested = known.trace
-            for _ in range(REST):
-                rested = rested.longer(links, before)
+            rested = known.trace.longer(links, before, REST)
             moved = rested.longer(known.perceived.moved(links, action, int(owner), before), before)
-            *_, earlier, later = explanations_of(moved).contexts
+            earlier, later = contexts_of(moved, 2)
             after = known.following(past.remembered(earlier, later, before), before)
             changed = np.isin(np.arange(len(looks)), known.perceived.responders[after != before])
             told.append(np.where(changed[:, None], known.perceived.shown(after, looks), looks))
@@ -185,7 +196,7 @@ class MechanismReasoner:
             for number, (action, owner) in enumerate(zip(actions[question], acted[question].tolist(), strict=True)):
                 before = trace.responders[-1]
                 links = known.perceived.moved(trace.links[-1], action, owner, before)
-                contexts = explanations_of(trace.longer(links, before)).contexts[-1]
+                [contexts] = contexts_of(trace.longer(links, before), 1)
                 after = known.following(contexts, before, start + number + 1 if start + number < seen.steps else None)
                 trace = trace.longer(links, after)
                 told[question, number] = known.perceived.shown(after, seen.features[0])
@@ -220,20 +231,15 @@ class MechanismReasoner:
         return known.perceived, known.laws
 
     def _understand(self, seen: BoardSequence) -> _Understood:
-        """What was asked about last is remembered: evaluators ask several things of one recording."""
-        if self._last is not None:
-            known, understood = self._last
-            same = zip(known.arrays.values(), seen.arrays.values(), strict=True)
-            if (known.watch, known.world) == (seen.watch, seen.world) and all(
-                np.array_equal(one, other) for one, other in same
-            ):
-                return understood
-        perceived = perceive(seen, self.encoder)
-        found, shares, _ = self.explain(perceived.trace, [seen.steps], seen.world)
-        self._last = (seen, _Understood(perceived, found, shares))
-        return self._last[1]
+        """What was understood is remembered: evaluators ask several things of one recording."""
 
-    @torch.no_grad()
+        def understood() -> _Understood:
+            study = study_of(seen, self.encoder)
+            shares, _ = self._weighed(study.at_the_end, seen.world)
+            return _Understood(study.perceived, study.found, shares)
+
+        return seen.once((self, "understood"), understood)
+
     def explain(
         self, trace: Trace, after: Sequence[int], world: str = "", odds: np.ndarray | None = None
     ) -> tuple[Explanations, np.ndarray, np.ndarray | None]:
@@ -247,10 +253,16 @@ class MechanismReasoner:
             The explanations; how probable each is, float (R, H, K); and, with odds, how probable it is that another
             mechanism than at first decides each responder, float (R, K), None if the network does not say so.
         """
-        graph = explanation_graph(trace, after, world_number(self._net.config, world), odds=odds)
-        final, _, change = self._net(Batch.from_data_list([graph]))
-        shares = final.exp().view(trace.responders.shape[1], -1, len(after)).double().numpy()
-        return explanations_of(trace), shares, None if change is None else change.sigmoid().double().numpy()
+        return explanations_of(trace), *self._weighed(explanation_graph(trace, after, odds=odds), world)
+
+    @torch.no_grad()
+    def _weighed(self, graph: HeteroData, world: str) -> tuple[np.ndarray, np.ndarray | None]:
+        """See `explain`."""
+        told = copy(graph)
+        told["board"].world = torch.tensor([world_number(self._net.config, world)])
+        final, _, change = self._net(Batch.from_data_list([told]))
+        shares = final.exp().view(graph["responder"].num_nodes, -1, final.shape[1]).double().numpy()
+        return shares, None if change is None else change.sigmoid().double().numpy()
 
     def _in_words(self, known: _Understood, objects: int) -> tuple[str, ...]:
         """What decides each object; links of a trigger that has several are counted."""

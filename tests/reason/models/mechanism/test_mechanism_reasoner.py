@@ -219,6 +219,19 @@ def test_another_recording_is_not_answered_from_memory(watched: BoardSequence) -
     )
 
 
+def test_models_that_share_a_recording_tell_what_each_tells_alone(watched: BoardSequence) -> None:
+    def told(reasoner: MechanismReasoner, seen: BoardSequence) -> list[np.ndarray]:
+        graphs = [reasoner.graph(seen.first(images)).probabilities for images in (len(PRESSES) + 1, 6)]
+        asked = (watched.features[-2:], watched.actions[-2:], watched.acted[-2:])
+        return [*graphs, *(reasoner.predict(seen.first(images), *asked) for images in (6, len(PRESSES) + 1))]
+
+    torch.manual_seed(0)
+    models = [MechanismReasoner(MechanismNet(MechanismNetConfig()), "embedded") for _ in range(2)]
+    for model in models:
+        for together, alone in zip(told(model, watched), told(model, replace(watched)), strict=True):
+            np.testing.assert_array_equal(together, alone)
+
+
 def test_mechanisms_are_told_in_words(watched: BoardSequence) -> None:
     graph = MechanismReasoner(Right(), "embedded").graph(watched)
     assert graph.words == (

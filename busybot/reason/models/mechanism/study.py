@@ -1,0 +1,55 @@
+"""What a recording tells of its board whatever a network makes of it: perceived, explained and counted once.
+
+Evaluators ask several models of one board, and each of them several things: none of them looks or counts again.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.models.mechanism.changes import changes_of
+from busybot.reason.models.mechanism.contexts import Explanations, explanations_of
+from busybot.reason.models.mechanism.networks import explanation_graph
+from busybot.reason.models.mechanism.perception import perceive
+from busybot.reason.pyg import HeteroData
+
+
+class Study:
+    """Of one recording. `study_of` makes it.
+
+    Attributes:
+        perceived: what pictures show.
+    """
+
+    def __init__(self, seen: BoardSequence, encoder: str):
+        self.perceived, self._steps = perceive(seen, encoder), seen.steps
+
+    @cached_property
+    def found(self) -> Explanations:
+        """What may explain it."""
+        return explanations_of(self.perceived.trace)
+
+    @cached_property
+    def changes(self) -> tuple[np.ndarray, np.ndarray]:
+        """See `changes_of`."""
+        return changes_of(self.perceived.trace, self.found)
+
+    @cached_property
+    def after_each(self) -> HeteroData:
+        """What was counted on the new board and after each action, with what speaks for changes."""
+        return self._counted(range(self._steps + 1), self.changes[0])
+
+    @cached_property
+    def at_the_end(self) -> HeteroData:
+        """What was counted after the last action."""
+        return self._counted([self._steps])
+
+    def _counted(self, after: Sequence[int], odds: np.ndarray | None = None) -> HeteroData:
+        return explanation_graph(self.perceived.trace, after, odds=odds)
+
+
+def study_of(seen: BoardSequence, encoder: str) -> Study:
+    """The study of a recording, the same one whenever it is asked for."""
+    return seen.once(("study", encoder), lambda: Study(seen, encoder))

@@ -16,9 +16,9 @@ from busybot.boards.spec import BoardSpec
 from busybot.boards.task import least_steps, start_states, task_of
 from busybot.common.atomic_io import make_folder, write_atomically, write_json
 from busybot.common.errors import BusybotError
+from busybot.common.text import markdown_text
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import markdown_text
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL, LearnedPolicyFactory, load_once, policy_config

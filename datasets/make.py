@@ -20,7 +20,7 @@ from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
-from busybot.datasets.info import is_frozen
+from busybot.datasets.manifest import is_frozen
 from busybot.datasets.verify import verify
 from busybot.objects.library import SPLIT_FILE, Library
 from busybot.objects.model import kinds

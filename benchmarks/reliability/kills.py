@@ -31,7 +31,7 @@ from busybot.common.atomic_io import scan, sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import is_frozen, read_manifest
+from busybot.datasets.manifest import is_frozen, read_manifest
 from busybot.datasets.verify import verify
 
 SMALL = settings("render.width=160", "render.height=120")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from busybot.datasets.info import MAX_MANIFEST_BYTES
+from busybot.datasets.manifest import MAX_MANIFEST_BYTES
 
 COMMANDS = ("generate", "collect", "info", "verify", "read", "freeze", "verify frozen")
 SMALL, FULL, USUAL = "boards at 64 x 48", "boards at 640 x 480", "30 actions"

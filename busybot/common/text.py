@@ -22,3 +22,8 @@ def unlinked(value: object) -> object:
     if isinstance(value, dict):
         return {unlinked(name): unlinked(part) for name, part in value.items()}
     return value
+
+
+def markdown_text(text: str) -> str:
+    """Text from a file, in one line, without what Markdown or HTML would take for markup."""
+    return re.sub(r"([\\`*_{}\[\]()<>#|!~&])", r"\\\1", " ".join(text.split()))

@@ -19,7 +19,8 @@ from busybot.common.atomic_io import inside, write_atomically
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import drawn_again
 from busybot.datasets.dataset import INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.info import IMPORTED, AssetEntry, is_frozen
+from busybot.datasets.info import IMPORTED
+from busybot.datasets.manifest import AssetEntry, is_frozen
 from busybot.objects.library import LISTS, OTHER, SPLIT_FILE, Library
 from busybot.objects.license import Licence, licences
 from busybot.objects.model import ObjectModel

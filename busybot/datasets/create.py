@@ -12,7 +12,8 @@ from busybot.common.config import changes
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 from busybot.datasets.dataset import HINT_OTHER, INFO_FILE, Dataset
-from busybot.datasets.info import AssetsInfo, DatasetInfo, GeneratorInfo, refuse_frozen
+from busybot.datasets.info import AssetsInfo, DatasetInfo, GeneratorInfo
+from busybot.datasets.manifest import refuse_frozen
 from busybot.objects.library import Library
 
 HINT_AGAIN = "only datasets of `busybot generate` can be made again"

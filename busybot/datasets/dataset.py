@@ -48,15 +48,8 @@ from busybot.common.errors import BusybotError, NoEpisodeError
 from busybot.common.frozen_model import first_fault
 from busybot.common.limits import MAX_LINES_BYTES
 from busybot.common.remote import RemotePath, is_remote
-from busybot.datasets.info import (
-    CollectInfo,
-    DatasetInfo,
-    collect_command,
-    is_frozen,
-    read_description,
-    refuse_frozen,
-    refuse_unlike_manifest,
-)
+from busybot.datasets.info import CollectInfo, DatasetInfo, collect_command, read_description
+from busybot.datasets.manifest import is_frozen, refuse_frozen, refuse_unlike_manifest
 from busybot.episodes.digests import Digests, combine
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode

@@ -23,7 +23,7 @@ from busybot.common.atomic_io import copy_file, make_folder, remove, rename, wri
 from busybot.common.config import parse_yaml
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
-from busybot.datasets.info import is_frozen, is_plain_path, plain_files, read_manifest, unlike_manifest
+from busybot.datasets.manifest import is_frozen, is_plain_path, plain_files, read_manifest, unlike_manifest
 
 LARGEST_POINTER = 10_000
 LARGEST_LISTING = 1 << 30

@@ -33,13 +33,12 @@ from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_JSON_BYTES
 from busybot.datasets.bundled_assets import Assets, plan_assets, write_carried
 from busybot.datasets.dataset import DAMAGED_FOLDER, HASHED, INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.info import (
+from busybot.datasets.info import IMPORTED, collect_command
+from busybot.datasets.manifest import (
     CARD_FILE,
-    IMPORTED,
     MANIFEST_FILE,
     Manifest,
     Origin,
-    collect_command,
     file_entries,
     is_frozen,
     plain_files,

@@ -20,7 +20,8 @@ from busybot.common.limits import MAX_HASHED_BYTES, MAX_RECORDING_BYTES
 from busybot.common.process_pool import share
 from busybot.datasets.create import continue_or_create
 from busybot.datasets.dataset import DAMAGED_FOLDER, Dataset
-from busybot.datasets.info import CollectInfo, is_frozen, plain_files
+from busybot.datasets.info import CollectInfo
+from busybot.datasets.manifest import is_frozen, plain_files
 from busybot.datasets.verify import faults_of, is_partial
 from busybot.episodes.mcap.salvage import Salvaged, salvage
 from busybot.episodes.tables import Rows, episode_rows

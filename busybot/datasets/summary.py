@@ -8,7 +8,8 @@ import pyarrow.compute as pc
 from busybot.common.errors import BusybotError
 from busybot.common.remote import is_remote
 from busybot.datasets.dataset import HASHED, Dataset
-from busybot.datasets.info import collect_command, is_frozen
+from busybot.datasets.info import collect_command
+from busybot.datasets.manifest import is_frozen
 
 _COLUMNS = [*HASHED, "steps", "bytes", "oracle", "images", "truth", "successes"]
 

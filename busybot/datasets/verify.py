@@ -13,15 +13,8 @@ from busybot.common.errors import BusybotError, without_name
 from busybot.common.process_pool import Progress, share
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import BOARDS_PER_SHARD, DAMAGED_FOLDER, HINT_GENERATE, INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.info import (
-    CARD_FILE,
-    HINT_FETCH,
-    MANIFEST_FILE,
-    CollectInfo,
-    is_frozen,
-    read_manifest,
-    unlike_manifest,
-)
+from busybot.datasets.info import CollectInfo
+from busybot.datasets.manifest import CARD_FILE, HINT_FETCH, MANIFEST_FILE, is_frozen, read_manifest, unlike_manifest
 from busybot.episodes.episode import ENDED, SALVAGED
 from busybot.episodes.schema import TABLES
 from busybot.episodes.tables import HINT_TABLES, Rows, episode_rows, read_shard, split_by_episode

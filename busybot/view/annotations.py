@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from busybot.boards.causal_graph import periods, relations_at
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
+from busybot.boards.true_causes import periods, relations_at
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import project
 from busybot.episodes.episode import Episode, Image

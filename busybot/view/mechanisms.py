@@ -17,11 +17,11 @@ from typing import Literal
 
 import numpy as np
 
-from busybot.boards.causal_graph import Change, Period, changes, lag, periods
 from busybot.boards.dynamics import Dynamics, Links
 from busybot.boards.mechanisms import Mechanism, available
 from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.spec import BODY, PAPER, LinkRef, Relation
+from busybot.boards.true_causes import Change, Period, changes, lag, periods
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
 from busybot.view.annotations import anchors, board_bounds, drawing_scale, object_names

@@ -18,7 +18,7 @@ from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.create import boards_again, create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
-from busybot.datasets.info import is_frozen, read_manifest
+from busybot.datasets.manifest import is_frozen, read_manifest
 from busybot.datasets.summary import summarise
 from busybot.datasets.verify import verify
 from busybot.objects.library import Library

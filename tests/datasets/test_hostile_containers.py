@@ -14,7 +14,7 @@ import pytest
 from busybot.common.errors import BusybotError
 from busybot.datasets.exporting.lerobot import RGB
 from busybot.datasets.exporting.targets import export_recordings
-from busybot.datasets.importing import containers, shots
+from busybot.datasets.importing import camera_pictures, containers
 from busybot.datasets.importing import lerobot as reader
 from busybot.datasets.importing.camera_folder import ImportOptions
 from busybot.datasets.importing.sources import import_source
@@ -80,7 +80,7 @@ def test_a_video_costs_no_more_than_is_said(tmp_path: Path, told: str, monkeypat
     )
     assert import_source(folder, None, ImportOptions(fps=1.0)).recordings[0]["frames"] == 7
     for name, limit in BUDGETS[told].items():
-        monkeypatch.setattr(shots, name, limit)
+        monkeypatch.setattr(camera_pictures, name, limit)
     for fps in (1.0, None):
         with pytest.raises(BusybotError, match=f"x.mp4: {told}") as error:
             import_source(folder, tmp_path / "made", ImportOptions(fps=fps))
@@ -91,7 +91,7 @@ def test_a_video_costs_no_more_than_is_said(tmp_path: Path, told: str, monkeypat
 def test_a_small_file_of_a_million_frames_is_refused_early(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = folder_of(tmp_path, make_episode(0))
     (folder / "x.mp4").write_bytes(repeated_frame(_one_frame(160, 120), 10**6))
-    monkeypatch.setattr(shots, "MAX_VIDEO_FRAMES", 2000)
+    monkeypatch.setattr(camera_pictures, "MAX_VIDEO_FRAMES", 2000)
     with pytest.raises(BusybotError, match="x.mp4: more than 2000 frames"):
         import_source(folder, None, ImportOptions(fps=1.0))
 

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 
 from busybot.datasets.exporting.lerobot import RGB
 from busybot.datasets.exporting.targets import export_recordings
-from busybot.datasets.importing.shots import decode_bytes
+from busybot.datasets.importing.camera_pictures import decode_bytes
 from tests.datasets.camera_folders import read_rows, write_camera_folder, write_table
 from tests.datasets.test_imports_of_containers import log_of, state_rows, with_keys
 from tests.episodes.folders import make_dataset

@@ -27,7 +27,7 @@ from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.dvc_remote import read_pointer
 from busybot.datasets.freeze import freeze
-from busybot.datasets.info import is_frozen
+from busybot.datasets.manifest import is_frozen
 from busybot.datasets.summary import summarise
 from busybot.datasets.verify import verify
 from busybot.episodes.digests import combine

@@ -8,7 +8,7 @@ from busybot.common.atomic_io import scan
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.create import boards_again
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import read_manifest
+from busybot.datasets.manifest import read_manifest
 from busybot.datasets.verify import verify
 from busybot.episodes.mcap.reader import read_episode
 from busybot.sim.regenerate import regenerate

@@ -107,7 +107,7 @@ def freeze(
     from busybot.datasets.dataset import Dataset
     from busybot.datasets.freeze import freeze as freeze_dataset
     from busybot.datasets.freeze import refuse_unfinished
-    from busybot.datasets.info import is_frozen
+    from busybot.datasets.manifest import is_frozen
 
     target, library = Dataset.open(dataset), None
     if (assets or (objects and target.info.assets.sha256)) and not is_frozen(dataset):

@@ -19,10 +19,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from busybot import __version__
-from busybot.boards.causal_graph import Period, lag, periods
 from busybot.boards.dynamics import Dynamics, Links
 from busybot.boards.mechanisms import Mechanism
 from busybot.boards.spec import BODY, BoardSpec, LinkRef
+from busybot.boards.true_causes import Period, lag, periods
 from busybot.boards.worlds import links_of
 from busybot.common.atomic_io import (
     make_folder,
@@ -36,8 +36,10 @@ from busybot.common.atomic_io import (
 )
 from busybot.common.errors import BusybotError, naming
 from busybot.common.process_pool import Progress, share
+from busybot.common.text import markdown_text
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import CARD_FILE, collect_command, markdown_text
+from busybot.datasets.info import collect_command
+from busybot.datasets.manifest import CARD_FILE
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.schema import Column

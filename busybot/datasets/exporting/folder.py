@@ -37,7 +37,8 @@ from busybot.common.limits import MAX_TABLE_BYTES
 from busybot.common.process_pool import Progress, share
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.exporting.frames import EPISODES_FOLDER
-from busybot.datasets.info import DatasetInfo, collect_command, is_frozen, read_manifest
+from busybot.datasets.info import DatasetInfo, collect_command
+from busybot.datasets.manifest import is_frozen, read_manifest
 from busybot.episodes.digests import Digests
 from busybot.episodes.mcap.records import fingerprint
 

@@ -10,9 +10,10 @@ from typing import Any
 
 from busybot import __version__
 from busybot.common.atomic_io import write_atomically
+from busybot.common.text import markdown_text
 from busybot.datasets.exporting.folder import Source, merge, write_table
 from busybot.datasets.exporting.frames import IMAGE, PRIVILEGED, TABLES, episode_tables, table_names
-from busybot.datasets.info import CARD_FILE, markdown_text
+from busybot.datasets.manifest import CARD_FILE
 
 
 def write_episode(recording: Path, row: dict[str, Any], privileged: bool, folder: Path) -> None:

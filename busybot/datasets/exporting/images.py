@@ -17,7 +17,7 @@ import pyarrow as pa
 from busybot.common.atomic_io import make_folder, write_atomically, write_new
 from busybot.datasets.exporting.folder import Source
 from busybot.datasets.exporting.frames import IMAGE, episode_tables
-from busybot.datasets.info import CARD_FILE
+from busybot.datasets.manifest import CARD_FILE
 
 _TEXT = """# Recordings as pictures and tables
 

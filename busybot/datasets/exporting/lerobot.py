@@ -28,7 +28,7 @@ from busybot.common.atomic_io import write_atomically, write_json
 from busybot.common.errors import BusybotError
 from busybot.datasets.exporting.folder import CHUNK, Row, Source, merge, read_table, write_table
 from busybot.datasets.exporting.frames import IMAGE, image_features
-from busybot.datasets.info import CARD_FILE
+from busybot.datasets.manifest import CARD_FILE
 from busybot.episodes.codec import PNG_MAGIC, LazyImages
 from busybot.episodes.episode import Episode, Step
 from busybot.episodes.mcap.reader import read_episode

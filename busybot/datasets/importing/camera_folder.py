@@ -32,7 +32,14 @@ from busybot.common.config import parse_yaml
 from busybot.common.errors import BusybotError, UsageError, naming
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.limits import MAX_JSON_BYTES
-from busybot.datasets.importing.alignment import frames_around, read_time
+from busybot.datasets.importing.camera_pictures import (
+    FRAMES_FILE,
+    Shot,
+    decode_picture,
+    each_colours,
+    find_shots,
+    first_size,
+)
 from busybot.datasets.importing.csv_tables import Maybe, Pixel, Row, Text, absent, read_table
 from busybot.datasets.importing.recording import (
     BOARD,
@@ -41,8 +48,8 @@ from busybot.datasets.importing.recording import (
     Picture,
     Recording,
 )
-from busybot.datasets.importing.shots import FRAMES_FILE, Shot, decode_picture, each_colours, find_shots, first_size
 from busybot.datasets.importing.states import read_states
+from busybot.datasets.importing.time_alignment import frames_around, read_time
 from busybot.episodes.episode import Camera
 from busybot.episodes.validation import check_camera
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from busybot.common.atomic_io import inside
 from busybot.common.errors import BusybotError
+from busybot.datasets.importing.camera_pictures import PICTURES, Shot, decode_picture
 from busybot.datasets.importing.recording import BOARD
-from busybot.datasets.importing.shots import PICTURES, Shot, decode_picture
 
 LEAST = 3
 """Pictures with the whole checkerboard that are needed."""

@@ -35,7 +35,7 @@ from busybot.common.limits import (
 )
 from busybot.common.line_child import Child, NoAnswerError
 from busybot.datasets.importing import sealed_reader
-from busybot.datasets.importing.alignment import LATEST_S
+from busybot.datasets.importing.time_alignment import LATEST_S
 from busybot.episodes.mcap import channels
 from busybot.episodes.mcap.records import (
     FAULTS,

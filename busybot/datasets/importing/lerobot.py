@@ -16,11 +16,11 @@ from busybot.boards.directions import direction_of
 from busybot.common.atomic_io import inside, read_json
 from busybot.common.errors import BusybotError, naming
 from busybot.datasets.exporting.lerobot import POSITION_AND_DIRECTION
-from busybot.datasets.importing.alignment import LATEST_S
 from busybot.datasets.importing.camera_folder import ImportOptions, narrowed, pictures_of, read_camera_folder
+from busybot.datasets.importing.camera_pictures import Shot, first_size
 from busybot.datasets.importing.containers import read_rows
 from busybot.datasets.importing.recording import KnownAction, Recording
-from busybot.datasets.importing.shots import Shot, first_size
+from busybot.datasets.importing.time_alignment import LATEST_S
 
 INFO_FILE = "meta/info.json"
 BATCH, MOST_ROWS = 4096, 100_000

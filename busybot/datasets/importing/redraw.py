@@ -11,7 +11,8 @@ from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.importing.recording import KnownObject, boxes_of, placed_object, positions_of
-from busybot.datasets.info import IMPORTED, refuse_frozen
+from busybot.datasets.info import IMPORTED
+from busybot.datasets.manifest import refuse_frozen
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode

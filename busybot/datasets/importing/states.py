@@ -18,8 +18,8 @@ import numpy as np
 from busybot.common.atomic_io import inside, parse_json, read_text
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_LINES_BYTES
-from busybot.datasets.importing.alignment import read_time
 from busybot.datasets.importing.containers import logged_states
+from busybot.datasets.importing.time_alignment import read_time
 
 STATES_FILE = "states.jsonl"
 MOST_STATES = 16

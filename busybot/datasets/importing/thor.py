@@ -33,9 +33,9 @@ from busybot.common.atomic_io import folders_with, inside, read_json
 from busybot.common.errors import BusybotError, UsageError, naming
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.datasets.importing.camera_folder import ImportOptions, narrowed, pictures_of
+from busybot.datasets.importing.camera_pictures import PICTURES, Shot, first_size, in_order
 from busybot.datasets.importing.proposals import MAX_OBJECTS
 from busybot.datasets.importing.recording import KnownAction, KnownObject, Recording
-from busybot.datasets.importing.shots import PICTURES, Shot, first_size, in_order
 
 EVENTS = "events"
 DIRECTIONS = {"ToggleObjectOn": "press", "ToggleObjectOff": "pull", "OpenObject": "pull", "CloseObject": "press"}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
-from busybot.boards.causal_graph import Change, periods
+from busybot.boards.true_causes import Change, periods
 from busybot.episodes.episode import Episode
 from busybot.view.figures import parts
 from busybot.view.label_places import place_between

@@ -3,9 +3,9 @@
 import numpy as np
 import rerun as rr
 
-from busybot.boards.causal_graph import periods
 from busybot.boards.directions import DIRECTIONS
-from busybot.datasets.info import markdown_text
+from busybot.boards.true_causes import periods
+from busybot.common.text import markdown_text
 from busybot.episodes.episode import Episode
 from busybot.plan.agent_policy import reason
 from busybot.reason.models.base import InferredGraph

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from busybot.boards.causal_graph import periods
 from busybot.boards.config import BoardConfig
 from busybot.boards.dynamics import Dynamics, DynamicState, Links, Triggers
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BODY, BoardSpec
+from busybot.boards.true_causes import periods
 from busybot.boards.worlds import links_of
 from busybot.common.rng import generator
 from busybot.episodes.episode import Episode

@@ -21,9 +21,9 @@ from busybot.common.limits import (
     MAX_VIDEO_RATIO,
     MAX_VIDEO_SECONDS,
 )
-from busybot.datasets.importing.alignment import read_time
 from busybot.datasets.importing.containers import CONTAINERS, Sealed, camera_in, container_pictures, container_times
 from busybot.datasets.importing.csv_tables import Row, Text, read_table
+from busybot.datasets.importing.time_alignment import read_time
 from busybot.episodes.codec import PNG_MAGIC, image_size
 
 FRAMES_FILE = "frames.csv"

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import pytest
 
-from busybot.boards.causal_graph import changes, lag, periods, relations_at
 from busybot.boards.dynamics import Dynamics, Links
 from busybot.boards.spec import BODY, BoardSpec, LinkRef, PlacedObject, Relation, Rewiring
+from busybot.boards.true_causes import changes, lag, periods, relations_at
 
 A, B = LinkRef(object=0, link="a"), LinkRef(object=1, link="b")
 LINKS = Links(((0, "a"), (1, "b")), (2, 2))

@@ -14,6 +14,11 @@ def test_the_formula() -> None:
     assert not ucb_bonus((100, 120), [(50, 40)], c=0).any()
 
 
+def test_the_authors_bonus_is_that_of_another_c() -> None:
+    bonus = ucb_bonus((100, 120), [(50, 40)], c=0.5 * np.sqrt(2))
+    assert bonus[40, 50] == pytest.approx(0.5 * np.sqrt(2 * np.log(2) / 2))
+
+
 def test_the_window_is_ten_by_ten_and_ends_with_the_picture() -> None:
     bonus = ucb_bonus((100, 120), [(50, 40)])
     rows, columns = np.nonzero(bonus < bonus.max())

@@ -281,7 +281,8 @@ def ucb_bonus(shape: tuple[int, ...], picks: Sequence[tuple[int, int]], c: float
 
     t counts steps, and N those whose window holds the pixel. The paper does not say what happens where no window holds
     it: N = 0, the bonus infinite. Here both counts include the step that is being decided, as if it picked the pixel:
-    t = 1 + earlier picks, N = 1 + earlier picks whose window x window square holds the pixel.
+    t = 1 + earlier picks, N = 1 + earlier picks whose window x window square holds the pixel. The authors' program has
+    sqrt(2 ln(t + 1) / N) with t earlier picks: the 2, which the text does not have, is c = .71.
 
     Args:
         shape: rows and columns of the picture.

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from torch import nn
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
@@ -13,7 +14,7 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.paper import PaperModel
-from busybot.interact.policy.config import PolicyConfig
+from busybot.interact.policy.config import AffordanceInfo, PolicyConfig
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED
 from busybot.interact.policy.learned import LearnedPolicy, PaperPolicy
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory, usual_mode
@@ -21,6 +22,8 @@ from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import PaperAffordanceLearner, PaperTraining
 from busybot.interact.training.round_recorder import Recorder, RoundProgress
 from busybot.interact.training.sample_cache import Samples
+from busybot.training.checkpoint import save_tensors
+from busybot.training.model_cards import read_info, write_info
 from busybot.training.run_folder import read_metrics
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import weights
@@ -158,6 +161,18 @@ def test_pictures_of_another_size_are_refused(trained: Path) -> None:
     episode = make_episode(0, width=128, height=96)
     with pytest.raises(BusybotError, match="128 x 96 pixels, the model was trained on 160 x 120"):
         load_model(trained).look(episode.observation(0), Rays(episode.camera))
+
+
+def test_weights_of_former_versions_are_refused(trained: Path, tmp_path: Path) -> None:
+    shutil.copytree(trained / "model", tmp_path / "model")
+    network = nn.Sequential(nn.Conv2d(4, 32, 3), nn.ReLU())
+    card = read_info(tmp_path / "model", AffordanceInfo)
+    file = tmp_path / "model" / "position.safetensors"
+    save_tensors(file, network.state_dict())
+    write_info(tmp_path / "model", card, [file])
+    with pytest.raises(BusybotError, match=r"position\.safetensors: .*before it had batch normalisation") as caught:
+        load_model(tmp_path)
+    assert "train the model again" in str(caught.value)
 
 
 def test_as_many_datasets_as_epochs(recorded: Path, tmp_path: Path) -> None:

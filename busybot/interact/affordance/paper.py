@@ -25,7 +25,7 @@ from busybot.interact.affordance.inputs import LOWEST, Pinhole, colour_features,
 from busybot.interact.affordance.networks import SIZE, Kind, PaperDirectionNet, make_paper_network
 from busybot.interact.policy.config import Inputs, Threshold
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
-from busybot.training.device import mixed, slices
+from busybot.training.device import exactly, mixed, slices
 
 GAUSSIAN_SIGMA = 10.0
 """Of the position's Gaussian, pixels; of the authors' program, which draws it in a window of 80."""
@@ -68,7 +68,7 @@ def _filtered(points: Tensor, vertical: Tensor, horizontal: Tensor) -> Tensor:
     """
     channels = points.flatten(0, 1)[None].contiguous(memory_format=torch.channels_last)
     count = channels.shape[1]
-    with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
+    with exactly():
         for kernel in (vertical[:, None], horizontal[None]):
             channels = functional.conv2d(channels, kernel.expand(count, 1, *kernel.shape), groups=count)
     return channels[0].unflatten(0, points.shape[:2])

@@ -84,7 +84,8 @@ class FeatureExtractor:
             raise BusybotError(f"{self.name} needs the segmentation, which is not among what a reasoner may read")
         observed = steadied(observed)
         if self.pixels == "centre":
-            return self._encode_centres(observed)
+            numbers, frames = np.unique(observed.image_of, return_inverse=True)
+            return self.of_pictures(observed, [observed.images[number].rgb for number in numbers])[frames]
         return self._encode(observed, ObjectMasks(observed, MaskConfig(depth=self.pixels == "own")))
 
     def of_episode(self, episode: Episode) -> np.ndarray:
@@ -98,16 +99,16 @@ class FeatureExtractor:
         rows = np.concatenate([self.encoder.encode(looks.looks), np.zeros((1, CHANNELS), np.float32)])
         return np.asarray(rows[looks.of], np.float16)
 
-    def _encode_centres(self, observed: ObservedEpisode) -> np.ndarray:
-        """Each picture once; what hides an object's centre is taken for the object, as its box is all that is known."""
+    def of_pictures(self, observed: ObservedEpisode, pictures: list[np.ndarray]) -> np.ndarray:
+        """Features at the centres of the board's boxes in pictures of it, float16 (n, N, 256), with `-centre` alone.
+
+        Whatever is at a centre is taken for the object: its box is all that is known.
+        """
         assert isinstance(self.encoder, PlaceEncoder)
         low, high = observed.boxes[:, :2].astype(np.float32), observed.boxes[:, 2:].astype(np.float32)
         shown = np.intersect1d(observed.responders, np.flatnonzero(np.all(high > low, axis=1)))
-        numbers, frames = np.unique(observed.image_of, return_inverse=True)
-        pictures = [observed.images[number].rgb for number in numbers]
-        centres = (low + high)[shown] / 2 / pictures[0].shape[1::-1]
-        features = np.zeros((len(frames), len(low), CHANNELS), np.float16)
-        features[:, shown] = self.encoder.encode_at(pictures, centres)[frames]
+        features = np.zeros((len(pictures), len(low), CHANNELS), np.float16)
+        features[:, shown] = self.encoder.encode_at(pictures, (low + high)[shown] / 2 / pictures[0].shape[1::-1])
         return features
 
 

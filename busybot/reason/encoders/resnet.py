@@ -14,7 +14,6 @@ were drawn: what it lacks against `resnet50` is what ImageNet taught.
 
 import hashlib
 import urllib.request
-from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +27,7 @@ from busybot.common.rng import generator
 from busybot.objects.cache import cache_folder
 from busybot.reason.inputs.appearances import Appearance, scaled
 from busybot.reason.inputs.sequence import CHANNELS
-from busybot.training.device import device, slices
+from busybot.training.device import device, exactly, slices
 
 ADDRESS = "https://download.pytorch.org/models/resnet50-0676ba61.pth"
 SHA256 = "0676ba61b6795bbe1773cffd859882e5e297624d384b6993f7c9e683e722fb8a"
@@ -184,11 +183,6 @@ class ResNetEncoder:
         colours = (rgb - rgb.new_tensor(MEAN)) / rgb.new_tensor(SPREAD)
         channels: Tensor = self._network(colours.permute(0, 3, 1, 2))
         return channels
-
-
-def exactly() -> AbstractContextManager[None]:
-    """Convolutions in full float32 that give the same numbers again, on a GPU, too."""
-    return torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False)
 
 
 def pretrained(file: Path | None) -> ResNetEncoder:

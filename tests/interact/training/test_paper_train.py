@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from torch import nn
 
 from busybot.common.errors import BusybotError
@@ -15,7 +16,7 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.paper import PaperModel
 from busybot.interact.policy.config import AffordanceInfo, PolicyConfig
-from busybot.interact.policy.direction_pairs import NOT_ELEVATED
+from busybot.interact.policy.direction_pairs import NOT_ELEVATED, sigmoid
 from busybot.interact.policy.learned import LearnedPolicy, PaperPolicy
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory, usual_mode
 from busybot.interact.training.config import PaperConfig
@@ -132,6 +133,9 @@ def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> No
     assert view.affordance.shape == seen.depth.shape
     elevated = np.nan_to_num(rays.heights(seen.depth), nan=-1) > 0.002
     assert ((view.affordance > NOT_ELEVATED) == elevated).all()
+    with torch.no_grad():
+        softmax = model.networks["position"](torch.from_numpy(view.features)[None])[0].softmax(0)[1].numpy()
+    assert np.allclose(sigmoid(view.affordance)[elevated], softmax[elevated], atol=1e-5)
     pixels = np.array([[40, 60], [80, 60], [159, 119]])
     position, directions = model.directions(view, pixels)
     assert np.array_equal(position, view.affordance[pixels[:, 1], pixels[:, 0]])

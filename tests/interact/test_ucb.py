@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from busybot.interact.policy.learned import ucb_bonus
+from busybot.interact.policy.paper import ucb_bonus
 
 
 def test_the_formula() -> None:

@@ -97,11 +97,8 @@ PAPER_POLICY: dict[str, Threshold] = {
     "failure_penalty": 0,
     "responder_penalty": 0,
     "trigger_bonus": 0,
-    "collect": 0.5,
-    "untried_first": False,
 }
-"""What the learned policy's constants are with a paper model: clusters, affordance and directions as they are, and
-data for reasoning by a draw among all candidates (section 3.2, "Data collection")."""
+"""What the learned policy's constants are with a paper model: clusters, affordance and directions as they are."""
 PAPER_PRIOR = 0.5
 """The affordance is taken as it is: no correction for how rare working places are."""
 CHUNK = 8

@@ -25,7 +25,7 @@ from busybot.common.frozen_model import FrozenModel
 from busybot.interact.affordance.networks import CROP, KINDS, Kind, Networks
 from busybot.interact.policy.config import Inputs, Share
 from busybot.interact.policy.exploration import ExplorationConfig
-from busybot.interact.policy.learned import PaperRules
+from busybot.interact.policy.paper import PaperRules
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.scene.render import RenderConfig
 

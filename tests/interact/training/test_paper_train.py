@@ -17,7 +17,8 @@ from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.paper import PaperModel
 from busybot.interact.policy.config import AffordanceInfo, PolicyConfig
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED, sigmoid
-from busybot.interact.policy.learned import LearnedPolicy, PaperPolicy
+from busybot.interact.policy.learned import LearnedPolicy, mode_named, policy_name
+from busybot.interact.policy.paper import PaperPolicy
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory, usual_mode
 from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import PaperAffordanceLearner, PaperTraining
@@ -125,7 +126,6 @@ def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> No
     policy = LearnedPolicyFactory(str(trained)).provenance()["policy"]
     own = {"candidates": "kmeans", "blur": 1, "prior": 0.5, "caution": 0, "temperature": 1}
     own |= dict.fromkeys(("component_penalty", "failure_penalty", "responder_penalty", "trigger_bonus"), 0)
-    own |= {"collect": 0.5, "untried_first": False}  # a draw among all clusters, as the paper collects
     assert policy == PolicyConfig.model_validate(own).provenance()
     episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
     rays, seen = Rays(episode.camera), episode.observation(0)
@@ -146,9 +146,10 @@ def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> No
 def test_it_acts_by_the_papers_policy_unless_another_mode_is_asked_for(trained: Path, recorded: Path) -> None:
     episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
     rays, draws = Rays(episode.camera), generator(0, "", 0, "test")
-    for mode, kind in (("ucb", PaperPolicy), ("greedy", PaperPolicy), ("evaluate", LearnedPolicy)):
-        policy = LearnedPolicyFactory(str(trained), mode).make_policy(rays)
-        assert type(policy) is kind and policy.name == f"learned-{mode}"
+    kinds = {"ucb": PaperPolicy, "greedy": PaperPolicy, "collect": PaperPolicy, "evaluate": LearnedPolicy}
+    for mode, kind in kinds.items():
+        policy = LearnedPolicyFactory(str(trained), mode_named(mode)).make_policy(rays)
+        assert type(policy) is kind and policy.name == policy_name(mode_named(mode))
         pixels, seen = [], episode.observation(0)
         for _ in range(3):
             action = policy.select_action(seen, draws)
@@ -156,7 +157,11 @@ def test_it_acts_by_the_papers_policy_unless_another_mode_is_asked_for(trained: 
             policy.observe(action, action.directions, 0, seen)
             pixels.append(action.pixel)
         assert len(action.directions) == 1
-        assert (len(set(pixels)) == 1) == (mode == "greedy")
+        if mode != "collect":
+            assert (len(set(pixels)) == 1) == (mode == "greedy")
+    for mode, name in (("collect", "collect"), ("ucb", "clusters"), ("greedy", "ucb_c")):
+        with pytest.raises(BusybotError, match=f"learned.{name} changes nothing in mode {mode} of the paper's model"):
+            LearnedPolicyFactory(str(trained), mode_named(mode), {name: 1}).provenance()
 
 
 def test_pictures_of_another_size_are_refused(trained: Path) -> None:

@@ -102,7 +102,9 @@ class PaperNetwork(nn.Module):
             roll: predict so many steps one from another; 0 for all, each from its true frame.
         """
         relations = self.infer(boards.edge_index, boards.observed(images), noise)
-        return predicted(partial(self.predict, boards.edge_index, relations=relations), boards, images, roll), relations
+        return predict_steps(
+            partial(self.predict, boards.edge_index, relations=relations), boards, images, roll
+        ), relations
 
     def foresee(self, edge_index: Tensor, observed: Frames, frames: Frames) -> Tensor:
         """Features after each frame's action, (M, S, 256), with the graph of the observed frames."""
@@ -159,7 +161,7 @@ class PaperHistoryNetwork(nn.Module):
     def forward(self, boards: Boards, images: int, noise: Tensor | None = None, roll: int = 0) -> tuple[Tensor, None]:
         """Predict each of the steps that follow the first `images` frames, (M, S, 256); there is no graph."""
         foresee = partial(self.foresee, boards.edge_index, boards.observed(images))
-        return predicted(foresee, boards, images, roll), None
+        return predict_steps(foresee, boards, images, roll), None
 
     def foresee(self, edge_index: Tensor, observed: Frames, frames: Frames) -> Tensor:
         """Features after each frame's action, (M, S, 256), every frame on its own."""
@@ -178,7 +180,7 @@ class PaperHistoryNetwork(nn.Module):
         return predicted + frames.states[..., :CHANNELS] if self.config.residual else predicted
 
 
-def predicted(foresee: Callable[[Frames], Tensor], boards: Boards, images: int, roll: int) -> Tensor:
+def predict_steps(foresee: Callable[[Frames], Tensor], boards: Boards, images: int, roll: int) -> Tensor:
     """Features of all nodes after each step that follows the first `images` frames, (M, S, 256).
 
     Args:

@@ -84,7 +84,7 @@ class Table2Row:
     seeds: int = 1
 
 
-EVENT, PAPER = ("--variant", "event"), ("--variant", "paper")
+EVENT, PAPER = ("--variant", "event"), ("--variant", "paper", "--encoder", "embedded")
 SHORT = ("epochs=50", "network.pairs=candidates", "bfloat16=true", "loop.held_out=0.05", "threads=1")
 """What half an hour of a processor can do of the paper's schedule; the best weights on held-out boards are kept."""
 BOARDS = (20, 100, 300)

@@ -102,7 +102,8 @@ def reason(
     encoder: Annotated[
         str | None,
         typer.Option(
-            help="Features to read: embedded (default), resnet50 or random.", autocompletion=offering(encoders)
+            help="Features to read: embedded (default, but for paper), resnet50 (paper's) or random.",
+            autocompletion=offering(encoders),
         ),
     ] = None,
     seed: SeedOption = 0,

@@ -46,7 +46,7 @@ class OnlineFeatures:
     def __init__(self, observed: ObservedEpisode, chosen: FeatureExtractor):
         self._steady = Steady(observed)
         self._pixels = ObjectMasks(steadied(observed), MaskConfig(depth=chosen.pixels == "own"))
-        self._encoder = chosen.encoder
+        self._observed, self._chosen = observed, chosen
         regions = self._pixels.regions
         self._watched = {i: TrackedObject(region) for i, region in regions.items() if observed.roles[i] == "responder"}
         self._features = np.zeros((len(observed.roles), CHANNELS), np.float32)
@@ -59,6 +59,9 @@ class OnlineFeatures:
         return self._features.copy()
 
     def _see(self, frame: Frame) -> None:
+        if self._chosen.pixels == "centre":
+            self._features = self._chosen.of_pictures(self._observed, [frame.rgb])[0].astype(np.float32)
+            return
         for index, one in self._watched.items():
             if one.unchanged(frame):
                 continue
@@ -66,7 +69,7 @@ class OnlineFeatures:
             known = self._known[index]
             if number == len(known):
                 # as precise as what is stored of recorded episodes
-                known.append(self._encoder.encode([one.look])[0].astype(np.float16).astype(np.float32))
+                known.append(self._chosen.encoder.encode([one.look])[0].astype(np.float16).astype(np.float32))
             self._features[index] = known[number]
 
 

@@ -121,7 +121,7 @@ class RolloutRunner:
             pixels=np.array([step.pixel for step in history.steps], int).reshape(-1, 2),
             worked=np.array([step.executed[-1] if step.reward else -1 for step in history.steps], int),
             goal=OnlineFeatures(observed, self._extractor).see(goal),
-            threshold=threshold_of(self._reasoner.encoder),
+            threshold=threshold_of(self._reasoner.encoder, known.features),
             steps=MAX_STEPS,
         )
         memory = memory_of(history, self._model, rays, self._config)

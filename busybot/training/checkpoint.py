@@ -131,15 +131,21 @@ def restore_training(path: Path, network: nn.Module, optimizer: torch.optim.Opti
     return saved
 
 
-def initialise(network: nn.Module, generator: torch.Generator, biases: bool = False) -> None:
+def initialise(network: nn.Module, generator: torch.Generator, biases: bool = False, normal: bool = False) -> None:
     """Draw all weights from the generator, uniform with variance 1 / (3 fan_in) as torch does; biases become zero.
+
+    Normalisations stay as they are made, at 1 and 0.
 
     Args:
         biases: draw them, too, from the same distribution, as torch does.
+        normal: draw the weights of convolutions from Kaiming's normal distribution, of variance 2 / fan_in.
     """
     for module in network.modules():
         if isinstance(module, nn.Conv2d | nn.Linear):
-            nn.init.kaiming_uniform_(module.weight, a=5**0.5, generator=generator)
+            if normal and isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, nonlinearity="relu", generator=generator)
+            else:
+                nn.init.kaiming_uniform_(module.weight, a=5**0.5, generator=generator)
             if module.bias is not None and biases:
                 limit = module.weight[0].numel() ** -0.5
                 nn.init.uniform_(module.bias, -limit, limit, generator=generator)

@@ -51,6 +51,11 @@ def mixed(on: torch.device) -> AbstractContextManager[Any]:
     return torch.autocast(on.type, torch.bfloat16) if on_gpu else nullcontext()
 
 
+def exactly() -> AbstractContextManager[Any]:
+    """Around convolutions that are to have all digits of float32, and the same ones again, on a GPU, too."""
+    return torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False)
+
+
 def slices(count: int, usual: int, on: torch.device) -> Iterator[slice]:
     """The parts in which to compute so many rows.
 

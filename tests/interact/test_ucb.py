@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from busybot.interact.policy.learned import ucb_bonus
+from busybot.interact.policy.paper import ucb_bonus
 
 
 def test_the_formula() -> None:
@@ -12,6 +12,11 @@ def test_the_formula() -> None:
     assert bonus[90, 110] == pytest.approx(0.5 * np.sqrt(np.log(4) / 2))
     assert bonus[0, 0] == pytest.approx(0.5 * np.sqrt(np.log(4)))
     assert not ucb_bonus((100, 120), [(50, 40)], c=0).any()
+
+
+def test_the_authors_bonus_is_that_of_another_c() -> None:
+    bonus = ucb_bonus((100, 120), [(50, 40)], c=0.5 * np.sqrt(2))
+    assert bonus[40, 50] == pytest.approx(0.5 * np.sqrt(2 * np.log(2) / 2))
 
 
 def test_the_window_is_ten_by_ten_and_ends_with_the_picture() -> None:

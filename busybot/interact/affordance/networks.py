@@ -5,22 +5,22 @@ train and run: the position network sees the whole picture at full resolution, b
 network sees a crop around the position instead of the picture with a Gaussian at the position, because what moves how
 is a local question. A trained position network's size is that of its weights.
 
-Those of the `paper` variant are as the paper's appendix A.1 "Network detail" describes them. What it leaves open, and
-what is chosen here:
+Those of the `paper` variant are as the paper's appendix A.1 "Network detail" describes them. What it leaves open is as
+its authors have it (docs/reference/departures.md), or else chosen here:
 
-- Order in a block: pooling (or interpolation) first, then the convolutions, as the text lists them. The U-Net then
-  goes from 480 x 640 to 30 x 40 and back, and the direction network's last layer has 7 x 10 cells (480 / 64 = 7.5:
-  odd sides lose a row).
-- Skip connections: every up block also gets what the network had at its resolution before: the down blocks' outputs,
-  and at full resolution the input itself.
-- No activation after the last convolution and the last linear layer: these are logits. After a ReLU a pixel with two
-  negative logits would have affordance 1/2 and no gradient.
-- All convolutions keep the size (zero padding of 1), no normalisation layers, ReLU after all other layers.
-- Weights and biases are drawn as torch does by default. Larger ones (He et al.) drove both channels of the last block
-  to zero within a few iterations, in four trials of four: nothing was learnt any more.
+- Every convolution is followed by batch normalisation (the authors'), then by ReLU. They keep the size (zero padding).
+- Order in a block: pooling (or interpolation) first, then the convolutions, as the text lists them. The U-Net goes from
+  480 x 640 to 30 x 40 and back, and the direction network's last layer has 7 x 10 cells (480 / 64 = 7.5: odd sides lose
+  a row).
+- Two convolutions at full resolution come before the first block down (the authors'): "U-Net" is all the text says.
+- Every up block also gets what the network had at its resolution before.
+- The last up block has two convolutions as the others do, and its 2 channels come from a third one of 1 x 1 (the
+  authors'). They are logits: after a ReLU a pixel with two negative ones would have affordance 1/2 and no gradient.
+- The blocks' widths are the text's, where the authors' differ.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import torch
@@ -204,6 +204,8 @@ def make_network(
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]  # torch's stubs lack it
 
 
+STEM_WIDTH = 32
+"""Channels at full resolution, before the first block down and within the last block up."""
 DOWN_WIDTHS = (32, 64, 128, 256)
 UP_WIDTHS = (128, 64, 32, 2)
 PAPER_DIRECTION_WIDTHS = (32, 64, 128, 256, 512, 512, 512)
@@ -216,7 +218,7 @@ Size = tuple[int, int]
 
 
 class PaperPositionNet(nn.Module):
-    """A U-Net of 4 down and 4 up blocks; 1.95 M parameters.
+    """A U-Net of 4 down and 4 up blocks; 2.00 M parameters.
 
     Shapes:
         input: (B, C, H, W); C is 4 (depth and normals) or 3 (colours).
@@ -226,14 +228,17 @@ class PaperPositionNet(nn.Module):
 
     def __init__(self, channels: int):
         super().__init__()
-        sources = (channels, *DOWN_WIDTHS)
-        self.down = nn.ModuleList(_convolutions(a, b) for a, b in zip(sources, DOWN_WIDTHS, strict=False))
-        below, beside = (DOWN_WIDTHS[-1], *UP_WIDTHS), sources[-2::-1]  # 256, 128, 64, 32 and 128, 64, 32, C
-        blocks = [_convolutions(a + skip, b) for a, skip, b in zip(below, beside, UP_WIDTHS, strict=False)]
-        self.up = nn.ModuleList([*blocks[:-1], blocks[-1][:-1]])  # no ReLU after the logits
+        levels = (STEM_WIDTH, *DOWN_WIDTHS)
+        self.stem = _double(channels, STEM_WIDTH)
+        self.down = nn.ModuleList(_double(a, b) for a, b in pairwise(levels))
+        *widths, classes = UP_WIDTHS
+        below, beside = pairwise((DOWN_WIDTHS[-1], *widths, STEM_WIDTH)), levels[-2::-1]
+        blocks = [_double(a + skip, b) for (a, b), skip in zip(below, beside, strict=True)]
+        blocks[-1].append(nn.Conv2d(STEM_WIDTH, classes, 1))
+        self.up = nn.ModuleList(blocks)
 
     def forward(self, features: Tensor) -> Tensor:
-        levels = [features]
+        levels = [self.stem(features)]  # H, W
         for block in self.down:
             levels.append(block(functional.max_pool2d(levels[-1], 2)))  # H/2, H/4, H/8, H/16
         x = levels.pop()
@@ -261,8 +266,8 @@ class PaperDirectionNet(nn.Module):
         super().__init__()
         self.register_buffer("size", torch.tensor(size))
         layers: list[nn.Module] = []
-        for a, b in zip((channels + 1, *PAPER_DIRECTION_WIDTHS), PAPER_DIRECTION_WIDTHS, strict=False):
-            layers += [nn.Conv2d(a, b, 3, padding=1), nn.ReLU(inplace=True), nn.MaxPool2d(2)]
+        for a, b in pairwise((channels + 1, *PAPER_DIRECTION_WIDTHS)):
+            layers += [_block(a, b), nn.MaxPool2d(2)]
         self.convolutions = nn.Sequential(*layers[:-1])
         shrink = 2 ** (len(PAPER_DIRECTION_WIDTHS) - 1)
         cells = (size[0] // shrink) * (size[1] // shrink)
@@ -273,15 +278,9 @@ class PaperDirectionNet(nn.Module):
         return self.score(self.embed(self.convolutions(features)))  # of (B, 512, 7, 10)
 
 
-def _convolutions(inputs: int, outputs: int) -> nn.Sequential:
-    pairs = [(nn.Conv2d(a, outputs, 3, padding=1), nn.ReLU(inplace=True)) for a in (inputs, outputs)]
-    return nn.Sequential(*pairs[0], *pairs[1])
-
-
 def _perceptron(inputs: int, widths: tuple[int, ...]) -> list[nn.Module]:
     """A linear layer and a ReLU for each width."""
-    pairs = zip((inputs, *widths), widths, strict=False)
-    return [module for a, b in pairs for module in (nn.Linear(a, b), nn.ReLU(inplace=True))]
+    return [module for a, b in pairwise((inputs, *widths)) for module in (nn.Linear(a, b), nn.ReLU(inplace=True))]
 
 
 def make_paper_network(kind: Kind, inputs: Inputs, size: Size = SIZE) -> nn.Module:

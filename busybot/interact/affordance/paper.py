@@ -5,34 +5,73 @@ normals from the cross product of neighbouring world coordinates; or in three of
 there is one more, a 2-D Gaussian at the selected position.
 
 What the paper leaves open: depth is given relative to the camera's height over the board, in board units, so that the
-board is near 0, and 0 where nothing was hit; the Gaussian is 1 at its centre, and as wide as its authors have it.
+board is near 0; where nothing was hit it is taken to be there. How neighbours are weighed in normals is as the paper's
+authors have it, and so is the width of the Gaussian at the position, which is 1 at its centre.
 """
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.affordance.fast import AffordanceModel, AffordanceView
-from busybot.interact.affordance.inputs import LOWEST, Pinhole, colour_features, stack_features
+from busybot.interact.affordance.inputs import LOWEST, Pinhole, colour_features, unit
 from busybot.interact.affordance.networks import SIZE, Kind, PaperDirectionNet, make_paper_network
 from busybot.interact.policy.config import Inputs, Threshold
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
-from busybot.training.device import mixed, slices
+from busybot.training.device import exactly, mixed, slices
 
 GAUSSIAN_SIGMA = 10.0
-"""Pixels; of the authors' program, which draws it in a window of 80."""
+"""Of the position's Gaussian, pixels; of the authors' program, which draws it in a window of 80."""
+NORMAL_SIGMA, NORMAL_REACH = 2.0, 8
+"""Of the Gaussian whose derivatives weigh a point's neighbours (the authors'), and how far these are away, pixels."""
 
 
 def depth_and_normals(depth: Tensor, camera: Pinhole) -> Tensor:
     """The four channels, (B, 4, H, W), of depth images float32 (B, H, W) in board units, 0 where nothing was hit."""
-    features = stack_features(depth, camera)
-    features[:, 0] = torch.where(depth > 0, depth - float(camera.origin[2]), 0)
-    return features
+    board = float(camera.origin[2])
+    depth = torch.where(depth > 0, depth, board)
+    return torch.cat([depth[:, None] - board, gaussian_normals(depth, camera)], dim=1)
+
+
+def gaussian_normals(depth: Tensor, camera: Pinhole) -> Tensor:
+    """Unit normals towards the camera: n = (dG/dv * p) x (dG/du * p), normalised, with points p and a Gaussian G.
+
+    Beyond the picture's border the nearest pixel's depth goes on.
+
+    Shapes:
+        depth: float32 (B, H, W), board units, everywhere known.
+        returns: float32 (B, 3, H, W).
+    """
+    rows, columns = (
+        torch.arange(-NORMAL_REACH, side + NORMAL_REACH, device=depth.device)[None] for side in depth.shape[-2:]
+    )
+    padded = functional.pad(depth[:, None], (NORMAL_REACH,) * 4, mode="replicate")[:, 0]
+    points = camera.points(padded, rows, columns)  # (B, 3, H + 16, W + 16)
+    offsets = torch.arange(-NORMAL_REACH, NORMAL_REACH + 1, device=depth.device) / NORMAL_SIGMA
+    gaussian = torch.exp(-(offsets**2) / 2)
+    slope = offsets * gaussian
+    across, down = _filtered(points, gaussian, slope), _filtered(points, slope, gaussian)
+    return unit(torch.linalg.cross(down, across, dim=1))
+
+
+def _filtered(points: Tensor, vertical: Tensor, horizontal: Tensor) -> Tensor:
+    """(B, 3, h, w) with both filters applied to every coordinate, without what lies at the border.
+
+    Exact float32: neighbouring points differ by a hundredth of their distance, of which coarser numbers leave nothing.
+    """
+    channels = points.flatten(0, 1)[None].contiguous(memory_format=torch.channels_last)
+    count = channels.shape[1]
+    with exactly():
+        for kernel in (vertical[:, None], horizontal[None]):
+            channels = functional.conv2d(channels, kernel.expand(count, 1, *kernel.shape), groups=count)
+    return channels[0].unflatten(0, points.shape[:2])
 
 
 def with_positions(features: Tensor, pixels: Tensor) -> Tensor:
@@ -58,15 +97,19 @@ PAPER_POLICY: dict[str, Threshold] = {
     "failure_penalty": 0,
     "responder_penalty": 0,
     "trigger_bonus": 0,
-    "collect": 0.5,
-    "untried_first": False,
 }
-"""What the learned policy's constants are with a paper model: clusters, affordance and directions as they are, and
-data for reasoning by a draw among all candidates (section 3.2, "Data collection")."""
+"""What the learned policy's constants are with a paper model: clusters, affordance and directions as they are."""
 PAPER_PRIOR = 0.5
 """The affordance is taken as it is: no correction for how rare working places are."""
 CHUNK = 8
 """Positions that the direction network looks at together, on a GPU more."""
+
+
+def refuse_former(file: Path, tensors: dict[str, Tensor]) -> None:
+    """Refuse the weights of former versions, whose networks of this variant had no normalisation."""
+    if not any(name.endswith("running_mean") for name in tensors):
+        what = f"{file}: weights of the `paper` variant from before it had batch normalisation"
+        raise BusybotError(what, "train the model again: `busybot train interact --variant paper`")
 
 
 class PaperModel(AffordanceModel):

@@ -8,27 +8,22 @@ Modes of the learned policy:
 - `collect`: a random one of the candidates, one per region, for data to reason from. The paper draws among all of them;
   here those that were not tried yet come first (`PolicyConfig.untried_first`).
 
-The paper's own policy (section 3.1 and appendix A.1) takes the affordance with a bonus for new places, and epsilon.
-What the paper leaves open: positions are pixels that lie above the board, because nothing else can be held; in the
-first 10 epochs, and where epsilon says so, one of them is drawn, all alike. Where all directions are tried, each is
-followed by its opposite, in a random order, until one works. For t and N of the bonus see `ucb_bonus`.
+With a model of the paper's networks the paper's own policy acts in all modes but `evaluate` (`interact.policy.paper`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Generic, Literal, get_args
+from typing import Generic, Literal, get_args
 
 import numpy as np
-from pydantic import Field
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.common.errors import BusybotError
-from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import BoardMemory, Failure
 from busybot.interact.policy.candidates import ActionModel, Candidates, V, find_candidates, held, prior_shift, smoothed
-from busybot.interact.policy.config import PolicyConfig, Share
+from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import (
     ELEVATED,
     PAIR_OF,
@@ -38,7 +33,8 @@ from busybot.interact.policy.direction_pairs import (
     random_pixel,
     sigmoid,
 )
-from busybot.sim.policy import Action, StatelessPolicy
+from busybot.interact.policy.paper import ucb_bonus
+from busybot.sim.policy import Action
 
 Mode = Literal["evaluate", "greedy", "ucb", "collect"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -211,85 +207,3 @@ def _guess(height: np.ndarray, rng: np.random.Generator) -> ActionChoice:
     """Any elevated pixel, any direction."""
     pixel = random_pixel(height > ELEVATED, rng)
     return ActionChoice(pixel, int(rng.integers(len(DIRECTIONS))), "guess", 0.1, 0.1)
-
-
-class PaperRules(FrozenModel):
-    """How the paper's policy chooses.
-
-    Attributes:
-        epsilon_position, epsilon_direction: share of random choices.
-        all_directions: try all directions until one works, instead of one.
-        ucb_c, ucb_window: of the bonus; c = 0 is the row "w/o exploration" of Table 1.
-    """
-
-    epsilon_position: Share = 0.0
-    epsilon_direction: Share = 0.0
-    all_directions: bool = False
-    ucb_c: Annotated[float, Field(ge=0)] = 0.5
-    ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
-
-    def needs_model(self) -> bool:
-        """Whether a network is asked at all."""
-        return self.epsilon_position < 1 or (self.epsilon_direction < 1 and not self.all_directions)
-
-
-class PaperPolicy(StatelessPolicy, Generic[V]):
-    """Reads depth (and RGB, if the model sees colours) and where it acted before.
-
-    Args:
-        model: None where the rules leave everything to chance.
-    """
-
-    def __init__(self, model: ActionModel[V] | None, rays: Rays, rules: PaperRules, name: str):
-        self.name = name
-        self._model, self._rays, self._rules = model, rays, rules
-        self._picks: list[tuple[int, int]] = []
-        self._seen: Observation | None = None
-        self._view: V | None = None
-
-    def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
-        rules, elevated = self._rules, np.nan_to_num(self._rays.heights(observation.depth), nan=-1) > ELEVATED
-        random_position, random_direction = rng.random(2) < (rules.epsilon_position, rules.epsilon_direction)
-        if random_position or not elevated.any():
-            pixel = random_pixel(elevated, rng)
-        else:
-            pixel = self._best_position(observation, elevated)
-        self._picks.append(pixel)
-        if rules.all_directions:
-            return Action(pixel, tuple(map(int, rng.permutation(len(DIRECTIONS)))))
-        if random_direction:
-            return Action(pixel, (int(rng.integers(len(DIRECTIONS))),))
-        assert self._model is not None
-        _, scores = self._model.directions(self._look(observation), np.array([pixel]))
-        return Action(pixel, (int(np.asarray(scores)[0].argmax()),))
-
-    def _best_position(self, seen: Observation, elevated: np.ndarray) -> tuple[int, int]:
-        """The elevated pixel with the highest P + c sqrt(ln t / N)."""
-        affordance = sigmoid(self._look(seen).affordance)
-        scores = affordance + ucb_bonus(affordance.shape, self._picks, self._rules.ucb_c, self._rules.ucb_window)
-        return pixel_at(np.where(elevated, scores, -1).argmax(), scores.shape)
-
-    def _look(self, seen: Observation) -> V:
-        assert self._model is not None
-        if self._view is None or seen is not self._seen:
-            self._seen, self._view = seen, self._model.look(seen, self._rays)
-        return self._view
-
-
-def ucb_bonus(shape: tuple[int, ...], picks: Sequence[tuple[int, int]], c: float = 0.5, window: int = 10) -> np.ndarray:
-    """The bonus for places that were not picked yet (Upper Confidence Bound): c sqrt(ln t / N), float (H, W).
-
-    t counts steps, and N those whose window holds the pixel. The paper does not say what happens where no window holds
-    it: N = 0, the bonus infinite. Here both counts include the step that is being decided, as if it picked the pixel:
-    t = 1 + earlier picks, N = 1 + earlier picks whose window x window square holds the pixel.
-
-    Args:
-        shape: rows and columns of the picture.
-        picks: pixels (u, v) chosen on this board so far. A window reaches from window / 2 pixels before its pick to
-            window / 2 - 1 after it.
-        window: its side, pixels, even.
-    """
-    counts, half = np.ones(shape), window // 2
-    for column, row in picks:
-        counts[max(row - half, 0) : row + half, max(column - half, 0) : column + half] += 1
-    return c * np.sqrt(np.log(len(picks) + 1) / counts)

@@ -13,7 +13,8 @@ from busybot.common.errors import UsageError
 from busybot.episodes.camera import Rays
 from busybot.interact.policy.config import AffordanceInfo, PolicyConfig, without_fixed
 from busybot.interact.policy.exploration import ExplorationConfig, GuidedExplorer, UnguidedExplorer
-from busybot.interact.policy.learned import LearnedPolicy, Mode, PaperPolicy, PaperRules, policy_name
+from busybot.interact.policy.learned import LearnedPolicy, Mode, policy_name
+from busybot.interact.policy.paper import PaperPolicy, PaperRules
 from busybot.sim.policy import Policy
 from busybot.training.model_cards import INFO_FILE, file_hashes, find_folder, read_info
 
@@ -30,6 +31,12 @@ _NOT_READ: dict[Mode, frozenset[str]] = {
     "ucb": frozenset(PolicyConfig.model_fields) - {"blur", "prior"} - _OF_THE_BONUS,
 }
 """Constants that change nothing in a mode."""
+_READ_AS_PAPER: dict[Mode, frozenset[str]] = {
+    "collect": frozenset({"clusters", "cluster_belief"}),
+    "greedy": frozenset(),
+    "ucb": _OF_THE_BONUS,
+}
+"""Constants that the paper's policy reads, which acts with a paper model in these modes."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +61,8 @@ class LearnedPolicyFactory:
     def make_policy(self, rays: Rays) -> Policy:
         model, constants = load_once(self.model), self._constants()
         if self._acts_as_paper(model.info):
-            c = constants.ucb_c if self.mode == "ucb" else 0
-            return PaperPolicy(model, rays, PaperRules(ucb_c=c, ucb_window=constants.ucb_window), self.name)
+            read = {name: getattr(constants, name) for name in _READ_AS_PAPER[self.mode]}
+            return PaperPolicy(model, rays, PaperRules.model_validate({"ucb_c": 0, **read}), self.name)
         return LearnedPolicy(model, rays, constants, self.mode)
 
     def provenance(self) -> dict[str, Any]:
@@ -70,13 +77,15 @@ class LearnedPolicyFactory:
         """
         info = card_of(self.model)
         config = policy_config(info, self.overrides)
-        more, of_which = ({"blur", "prior"}, " of the paper's model") if self._acts_as_paper(info) else (set(), "")
-        for name in sorted((_NOT_READ[self.mode] | more).intersection(self.overrides)):
+        unread, of_which = _NOT_READ[self.mode], ""
+        if self._acts_as_paper(info):
+            unread, of_which = frozenset(PolicyConfig.model_fields) - _READ_AS_PAPER[self.mode], " of the paper's model"
+        for name in sorted(unread.intersection(self.overrides)):
             raise UsageError(f"learned.{name} changes nothing in mode {self.mode}{of_which}", "leave it out")
         return config
 
     def _acts_as_paper(self, info: AffordanceInfo) -> bool:
-        return info.variant == "paper" and self.mode in ("ucb", "greedy")
+        return info.variant == "paper" and self.mode in _READ_AS_PAPER
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ A.1 "Training detail"). What the paper leaves open, and what is chosen here:
 - Epochs are counted from 0: "the first 10" are 0 to 9, "training starts at the 10th" is epoch 10.
 - From epoch 100 to 119 nothing is trained: the text has the position network trained "in the first 100 epochs" and
   both "starting from the 120th epoch", and in between data are collected.
-- Learning rates stay as they are: the text calls them initial and names no schedule (the authors' program lets them
-  fall).
+- The learning rates that the text calls initial fall as the authors' do, counted from the epoch in which a network's
+  training starts.
 - A reward is more than 500 changed pixels, as everywhere here (the authors' program: 1000), and every board has an
   appearance of its own (`group_size`): where and how to act depends on nothing else.
-
-docs/reference/departures.md has all of them, with what the authors' program does.
 - While the buffer has no action with reward, or none without, no batch can be half positive: the iterations of that
   epoch are left out.
+
+docs/reference/departures.md has all of them, with what the authors' program does.
 """
 
 from typing import Annotated, Any, Literal
@@ -25,7 +25,7 @@ from busybot.common.frozen_model import FrozenModel
 from busybot.interact.affordance.networks import CROP, KINDS, Kind, Networks
 from busybot.interact.policy.config import Inputs, Share
 from busybot.interact.policy.exploration import ExplorationConfig
-from busybot.interact.policy.learned import PaperRules
+from busybot.interact.policy.paper import PaperRules
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.scene.render import RenderConfig
 
@@ -225,7 +225,9 @@ class LearnConfig(FrozenModel):
     Attributes:
         batch: samples per iteration, half of them with reward.
         iterations: per epoch.
-        learning_rate: of Adam.
+        learning_rate: of Adam, at first.
+        rate_factor, rate_epochs: it is multiplied by this every so many epochs, from the one in which the training
+            starts; the authors' values.
         epsilon_epochs: the share of random choices falls from 1 to its lowest value in so many epochs, from the one in
             which the training starts.
     """
@@ -233,6 +235,8 @@ class LearnConfig(FrozenModel):
     batch: Annotated[int, Field(ge=2, le=4096, multiple_of=2)] = 16
     iterations: Epochs = 8
     learning_rate: Positive = 5e-4
+    rate_factor: Annotated[float, Field(gt=0, le=1)] = 0.5
+    rate_epochs: Annotated[int, Field(ge=1, le=100_000)] = 90
     epsilon_epochs: Annotated[int, Field(ge=1, le=100_000)] = 40
 
 
@@ -242,6 +246,8 @@ class DirectionLearnConfig(LearnConfig):
     batch: Annotated[int, Field(ge=2, le=4096, multiple_of=2)] = 32
     iterations: Epochs = 24
     learning_rate: Positive = 1e-4
+    rate_factor: Annotated[float, Field(gt=0, le=1)] = 0.7
+    rate_epochs: Annotated[int, Field(ge=1, le=100_000)] = 75
     epsilon_epochs: Annotated[int, Field(ge=1, le=100_000)] = 80
 
 
@@ -257,6 +263,7 @@ class PaperConfig(RecordConfig):
         all_directions_epochs: until this epoch all directions are tried at a position, and only the position network
             is trained; from then on one direction is executed (with its opposite).
         joint_epochs: until this epoch the direction is random; from then on both networks are trained.
+        settled_rate: the position network's learning rate once all directions are no longer tried (the authors').
         epsilon_lowest: the share of random choices that remains.
         buffer: steps that the replay buffer holds, first in, first out.
         ucb_c, ucb_window: of the bonus for places that were not picked yet; the window's side in pixels, even.
@@ -272,6 +279,7 @@ class PaperConfig(RecordConfig):
     random_epochs: Epochs = 10
     all_directions_epochs: Epochs = 100
     joint_epochs: Epochs = 120
+    settled_rate: Positive = 1e-6
     epsilon_lowest: Share = 0.1
     buffer: Annotated[int, Field(ge=2)] = 6400
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
@@ -297,9 +305,20 @@ class PaperConfig(RecordConfig):
             return KINDS
         return ("position",) if self.random_epochs <= epoch < self.all_directions_epochs else ()
 
+    def since(self, kind: Kind, epoch: int) -> int:
+        """Epochs since a network's training started."""
+        return epoch - (self.random_epochs if kind == "position" else self.joint_epochs)
+
+    def rate(self, kind: Kind, epoch: int) -> float:
+        """A network's learning rate in an epoch."""
+        if kind == "position" and epoch >= self.all_directions_epochs:
+            return self.settled_rate
+        learn = self.learn(kind)
+        return learn.learning_rate * learn.rate_factor ** (max(0, self.since(kind, epoch)) // learn.rate_epochs)
+
     def epsilon(self, kind: Kind, epoch: int) -> float:
         """Share of random positions or directions while an epoch's data are collected."""
-        since = epoch - (self.random_epochs if kind == "position" else self.joint_epochs)
+        since = self.since(kind, epoch)
         fallen = 1 - (1 - self.epsilon_lowest) * since / self.learn(kind).epsilon_epochs
         return min(1.0, max(self.epsilon_lowest, fallen))
 

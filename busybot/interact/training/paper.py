@@ -21,6 +21,7 @@ A sample is the paper's tuple of picture, position, direction and reward. Where 
 
 import hashlib
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -73,10 +74,10 @@ class PaperAffordanceLearner(Learner):
 
     def __init__(self, out: Path, config: PaperConfig, seed: int, kind: Kind, size: Size):
         self.name: Kind = kind
-        self.config, self.seed = config.learn(kind), seed
+        self.config, self.seed, self._rate = config.learn(kind), seed, partial(config.rate, kind)
         self.network = make_paper_network(kind, config.inputs, size)
         draws = generator(seed, "train", 0, f"paper/initial weights/{kind}")
-        initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))), biases=True)
+        initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))), biases=True, normal=True)
         self.network.to(device())
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=self.config.learning_rate, betas=BETAS)
         self.epoch = self.done = 0
@@ -102,14 +103,14 @@ class PaperAffordanceLearner(Learner):
         assert self._samples is not None, "`train` gives them"
         loss = self.learn(self._samples, generator(self.seed, "train", self.epoch, f"paper/{self.name}/{self.done}"))
         self.done += 1
-        return loss, self.config.learning_rate
+        return loss, self._rate(self.epoch)
 
     def learn(self, samples: Samples, rng: np.random.Generator) -> float:
-        """Draw a batch and take one step of the optimizer; returns the loss."""
+        """Draw a batch and take one step of the optimizer, at the epoch's learning rate; returns the loss."""
         self.network.train()
         chosen = draw_half(samples.reward, self.config.batch, rng)
         loss = batch_loss(self.network, self.name, samples, chosen)
-        descend(self.optimizer, loss)
+        descend(self.optimizer, loss, self._rate(self.epoch))
         return float(loss.detach())
 
     def state(self) -> Checkpoint:

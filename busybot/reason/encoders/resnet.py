@@ -1,9 +1,12 @@
-"""Encoders `resnet50` and `random`: the first stage of a ResNet-50, averaged over an object's own pixels.
+"""Encoders `resnet50` and `random`: the first stage of a ResNet-50, averaged over an object's pixels or at its centre.
 
 The paper's features are 256 channels "extracted from the 10th layer" of a ResNet-50 trained on ImageNet (appendix
-"Network details"), read here as the output of the first stage: one convolution and three blocks of three. What the
-paper leaves open is chosen: boxes are scaled to 64 x 64 pixels, and channels are averaged over the object's pixels
-(`resnet50-box`: over the box) instead of over the whole crop.
+"Network details"), read here as the output of the first stage: one convolution and three blocks of three. The text
+calls them the object's, and does not say how the many cells of a stage become one object's:
+
+- `resnet50` averages over the object's own pixels, its box scaled to 64 x 64 pixels (`resnet50-box`: over the box).
+- `resnet50-centre` does as the paper's authors: the whole picture is scaled to 224 x 224 pixels, the stage's output
+  interpolated back to that size, and the one pixel at the centre of the object's first-frame box is taken.
 
 The weights come from a file at hand, the cache, or their official place. `random` is the same network with weights that
 were drawn: what it lacks against `resnet50` is what ImageNet taught.
@@ -24,7 +27,7 @@ from busybot.common.rng import generator
 from busybot.objects.cache import cache_folder
 from busybot.reason.inputs.appearances import Appearance, scaled
 from busybot.reason.inputs.sequence import CHANNELS
-from busybot.training.device import device, slices
+from busybot.training.device import device, exactly, slices
 
 ADDRESS = "https://download.pytorch.org/models/resnet50-0676ba61.pth"
 SHA256 = "0676ba61b6795bbe1773cffd859882e5e297624d384b6993f7c9e683e722fb8a"
@@ -34,7 +37,7 @@ BYTES = 102_530_333
 TIME_LIMIT_S = 60.0
 """Without any byte for so long the download counts as failed."""
 PIECE = 1 << 20
-HINT = "download it elsewhere and name it (`--weights FILE`), or use `--encoder embedded`, which needs none"
+HINT = "name one that is there, or use `--encoder embedded`, which needs none"
 
 
 def resnet50_file(file: Path | None) -> tuple[Path, str]:
@@ -50,14 +53,20 @@ def resnet50_file(file: Path | None) -> tuple[Path, str]:
         if not file.is_file():
             raise BusybotError(f"{file}: there is no such file with weights", HINT)
         return file, sha256_of(file)
-    place = cache_folder() / "weights" / ADDRESS.rpartition("/")[2]
+    place = official_place()
     if not (place.is_file() and sha256_of(place) == SHA256):
         _download(place)
     return place, SHA256
 
 
+def official_place() -> Path:
+    """Where the official file is kept."""
+    return cache_folder() / "weights" / ADDRESS.rpartition("/")[2]
+
+
 def _download(place: Path) -> None:
     digest = hashlib.sha256()
+    hint = f"download it elsewhere and copy it to {place}, or use `--encoder embedded`, which needs none"
     try:
         with urllib.request.urlopen(ADDRESS, timeout=TIME_LIMIT_S) as answer, replacing(place) as out:
             size = 0
@@ -66,12 +75,14 @@ def _download(place: Path) -> None:
                 digest.update(piece)
                 out.write(piece)
             if digest.hexdigest() != SHA256:
-                raise BusybotError(f"{ADDRESS}: what came has another SHA-256 than the file that is known", HINT)
+                raise BusybotError(f"{ADDRESS}: what came has another SHA-256 than the file that is known", hint)
     except OSError as error:  # no network, refused, too slow, or no room
-        raise BusybotError(f"{ADDRESS}: cannot be downloaded: {error}", HINT) from None
+        raise BusybotError(f"{ADDRESS}: cannot be downloaded: {error}", hint) from None
 
 
 SIDE, CELLS = 64, 16
+WHOLE = 224
+"""Side of the square that whole pictures are scaled to."""
 BATCH = 32
 """Looks that are encoded together, on a GPU more."""
 MEAN, SPREAD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
@@ -136,18 +147,42 @@ class ResNetEncoder:
     def encode(self, looks: list[Appearance]) -> np.ndarray:
         """float32 (n, 256); zeros where nothing shows the object. Nothing is rounded more, whatever the device."""
         rows = [np.zeros((0, CHANNELS), np.float32)]
-        with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
+        with exactly():
             rows += [self._encode(looks[part]) for part in slices(len(looks), BATCH, self._on)]
         return np.concatenate(rows)
 
+    @torch.inference_mode()
+    def encode_at(self, pictures: list[np.ndarray], places: np.ndarray) -> np.ndarray:
+        """Places of whole pictures, uint8 (H, W, 3) each; places (K, 2) are u and v in shares of width and height.
+
+        Returns:
+            float32 (n, K, 256).
+        """
+        pixels = np.floor(np.asarray(places, np.float32) * WHOLE).clip(0, WHOLE - 1)
+        grid = torch.from_numpy(2 * (pixels + 0.5) / WHOLE - 1).to(self._on)
+        rows = [np.zeros((0, len(places), CHANNELS), np.float32)]
+        with exactly():
+            for part in slices(len(pictures), BATCH, self._on):
+                channels = self._channels([scaled(picture, WHOLE) for picture in pictures[part]])
+                where = grid.expand(len(channels), 1, -1, -1)
+                # the same as interpolating all of it and taking these pixels
+                taken = functional.grid_sample(channels, where, padding_mode="border", align_corners=False)
+                rows.append(taken[:, :, 0].transpose(1, 2).cpu().numpy())
+        return np.concatenate(rows)
+
     def _encode(self, looks: list[Appearance]) -> np.ndarray:
-        rgb = torch.from_numpy(np.stack([scaled(look.rgb, SIDE) for look in looks])).to(self._on)
         weight = torch.from_numpy(np.stack([scaled(look.own.astype(np.float32), CELLS) for look in looks])).to(self._on)
-        colours = (rgb.float() / 255 - weight.new_tensor(MEAN)) / weight.new_tensor(SPREAD)
-        channels = self._network(colours.permute(0, 3, 1, 2))
+        channels = self._channels([scaled(look.rgb, SIDE) for look in looks])
         total = weight.sum((1, 2)).clamp(min=1e-6)
         encoded: np.ndarray = (torch.einsum("bcij,bij->bc", channels, weight) / total[:, None]).cpu().numpy()
         return encoded
+
+    def _channels(self, pictures: list[np.ndarray]) -> Tensor:
+        """The first stage of pictures of one size, (B, 256, h / 4, w / 4)."""
+        rgb = torch.from_numpy(np.stack(pictures)).to(self._on).float() / 255
+        colours = (rgb - rgb.new_tensor(MEAN)) / rgb.new_tensor(SPREAD)
+        channels: Tensor = self._network(colours.permute(0, 3, 1, 2))
+        return channels
 
 
 def pretrained(file: Path | None) -> ResNetEncoder:

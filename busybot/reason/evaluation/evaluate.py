@@ -242,7 +242,8 @@ def _judges(
     proposed: Proposed | None,
 ) -> dict[str, StateReadout]:
     """Judges of a board by name."""
-    clusters = clusters_of(sequence.features, threshold_of(reasoner_of(judging.model, judging.config).encoder))
+    encoder = reasoner_of(judging.model, judging.config).encoder
+    clusters = clusters_of(sequence.features, threshold_of(encoder, sequence.features))
     if proposed is not None:
         return {NEAREST: PlacedStates(proposed, sequence.features, clusters, states)}
     judges: dict[str, StateReadout] = {NEAREST: NearestState(sequence.features, clusters, states, judged)}

@@ -141,26 +141,36 @@ def actions_of(observed: "ObservedEpisode") -> np.ndarray:
 
 THRESHOLDS = {"embedded": 0.5, "embedded-box": 0.5, "embedded-mask": 0.5}
 """Distance by encoder: what `benchmarks/studies/features.py` fits on training boards (0.44 to 0.48), rounded."""
+SMALLEST = 0.01
+"""Of the median change on a board, the threshold of encoders for which none was fitted. Less than the smallest change,
+which is 0.03 with drawn weights (docs/results/reason.md): where a state has several clusters, each still stands for it.
+"""
 
 UNSEEN = -1
 """Cluster of triggers and of objects that no box shows."""
 
 
-def threshold_of(encoder: str) -> float:
+def threshold_of(encoder: str, features: np.ndarray | None = None) -> float:
     """The threshold of an encoder's features.
 
+    Args:
+        features: (T + 1, N, C) of a board, to which it is fitted where no threshold is known of the encoder.
+
     Raises:
-        BusybotError: none was fixed for it.
+        BusybotError: none is known, and there are no features.
     """
     base = encoder.partition("-")[0]
-    if encoder not in THRESHOLDS and base in plugins.names("encoders"):
+    if encoder in THRESHOLDS:
+        return THRESHOLDS[encoder]
+    if base in plugins.names("encoders"):
         brought = getattr(plugins.load("encoders", base), "threshold", None)
         if isinstance(brought, int | float) and brought > 0:
             return float(brought)
-    if encoder not in THRESHOLDS:
+    if features is None:
         what = f"no threshold is known for the features of encoder {encoder!r}"
         raise BusybotError(what, "fit one on training boards (`busybot.reason.inputs.sequence.fit_threshold`)")
-    return THRESHOLDS[encoder]
+    apart = np.linalg.norm(np.diff(features.astype(np.float32), axis=0), axis=-1)
+    return SMALLEST * float(np.median(apart[apart > 0])) if apart.any() else 1.0
 
 
 def clusters_of(features: np.ndarray, threshold: float) -> np.ndarray:

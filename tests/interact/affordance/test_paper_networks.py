@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 import torch
+from scipy.ndimage import gaussian_filter
 from torch import nn
 
-from busybot.episodes.camera import normals
+from busybot.common.rng import generator
 from busybot.interact.affordance.inputs import Pinhole
 from busybot.interact.affordance.networks import KINDS, PaperDirectionNet, PaperPositionNet, make_paper_network
 from busybot.interact.affordance.paper import depth_and_normals, with_positions
@@ -15,39 +16,52 @@ from tests.interact.scenes import BODY, HEIGHT, RAYS, WIDTH, picture
 
 
 def convolutions(network: nn.Module) -> list[tuple[int, int]]:
-    """Channels of all convolutions in their order, all of which are 3 x 3 and keep the size."""
-    found = [module for module in network.modules() if isinstance(module, nn.Conv2d)]
-    assert all((one.kernel_size, one.stride, one.padding) == ((3, 3), (1, 1), (1, 1)) for one in found)
-    return [(one.in_channels, one.out_channels) for one in found]
+    """Channels of all 3 x 3 convolutions in their order; they keep the size, normalisation and ReLU follow them."""
+    found = []
+    for block in network.modules():
+        if isinstance(block, nn.Sequential) and isinstance(block[0], nn.Conv2d):
+            one, norm, relu = block
+            assert (one.kernel_size, one.stride, one.padding) == ((3, 3), (1, 1), (1, 1))
+            assert isinstance(norm, nn.BatchNorm2d) and isinstance(relu, nn.ReLU)
+            found.append((one.in_channels, one.out_channels))
+    return found
 
 
 def test_the_position_network_is_a_u_net_of_four_blocks_down_and_four_up() -> None:
     network = PaperPositionNet(4)
-    assert convolutions(network.down) == [
-        (4, 32),
-        (32, 32),
-        (32, 64),
-        (64, 64),
-        (64, 128),
+    down = [(32, 32), (32, 32), (32, 64), (64, 64), (64, 128), (128, 128), (128, 256), (256, 256)]
+    assert convolutions(network.down) == down
+    *up, last = [
+        (256 + 128, 128),
         (128, 128),
-        (128, 256),
-        (256, 256),
+        (128 + 64, 64),
+        (64, 64),
+        (64 + 32, 32),
+        (32, 32),
+        (32 + 32, 32),
+        (32, 32),
     ]
-    up = [(256 + 128, 128), (128, 128), (128 + 64, 64), (64, 64), (64 + 32, 32), (32, 32), (32 + 4, 2), (2, 2)]
-    assert convolutions(network.up) == up
-    relus = [sum(isinstance(part, nn.ReLU) for part in block) for block in (*network.down, *network.up)]
-    assert relus == [2] * 7 + [1]  # the last convolution gives logits
-    assert parameters_of(network) == 1_947_824
+    assert convolutions(network.up) == [*up, last]
+    assert parameters_of(network) == 1_994_946
+
+
+def test_as_the_authors_have_it_two_convolutions_come_first_and_one_of_1_by_1_last() -> None:
+    network = PaperPositionNet(4)
+    assert convolutions(network.stem) == [(4, 32), (32, 32)]
+    head = network.up[-1][-1]  # type: ignore[index]
+    assert (head.kernel_size, head.in_channels, head.out_channels) == ((1, 1), 32, 2)
+    every = [module for module in network.modules() if isinstance(module, nn.Conv2d)]
+    assert len(every) == len(convolutions(network)) + 1  # normalisation and ReLU follow all others
 
 
 def test_the_position_network_halves_the_picture_four_times() -> None:
     with torch.device("meta"):
         network, picture = PaperPositionNet(4), torch.empty(1, 4, 480, 640)
     sides: list[tuple[int, ...]] = []
-    for block in (*network.down, *network.up):
+    for block in (network.stem, *network.down, *network.up):
         block.register_forward_hook(lambda block, inputs, output: sides.append(tuple(output.shape[1:])))
     assert network(picture).shape == (1, 2, 480, 640)
-    down = [(32, 240, 320), (64, 120, 160), (128, 60, 80), (256, 30, 40)]
+    down = [(32, 480, 640), (32, 240, 320), (64, 120, 160), (128, 60, 80), (256, 30, 40)]
     assert sides == [*down, (128, 60, 80), (64, 120, 160), (32, 240, 320), (2, 480, 640)]
 
 
@@ -57,13 +71,13 @@ def test_the_direction_network_has_seven_convolutions_and_two_perceptrons() -> N
     widths = [5, 32, 64, 128, 256, 512, 512, 512]
     assert convolutions(network) == list(zip(widths[:-1], widths[1:], strict=True))
     pools = [number for number, part in enumerate(network.convolutions) if isinstance(part, nn.MaxPool2d)]
-    assert len(pools) == 6 and pools[0] > 1  # none belongs to the first layer
+    assert pools == [1, 3, 5, 7, 9, 11]  # before every layer but the first
     assert network.convolutions(seen).shape == (2, 512, 7, 10)
     linear = [(part.in_features, part.out_features) for part in network.modules() if isinstance(part, nn.Linear)]
     assert linear == [(512 * 7 * 10, 256), (256, 256), (256, 1024), (1024, 1024), (1024, 1024), (1024, 18)]
     assert isinstance(network.score[-1], nn.Linear)
     assert network(seen).shape == (2, 18)
-    assert parameters_of(network) == 17_910_674
+    assert parameters_of(network) == 17_912_690
 
 
 @pytest.mark.parametrize(("inputs", "channels"), [("depth", 4), ("rgb", 3)])
@@ -74,27 +88,49 @@ def test_both_see_depth_and_normals_or_colours(inputs: Inputs, channels: int) ->
         assert direction(torch.empty(2, channels + 1, 120, 160)).shape == (2, 18)
 
 
-def test_initial_weights_are_drawn_within_torchs_limits_biases_too() -> None:
-    first, second = (make_paper_network("position", "depth") for _ in range(2))
+def test_initial_weights_are_kaimings_normal_and_normalisation_begins_at_1_and_0() -> None:
+    first, second = (make_paper_network("direction", "depth", (120, 160)) for _ in range(2))
     for network in (first, second):
-        initialise(network, torch.Generator().manual_seed(1), biases=True)
-    for one, other in zip(first.parameters(), second.parameters(), strict=True):
-        assert torch.equal(one, other) and one.abs().max() > 0
+        initialise(network, torch.Generator().manual_seed(1), biases=True, normal=True)
+    assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters(), strict=True))
     for module in first.modules():
         if isinstance(module, nn.Conv2d):
-            assert max(value.abs().max() for value in module.parameters()) <= (9 * module.in_channels) ** -0.5
+            inputs = 9 * module.in_channels
+            assert module.weight.std().item() == pytest.approx((2 / inputs) ** 0.5, rel=0.1)
+            assert module.weight.abs().max() > (6 / inputs) ** 0.5  # no uniform distribution of that width
+        elif isinstance(module, nn.BatchNorm2d):
+            assert (module.weight == 1).all() and not module.bias.any()
+        elif isinstance(module, nn.Linear):  # as torch has them
+            for value in module.parameters():
+                assert 0 < value.abs().max() <= module.in_features**-0.5
 
 
 def test_the_picture_is_depth_and_normals() -> None:
     image = picture(((40, 30, 100, 80), BODY))
-    assert image.depth is not None
     image.depth[0, 0] = 0
     features = depth_and_normals(torch.from_numpy(image.depth)[None], Pinhole(RAYS.camera))[0].numpy()
     assert features.shape == (4, HEIGHT, WIDTH)
     assert np.allclose(features[0], np.where(image.depth > 0, image.depth - 4, 0))
-    inside = (slice(2, -2), slice(2, -2))
-    expected = normals(RAYS.points(image.depth))[inside]
-    assert np.allclose(features[1:, *inside].transpose(1, 2, 0), expected, atol=1e-3)
+    level = features[1:, 45:65, 55:85]  # on top of the box
+    assert np.allclose(level, np.array([0, 0, 1])[:, None, None], atol=1e-5)
+    edges = features[1:, 55, [40, 100]]
+    assert edges[0, 0] < -0.5 < 0.5 < edges[0, 1]  # its sides look away from it
+
+
+def test_normals_cross_the_derivatives_of_a_gaussian_of_the_points() -> None:
+    depth = 4 - 0.3 * generator(0, "", 0, "test").random((HEIGHT, WIDTH)).astype(np.float32)
+    found = depth_and_normals(torch.from_numpy(depth)[None], Pinhole(RAYS.camera))[0, 1:].numpy()
+    points = RAYS.points(depth).astype(float)
+    across, down = (gaussian_filter(points, (2, 2, 0), (*order, 0)) for order in ((0, 1), (1, 0)))
+    expected = np.cross(down, across)
+    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
+    inside = (slice(9, -9), slice(9, -9))
+    assert np.allclose(found[:, *inside].transpose(1, 2, 0), expected[inside], atol=1e-4)
+
+
+def test_a_plane_has_one_normal_up_to_the_border() -> None:
+    found = depth_and_normals(torch.full((2, 60, 80), 3.5), Pinhole(RAYS.camera))
+    assert torch.allclose(found[:, 1:], torch.tensor([0.0, 0.0, 1.0])[:, None, None], atol=1e-5)
 
 
 def test_a_gaussian_marks_the_position() -> None:

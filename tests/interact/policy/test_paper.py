@@ -6,7 +6,7 @@ import pytest
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.rng import generator
 from busybot.interact.policy.direction_pairs import PAIR_OF
-from busybot.interact.policy.learned import PaperPolicy, PaperRules
+from busybot.interact.policy.paper import PaperPolicy, PaperRules
 from tests.interact.scenes import BODY, BUTTON, RAYS, ButtonModel, HeightView, picture
 
 LARGE, KNOBS = (40, 30, 140, 110), ((60, 60, 66, 66), (100, 60, 106, 66))
@@ -37,6 +37,20 @@ def test_the_bonus_leads_to_the_other_knob_and_without_it_nothing_does() -> None
     for c, expected in ((0.5, {0, 1}), (0, {0})):
         agent, draws = policy(ucb_c=c), rng()
         assert {on_knob(agent.select_action(BOARD, draws).pixel) for _ in range(4)} == expected
+
+
+def test_data_to_reason_from_are_a_draw_among_the_tops_of_clusters_with_their_best_direction() -> None:
+    agent, draws = policy(ucb_c=0, clusters=2), rng()
+    actions = [agent.select_action(BOARD, draws) for _ in range(40)]
+    places = [action.pixel for action in actions]
+    assert len(set(places)) == 2 and {on_knob(pixel) for pixel in places} == {0, 1}  # whatever was tried before
+    assert min(places.count(pixel) for pixel in set(places)) > 10
+    assert all(abs(DIRECTIONS[action.directions[0], 2]) == 1 for action in actions)
+
+
+def test_where_no_place_is_likely_enough_for_a_cluster_the_best_is_taken() -> None:
+    agent = policy(ucb_c=0, clusters=2, cluster_belief=1)
+    assert on_knob(agent.select_action(BOARD, rng()).pixel) >= 0
 
 
 def test_all_directions_are_tried_each_once() -> None:

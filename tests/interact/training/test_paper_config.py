@@ -35,6 +35,17 @@ def test_epsilon_falls_linearly_from_where_the_training_starts() -> None:
         assert PAPER.epsilon("direction", epoch) == pytest.approx(expected)
 
 
+def test_learning_rates_fall_as_the_authors_have_it() -> None:
+    position = {0: 5e-4, 10: 5e-4, 99: 5e-4, 100: 1e-6, 120: 1e-6, 399: 1e-6}
+    direction = {120: 1e-4, 194: 1e-4, 195: 0.7e-4, 270: 0.49e-4, 345: 0.343e-4, 399: 0.343e-4}
+    assert [PAPER.rate("position", epoch) for epoch in position] == pytest.approx(list(position.values()))
+    assert [PAPER.rate("direction", epoch) for epoch in direction] == pytest.approx(list(direction.values()))
+    longer = build(PaperConfig, None, ["all_directions_epochs=300", "joint_epochs=300"], {})
+    assert [longer.rate("position", epoch) for epoch in (99, 100, 190, 280)] == pytest.approx(
+        [5e-4, 2.5e-4, 1.25e-4, 0.625e-4]
+    )
+
+
 def test_who_collects_an_epoch() -> None:
     assert not PAPER.rules(10).needs_model()
     first = PAPER.rules(50)

@@ -14,7 +14,7 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.policy.config import Inputs
 from busybot.interact.training.config import PaperConfig
-from busybot.interact.training.paper import PaperAffordanceLearner, draw_half, paper_labels
+from busybot.interact.training.paper import PaperAffordanceLearner, batch_loss, draw_half, paper_labels
 from busybot.interact.training.sample_cache import SQUARES, Samples, cache_samples, open_samples
 from busybot.training.run_folder import read_metrics
 from tests.episodes.folders import make_dataset
@@ -86,6 +86,26 @@ def test_adam_with_the_papers_learning_rates(tmp_path: Path) -> None:
         assert type(optimizer) is torch.optim.Adam
         (group,) = optimizer.param_groups
         assert (group["lr"], group["betas"], group["weight_decay"]) == (rate, (0.9, 0.95), 0)
+
+
+def test_an_epoch_has_its_learning_rate(samples: Samples, tmp_path: Path) -> None:
+    learner = learner_for("position", tmp_path, iterations=1)
+    for epoch, rate in ((10, 5e-4), (120, 1e-6)):
+        learner.train(samples, epoch)
+        assert learner.optimizer.param_groups[0]["lr"] == pytest.approx(rate)
+    assert [line["learning_rate"] for line in read_metrics(learner.loop.metrics)] == pytest.approx([5e-4, 1e-6])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", KINDS)
+def test_both_networks_learn_with_normalisation_and_kaimings_draw(kind: Kind, samples: Samples, tmp_path: Path) -> None:
+    learner = learner_for(kind, tmp_path, batch=4)
+    losses = [learner.learn(samples, generator(0, "", 0, "test")) for _ in range(20)]  # one batch again and again
+    assert np.mean(losses[-5:]) < 0.7 * np.mean(losses[:5])
+    learner.network.eval()  # what is learnt does not hang on the batch's own means
+    with torch.no_grad():
+        chosen = draw_half(samples.reward, 4, generator(0, "", 0, "test"))
+        assert batch_loss(learner.network, kind, samples, chosen) < 0.7 * np.mean(losses[:5])
 
 
 @pytest.mark.long

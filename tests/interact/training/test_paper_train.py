@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from torch import nn
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
@@ -13,14 +15,17 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.paper import PaperModel
-from busybot.interact.policy.config import PolicyConfig
-from busybot.interact.policy.direction_pairs import NOT_ELEVATED
-from busybot.interact.policy.learned import LearnedPolicy, PaperPolicy
+from busybot.interact.policy.config import AffordanceInfo, PolicyConfig
+from busybot.interact.policy.direction_pairs import NOT_ELEVATED, sigmoid
+from busybot.interact.policy.learned import LearnedPolicy, mode_named, policy_name
+from busybot.interact.policy.paper import PaperPolicy
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory, usual_mode
 from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import PaperAffordanceLearner, PaperTraining
 from busybot.interact.training.round_recorder import Recorder, RoundProgress
 from busybot.interact.training.sample_cache import Samples
+from busybot.training.checkpoint import save_tensors
+from busybot.training.model_cards import read_info, write_info
 from busybot.training.run_folder import read_metrics
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import weights
@@ -121,7 +126,6 @@ def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> No
     policy = LearnedPolicyFactory(str(trained)).provenance()["policy"]
     own = {"candidates": "kmeans", "blur": 1, "prior": 0.5, "caution": 0, "temperature": 1}
     own |= dict.fromkeys(("component_penalty", "failure_penalty", "responder_penalty", "trigger_bonus"), 0)
-    own |= {"collect": 0.5, "untried_first": False}  # a draw among all clusters, as the paper collects
     assert policy == PolicyConfig.model_validate(own).provenance()
     episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
     rays, seen = Rays(episode.camera), episode.observation(0)
@@ -129,6 +133,9 @@ def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> No
     assert view.affordance.shape == seen.depth.shape
     elevated = np.nan_to_num(rays.heights(seen.depth), nan=-1) > 0.002
     assert ((view.affordance > NOT_ELEVATED) == elevated).all()
+    with torch.no_grad():
+        softmax = model.networks["position"](torch.from_numpy(view.features)[None])[0].softmax(0)[1].numpy()
+    assert np.allclose(sigmoid(view.affordance)[elevated], softmax[elevated], atol=1e-5)
     pixels = np.array([[40, 60], [80, 60], [159, 119]])
     position, directions = model.directions(view, pixels)
     assert np.array_equal(position, view.affordance[pixels[:, 1], pixels[:, 0]])
@@ -139,9 +146,10 @@ def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> No
 def test_it_acts_by_the_papers_policy_unless_another_mode_is_asked_for(trained: Path, recorded: Path) -> None:
     episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")
     rays, draws = Rays(episode.camera), generator(0, "", 0, "test")
-    for mode, kind in (("ucb", PaperPolicy), ("greedy", PaperPolicy), ("evaluate", LearnedPolicy)):
-        policy = LearnedPolicyFactory(str(trained), mode).make_policy(rays)
-        assert type(policy) is kind and policy.name == f"learned-{mode}"
+    kinds = {"ucb": PaperPolicy, "greedy": PaperPolicy, "collect": PaperPolicy, "evaluate": LearnedPolicy}
+    for mode, kind in kinds.items():
+        policy = LearnedPolicyFactory(str(trained), mode_named(mode)).make_policy(rays)
+        assert type(policy) is kind and policy.name == policy_name(mode_named(mode))
         pixels, seen = [], episode.observation(0)
         for _ in range(3):
             action = policy.select_action(seen, draws)
@@ -149,7 +157,11 @@ def test_it_acts_by_the_papers_policy_unless_another_mode_is_asked_for(trained: 
             policy.observe(action, action.directions, 0, seen)
             pixels.append(action.pixel)
         assert len(action.directions) == 1
-        assert (len(set(pixels)) == 1) == (mode == "greedy")
+        if mode != "collect":
+            assert (len(set(pixels)) == 1) == (mode == "greedy")
+    for mode, name in (("collect", "collect"), ("ucb", "clusters"), ("greedy", "ucb_c")):
+        with pytest.raises(BusybotError, match=f"learned.{name} changes nothing in mode {mode} of the paper's model"):
+            LearnedPolicyFactory(str(trained), mode_named(mode), {name: 1}).provenance()
 
 
 def test_pictures_of_another_size_are_refused(trained: Path) -> None:
@@ -158,6 +170,18 @@ def test_pictures_of_another_size_are_refused(trained: Path) -> None:
     episode = make_episode(0, width=128, height=96)
     with pytest.raises(BusybotError, match="128 x 96 pixels, the model was trained on 160 x 120"):
         load_model(trained).look(episode.observation(0), Rays(episode.camera))
+
+
+def test_weights_of_former_versions_are_refused(trained: Path, tmp_path: Path) -> None:
+    shutil.copytree(trained / "model", tmp_path / "model")
+    network = nn.Sequential(nn.Conv2d(4, 32, 3), nn.ReLU())
+    card = read_info(tmp_path / "model", AffordanceInfo)
+    file = tmp_path / "model" / "position.safetensors"
+    save_tensors(file, network.state_dict())
+    write_info(tmp_path / "model", card, [file])
+    with pytest.raises(BusybotError, match=r"position\.safetensors: .*before it had batch normalisation") as caught:
+        load_model(tmp_path)
+    assert "train the model again" in str(caught.value)
 
 
 def test_as_many_datasets_as_epochs(recorded: Path, tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import urllib.error
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -120,4 +121,19 @@ def test_without_a_network_it_is_told_what_to_do(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr("urllib.request.urlopen", refuse)
     with pytest.raises(BusybotError, match="cannot be downloaded") as caught:
         weights.resnet50_file(None)
-    assert "--weights FILE" in str(caught.value) and "embedded" in str(caught.value)
+    assert str(tmp_path / "weights" / "resnet50-0676ba61.pth") in str(caught.value)
+    assert "--encoder embedded" in str(caught.value)
+
+
+def test_a_place_is_one_pixel_of_the_stage_interpolated_to_224(tmp_path: Path) -> None:
+    pictures = [look(seed, 448).rgb for seed in (1, 2)]
+    found = drawn().encode_at(pictures, np.array([[0.25, 0.5], [0.999, 0.0], [1.2, 0.3]]))
+    assert found.shape == (2, 3, 256) and found.dtype == np.float32
+    small = np.stack([cv2.resize(one, (224, 224), interpolation=cv2.INTER_AREA) for one in pictures])
+    colours = (torch.from_numpy(small) / 255 - torch.tensor(weights.MEAN)) / torch.tensor(weights.SPREAD)
+    with torch.no_grad():
+        stage = drawn()._network(colours.permute(0, 3, 1, 2).float())
+        whole = torch.nn.functional.interpolate(stage, (224, 224), mode="bilinear").numpy()
+    for place, (row, column) in enumerate([(112, 56), (0, 223), (67, 223)]):
+        np.testing.assert_allclose(found[:, place], whole[:, :, row, column], rtol=1e-3, atol=1e-3)
+    assert drawn().encode_at([], np.zeros((2, 2))).shape == (0, 2, 256)

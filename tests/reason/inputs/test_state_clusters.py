@@ -47,19 +47,23 @@ def test_a_fitted_threshold_lies_between() -> None:
     assert 0 < fit_threshold(np.zeros(10), different) < 1.5
 
 
-def test_encoders_without_a_threshold_are_refused() -> None:
-    assert threshold_of("embedded") > 0
+def test_encoders_without_a_threshold_have_that_of_a_board_or_are_refused() -> None:
+    assert threshold_of("embedded") == threshold_of("embedded", looks(0, 1))
     with pytest.raises(BusybotError, match="fit_threshold"):
         threshold_of("random")
+    change = np.linalg.norm(looks(0, 1)[1] - looks(0, 1)[0])
+    assert threshold_of("random", looks(0, 1, 1, 0)) == pytest.approx(0.01 * change)
+    assert threshold_of("random", looks(0, 0)) > 0
 
 
-def test_clusters_are_the_true_states_of_rendered_boards(tiny: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("encoder", ["embedded", "random"])
+def test_clusters_are_the_true_states_of_rendered_boards(encoder: str, tiny: Path, tmp_path: Path) -> None:
     dataset = Dataset.open(tiny)
-    features = features_of(dataset, store=tmp_path, episodes=range(4), workers=1)
+    features = features_of(dataset, encoder, store=tmp_path, episodes=range(4), workers=1)
     for index in features:
         truth = states_of(read_episode(dataset.episode_path(index), "lazy"))
         assert truth is not None
-        found = clusters_of(features[index], threshold_of("embedded"))
+        found = clusters_of(features[index], threshold_of(encoder, features[index]))
         for number in np.flatnonzero(found[0] != UNSEEN):
             pairs = set(zip(found[:, number].tolist(), truth.states[:, number].tolist(), strict=True))
             assert len(pairs) == len(set(found[:, number])) == len(set(truth.states[:, number]))

@@ -22,6 +22,7 @@ from busybot.common.frozen_model import FrozenModel
 from busybot.training.loop import LoopConfig
 
 Width = Annotated[int, Field(ge=1, le=65_536)]
+Images = Annotated[int, Field(ge=2, le=10_000)]
 
 
 class PaperNetworkConfig(FrozenModel):
@@ -86,31 +87,37 @@ class PaperReasonConfig(FrozenModel):
     """A whole training of the `paper` model.
 
     Attributes:
-        encoder: which features it reads; `resnet50` are the paper's.
+        encoder: which features it reads; `resnet50` are the paper's, `resnet50-centre` those of its authors' program.
         threads: of PyTorch on a CPU; the order of sums, and so the last bits of the weights, depend on it.
         loop: how the schedule is reported and judged.
         network: the graph networks.
         inference: False is the ablation "w/o inference" (`PaperHistoryNetwork`).
         images: the graph is inferred from so many first frames; the steps after the last of them are predicted.
+        observed: in training it is inferred from one of these numbers of frames, drawn for each iteration; none for
+            `images` in all of them. The authors' program has 22 and 23.
+        roll: in training so many steps are predicted, each from the prediction before it; 0 for all, each from its true
+            frame, as the text's loss has it. The authors' program has 6.
         epochs: times that every board is seen.
         batch: boards per iteration.
         learning_rate: of Adam.
         explosion: an iteration's loss must be below so many times that of the last iteration that was not left out.
-        prior: share of pairs expected to be related.
+        prior: share of pairs expected to be related; the authors' is a half.
         prior_weight: of the edges' divergence from that prior, beside the mean squared error; 0 in the paper.
         bfloat16: multiply matrices in bfloat16 on a CPU, too; GPUs that can do so anyway.
     """
 
     model: Literal["paper"] = "paper"
-    encoder: str = "embedded"
+    encoder: str = "resnet50"
     network: PaperNetworkConfig = PaperNetworkConfig()
     inference: bool = True
-    images: Annotated[int, Field(ge=2, le=10_000)] = 23
+    images: Images = 23
+    observed: tuple[Images, ...] = ()
+    roll: Annotated[int, Field(ge=0, le=10_000)] = 0
     epochs: Annotated[int, Field(ge=1, le=1_000_000)] = 200
     batch: Annotated[int, Field(ge=2, le=65_536)] = 64
     learning_rate: Annotated[float, Field(gt=0)] = 5e-4
     explosion: Annotated[float, Field(gt=1)] = 2.0
-    prior: Annotated[float, Field(gt=0, lt=1)] = 0.2
+    prior: Annotated[float, Field(gt=0, lt=1)] = 0.5
     prior_weight: Annotated[float, Field(ge=0)] = 0.0
     bfloat16: bool = False
     threads: Annotated[int, Field(ge=1, le=1024)] = 2

@@ -79,6 +79,12 @@ class Frames:
         actors[:, -1] = -1
         return Frames(self.states[:, :frames], self.actions[:, :frames], actors)
 
+    def one(self, number: int, features: Tensor) -> "Frames":
+        """One frame as it is believed to be: with features (M, 1, 256) in place of its own."""
+        at = slice(number, number + 1)
+        states = torch.cat([features, self.states[:, at, features.shape[-1] :]], -1)
+        return Frames(states, self.actions[:, at], self.actors[:, at])
+
 
 @dataclass(frozen=True)
 class Boards:
@@ -112,9 +118,14 @@ class Boards:
         images = min(images, self.steps + 1)
         return self._frames(0, images).first(images)
 
-    def predicted(self, images: int) -> tuple[Frames, Tensor]:
-        """The steps after the first `images` frames: their frames before, and features after, (M, S, 256)."""
-        return self._frames(images - 1, self.steps), self.features[:, images:]
+    def predicted(self, images: int, steps: int | None = None) -> tuple[Frames, Tensor]:
+        """The steps after the first `images` frames: their frames before, and features after, (M, S, 256).
+
+        Args:
+            steps: at most so many; None for all.
+        """
+        end = self.steps if steps is None else min(self.steps, images - 1 + steps)
+        return self._frames(images - 1, end), self.features[:, images : end + 1]
 
     def _frames(self, start: int, end: int) -> Frames:
         states = states_of(self.features[:, start:end], self.positions)

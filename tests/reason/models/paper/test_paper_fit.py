@@ -49,6 +49,7 @@ def test_the_defaults_are_the_papers() -> None:
     assert (PAPER.network.objects, PAPER.network.pairs, PAPER.network.embedding) == (10, "all", 128)
     assert (PAPER.network.edge_embedding, PAPER.network.edge_layers, PAPER.network.node_layers) == (32, 4, 2)
     assert not PAPER.network.residual and PAPER.prior_weight == 0 and not PAPER.bfloat16
+    assert (PAPER.encoder, PAPER.observed, PAPER.roll, PAPER.prior) == ("resnet50", (), 0, 0.5)
     optimizer = make_optimizer(PaperNetwork(SMALL), PAPER)
     assert type(optimizer) is torch.optim.Adam
     assert {key: optimizer.defaults[key] for key in ("lr", "betas", "weight_decay")} == {
@@ -115,6 +116,27 @@ def test_an_iteration_whose_loss_explodes_is_left_out(change: object) -> None:
     outcome = iterate(network, optimizer, joined, QUICK, generator(0, "train", 1, "test"), last)
     assert not outcome.taken and not optimizer.state_dict()["state"]
     assert all(torch.equal(kept[name], value) for name, value in network.named_parameters())
+
+
+def test_as_an_option_the_graph_is_inferred_from_one_of_several_numbers_of_frames() -> None:
+    config = QUICK.model_copy(update={"observed": (4, 5)})
+    seen: set[int] = set()
+    network = make_network(config, 0)
+    network.register_forward_pre_hook(lambda network, inputs: seen.add(inputs[1]))
+    for number in range(8):
+        step(network, config, number)
+    assert seen == {4, 5}
+
+
+def test_as_an_option_steps_are_predicted_one_from_another() -> None:
+    network, joined = make_network(QUICK, 0).eval(), boards()
+    error, _ = losses(network, joined, QUICK, images=4, roll=3)
+    predicted = network(joined, 4, None, 3)[0]
+    assert predicted.shape[1] == 3
+    expected = (predicted - joined.features[:, 4:7])[joined.responders].square().mean()
+    assert error.item() == pytest.approx(expected.item())
+    outcomes = [step(make_network(config, 0), config) for config in (QUICK, QUICK.model_copy(update={"roll": 3}))]
+    assert outcomes[1].taken and outcomes[0].error != outcomes[1].error
 
 
 def test_twice_the_last_loss_is_too_much() -> None:

@@ -27,7 +27,7 @@ def interact_speed() -> str:
     rows.append(("recorded action, `scripted`: simulated, rendered, written", acted["scripted"]["action"]))
     corner = f"milliseconds, {told['machine']['processor']}, one thread"
     learned = [
-        (f"`{name}`", [f"{one['first_decision']:.0f}", f"{one['decision']:.0f}", f"{one['action']:.0f}",
+        (name, [f"{one['first_decision']:.0f}", f"{one['decision']:.0f}", f"{one['action']:.0f}",
                        f"{one['to_scripted']:.2f}", percent(one["rewarded"])])
         for name, one in acted["learned"].items()
     ]  # fmt: skip

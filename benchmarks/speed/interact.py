@@ -7,7 +7,8 @@ Figures are CPU seconds of one process with one thread, medians of one run. The 
 the same processor needs for as many multiplications in one large matrix product, in bfloat16 if it has that, else in
 float32; its ratio to the limit is what could still be gained. Decisions and actions are measured on the boards of one
 dataset, 30 on each: the policies of trained models beside the scripted one, with everything that `busybot collect` does
-for an action. What a decision costs depends on how often something moved, so that is told, too. What the dense position
+for an action; where the processor multiplies bfloat16, networks are asked in it, as usual, and in float32. What a
+decision costs depends on how often something moved, so that is told, too. What the dense position
 network needs for a board's first picture, its features included, is told for each number of threads, by the clock.
 
 With `paper` the paper's training is measured (`train interact --variant paper`). The data of the first epoch of every
@@ -65,6 +66,7 @@ from busybot.interact.policy.policy_factory import (
     ExplorePolicyFactory,
     LearnedPolicyFactory,
     fingerprint,
+    load_once,
 )
 from busybot.interact.training.config import PaperConfig, TrainConfig
 from busybot.interact.training.fast_learner import FastAffordanceLearner, FitJob
@@ -134,9 +136,14 @@ def iteration(kind: Kind, config: TrainConfig, cache: Path, folder: Path, iterat
 
 @dataclass
 class Timed:
-    """A factory of policies, and the one that it made last: `spent` CPU seconds went into each of its decisions."""
+    """A factory of policies, and the one that it made last: `spent` CPU seconds went into each of its decisions.
+
+    Attributes:
+        bfloat16: whether networks multiply in it.
+    """
 
     factory: LearnedPolicyFactory
+    bfloat16: bool
     spent: list[float] = field(default_factory=list)
 
     @property
@@ -144,6 +151,7 @@ class Timed:
         return self.factory.name
 
     def make_policy(self, rays: Rays) -> "Timed":
+        load_once(self.factory.model).bfloat16 = self.bfloat16
         self._policy, self.spent = self.factory.make_policy(rays), []
         return self
 
@@ -162,7 +170,12 @@ class Timed:
 def acting(library: Library, models: Sequence[str], boards: list[BoardSpec], folder: Path) -> dict[str, Any]:
     """CPU milliseconds of a recorded action, and of decisions by models, which also tell how often something moved."""
     simulator, config = Simulator(library, RenderConfig()), InteractionConfig()
-    learned = {model: Timed(LearnedPolicyFactory(model, "collect")) for model in models}
+    numbers = ["bfloat16", "float32"] if multiplies_bfloat16() else ["float32"]
+    learned = {
+        f"`{Path(model).name}`, {number}": Timed(LearnedPolicyFactory(model, "collect"), number == "bfloat16")
+        for model in models
+        for number in numbers
+    }
     factories: dict[str, Any] = {"scripted": builtin_factory("scripted"), **learned}
     spent: dict[str, list[list[float]]] = {name: [] for name in factories}
     for board in boards:
@@ -183,7 +196,7 @@ def acting(library: Library, models: Sequence[str], boards: list[BoardSpec], fol
         "steps": STEPS,
         "scripted": {"action": round(action, 1)},
         "learned": {
-            Path(name).name: {
+            name: {
                 "action": round(one[0], 1),
                 "to_scripted": round(one[0] / action, 2),
                 "first_decision": round(one[1], 1),

@@ -69,16 +69,20 @@ class BoardMemory:
             direction: the one that worked.
             before, after: what was seen.
         """
+        around = _within_reach(pixel, self._config, self.links.shape)
+        components, links = self._components[around], self.links[around]
         component = self._components[pixel[1], pixel[0]]
-        body = (self._components == component) & (component > 0)
-        moved = moved_region(before.depth, after.depth, pixel, body, self._config)
-        link, around = self._link(moved), _within_reach(pixel, self._config, moved.shape)
-        links = self.links[around]
-        links[enlarged(moved[around]) & (links == 0)] = link
-        links[moved[around]] = link
-        self._moved |= set(np.flatnonzero(np.bincount(self._components[around][links > 0])).tolist())
+        body = (components == component) & (component > 0)
+        middle = (pixel[0] - around[1].start, pixel[1] - around[0].start)
+        moved = moved_region(before.depth[around], after.depth[around], middle, body, self._config)
+        link = self._link(moved, links)
+        links[enlarged(moved) & (links == 0)] = link
+        links[moved] = link
+        self._moved |= set(np.flatnonzero(np.bincount(components[links > 0])).tolist())
         self.pairs[link] = int(PAIR_OF[direction])
-        self.failures = [one for one in self.failures if not moved[one.pixel[1], one.pixel[0]]]
+        explained = np.zeros(self.links.shape, bool)
+        explained[around] = moved
+        self.failures = [one for one in self.failures if not explained[one.pixel[1], one.pixel[0]]]
         self.responders |= self._changed(before.rgb, after.rgb)
         self.responders -= self._moved
         return link
@@ -89,9 +93,13 @@ class BoardMemory:
         counts = np.bincount(self._components[differs & (self._components > 0)])
         return set(np.flatnonzero(counts >= EFFECT).tolist())
 
-    def _link(self, moved: np.ndarray) -> int:
-        """The known link that overlaps the moved region (H, W) enough to be the same, else a new number."""
-        shared = np.bincount(self.links[moved], minlength=len(self.pairs) + 1)[1:]
+    def _link(self, moved: np.ndarray, links: np.ndarray) -> int:
+        """The known link that overlaps the moved region enough to be the same, else a new number.
+
+        Args:
+            moved, links: bool and int32, what can have moved of (H, W).
+        """
+        shared = np.bincount(links[moved], minlength=len(self.pairs) + 1)[1:]
         if not shared.any():
             return len(self.pairs) + 1
         likely = int(shared.argmax()) + 1
@@ -119,8 +127,8 @@ class BoardMemory:
         for failure, near in zip(self.failures, nears, strict=True):
             same = components == self._components[failure.pixel[1], failure.pixel[0]]
             penalty += (1 - near) * (self._config.component_penalty * same + self._config.failure_penalty)
-        penalty += self._config.responder_penalty * np.isin(components, list(self.responders))
-        penalty -= self._config.trigger_bonus * np.isin(components, list(self._triggers()))
+        penalty += self._config.responder_penalty * _among(components, self.responders)
+        penalty -= self._config.trigger_bonus * _among(components, self._triggers())
         beliefs, pairs = sigmoid(logits - np.where(links == 0, penalty, 0)), pairs.copy()
         for failure, near in zip(self.failures, nears, strict=True):
             for pair, pair_belief in failure.pairs.items():
@@ -162,6 +170,11 @@ class BoardMemory:
         remaining = pairs.copy() if table is None else sigmoid(logit(pairs) + near[:, None] * np.array(table[failed]))
         remaining[:, failed] = pairs[:, failed] * (1 - near)
         return remaining
+
+
+def _among(components: np.ndarray, some: set[int]) -> np.ndarray:
+    """Which of the few numbers are in the set, bool (K,); `np.isin` takes ten times as long."""
+    return np.array([one in some for one in components.tolist()], bool)
 
 
 def _posterior(belief: Any, pair_belief: Any) -> Any:

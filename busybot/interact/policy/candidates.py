@@ -199,7 +199,7 @@ def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, co
         likely = held(affordance) & (sigmoid(smooth + prior_shift(config)) > config.cluster_belief)
         return cluster_tops(smooth, likely, config.clusters)
     found = _peaks(smooth, held(affordance) & (smooth > config.peak_logit), config)
-    if (known := links > 0).any():
+    if (known := links > 0).any():  # what is left of a region of which a link is known
         rest = np.where(known, np.float32(NOT_ELEVATED), affordance)
         square = np.ones((OPENING, OPENING), np.uint8)
         left = cv2.morphologyEx((rest > config.region_logit).view(np.uint8), cv2.MORPH_OPEN, square)

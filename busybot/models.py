@@ -1,7 +1,7 @@
 """Trained models as files: which there are, what their folders say about them, and whether they are whole.
 
 A model is a folder with `model.json` and weights as safetensors, whatever the skill; `interact.affordance.load` and
-`reason.models.model_folder` load them. Here `load_model` and `verify` do, whatever the skill; nothing else needs torch.
+`reason.models.registry` load them. Here `load_model` and `verify` do, whatever the skill; nothing else needs torch.
 """
 
 from dataclasses import dataclass

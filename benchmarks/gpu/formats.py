@@ -36,11 +36,14 @@ from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.limits import MAX_WEIGHTS_BYTES
 from busybot.reason.inputs.sequence import CHANNELS, BoardSequence
+from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.training.checkpoint import load_tensors, save_tensors
 from busybot.training.model_cards import Hashes
 
 PACK, RUN, METRICS = "pack.json", "run.json", "metrics.jsonl"
 OF_OBJECTS, OF_STEPS = ("positions", "triggers", "responders"), ("actions", "acted")
+MAX_BOARDS_BYTES = 512 << 20
+"""Of a file of boards, decompressed; 2,500 boards have some 25 MB."""
 LINE = 200
 """Bytes that a file's header may need for a tensor."""
 Info = TypeVar("Info", bound=FrozenModel)
@@ -81,7 +84,7 @@ class RunInfo(FrozenModel):
         figures: what the training tells of held-out boards.
         half: whether matrices were rounded to float16 on the way back.
         machine, versions, commit: where, with what, and by which code it was trained; the commit may be unknown there.
-        files: SHA-256 of the files with weights.
+        files: SHA-256 of the files with weights, and of the losses.
     """
 
     format: Literal["1"] = "1"
@@ -123,7 +126,7 @@ class PackedBoards(Sequence[BoardSequence]):
     """
 
     def __init__(self, files: Sequence[bytes]):
-        self._boards = [board for data in files for board in _split(load(lzma.decompress(data)))]
+        self._boards = [board for data in files for board in _split(load(_decompressed(data)))]
 
     def __len__(self) -> int:
         return len(self._boards)
@@ -136,11 +139,23 @@ class PackedBoards(Sequence[BoardSequence]):
         return BoardSequence(features=features.reshape(*shape, CHANNELS), **others)
 
 
+def _decompressed(data: bytes) -> bytes:
+    """As far as it is no larger than a file of boards may be."""
+    reader = lzma.LZMADecompressor()
+    found = reader.decompress(data, MAX_BOARDS_BYTES)
+    if not reader.eof:
+        raise ValueError(f"cut off, or more than {MAX_BOARDS_BYTES >> 20} MiB")
+    return found
+
+
 def _split(arrays: Arrays) -> Iterator[Arrays]:
     """The arrays of each board of a file."""
     objects, steps, distinct = arrays["sizes"].astype(np.int64).T
     counts = {name: objects for name in OF_OBJECTS} | {name: steps for name in OF_STEPS}
     counts |= {"features": distinct, "appearances": (steps + 1) * objects}
+    for name, count in counts.items():
+        if len(arrays[name]) != count.sum():
+            raise ValueError(f"{name} has {len(arrays[name])} rows, its boards {count.sum()}")
     parts = {name: np.split(arrays[name], np.cumsum(count)[:-1]) for name, count in counts.items()}
     return (dict(zip(parts, board, strict=True)) for board in zip(*parts.values(), strict=True))
 
@@ -170,7 +185,23 @@ def read_pack(folder: Path) -> tuple[PackInfo, PackedBoards]:
         boards = PackedBoards([read_regular(folder / name, MAX_WEIGHTS_BYTES) for name in info.files])
     except (lzma.LZMAError, SafetensorError, KeyError, ValueError) as error:
         raise BusybotError(f"{folder}: its files with boards are damaged: {error}", "pack the boards again") from None
+    if len(boards) != info.boards:
+        raise BusybotError(f"{folder}: {len(boards)} boards of {info.boards}", "pack the boards again")
     return info, boards
+
+
+def config_of(info: PackInfo, row: str, place: Path) -> PaperReasonConfig:
+    """The parameters of one of a pack's trainings.
+
+    Raises:
+        BusybotError: naming `place`, which asks for a row that the pack has not, or has in another version.
+    """
+    if row not in info.rows:
+        raise BusybotError(f"{place}: there is no row {row} in the pack", f"choose {', '.join(info.rows)}")
+    try:
+        return PaperReasonConfig.model_validate(info.rows[row])
+    except ValidationError as error:
+        raise BusybotError(f"{place}: row {row}: {first_fault(error)}", "pack the boards again") from None
 
 
 def read_pack_info(folder: Path) -> tuple[PackInfo, str]:
@@ -190,6 +221,9 @@ def write_run(folder: Path, tensors: dict[str, Tensor], metrics: bytes, most: in
         save_tensors(folder / name, some)
         files[name] = sha256_of(folder / name)
     write_atomically(folder / METRICS, metrics)
+    files[METRICS] = sha256_of(folder / METRICS)
+    for former in {one.name for one in folder.glob("weights-*.safetensors")} - files.keys():
+        (folder / former).unlink()
     info = RunInfo(files=files, **facts)
     write_json(folder / RUN, info.model_dump(mode="json"))
     return info
@@ -223,7 +257,8 @@ def read_run(folder: Path) -> tuple[RunInfo, dict[str, Tensor]]:
     """
     info = _info(folder / RUN, RunInfo)
     _compare(folder, info.files)
-    tensors = {name: value for file in info.files for name, value in load_tensors(folder / file).tensors.items()}
+    weights = [file for file in info.files if file != METRICS]
+    tensors = {name: value for file in weights for name, value in load_tensors(folder / file).tensors.items()}
     return info, {name: value.float() if value.dtype == torch.float16 else value for name, value in tensors.items()}
 
 

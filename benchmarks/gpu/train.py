@@ -23,12 +23,10 @@ from typing import Any
 
 import torch
 
-from benchmarks.gpu.formats import RunInfo, read_pack, read_pack_info, write_run
+from benchmarks.gpu.formats import RunInfo, config_of, read_pack, read_pack_info, write_run
 from busybot.common.device import choose
-from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine
 from busybot.evaluation.results import commit
-from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.learner import PaperLearner
 from busybot.training.device import device, multiplies_bfloat16
 from busybot.training.loop import Budget, files_of, fit
@@ -41,9 +39,7 @@ def train(arguments: argparse.Namespace) -> RunInfo:
     """Train until the end or until the minutes are spent; returns what is told of it."""
     info, boards = read_pack(arguments.pack)
     _, pack = read_pack_info(arguments.pack)
-    if arguments.row not in info.rows:
-        raise BusybotError(f"{arguments.pack}: it has no row {arguments.row}", f"choose {', '.join(info.rows)}")
-    config = PaperReasonConfig.model_validate(info.rows[arguments.row])
+    config = config_of(info, arguments.row, arguments.pack)
     begin_folder(arguments.work, config, arguments.seed, pack=pack)
     learner = PaperLearner(config, boards, [], arguments.seed, resident=True)
     budget = learner.budget = Budget(arguments.minutes)

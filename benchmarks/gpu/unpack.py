@@ -14,10 +14,9 @@ which machine the networks were trained, for how many minutes, from which pack a
 import argparse
 from pathlib import Path
 
-from benchmarks.gpu.formats import METRICS, read_pack_info, read_run
+from benchmarks.gpu.formats import METRICS, config_of, read_pack_info, read_run
 from busybot.common.atomic_io import copy_file
 from busybot.common.errors import BusybotError
-from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.paper.networks import network_of
 from busybot.reason.models.registry import ReasonerInfo
 from busybot.reason.train import plot
@@ -38,7 +37,7 @@ def unpack(pack: Path, run: Path, out: Path) -> ReasonerInfo:
     told, tensors = read_run(run)
     if told.pack != digest:
         raise BusybotError(f"{run}: it was trained on another pack than {pack}", "name the one that it was trained on")
-    config = PaperReasonConfig.model_validate(packed.rows[told.row])
+    config = config_of(packed, told.row, run)
     network = network_with(lambda: network_of(config), tensors, run)
     if told.iterations == told.schedule:
         begin_folder(out, config, told.seed, data=packed.data)

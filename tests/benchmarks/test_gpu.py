@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -91,14 +92,34 @@ def test_a_pack_that_was_changed_is_refused(tmp_path: Path) -> None:
         read_pack(tmp_path)
 
 
+def test_a_pack_whose_files_do_not_hold_what_it_says_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    boards = as_stored(board.seen for board in make_boards(2, steps=3))
+    short = [replace(board, actions=board.actions[:-1]) for board in boards]
+    write_pack(tmp_path / "short", short, each=2, **FACTS)
+    with pytest.raises(BusybotError, match="damaged: acted has 6 rows, its boards 4"):
+        read_pack(tmp_path / "short")
+    write_pack(tmp_path / "pack", boards, each=2, **FACTS)
+    told = (tmp_path / "pack" / PACK).read_text()
+    (tmp_path / "pack" / PACK).write_text(told.replace('"boards": 2', '"boards": 7'))
+    with pytest.raises(BusybotError, match="2 boards of 7"):
+        read_pack(tmp_path / "pack")
+    monkeypatch.setattr(formats, "MAX_BOARDS_BYTES", 1 << 10)
+    with pytest.raises(BusybotError, match="damaged: cut off, or more than 0 MiB"):
+        read_pack(tmp_path / "pack")
+
+
 @pytest.mark.parametrize("half", [False, True])
 def test_weights_travel_in_files_of_a_size(tmp_path: Path, half: bool) -> None:
     tensors = {f"{number}.weight": torch.randn(50, 50) for number in range(5)} | {"bias": torch.randn(50)}
     tensors["count"] = torch.tensor(7)
     facts = {"pack": "0", "row": "paper", "seed": 0, "iterations": 1, "schedule": 2, "seconds": 1.0, "figures": {}}
     facts |= {"machine": {}, "versions": {}, "commit": None, "half": half}
+    write_run(tmp_path, tensors, b"{}\n", 100, **facts)
     info = write_run(tmp_path, tensors, b"{}\n", 12_000, **facts)
-    assert len(info.files) == (3 if half else 5)
+    assert len(info.files) == 1 + (3 if half else 5), "losses and weights"
+    assert {file.name for file in tmp_path.iterdir()} == {*info.files, RUN}, "what is not of this run is gone"
     assert all((tmp_path / name).stat().st_size < 12_000 for name in info.files)
     told, again = read_run(tmp_path)
     assert told == info and again.keys() == tensors.keys()

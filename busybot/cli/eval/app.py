@@ -143,6 +143,8 @@ def _check_several(
             f"--out names {len(files)} file{'s' * (len(files) > 1)} for {len(names)} reasoner{'s' * (len(names) > 1)}"
         )
         raise UsageError(what, "give one --out for each --reasoner, in the same order")
+    if len(set(files)) < len(files):
+        raise UsageError("--out names a file twice", "give each --reasoner a file of its own")
     for option, value in (("--figure", figure), ("--graph", graph), ("--graphs", graphs)):
         if len(names) > 1 and value is not None:
             raise UsageError(f"{option} is about one reasoner, {len(names)} are named", "judge them one by one")

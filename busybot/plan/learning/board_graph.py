@@ -43,7 +43,7 @@ class BoardGraph:
     Attributes:
         looks: float16 (S, N, 256), features in each state.
         success: float32 (S,), share of the affectable responders that are in their goal state.
-        facts, touched: of the choices, (S, 25, 8) and (S, 25), see `encoding.Offer`.
+        facts, touched: of the choices, (S, 25, 8) and (S, 25), see `encoding.CandidateArrays`.
         leads: int64 (S, 25), state after each choice: the same if nothing happens, -1 where there is no such choice.
         worked: int64 (S, 25), direction that did it, -1 if nothing happens.
     """

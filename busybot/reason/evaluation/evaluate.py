@@ -304,12 +304,19 @@ def evaluate_models(
 ) -> list[dict[str, Any]]:
     """Evaluate several models, each as `evaluate_dataset` does alone; what does not depend on them is found out once.
 
+    Objects that are proposed, instead of given, are looked at for each model.
+
     Args:
         judgings: at least one, alike in all but models and their parameters.
         each: is told every board, as each model is judged on it, with its episode's file.
+
+    Raises:
+        ValueError: they are not alike.
     """
     for judging in judgings:
         _check(judging, training)
+        if replace(judging, model=judgings[0].model, config=judgings[0].config) != judgings[0]:
+            raise ValueError("models that are judged together are judged alike")
     encoders = [_encoder_of(judging) for judging in judgings]
     indices = sorted(dataset.finished())
     if not indices:
@@ -317,7 +324,7 @@ def evaluate_models(
         raise BusybotError(what, collect_command(dataset.path, dataset.info))
     features: dict[str, FeaturesOf] = {}
     if judgings[0].boxes == GIVEN:
-        features = {one: features_of(dataset, one, workers=workers) for one in encoders if one}
+        features = {one: features_of(dataset, one, workers=workers) for one in dict.fromkeys(encoders) if one}
     judgings = _prepared(judgings, dataset, training, assets, workers)
     judged: list[list[JudgedGraph]] = [[] for _ in judgings]
     processes = workers or min(default_workers(), 1 + len(indices) // BOARDS_PER_WORKER)

@@ -104,7 +104,7 @@ def features_of(
     """The features of a dataset's finished episodes; those that are missing are computed and stored.
 
     Args:
-        encoder: see `encoders.choose`.
+        encoder: see `encoders.registry.make_extractor`.
         weights: of `resnet50`, see there.
         store: folder of the store; None for the one beside the dataset.
         episodes: only these.

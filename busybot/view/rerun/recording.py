@@ -55,7 +55,7 @@ class RecordingLayers:
     Attributes:
         thoughts: what a model believed, of `interact.policy.policy_trace.retrace`.
         replayed: steps and the simulator's pictures of them, of `sim.replay.pictures_again`.
-        foreseen: what a reasoner expected, of `reason.evaluation.explain`.
+        foreseen: what a reasoner expected, of `reason.evaluation.prediction.explain`.
     """
 
     thoughts: Iterable[PolicyTrace] | None = None

@@ -75,6 +75,7 @@ def test_parameters_can_be_set(dataset: Path) -> None:
         (("--images", "1"), 2, "--images"),
         (("--reasoner", "count", "--reasoner", "pc", "--out", "one.json"), 2, "one --out for each --reasoner"),
         (("--reasoner", "count", "--reasoner", "pc", "--graphs", "folder"), 2, "--graphs is about one reasoner"),
+        (("--reasoner", "count", "--reasoner", "pc", "--out", "a.json", "--out", "a.json"), 2, "names a file twice"),
     ],
 )
 def test_what_cannot_be_is_refused(dataset: Path, arguments: tuple[str, ...], code: int, message: str) -> None:

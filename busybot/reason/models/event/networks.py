@@ -282,7 +282,6 @@ class EventReasoner:
 
     def __init__(self, network: EventNet, encoder: str, blur: float = 0.5):
         self.network, self.encoder, self.blur = network.eval(), encoder, blur
-        self._last: tuple[BoardSequence, Context, Tensor] | None = None
 
     @threads(1)
     @torch.no_grad()
@@ -323,10 +322,12 @@ class EventReasoner:
 
     def _known(self, seen: BoardSequence) -> tuple[Context, Tensor]:
         """What was seen, and `log_edges` of it; whoever asks for one step after the other asks about the same."""
-        if self._last is None or self._last[0] is not seen:
+
+        def known() -> tuple[Context, Tensor]:
             context = self._context_of(seen)
-            self._last = seen, context, self.network.log_edges(context)[0]
-        return self._last[1:]
+            return context, self.network.log_edges(context)[0]
+
+        return seen.once((self, "known"), known)
 
     def _context_of(self, seen: BoardSequence) -> Context:
         return context_of(Batch.from_data_list([board_graph(seen)]), self.network.scale)

@@ -1,7 +1,7 @@
 """What a board does, by the likeliest explanations of a recording: simulated action by action, and learned further.
 
 Each responder has several explanations at once, which lose weight when something else happens than they foretold (by
-the estimator of `contexts.evidence_of`). What follows is what followed most often in the context of the weightiest one;
+the estimator of `evidence.evidence_of`). What follows is what followed most often in the context of the weightiest one;
 a context that was never met says what it must if every input is to matter (`completion`), or nothing.
 """
 

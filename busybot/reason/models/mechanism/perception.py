@@ -128,7 +128,7 @@ def perceive(seen: BoardSequence, encoder: str) -> Perceived:
 
 def _perceived(seen: BoardSequence, encoder: str) -> Perceived:
     links, responders = seen.links, np.flatnonzero(seen.responders)
-    unlike = threshold_of(encoder)
+    unlike = threshold_of(encoder, seen.features)
     if links.steadied:
         steps = np.linalg.norm(np.diff(seen.features[:, responders], axis=0), axis=-1)
         unlike = max(unlike, APART * float(np.median(np.quantile(steps, STILL, axis=0))))

@@ -4,7 +4,9 @@ The graph is inferred from the first 23 images, as in the paper; each later step
 features (protocol "Reasoning"). Models see what `observed` lets through; the truth is read here, after it.
 """
 
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -330,16 +332,26 @@ def evaluate_models(
     processes = workers or min(default_workers(), 1 + len(indices) // BOARDS_PER_WORKER)
     tasks = [(index, dataset.episode_path(index)) for index in indices]
     work = partial(_judge_file, judgings=judgings, features=features)
-    for done, ((_, file), board) in enumerate(zip(tasks, share(work, tasks, processes), strict=True), start=1):
-        for own, one in zip(judged, board, strict=True):
-            own.append(one)
-        if each is not None:
-            each(file, board)
-        if progress is not None:
-            progress(done, len(indices))
+    with _one_thread():
+        for done, ((_, file), board) in enumerate(zip(tasks, share(work, tasks, processes), strict=True), start=1):
+            for own, one in zip(judged, board, strict=True):
+                own.append(one)
+            if each is not None:
+                each(file, board)
+            if progress is not None:
+                progress(done, len(indices))
     sets = [origin(one) for one in (dataset, training) if one is not None]
     results = [_result(*one, sets, seed) for one in zip(judgings, judged, strict=True)]
     return [{**one, "logged": log_judgement(dataset, indices, str(one["model"]), one)} for one in results]
+
+
+def _one_thread() -> AbstractContextManager[None]:
+    """PyTorch computes here as in a worker: networks so small gain nothing from more threads, which wait in a loop."""
+    if "torch" not in sys.modules:  # whoever judges does without
+        return nullcontext()
+    from busybot.training.device import threads
+
+    return threads(1)
 
 
 def _prepared(

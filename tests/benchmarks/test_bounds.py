@@ -12,6 +12,7 @@ from busybot.evaluation.results import read_result
 from busybot.reason.evaluation.upper_bound import Observer
 
 
+@pytest.mark.long
 def test_a_board_is_judged_by_what_is_more_probable_than_not() -> None:
     board = Symbolic.draw(3, generator(0, "test", 0, "draw"))
     observer = Observer(board.space, board.triggers, board.shown)

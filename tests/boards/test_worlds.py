@@ -118,6 +118,7 @@ def test_whatever_links_drive_changes_and_is_about_the_world(library: Library, w
         assert about.get(world, True) and bool(spec.rewirings) >= (world == "rewired")
 
 
+@pytest.mark.long
 def test_worlds_have_what_their_shares_say() -> None:
     library = find("procedural")
     made = {world: boards(library, world, boards=150) for world in ("chance", "chain", "mixed")}

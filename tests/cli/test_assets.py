@@ -172,6 +172,7 @@ def test_a_doubtful_orientation_is_asked_about_until_it_is_answered(tmp_path: Pa
     assert "question" not in run("check", str(out))[1]
 
 
+@pytest.mark.long
 def test_libraries_are_merged(made: Path, tmp_path: Path) -> None:
     own, out = tmp_path / "own", tmp_path / "both"
     make_raw(tmp_path / "raw" / "77", "Switch", ROCKER)

@@ -46,6 +46,7 @@ def refused(folder: Path, match: str, named: str = "x.h5") -> None:
     assert not [path.name for path in folder.parent.iterdir() if "made" in path.name]
 
 
+@pytest.mark.long
 def test_a_file_in_which_the_library_finds_no_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The heap of texts holds an object of no bytes: HDF5 2.0 steps over it for ever."""
     folder = hdf5_folder(tmp_path)

@@ -41,6 +41,7 @@ def simulator() -> Simulator:
     return Simulator(find("procedural"), RenderConfig(width=320, height=240))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("camera", [CameraConfig(), CameraConfig.model_validate(REAL)], ids=["clean", "real"])
 def test_it_sees_while_it_acts_what_is_recorded_and_asks_when_nothing_is_new(camera: CameraConfig) -> None:
     simulator = Simulator(find("procedural"), RenderConfig(width=320, height=240, camera=camera))
@@ -109,6 +110,7 @@ def test_who_cannot_tell_is_not_asked() -> None:
     assert "--reasoner mechanism" in str(error.value.hint)
 
 
+@pytest.mark.long
 def test_it_is_collected_continued_and_told_by_what_it_chose(tmp_path: Path) -> None:
     from tests.cli.commands import busybot
 

@@ -76,6 +76,7 @@ def test_every_link_moves_from_every_state_and_random_actions_succeed_as_often_a
         assert 0.26 - 0.05 < np.mean(strict) < 0.28 + 0.05
 
 
+@pytest.mark.long
 def test_every_state_of_every_responder_can_be_told_from_its_picture(simulator: Simulator) -> None:
     for model in simulator.library.objects.values():
         if model.effect is None:

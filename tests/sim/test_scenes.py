@@ -47,6 +47,7 @@ def recorded(
     return Dataset.open(once(f"scene-{request.param}", record))
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("in_process")
 def test_a_scene_is_recorded_verified_made_again_and_frozen(recorded: Dataset, tmp_path: Path) -> None:
     assert verify(recorded.path).ok

@@ -69,6 +69,7 @@ def trained(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+@pytest.mark.long
 def test_each_phase_trains_its_networks(trained: Path) -> None:
     iterations = {kind: len(read_metrics(trained / "metrics" / f"{kind}.jsonl")) for kind in ("position", "direction")}
     assert iterations == {"position": 4, "direction": 3}

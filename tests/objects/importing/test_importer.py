@@ -244,6 +244,7 @@ def test_folders_that_are_no_objects(raw: Path, tmp_path: Path) -> None:
     assert [folder.name for folder in raw_folders([raw])] == ["1", "2", "3"], "links in a folder are not followed"
 
 
+@pytest.mark.long
 def test_a_library_that_is_none_is_refused(raw: Path, tmp_path: Path) -> None:
     (tmp_path / "linked").symlink_to(tmp_path)
     (tmp_path / "damaged").mkdir()

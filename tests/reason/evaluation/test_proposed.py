@@ -146,6 +146,7 @@ def test_places_and_numbers_lead_to_each_other() -> None:
 # every metric
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("reasoner", ["count", "lookup"])
 def test_who_finds_all_objects_is_judged_as_with_boxes(reasoner: str) -> None:
     given, found = evaluated(reasoner, "given"), evaluated(reasoner)
@@ -158,6 +159,7 @@ def test_who_finds_all_objects_is_judged_as_with_boxes(reasoner: str) -> None:
     assert found["parent_f1"] > 0.5 and (reasoner == "count" or found["pred_a"] > 0.5)
 
 
+@pytest.mark.long
 def test_a_responder_that_is_not_proposed_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     changing(monkeypatch, lambda found: [one for one in found if one.role == "trigger"])
     told = evaluated("lookup")
@@ -167,6 +169,7 @@ def test_a_responder_that_is_not_proposed_is_missed(monkeypatch: pytest.MonkeyPa
     assert told["shd"] == told["counts"]["true"] / told["boards"]
 
 
+@pytest.mark.long
 def test_a_trigger_in_the_wrong_place_is_missed_and_what_it_is_said_to_do_is_wrong(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -178,6 +181,7 @@ def test_a_trigger_in_the_wrong_place_is_missed_and_what_it_is_said_to_do_is_wro
     assert told["shd"] > right["shd"] and told["cause_intervals"]["boards"]["parent_p"][0] == 0
 
 
+@pytest.mark.long
 def test_a_wrong_role_is_found_by_its_box_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     changing(monkeypatch, lambda found: [replace(one, role="responder") for one in found])
     told = evaluated("count")

@@ -121,6 +121,7 @@ def test_table_1_with_its_missed_gates(first: Report, tmp_path: Path, as_committ
     assert "**Missing**: none of its rows was given" in text
 
 
+@pytest.mark.long
 def test_a_trial_says_so_on_top_has_pictures_first_and_can_be_sent_around(tmp_path: Path) -> None:
     table = json.loads(TABLE1.read_text()) | {"profile": "smoke"}
     given, noise = tmp_path / "given", np.random.default_rng(0)

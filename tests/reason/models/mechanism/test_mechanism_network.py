@@ -195,6 +195,7 @@ def test_later_actions_do_not_change_what_was_believed(gates: list[LabelledTrace
     assert torch.allclose(one[:, 0], two[:, 0], atol=1e-5) and not torch.allclose(two[:, 0], two[:, 1], atol=1e-2)
 
 
+@pytest.mark.long
 def test_it_learns_from_what_is_seen_later_alone(gates: list[LabelledTrace]) -> None:
     boards = [LabelledTrace(board.trace, board.world) for board in gates]
     graph = boards[0].graph([5, 30])

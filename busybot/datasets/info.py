@@ -124,5 +124,3 @@ def read_description(file: Path, kind: Literal["manifest", "schema"], version: s
         what = f"{file}: {kind} version {found or 'missing'}; this installation reads {version}"
         raise BusybotError(what, "use the busybot version that wrote it, or make it again")
     return values
-
-

@@ -10,6 +10,7 @@ Letters: B boards, R responders of all boards, L known steps, Q steps asked for,
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -18,7 +19,7 @@ from torch.nn.functional import pad
 
 from busybot.reason.inputs.board_dataset import step_targets, touches
 from busybot.reason.inputs.sequence import BoardSequence
-from busybot.reason.pyg import Batch, HeteroData
+from busybot.reason.pyg import Batch, HeteroData, scatter
 
 
 def board_graph(sequence: BoardSequence) -> HeteroData:
@@ -120,11 +121,29 @@ class Context:
     pos: Tensor
     owner: Tensor
 
-    @property
+    @cached_property
     def sizes(self) -> Tensor:
         """How far each responder's look moved in each step, (R, L)."""
         moved = self.distances.diagonal(offset=1, dim1=1, dim2=2)
         return torch.where(self.told, moved, 0.0)
+
+    @cached_property
+    def largest(self) -> Tensor:
+        """The largest of `sizes` on the responder's board, (R, L)."""
+        return scatter(self.sizes, self.board, dim_size=len(self.actions), reduce="max")[self.board]
+
+    @cached_property
+    def changes(self) -> Tensor:
+        """How surely each responder, and anything on its board, changed in each step, (R, L, 2)."""
+        return torch.stack([changed(self.sizes), changed(self.largest)], -1)
+
+    @cached_property
+    def past(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Each responder's greatest changes, as many as any has: (R, K), their sizes, steps, and whether it is one."""
+        sure = self.changes[..., 0] > 0.5
+        most = max(1, int(sure.sum(1).max())) if sure.numel() else 0
+        size, step = self.sizes.topk(min(most, sure.shape[1]), dim=1)
+        return size, step, sure.gather(1, step)
 
     @property
     def told(self) -> Tensor:
@@ -145,6 +164,27 @@ class Context:
             acted=self.acted[:, :steps],
             known=self.known[:, :steps],
             shown=self.shown[:, :steps],
+        )
+
+    def after_each(self, steps: np.ndarray) -> "Context":
+        """What was known of one board after so many steps each, int (S,), as S boards; distances are as of all steps.
+
+        To be asked for edges, not for effects: looks after those steps are there, too.
+        """
+        rows, triggers, count = len(self.board), len(self.owner), len(steps)
+        each = torch.arange(count)
+        offsets = each[:, None, None] * torch.tensor([[triggers], [rows]])
+        until = torch.from_numpy(steps)[:, None] > torch.arange(self.known.shape[1])
+        return Context(
+            distances=self.distances.repeat(count, 1, 1),
+            actions=self.actions.expand(count, -1, -1),
+            acted=torch.where(self.acted < 0, self.acted, self.acted + each[:, None] * triggers),
+            known=self.known & until,
+            shown=self.shown.repeat(count, 1),
+            board=each.repeat_interleave(rows),
+            edge_index=(self.edge_index + offsets).swapaxes(0, 1).flatten(1),
+            pos=self.pos.repeat(count, 1),
+            owner=each.repeat_interleave(triggers),
         )
 
 
@@ -227,7 +267,7 @@ def changed(sizes: Tensor) -> Tensor:
     return torch.sigmoid(4 * torch.log(sizes + SMALL))
 
 
-def change_facts(sizes: Tensor, largest: Tensor) -> Tensor:
+def change_facts(seen: Context) -> Tensor:
     """What a known step did to a responder, (R, L, 4).
 
     | column | meaning |
@@ -236,12 +276,9 @@ def change_facts(sizes: Tensor, largest: Tensor) -> Tensor:
     | 1 | how surely that is a change, 0 to 1 |
     | 2 | size / (largest + 0.05) |
     | 3 | how surely something on the board changed, 0 to 1 |
-
-    Shapes:
-        sizes: (R, L).
-        largest: (R, L), the largest size on the responder's board in that step.
     """
-    return torch.stack([torch.log(sizes + SMALL), changed(sizes), sizes / (largest + SMALL), changed(largest)], -1)
+    sizes, (itself, anything) = seen.sizes, seen.changes.unbind(-1)
+    return torch.stack([torch.log(sizes + SMALL), itself, sizes / (seen.largest + SMALL), anything], -1)
 
 
 def count_facts(on: Tensor, off: Tensor, effective: Tensor) -> Tensor:
@@ -335,27 +372,31 @@ touched elsewhere |
     same: Tensor
     step: Tensor
 
+    def part(self, which: slice) -> "Contacts":
+        """Of some of the steps asked for."""
+        return Contacts(self.facts[:, which], self.distance[:, which], self.same[:, which], self.step[:, which])
 
-def contacts_of(seen: Context, asked: Queries) -> Contacts:
-    """Compare contacts."""
-    there, here = seen.actions[:, None], asked.actions[:, :, None]
+
+def contacts_of(seen: Context, actions: Tensor, acted: Tensor) -> Contacts:
+    """Compare those of steps asked for, as of `Queries`, with the known ones."""
+    there, here = seen.actions[:, None], actions[:, :, None]
     offset = there[..., :3] - here[..., :3]  # (B, Q, L, 3)
     distance = offset.norm(dim=-1)
-    same = (seen.acted[:, None] == asked.acted[:, :, None]) & (asked.acted >= 0)[:, :, None] & seen.known[:, None]
+    same = (seen.acted[:, None] == acted[:, :, None]) & (acted >= 0)[:, :, None] & seen.known[:, None]
     alike = (there[..., 3:] * here[..., 3:]).sum(-1)
     along = (offset * here[..., 3:]).sum(-1).clamp(-FAR, FAR) / NEAR[1]
     nearness = [torch.exp(-((distance / scale) ** 2)) for scale in NEAR]
     facts = [*nearness, distance.clamp(max=FAR) / NEAR[2], alike, alike.abs(), along, same.float()]
-    return Contacts(torch.stack(facts, -1), distance, same, _step_facts(seen, asked, distance, same))
+    return Contacts(torch.stack(facts, -1), distance, same, _step_facts(seen, actions, acted, distance, same))
 
 
-def _step_facts(seen: Context, asked: Queries, distance: Tensor, same: Tensor) -> Tensor:
+def _step_facts(seen: Context, actions: Tensor, acted: Tensor, distance: Tensor, same: Tensor) -> Tensor:
     """`Contacts.step`."""
     nowhere = distance.new_full((*distance.shape[:2], 1), FAR)
     closest = torch.cat([distance.masked_fill(~same, FAR), nowhere], -1).amin(-1)
     places = torch.cat([seen.pos, seen.pos.new_zeros(1, 3)])  # the last one for a miss, which has no trigger
-    arm = asked.actions[..., :3] - places[asked.acted]
-    direction = asked.actions[..., 3:]
+    arm = actions[..., :3] - places[acted]
+    direction = actions[..., 3:]
     outward = (arm[..., :2] * direction[..., :2]).sum(-1) / (arm[..., :2].norm(dim=-1) + SMALL)
     upward, count = direction[..., 2], torch.log1p(same.sum(-1).float())
     return torch.stack([upward, upward.abs(), outward, outward.abs(), arm[..., 2], closest / NEAR[2], count], -1)

@@ -33,7 +33,6 @@ from busybot.reason.models.event.data import (
     apart,
     board_graph,
     change_facts,
-    changed,
     contacts_of,
     context_of,
     count_facts,
@@ -51,6 +50,10 @@ NEVER = -1e4
 UNSEEN = -0.85
 """Logit that a responder changes when its trigger is acted on, though it never did: with probability 0.3 this is a link
 that was not touched before. If this were learnt, too, nothing would tell rare changes from improbable edges."""
+
+
+AT_ONCE = 2**23
+"""Numbers about the steps of pairs, at most so many are computed together, 32 MB."""
 
 
 @dataclass(frozen=True)
@@ -89,18 +92,17 @@ class EdgeHead(GraphModule):
 
     def __init__(self, width: int):
         super().__init__(aggr=None)
+        self.width = width
         self.token = mlp(CHANGE_FACTS, width, width)
         self.pair = mlp(4 * width + COUNT_FACTS, 2 * width, 1)
 
     def forward(self, seen: Context) -> Tensor:
         """Logits (E,)."""
-        sizes, known = seen.sizes, seen.told
-        largest = scatter(sizes, seen.board, dim_size=len(seen.actions), reduce="max")[seen.board]  # (R, L)
         return self.edge_updater(
             seen.edge_index,
-            token=(None, self.token(change_facts(sizes, largest))),  # (R, L, width)
-            known=(None, known),
-            effective=(None, changed(largest) > 0.5),
+            token=(None, self.token(change_facts(seen))),  # (R, L, width)
+            known=(None, seen.told),
+            effective=(None, seen.changes[..., 1] > 0.5),
             touched=(seen.touched, None),
         )
 
@@ -157,18 +159,16 @@ class EffectHead(GraphModule):
             for parameter in layers[-1].parameters():
                 nn.init.zeros_(parameter)
 
-    def forward(self, seen: Context, asked: Queries) -> Effects:
-        """See `Effects`."""
-        contacts = contacts_of(seen, asked)
+    def forward(self, seen: Context, asked: Queries, contacts: Contacts | None = None) -> Effects:
+        """See `Effects`; contacts are those of the steps asked for, if they are known already."""
+        contacts = contacts or contacts_of(seen, asked.actions, asked.acted)
         choice, frames, fit = self._choice(seen, asked, contacts)
         return Effects(self._change(seen, asked, contacts, fit), choice, frames)
 
     def _change(self, seen: Context, asked: Queries, contacts: Contacts, fit: Tensor) -> Tensor:
         """Logits that responders change, (R, Q)."""
-        board, sizes = seen.board, seen.sizes
-        rows, queries, steps = asked.current.shape[0], asked.current.shape[1], sizes.shape[1]
-        largest = scatter(sizes, board, dim_size=len(seen.actions), reduce="max")
-        change = torch.stack([changed(sizes), changed(largest)[board]], -1)  # (R, L, 2)
+        board, change = seen.board, seen.changes
+        rows, queries, steps = asked.current.shape[0], asked.current.shape[1], change.shape[1]
         same = contacts.same[board] & seen.shown[:, None]  # (R, Q, L)
         row, query, step = same.nonzero(as_tuple=True)
         place = (board[row] * queries + query) * steps + step  # in (B, Q, L)
@@ -202,10 +202,8 @@ class EffectHead(GraphModule):
 
     def _choice(self, seen: Context, asked: Queries, contacts: Contacts) -> tuple[Tensor, Tensor, Tensor]:
         """Log probabilities and frames as in `Effects`, and how well the best candidate begins where j is, (R, Q)."""
-        sizes = seen.sizes
-        most = max(1, int((changed(sizes) > 0.5).sum(1).max())) if sizes.numel() else 0
-        size, step = sizes.topk(min(most, sizes.shape[1]), dim=1)  # (R, K)
-        usable = (changed(size) > 0.5).repeat(1, 2)[:, None]  # (R, 1, 2K)
+        size, step, sure = seen.past
+        usable = sure.repeat(1, 2)[:, None]  # (R, 1, 2K)
         frames = torch.cat([step + 1, step], 1)  # repeated, undone
         near = _frames(asked.current, torch.cat([step, step + 1], 1))  # (R, Q, 2K), where the change began
         size = size.repeat(1, 2)[:, None].clamp(min=SMALL)
@@ -294,9 +292,11 @@ class EventReasoner:
         if not self.network.inference:
             return InferredGraph(self.name, beliefs[: max(1, seen.steps)])
         known = self._context_of(seen)
-        for step in range(seen.steps + 1):
-            # pairs stand in the order of the candidates
-            beliefs[step][seen.candidates] = self.network.log_edges(known.first(step))[0].exp().numpy()
+        pairs = known.edge_index.shape[1] * max(1, seen.steps) * self.network.edges.width
+        most = max(1, AT_ONCE // max(1, pairs))
+        for some in np.split(np.arange(len(beliefs)), range(most, len(beliefs), most)):
+            told = self.network.log_edges(known.after_each(some))[0].exp().view(len(some), -1)
+            beliefs[some[0] : some[-1] + 1, seen.candidates] = told.numpy()  # pairs stand in the candidates' order
         return InferredGraph(self.name, beliefs[1:] if seen.steps else beliefs, prior=beliefs[0])
 
     @threads(1)
@@ -320,6 +320,27 @@ class EventReasoner:
         result[step, responders[row]] = seen.features[frame[row, step], responders[row]]
         return result
 
+    @threads(1)
+    @torch.no_grad()
+    def what_if(self, seen: BoardSequence, steps: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+        """As `Imagining`: what `predict` would say, one action after the other. Each look is that of an observed frame,
+        so that frames stand for looks, and how far they lie apart is known."""
+        responders, result = np.flatnonzero(seen.responders), np.repeat(seen.features[steps, None], acted.shape[1], 1)
+        if not (len(responders) and len(steps) and seen.steps):
+            return result
+        known, log_edges = self._known(seen)
+        frame = torch.from_numpy(np.asarray(steps, np.int64)).expand(len(responders), -1)  # (R, Q)
+        row, on = torch.arange(len(responders))[:, None], trigger_rows(seen.triggers, np.asarray(acted, np.int64))
+        done = torch.from_numpy(np.asarray(actions, np.float32)).flatten(0, 1)[None], torch.from_numpy(on).view(1, -1)
+        contacts = contacts_of(known, *done)
+        for number in range(acted.shape[1]):
+            now = slice(number, None, acted.shape[1])
+            asked = Queries(known.distances[row, frame], done[0][:, now], done[1][:, now])
+            then = likeliest_frames(self.network, known, asked, self.blur, log_edges, contacts.part(now))
+            frame = torch.where(then >= 0, then, frame)
+            result[:, number, responders] = seen.features[frame.T.numpy(), responders]
+        return result
+
     def _known(self, seen: BoardSequence) -> tuple[Context, Tensor]:
         """What was seen, and `log_edges` of it; whoever asks for one step after the other asks about the same."""
 
@@ -334,15 +355,21 @@ class EventReasoner:
 
 
 def likeliest_frames(
-    network: EventNet, seen: Context, asked: Queries, blur: float, log_edges: Tensor | None = None
+    network: EventNet,
+    seen: Context,
+    asked: Queries,
+    blur: float,
+    log_edges: Tensor | None = None,
+    contacts: Contacts | None = None,
 ) -> Tensor:
     """The frame whose look every responder is likeliest to copy in every step, int (R, Q); -1 where it stays as it is.
 
     Args:
         blur: as of `EventReasoner`.
         log_edges: `network.log_edges(seen)`, if they are known already, (E,).
+        contacts: of the steps asked for, if they are known already.
     """
-    effects = network.effects(seen, asked)
+    effects = network.effects(seen, asked, contacts)
     log_edges = network.log_edges(seen)[0] if log_edges is None else log_edges
     trigger, row = seen.edge_index
     on = asked.acted[seen.board[row]] == trigger[:, None]  # (E, Q)

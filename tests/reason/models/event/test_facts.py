@@ -1,6 +1,7 @@
 """Column by column, what the event model's networks read is what its tables say."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from torch import Tensor
 
 from busybot.reason.models.event import data as event_facts
 from busybot.reason.models.event.data import (
+    Contacts,
     Context,
     Queries,
     change_facts,
@@ -28,9 +30,9 @@ def row(facts: Tensor) -> list[float]:
 
 def test_every_vector_is_as_long_as_its_constant() -> None:
     one = torch.ones(1, 1)
-    contacts = contacts_of(*board())
+    seen, contacts = board()[0], compared()
     found = (
-        change_facts(one, one),
+        change_facts(seen),
         count_facts(one, one, one),
         contacts.facts,
         past_facts(torch.ones(1, 2), torch.ones(1, 2)),
@@ -42,8 +44,12 @@ def test_every_vector_is_as_long_as_its_constant() -> None:
 
 
 def test_what_a_step_did() -> None:
-    assert row(change_facts(torch.tensor(0.45), torch.tensor(0.95))) == pytest.approx(
-        [math.log(0.5), float(changed(torch.tensor(0.45))), 0.45, 0.5]
+    seen = board()[0]
+    apart = torch.tensor([[[0.0, size, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]] for size in (0.45, 0.95)])
+    two = replace(seen, distances=apart, shown=seen.shown.repeat(2, 1), board=torch.tensor([0, 0]))
+    assert row(change_facts(two)[0, 0]) == pytest.approx([math.log(0.5), float(changed(torch.tensor(0.45))), 0.45, 0.5])
+    assert row(change_facts(replace(two, shown=~two.shown))[0, 0]) == pytest.approx(
+        [math.log(0.05), float(changed(torch.tensor(0.0))), 0, float(changed(torch.tensor(0.0)))], abs=1e-6
     )
     assert changed(torch.tensor([0.0, 0.95, 100.0])).tolist() == pytest.approx([0, 0.5, 1], abs=1e-4)
 
@@ -84,8 +90,13 @@ def board() -> tuple[Context, Queries]:
     return seen, Queries(torch.zeros(1, 2, 3), asked, torch.tensor([[1, -1]]))
 
 
+def compared() -> Contacts:
+    seen, asked = board()
+    return contacts_of(seen, asked.actions, asked.acted)
+
+
 def test_contacts_seen_from_another() -> None:
-    contacts = contacts_of(*board())
+    contacts = compared()
     near, far = contacts.facts[0, 0]
     assert row(near) == pytest.approx(
         [math.exp(-6.25), math.exp(-1), math.exp(-((5 / 12) ** 2)), 5 / 12, -0.8, 0.8, 0.6, 1], rel=1e-4
@@ -93,13 +104,14 @@ def test_contacts_seen_from_another() -> None:
     assert row(far)[:4] == pytest.approx([0, 0, 0, 0.5 / 0.12]) and row(far)[7] == 0
     assert not contacts.same[0, 1].any(), "a miss is on no trigger"
     assert row(contacts.distance[0, 0]) == pytest.approx([0.05, 5])
+    assert torch.equal(contacts.part(slice(1, None)).facts, contacts.facts[:, 1:])
     turned = near.clone()
     turned[4] *= -1
     assert torch.equal(reversed_facts(near), turned)
 
 
 def test_an_action_by_itself() -> None:
-    step = contacts_of(*board()).step[0]
+    step = compared().step[0]
     outward = 0.5 * 0.6 / (0.5 + 0.05)
     assert row(step[0]) == pytest.approx([-0.8, 0.8, outward, outward, 0.1, 5 / 12, math.log(2)], rel=1e-5)
     assert row(step[1])[5:] == pytest.approx([0.5 / 0.12, 0])

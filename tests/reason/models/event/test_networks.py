@@ -95,7 +95,12 @@ def test_a_still_camera_hides_nothing() -> None:
 
 def attention_on_arrays(network: EventNet, seen: Context, asked: Queries) -> Tensor:
     """Logits of change (R, Q) as `EffectHead` has them, with an axis of all known steps and a mask."""
-    head, contacts, sizes, board = network.effects, contacts_of(seen, asked), seen.sizes, seen.board
+    head, contacts, sizes, board = (
+        network.effects,
+        contacts_of(seen, asked.actions, asked.acted),
+        seen.sizes,
+        seen.board,
+    )
     largest = scatter(sizes, board, dim_size=len(seen.actions), reduce="max")[board]
     change = torch.stack([changed(sizes), changed(largest)], -1)[:, None].expand(-1, asked.current.shape[1], -1, -1)
     facts = past_facts(change, torch.stack([asked.current[..., :-1], asked.current[..., 1:]], -1))

@@ -9,6 +9,7 @@ import torch
 from torch_geometric.data import Batch
 
 from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.models.event import networks
 from busybot.reason.models.event.config import EventConfig, EventNetConfig
 from busybot.reason.models.event.data import board_graph, context_of, padded
 from busybot.reason.models.event.learner import EventLearner
@@ -77,6 +78,33 @@ def test_the_graph_after_some_steps_does_not_know_the_later_ones(trained: EventR
     board = make_boards(1, FRESH)[0]
     whole, part = trained.graph(board.seen), trained.graph(board.seen.first(11))
     np.testing.assert_allclose(whole.probabilities[:10], part.probabilities, atol=1e-5)
+
+
+def test_graphs_of_all_steps_at_once_are_those_of_each(trained: EventReasoner, monkeypatch: pytest.MonkeyPatch) -> None:
+    for board in make_boards(4, FRESH):
+        known = context_of(Batch.from_data_list([board_graph(board.seen)]), trained.network.scale)
+        alone = [trained.network.log_edges(known.first(steps))[0].exp().detach() for steps in range(1, 23)]
+        told = trained.graph(board.seen.first(23)).probabilities[:, board.seen.candidates]
+        np.testing.assert_allclose(told, torch.stack(alone), rtol=1e-4, atol=1e-6)
+        with monkeypatch.context() as patch:
+            patch.setattr(networks, "AT_ONCE", 1)
+            one_by_one = trained.graph(board.seen.first(23)).probabilities[:, board.seen.candidates]
+        np.testing.assert_allclose(told, one_by_one, rtol=1e-4, atol=1e-6)
+
+
+def test_what_if_is_prediction_after_prediction(trained: EventReasoner) -> None:
+    moved = 0
+    for board in make_boards(6, FRESH):
+        seen, steps = board.seen.first(23), np.array([0, 5, 22])
+        chosen = np.array([[3, 7, 1, 7], [2, 2, 9, 4], [0, 6, 11, 12]])
+        acted = np.where(chosen == 9, -1, seen.acted[chosen])
+        told = trained.what_if(seen, steps, seen.actions[chosen], acted)
+        current = seen.features[steps]
+        for number in range(chosen.shape[1]):
+            current = trained.predict(seen, current, seen.actions[chosen[:, number]], acted[:, number])
+            np.testing.assert_array_equal(told[:, number], current)
+        moved += int((told[:, 1:] != told[:, :-1]).any(-1).sum())
+    assert moved > 10
 
 
 def test_axes_of_the_features_do_not_matter(trained: EventReasoner) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, REASONING, Table
 from busybot.evaluation.results import read_result
-from busybot.view.report.page import markdown, number, plain_grid, reference, spread
+from busybot.view.report.page import markdown, number, plain_grid, reference
 from busybot.view.report.results import RowFound, Score, rows_of
 from tools.tables import RESULTS, result
 
@@ -192,7 +192,7 @@ def _known(row: RowFound, place: tuple[str, str]) -> Score:
 
 
 def _cell(told: Score) -> str:
-    return " ".join(filter(None, (number(told.value), spread(told.value, told.low, told.high, told.several))))
+    return " ".join(filter(None, (number(told.value), told.spread)))
 
 
 def _above(one: Score, other: Score) -> bool:

@@ -17,14 +17,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from benchmarks import runner
 from busybot.common.atomic_io import read_json
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
-from busybot.evaluation.statistics import two_level_interval
-from busybot.interact.metrics import JudgedBoard
+from busybot.interact.metrics import JudgedBoard, object_intervals
 from busybot.objects.procedural.switches.drawn import MOTIONS
 from busybot.training.model_cards import file_hashes, find_folder
 
@@ -40,27 +37,17 @@ SHARES = ("precision", "recall", "recall_objects")
 
 
 def by_switch(boards: Sequence[JudgedBoard]) -> dict[str, Any]:
-    """Intervals of precision and recall over switches and their boards, and recall by how links move.
-
-    An action that held no switch counts for itself: it belongs to none of them.
-    """
-    actions = [
-        (one.success, one.key if one.on != "board" else f"board {board.board}", board.board)
-        for board in boards
-        for one in board.actions
-    ]
-    links = [
-        (number in board.moved(), link.key, board.board) for board in boards for number, link in enumerate(board.links)
-    ]
-    told: dict[str, Any] = {}
-    for name, rows in (("precision", actions), ("recall", links)):
-        part, keys, numbers = zip(*rows, strict=True)
-        rng = generator(SEED, name, 0, KIND)
-        told[name] = two_level_interval(np.array(part, float), np.ones(len(part)), keys, numbers, rng)
+    """Intervals of precision and recall over switches and their boards, and recall by how links move."""
+    told = object_intervals(boards, generator(SEED, "", 0, KIND))
     moved: dict[str, list[bool]] = defaultdict(list)
-    for found, key, _ in links:
-        moved[motion_of(key)].append(found)
-    return {"intervals": told, "motions": {name: [sum(one), len(one)] for name, one in sorted(moved.items())}}
+    for board in boards:
+        found = board.moved()
+        for number, link in enumerate(board.links):
+            moved[motion_of(link.key)].append(number in found)
+    return {
+        "intervals": {name: told[name] for name in ("precision", "recall")},
+        "motions": {name: [sum(one), len(one)] for name, one in sorted(moved.items())},
+    }
 
 
 def motion_of(key: str) -> str:

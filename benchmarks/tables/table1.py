@@ -20,7 +20,7 @@ SPLITS = ("novel-config", "novel-object")
 JUDGE_SEED = 303
 KEYS = (
     *("precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "precision_reward"),
-    *("reward_agreement", "boards", "intervals", "by_step"),
+    *("reward_agreement", "boards", "intervals", "object_intervals", "by_step"),
     *("failures_by_cause", "failures_by_object", "missed_links"),
 )
 

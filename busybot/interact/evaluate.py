@@ -191,6 +191,7 @@ def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> di
         "boards": len(boards),
         "macro": m.macro(boards),
         "intervals": {"level": LEVEL, **m.intervals(boards, rng)},
+        "object_intervals": m.object_intervals(boards, generator(seed, split, 0, "interact/bootstrap/objects")),
         "counts": {name: {"part": part, "whole": whole} for name, (part, whole) in m.counts(boards).items()},
         "failures_by_cause": m.failures_by_cause(boards),
         "failures_by_object": m.failures_by_object(boards),

@@ -2,8 +2,8 @@
 
 A success is a true change of a trigger's state caused by the action. Every proposed action counts, also when nothing
 was held. All values are shares from 0 to 1; what is not defined is None. Micro pools the actions or links of all
-boards, macro averages over boards. Intervals are over boards. Networks are judged by how well their scores
-order what works before what does not.
+boards, macro averages over boards. Intervals are over boards, and over objects and their boards. Networks are judged
+by how well their scores order what works before what does not.
 """
 
 from collections import Counter, defaultdict
@@ -14,7 +14,7 @@ import numpy as np
 
 from busybot.boards.directions import OPPOSITE
 from busybot.common.frozen_model import FrozenModel
-from busybot.evaluation.statistics import Interval, interval_over_boards
+from busybot.evaluation.statistics import Interval, extreme_interval, interval_over_boards, two_level_interval
 from busybot.interact.policy.direction_pairs import PAIRS
 
 DRAWS = 1000
@@ -199,6 +199,41 @@ def intervals(boards: Sequence[JudgedBoard], rng: np.random.Generator) -> dict[s
         return dict.fromkeys(SHARES)
     chosen = rng.integers(len(boards), size=(DRAWS, len(boards)))
     return {name: interval_over_boards(table[:, 0], table[:, 1], chosen) for name, table in _tables(boards).items()}
+
+
+def object_intervals(boards: Sequence[JudgedBoard], rng: np.random.Generator) -> dict[str, Interval]:
+    """Of `OVER_OBJECTS`, objects drawn with replacement and of each its boards (`two_level_interval`).
+
+    An action that held the board itself is a group of its own. Where everything or nothing succeeded each object is one
+    trial of the exact bounds.
+    """
+    actions = [_outcomes(board, board.actions) for board in boards]
+    exploring = [_outcomes(board, board.exploring()) for board in boards]
+    links = [
+        [(link.key, board.board, number in board.moved()) for number, link in enumerate(board.links)]
+        for board in boards
+    ]
+    records = dict(zip(OVER_OBJECTS, (actions, links, exploring), strict=True))
+    return {name: _over_objects([one for own in each for one in own], rng) for name, each in records.items()}
+
+
+OVER_OBJECTS = ("precision", "recall", "precision_exploring")
+"""Shares that objects have, so that they can be drawn anew."""
+_Record = tuple[str, int, bool]
+"""Object, board, success."""
+
+
+def _outcomes(board: JudgedBoard, actions: Sequence[JudgedAction]) -> list[_Record]:
+    return [(one.key if one.on != "board" else f"board {board.board}", board.board, one.success) for one in actions]
+
+
+def _over_objects(records: Sequence[_Record], rng: np.random.Generator) -> Interval:
+    if not records:
+        return None
+    keys, numbers, part = zip(*records, strict=True)
+    whole, objects = np.ones(len(part)), np.unique(keys, return_inverse=True)[1]
+    extreme = extreme_interval(np.bincount(objects, part), np.bincount(objects, whole))
+    return extreme or two_level_interval(np.array(part, float), whole, keys, numbers, rng)
 
 
 def failures_by_cause(boards: Sequence[JudgedBoard]) -> dict[str, int]:

@@ -105,6 +105,23 @@ def test_intervals_hold_the_value_and_shrink_with_more_boards() -> None:
     assert m.intervals(few, generator(1, "", 0, "a")) == m.intervals(few, generator(1, "", 0, "a"))
 
 
+def test_intervals_over_objects_are_as_wide_as_objects_are_few() -> None:
+    """One of two switches never moves: among other switches none might, or all."""
+    links, outcomes = (LINKS[0], LINKS[2]), (action("link", 0, True), action("link", 2))
+    boards = [m.JudgedBoard(board=number, links=links, actions=outcomes) for number in range(100)]
+    rng = generator(0, "", 0, "test")
+    assert m.object_intervals(boards, rng) == dict.fromkeys(m.OVER_OBJECTS, (0, 1))
+    assert m.intervals(boards, rng)["precision"] == (0.5, 0.5), "boards are all alike"
+    works = [one.model_copy(update={"actions": outcomes[:1], "links": links[:1]}) for one in boards]
+    assert m.object_intervals(works, rng)["precision"] == pytest.approx((0.025, 1)), "one object is one trial"
+    assert m.object_intervals([], rng) == dict.fromkeys(m.OVER_OBJECTS)
+
+
+def test_failures_on_the_board_itself_belong_to_no_object() -> None:
+    boards = [m.JudgedBoard(board=number, links=LINKS, actions=(action("board"),) * 2) for number in range(10)]
+    assert m.object_intervals(boards, generator(0, "", 0, "test"))["precision"] == pytest.approx((0, 0.308), abs=1e-3)
+
+
 def test_nothing_has_no_metrics() -> None:
     assert m.micro([]) == m.macro([]) == dict.fromkeys(m.SHARES)
     assert m.intervals([], generator(0, "", 0, "test")) == dict.fromkeys(m.SHARES)

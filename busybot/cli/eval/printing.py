@@ -155,14 +155,14 @@ def interaction(result: dict[str, Any]) -> None:
     table = _table(
         f"{_origin(result)}: {counted(result['actions'], 'action')} on each of "
         f"{counted(result['boards'], 'board')}{veto}",
-        ("all", "from", "to", "by board", "counted", "of"),
-        f"percent, {result['policy']}",
+        ("all", "boards", "objects", "by board", "counted", "of"),
+        f"percent (95 % over), {result['policy']}",
     )
     for key, name in ACTIONS.items():
-        low, high = result["intervals"][key] or (None, None)
-        shares = (result[key], low, high, result["macro"][key])
+        spans = [_span(result[kind].get(key)) for kind in ("intervals", "object_intervals")]
         count = result["counts"][key]
-        table.add_row(name, *map(_percent, shares), str(count["part"]), str(count["whole"]))
+        mean = _percent(result["macro"][key])
+        table.add_row(name, _percent(result[key]), *spans, mean, str(count["part"]), str(count["whole"]))
     screen.print(table)
     objects = list(result["failures_by_object"].items())[:6]
     failed = (f"{key} ({row['position'] + row['direction']} of {row['actions']})" for key, row in objects)
@@ -184,12 +184,13 @@ def planning(result: dict[str, Any]) -> None:
         ("success", "95 %", "pooled", "looks", "solved", "steps", "CPU ms"),
     )
     for agent, row in result["agents"].items():
-        interval = "-".join(f"{100 * end:.0f}" for end in row["interval"] or ())
         shares = (_percent(row[key]) for key in ("micro", "by_features", "solved"))
         cpu = result["timing"][agent]["cpu_ms"]
         steps = "-" if row["steps"] is None else f"{row['steps']:.1f}"
-        name = f"{agent}*" if agent in result["oracles"] else agent
-        table.add_row(name, _percent(row["success"]), interval, *shares, steps, "-" if cpu is None else f"{cpu:.0f}")
+        first = (_percent(row["success"]), _span(row["interval"]), *shares, steps)
+        table.add_row(
+            f"{agent}*" if agent in result["oracles"] else agent, *first, "-" if cpu is None else f"{cpu:.0f}"
+        )
     if result["oracles"]:
         table.caption = "* knows what only the simulator knows"
     screen.print(table)
@@ -214,6 +215,11 @@ def _table(title: str, columns: Iterable[str], corner: str = "percent") -> "Tabl
     for name in columns:
         table.add_column(name, justify="right", no_wrap=True)
     return table
+
+
+def _span(ends: tuple[float, float] | None) -> str:
+    """An interval, in whole percent."""
+    return "-".join(f"{100 * end:.0f}" for end in ends or ())
 
 
 def _percent(share: float | None) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
-from busybot.view.report.page import Block, Entry, Grid, Items, Text, Tiles, Tone, number, spread
+from busybot.view.report.page import Block, Entry, Grid, Items, Text, Tiles, Tone, number
 from busybot.view.report.results import Results, Score
 
 OTHER_OBJECTS = (
@@ -123,9 +123,7 @@ def _place(one: Verdict) -> str:
 
 def _missed(one: Verdict) -> tuple[Entry, ...]:
     assert one.score is not None and one.worst is not None
-    measured = Entry(
-        number(one.score.value), spread(one.score.value, one.score.low, one.score.high, one.score.several), "missed"
-    )
+    measured = Entry(number(one.score.value), one.score.spread, "missed")
     return (measured, Entry(f"{one.gate:g}"), Entry(number(one.gate - one.worst)), Entry(_bound(one.score)))
 
 

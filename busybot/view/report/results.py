@@ -4,7 +4,7 @@ Files hold shares from 0 to 1; the cells of tables are percent.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.text import unlinked
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import KINDS, read_result
+from busybot.view.report.page import number, spread
 from busybot.view.report.world_results import Evaluation, ResultFile, WorldResults
 
 PICTURES = (".png", ".jpg", ".jpeg")
@@ -37,6 +38,7 @@ class InteractResult(Evaluation):
     policy: str = ""
     strict: bool = False
     intervals: dict[str, Any]
+    object_intervals: dict[str, Any] = {}
     by_step: list[dict[str, float | None]] = []
 
 
@@ -171,6 +173,7 @@ class Score:
         high: the other end.
         bound: what the recordings determine at all, if that limits this number.
         several: the value is a mean over seeds, of which low and high are the least and the greatest.
+        objects: ends of the 95 % interval over objects and their boards.
     """
 
     value: float
@@ -178,6 +181,13 @@ class Score:
     high: float | None = None
     bound: float | None = None
     several: bool = False
+    objects: tuple[float, float] | None = None
+
+    @property
+    def spread(self) -> str:
+        """As tables show it behind the value; the interval over objects stands in square brackets."""
+        around = spread(self.value, self.low, self.high, self.several)
+        return f"{around} [{number(self.objects[0])} to {number(self.objects[1])}]" if self.objects else around
 
 
 @dataclass
@@ -361,8 +371,13 @@ INTERVALS = {"edge_p": "precision", "edge_r": "recall"}
 
 
 def score_of(result: InteractResult | ReasonResult, key: str) -> Score | None:
-    """A number of a single evaluation with its interval over boards; None if it is undefined."""
-    return score(getattr(result, key), result.intervals.get(INTERVALS.get(key, key)), _bound(result, key))
+    """A number of a single evaluation with its intervals; None if it is undefined."""
+    told = score(getattr(result, key), result.intervals.get(INTERVALS.get(key, key)), _bound(result, key))
+    over_objects = result.object_intervals.get(key) if isinstance(result, InteractResult) else None
+    if told is None or over_objects is None:
+        return told
+    low, high = over_objects
+    return replace(told, objects=(100 * low, 100 * high))
 
 
 def score(

@@ -20,7 +20,6 @@ from busybot.view.report.page import (
     number,
     plain_grid,
     reference,
-    spread,
 )
 from busybot.view.report.results import (
     InteractResult,
@@ -98,7 +97,7 @@ def _entries(table: Table, row: ReferenceRow, found: RowFound | None, gated: boo
         else:
             verdict = judge(table, row, split, key, told) if gated else None
             tone: Tone = "" if verdict is None else "reached" if verdict.reached else "missed"
-            entries.append(Entry(number(told.value), spread(told.value, told.low, told.high, told.several), tone))
+            entries.append(Entry(number(told.value), told.spread, tone))
     return tuple(entries)
 
 

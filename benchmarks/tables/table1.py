@@ -93,7 +93,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         runner.busybot(*commands[-1])
         commands.append(("eval", "interact", str(folder), "--model", model, *row.judge))
         result = runner.busybot(*commands[-1], "--out", str(out), "--assets", arguments.assets)
-        judged[split] = {key: result[key] for key in (*KEYS, "dataset", "versions")}
+        judged[split] = {key: result[key] for key in (*KEYS, "commit", "dataset", "versions")}
         policy = judged_policy(result["provenance"])
     typed = [runner.as_typed(command, places) for command in commands]
     return {"commands": typed, "machine": machine(), "training": trained, "policy": policy, **judged}

@@ -1,6 +1,5 @@
 """Tables of worlds, scenes and cameras beyond the paper's, from committed results."""
 
-from collections import Counter
 from typing import Any
 
 from benchmarks.studies.disturbances import DISTURBANCES
@@ -245,109 +244,6 @@ def _over_actions(told: dict[str, Any]) -> str:
     low, high = told["22"]["interval"]
     first, middle, last = (whole(one["f1"]) for one in told.values())
     return f"{first} / {middle} ({whole(low)}-{whole(high)}) / {last}"
-
-
-def world_gates() -> str:
-    """What trainings from several seeds reach on the frozen boards, the exact observer beside them, and what they miss.
-
-    Mean figures of the seeds; behind F1 after 22 actions and mechanisms stand the lowest and the highest of them.
-    """
-    lines = []
-    for world, sets in result("world-gates")["rows"].items():
-        for split, seeds in sets.items():
-            rows = list(seeds.values())
-            missed = Counter(gate for told in rows for gate in _missed(world, split, told))
-            lines.append((f"{world}, {split}", [*_reached(rows), _by_seeds(missed, len(rows))]))
-    heads = (
-        *(
-            "boards",
-            "seeds",
-            "P / R at 22",
-            "F1, links (bound)",
-            "mechanism (bound)",
-            "of states that were seen (bound)",
-        ),
-        *("what if", "Pred-A"),
-        *("rewirings found / placed", "ECE (images)", "gates missed (seeds)"),
-    )
-    return markdown([plain_grid(heads, lines, "percent after 10 / 22 / 30")])
-
-
-def _reached(rows: list[dict[str, Any]]) -> list[str]:
-    """The cells of a set's line, of one row for each seed."""
-    first, points = rows[0], [list(told["after"].values()) for told in rows]
-    found, bound = ([_mean([one[key] for one in after]) for after in zip(*points, strict=True)] for key in BOTH)
-    middle = _range([after[1][BOTH[0]] for after in points])
-    worst = [one for one in map(_worst, rows) if one]
-    shown = max(worst, key=lambda one: one["ece_uncertain"], default=None)
-    mean = {key: whole(_mean([told[key] for told in rows])) for key in AVERAGED}
-    known = _range([told["mechanism_accuracy"] for told in rows])
-    return [
-        str(first["boards"]),
-        str(len(rows)),
-        f"{mean['parent_p']} / {mean['parent_r']}",
-        f"{whole(found[0])} / {whole(found[1])}{middle} / {whole(found[2])} ({' / '.join(map(whole, bound))})",
-        f"{mean['mechanism_accuracy']}{known} ({mean['mechanism_bound']})",
-        f"{mean['mechanism_accuracy_met']} ({mean['mechanism_bound_met']})",
-        mean["what_if"],
-        mean["pred_a"],
-        f"{mean['rewired_found']} / {mean['rewired_placed']}" if first["rewirings"] else "-",
-        f"{whole(shown['ece_uncertain'])} ({shown['images']})" if shown else "-",
-    ]
-
-
-def _mean(values: list[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return sum(known) / len(known) if known else None
-
-
-def _range(values: list[float | None]) -> str:
-    """The lowest and the highest of several seeds."""
-    known = [value for value in values if value is not None]
-    return f" [{whole(min(known))}-{whole(max(known))}]" if len(known) > 1 else ""
-
-
-def _worst(told: dict[str, Any]) -> dict[str, Any] | None:
-    """Where doubtful pairs are calibrated worst."""
-    uncertain = [one for one in told["uncertain"] if one["ece_uncertain"] is not None]
-    return max(uncertain, key=lambda one: one["ece_uncertain"], default=None)
-
-
-def _by_seeds(missed: Counter[str], seeds: int) -> str:
-    """Which gates how many of the seeds miss."""
-    told = [gate if seeds == 1 else f"{gate} ({count})" for gate, count in missed.items()]
-    return ", ".join(told) or "none"
-
-
-AVERAGED = (
-    "parent_p", "parent_r", "mechanism_accuracy", "mechanism_bound", "mechanism_accuracy_met", "mechanism_bound_met",
-    "what_if", "pred_a", "rewired_found", "rewired_placed",
-)  # fmt: skip
-BOTH = ("link_parent_f1", "link_parent_f1_bound")
-
-
-def _missed(world: str, name: str, told: dict[str, Any]) -> list[str]:
-    """Gates of the world that a model misses."""
-    uncertain = _worst(told)
-    after, both = told["after"], (told["parent_p"] or 0, told["parent_r"] or 0)
-    behind = {int(actions): point[BOTH[1]] - (point[BOTH[0]] or 0) for actions, point in after.items()}
-    judged = {
-        f"F1 after {actions}": lag <= 0.04 for actions, lag in behind.items() if world in ("gates", "time")
-    }  # fmt: skip
-    if world in ("gates", "time"):
-        judged["mechanism"] = told["mechanism_bound"] - (told["mechanism_accuracy"] or 0) <= 0.08
-    if name == "novel-mechanism":
-        judged = {"F1 after 30": behind[30] <= 0.08}
-    if world == "chance":
-        judged["P, R"] = min(both) >= 0.95
-    if world == "chain":
-        judged["F1"] = after["22"]["parent_f1"] >= 0.9
-    if told["rewirings"] and told["rewired_placed"] is not None and world == "rewired":
-        judged["found and placed"] = told["rewired_placed"] >= 0.9
-    judged["what if"] = (told["what_if"] or 0) >= 0.9
-    if uncertain is not None:
-        judged["calibration"] = uncertain["ece_uncertain"] <= 0.06
-    return [gate for gate, met in judged.items() if not met]
 
 
 PLANNERS = ("mechanism", "search", "random", "noop", "oracle")

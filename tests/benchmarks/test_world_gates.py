@@ -10,7 +10,7 @@ import pytest
 from benchmarks.tables import world_gates
 from busybot.common.errors import BusybotError
 from busybot.evaluation.results import read_result
-from tools import world_tables
+from tools import gate_tables
 
 
 def row(**changes: Any) -> dict[str, Any]:
@@ -21,41 +21,56 @@ def row(**changes: Any) -> dict[str, Any]:
         "uncertain": [{"images": 4, "ece_uncertain": 0.05}, {"images": 8, "ece_uncertain": None}],
         "pred_a": 0.7, "rewired_found": None, "mechanism_accuracy": 0.85, "mechanism_bound": 0.9,
         "mechanism_accuracy_met": 0.88, "mechanism_bound_met": 0.89,
-        "parent_p": 0.96, "parent_r": 0.99, "rewired_placed": None,
+        "parent_p": 0.96, "parent_r": 0.99, "rewired_placed": None, "rewired_false_alarms": 0.1,
     } | changes  # fmt: skip
 
 
-def told_of(monkeypatch: pytest.MonkeyPatch, world: str, name: str = "validation", **changes: Any) -> list[str]:
-    """The cells of its line in the table."""
-    return told_of_seeds(monkeypatch, world, name, row(**changes))
-
-
-def told_of_seeds(monkeypatch: pytest.MonkeyPatch, world: str, name: str, *seeds: dict[str, Any]) -> list[str]:
+def tables(monkeypatch: pytest.MonkeyPatch, world: str, name: str, *seeds: dict[str, Any]) -> list[list[list[str]]]:
+    """The lines of both tables, without their heads, as cells."""
     rows = {world: {name: {f"seed-{number}": one for number, one in enumerate(seeds)}}}
-    monkeypatch.setattr(world_tables, "result", lambda _: {"rows": rows})
-    return [cell.strip() for cell in world_tables.world_gates().splitlines()[-1].strip("|").split("|")]
+    monkeypatch.setattr(gate_tables, "result", lambda _: {"rows": rows})
+    found = [grid.splitlines()[2:] for grid in gate_tables.world_gates().strip().split("\n\n")]
+    return [[[cell.strip() for cell in line.strip("|").split("|")] for line in grid] for grid in found]
 
 
-def test_missed_gates_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert told_of(monkeypatch, "gates") == [
-        "gates, validation", "2", "1", "96 / 99", "95 / 95 / 95 (98 / 98 / 98)", "85 (90)", "88 (89)", "95", "70", "-",
-        "5 (4)", "none",
-    ]  # fmt: skip
-    assert told_of(monkeypatch, "time", mechanism_accuracy=0.8, what_if=0.8)[-1] == "mechanism, what if"
-    assert told_of(monkeypatch, "chance", parent_r=0.9)[-1] == "P, R"
+def gates(monkeypatch: pytest.MonkeyPatch, world: str, name: str, *seeds: dict[str, Any]) -> dict[str, str]:
+    """What was asked and what is there, by gate."""
+    return {line[0].removeprefix(f"{world}: "): line[2] for line in tables(monkeypatch, world, name, *seeds)[0]}
+
+
+def test_gates_are_told_with_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     late = row()["after"] | {"30": {**row()["after"]["30"], "link_parent_f1": 0.91}}
-    assert told_of(monkeypatch, "gates", after=late)[-1] == "F1 after 30"
-    assert told_of(monkeypatch, "gates", "novel-mechanism", after=late)[-1] == "none", "they may be .08 behind"
-    assert told_of(monkeypatch, "rewired", rewirings=3, rewired_placed=0.5)[-1] == "found and placed"
-    assert told_of(monkeypatch, "lock", uncertain=[{"images": 12, "ece_uncertain": 0.1}])[-1] == "calibration"
+    assert gates(monkeypatch, "gates", "validation", row(after=late)) == {
+        "F1 of links behind the bound, 10": "3.0 ✓", "F1 of links behind the bound, 22": "3.0 ✓",
+        "F1 of links behind the bound, 30": "7.0 ✗", "mechanisms behind the bound": "5.0 ✓", "what if": "95.0 ✓",
+        "calibration at its worst": "5.0 ✓",
+    }  # fmt: skip
+    told = gates(monkeypatch, "gates", "novel-mechanism", row(after=late, uncertain=[]))
+    assert told == {
+        "F1 of links behind the bound, 30, novel mechanisms": "7.0 ✓", "what if": "95.0 ✓",
+        "calibration at its worst": "-",
+    }  # fmt: skip
+    told = gates(monkeypatch, "chance", "validation", row(parent_r=0.9))
+    assert told["P of parents, 22"] == "96.0 ✓" and told["R of parents, 22"] == "90.0 ✗"
+    assert gates(monkeypatch, "chain", "validation", row())["F1 of parents, 22"] == "97.0 ✓"
+    told = gates(monkeypatch, "rewired", "validation", row(rewirings=3, rewired_placed=0.5))
+    assert told["rewirings found and placed"] == "50.0 ✗"
+    told = gates(monkeypatch, "lock", "validation", row(uncertain=[{"images": 12, "ece_uncertain": 0.1}]))
+    assert told == {"what if": "95.0 ✓", "calibration at its worst": "10.0 ✗"}
 
 
-def test_several_seeds_are_one_line_with_their_mean_and_range(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_several_seeds_the_mean_and_the_worst_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     worse = row(mechanism_accuracy=0.75, what_if=0.85, rewirings=3, rewired_found=0.9, rewired_placed=0.7)
     better = row(rewirings=3, rewired_found=1.0, rewired_placed=0.8)
-    told = told_of_seeds(monkeypatch, "gates", "validation", worse, better)
-    assert told[2] == "2" and told[5] == "80 [75-85] (90)" and told[7] == "90" and told[9] == "95 / 75"
-    assert told[-1] == "mechanism (1), what if (1)"
+    asked, figures = tables(monkeypatch, "time", "validation", worse, better)
+    assert asked[3:5] == [
+        ["time: mechanisms behind the bound", "at most 8", "10.0 (15.0) 1 of 2"],
+        ["time: what if", "at least 90", "90.0 (85.0) 1 of 2"],
+    ]
+    assert figures == [
+        ["time, validation", "2", "2", "96 / 99", "95 / 95 [95-95] / 95 (98 / 98 / 98)", "80 [75-85] (90)", "88 (89)",
+         "90", "70", "95 / 75", "0.10", "5 (4)"]
+    ]  # fmt: skip
 
 
 @pytest.mark.long

@@ -1,0 +1,148 @@
+"""Tables of the gates of worlds: what trainings from several seeds reach on the frozen boards.
+
+The gates: links and mechanisms against the exact observer of true states, what if, calibration, and what each world is
+about.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+from busybot.view.report.page import Grid, markdown, number, plain_grid
+from tools.tables import result, whole
+
+_Judged = dict[tuple[str, str], list[dict[str, Any]]]
+"""Figures of each seed, by world and set."""
+
+
+def world_gates() -> str:
+    """What trainings from several seeds reach: each gate, and the figures that gates are about."""
+    rows = result("world-gates")["rows"]
+    told = {(world, name): list(seeds.values()) for world, sets in rows.items() for name, seeds in sets.items()}
+    return markdown([_gates_grid(told), _figures_grid(told)])
+
+
+def _gates_grid(told: _Judged) -> Grid:
+    """A line for each gate of each world: the mean of the seeds, the worst of them, how many reach the gate."""
+    splits = list(dict.fromkeys(split for _, split in told))
+    found: dict[tuple[str, str, str], dict[str, str]] = {}
+    for (world, split), seeds in told.items():
+        for own in zip(*(_gates(world, split, one) for one in seeds), strict=True):
+            line = found.setdefault((world, own[0].words, own[0].asked), {})
+            line[split] = _seeds_cell([gate.value for gate in own], own[0])
+    lines = [
+        (f"{world}: {words}", [asked, *(cells.get(split, "") for split in splits)])
+        for (world, words, asked), cells in found.items()
+    ]
+    return plain_grid(("asked", *splits), lines, "percent, or points")
+
+
+def _seeds_cell(values: list[float | None], gate: "_Gate") -> str:
+    known = [value for value in values if value is not None]
+    if not known:
+        return "-"
+    reached = sum(gate.reached(value) for value in known)
+    worst = (min if gate.least else max)(known)
+    spread = f" ({number(100 * worst)})" if len(known) > 1 else ""
+    verdict = "✓" if reached == len(known) else "✗" if not reached else f"{reached} of {len(known)}"
+    return f"{number(100 * sum(known) / len(known))}{spread} {verdict}"
+
+
+@dataclass(frozen=True)
+class _Gate:
+    """A gate of a world, and what a model has there.
+
+    Attributes:
+        least: it is to be reached from below.
+    """
+
+    words: str
+    value: float | None
+    limit: float
+    least: bool = True
+
+    @property
+    def asked(self) -> str:
+        return f"{'at least' if self.least else 'at most'} {whole(self.limit)}"
+
+    def reached(self, value: float) -> bool:
+        return value >= self.limit if self.least else value <= self.limit
+
+
+def _gates(world: str, split: str, told: dict[str, Any]) -> list[_Gate]:
+    """All that are asked of a world on a set, and what a model has there; each model has the same ones."""
+    behind = {int(one): point[BOTH[1]] - (point[BOTH[0]] or 0) for one, point in told["after"].items()}
+    found = []
+    if world in ("gates", "time") and split != "novel-mechanism":
+        found += [_Gate(f"F1 of links behind the bound, {one}", lag, 0.04, False) for one, lag in behind.items()]
+        lag = told["mechanism_bound"] - (told["mechanism_accuracy"] or 0)
+        found.append(_Gate("mechanisms behind the bound", lag, 0.08, False))
+    if split == "novel-mechanism":
+        found.append(_Gate("F1 of links behind the bound, 30, novel mechanisms", behind[30], 0.08, False))
+    if world == "chance":
+        found += [_Gate(f"{name} of parents, 22", told[f"parent_{name[0].lower()}"], 0.95) for name in ("P", "R")]
+    if world == "chain":
+        found.append(_Gate("F1 of parents, 22", told["after"]["22"]["parent_f1"], 0.9))
+    if world == "rewired":
+        found.append(_Gate("rewirings found and placed", told["rewired_placed"], 0.9))
+    found.append(_Gate("what if", told["what_if"], 0.9))
+    worst = _worst(told)
+    return [*found, _Gate("calibration at its worst", worst["ece_uncertain"] if worst else None, 0.06, False)]
+
+
+def _figures_grid(told: _Judged) -> Grid:
+    """Means of the seeds; behind F1 after 22 actions and mechanisms stand the lowest and the highest of them."""
+    heads = (
+        "boards", "seeds", "P / R at 22", "F1, links (bound)", "mechanism (bound)", "of states that were seen (bound)",
+        "what if", "Pred-A", "rewirings found / placed", "false alarms a board", "ECE (images)",
+    )  # fmt: skip
+    lines = [(f"{world}, {split}", _reached(seeds)) for (world, split), seeds in told.items()]
+    return plain_grid(heads, lines, "percent after 10 / 22 / 30")
+
+
+def _reached(rows: list[dict[str, Any]]) -> list[str]:
+    """The cells of a set's line, of one row for each seed."""
+    first, points = rows[0], [list(told["after"].values()) for told in rows]
+    found, bound = ([_mean([one[key] for one in after]) for after in zip(*points, strict=True)] for key in BOTH)
+    middle = _range([after[1][BOTH[0]] for after in points])
+    worst = [one for one in map(_worst, rows) if one]
+    shown = max(worst, key=lambda one: one["ece_uncertain"], default=None)
+    mean = {key: whole(_mean([told[key] for told in rows])) for key in AVERAGED}
+    known = _range([told["mechanism_accuracy"] for told in rows])
+    alarms = _mean([told["rewired_false_alarms"] for told in rows])
+    return [
+        str(first["boards"]),
+        str(len(rows)),
+        f"{mean['parent_p']} / {mean['parent_r']}",
+        f"{whole(found[0])} / {whole(found[1])}{middle} / {whole(found[2])} ({' / '.join(map(whole, bound))})",
+        f"{mean['mechanism_accuracy']}{known} ({mean['mechanism_bound']})",
+        f"{mean['mechanism_accuracy_met']} ({mean['mechanism_bound_met']})",
+        mean["what_if"],
+        mean["pred_a"],
+        f"{mean['rewired_found']} / {mean['rewired_placed']}" if first["rewirings"] else "-",
+        "-" if alarms is None else f"{alarms:.2f}",
+        f"{whole(shown['ece_uncertain'])} ({shown['images']})" if shown else "-",
+    ]
+
+
+def _mean(values: list[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if known else None
+
+
+def _range(values: list[float | None]) -> str:
+    """The lowest and the highest of several seeds."""
+    known = [value for value in values if value is not None]
+    return f" [{whole(min(known))}-{whole(max(known))}]" if len(known) > 1 else ""
+
+
+def _worst(told: dict[str, Any]) -> dict[str, Any] | None:
+    """Where doubtful pairs are calibrated worst."""
+    uncertain = [one for one in told["uncertain"] if one["ece_uncertain"] is not None]
+    return max(uncertain, key=lambda one: one["ece_uncertain"], default=None)
+
+
+AVERAGED = (
+    "parent_p", "parent_r", "mechanism_accuracy", "mechanism_bound", "mechanism_accuracy_met", "mechanism_bound_met",
+    "what_if", "pred_a", "rewired_found", "rewired_placed",
+)  # fmt: skip
+BOTH = ("link_parent_f1", "link_parent_f1_bound")

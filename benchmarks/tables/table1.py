@@ -15,6 +15,7 @@ from typing import Any
 
 from benchmarks import runner
 from busybot.common.process_pool import machine
+from busybot.sim.scene.real_camera import REAL
 
 SPLITS = ("novel-config", "novel-object")
 JUDGE_SEED = 303
@@ -48,6 +49,7 @@ def _delta(pixels: int) -> Table1Row:
 
 
 JOINTS, STRICT = runner.settings("interaction.reward=joints"), ("--strict",)
+REAL_CAMERA = runner.settings(*(f"render.camera.{term}={strength}" for term, strength in REAL.items()))
 
 ROWS = {
     **{f"free-{seed}": Table1Row(seed=seed) for seed in range(3)},
@@ -60,9 +62,14 @@ ROWS = {
     "free-0-delta-1000": Table1Row(None, judge=runner.settings("interaction.delta=1000"), model="free-0"),
     **{f"without-responders-{pixels}": _delta(pixels) for pixels in (100, 500, 1000)},
     "paper": Table1Row(("--variant", "paper")),
+    "real-camera": Table1Row(REAL_CAMERA, judge=REAL_CAMERA),
+    "real-camera-oracle": Table1Row((*JOINTS, *REAL_CAMERA), judge=(*JOINTS, *REAL_CAMERA)),
+    "real-camera-clean": Table1Row(None, judge=REAL_CAMERA, model="free-0"),
 }
-ON_REQUEST = ("paper",)
-"""Rows that only `--rows` runs: days on a CPU."""
+OTHER_CAMERA = ("real-camera", "real-camera-oracle", "real-camera-clean")
+"""No rows of Table 1: whether the reward of pictures is as good as the true one, where it can be wrong."""
+ON_REQUEST = ("paper", *OTHER_CAMERA)
+"""Rows that only `--rows` runs; the first takes days on a CPU."""
 NOTHING_LEARNED = "no recorded action succeeded"
 """What training says where not a single action was rewarded: there is no model to judge."""
 

@@ -43,7 +43,7 @@ def _seeds_cell(values: list[float | None], gate: "_Gate") -> str:
     reached = sum(gate.reached(value) for value in known)
     worst = (min if gate.least else max)(known)
     spread = f" ({number(100 * worst)})" if len(known) > 1 else ""
-    verdict = "✓" if reached == len(known) else "✗" if not reached else f"{reached} of {len(known)}"
+    verdict = "✓" if reached == len(values) else "✗" if not reached else f"{reached} of {len(values)}"
     return f"{number(100 * sum(known) / len(known))}{spread} {verdict}"
 
 

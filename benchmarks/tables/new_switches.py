@@ -19,9 +19,8 @@ from typing import Any
 
 from benchmarks import runner
 from busybot.common.atomic_io import read_json
-from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
-from busybot.interact.metrics import JudgedBoard, object_intervals
+from busybot.interact.metrics import JudgedBoard
 from busybot.objects.procedural.switches.drawn import MOTIONS
 from busybot.training.model_cards import file_hashes, find_folder
 
@@ -36,18 +35,14 @@ REASONERS = ("event", "mechanism", "count")
 SHARES = ("precision", "recall", "recall_objects")
 
 
-def by_switch(boards: Sequence[JudgedBoard]) -> dict[str, Any]:
-    """Intervals of precision and recall over switches and their boards, and recall by how links move."""
-    told = object_intervals(boards, generator(SEED, "", 0, KIND))
+def motions(boards: Sequence[JudgedBoard]) -> dict[str, list[int]]:
+    """By how links move: how many were moved, of how many."""
     moved: dict[str, list[bool]] = defaultdict(list)
     for board in boards:
         found = board.moved()
         for number, link in enumerate(board.links):
             moved[motion_of(link.key)].append(number in found)
-    return {
-        "intervals": {name: told[name] for name in ("precision", "recall")},
-        "motions": {name: [sum(one), len(one)] for name, one in sorted(moved.items())},
-    }
+    return {name: [sum(one), len(one)] for name, one in sorted(moved.items())}
 
 
 def motion_of(key: str) -> str:
@@ -68,7 +63,7 @@ def interacted(folder: Path, policy: str, assets: str, out: Path) -> dict[str, A
         **{key: told[key] for key in SHARES},
         "boards": told["boards"],
         "intervals": {key: told["intervals"][key] for key in SHARES},
-        "switches": by_switch(boards),
+        "switches": {"intervals": told["object_intervals"], "motions": motions(boards)},
         "failures_by_cause": told["failures_by_cause"],
         "missed_links": told["missed_links"],
     }

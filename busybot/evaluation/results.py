@@ -31,6 +31,8 @@ from busybot.common.process_pool import machine
 
 SOURCE = Path(__file__).resolve().parents[1]
 """Of the package: its commit is told."""
+MAY_DIFFER = (":(top,exclude)params.yaml", ":(top,exclude)benchmarks/results")
+"""From the commit that is told."""
 GIT_SECONDS = 10
 PACKAGES = ("numpy", "sapien", "torch")
 HASHED = ("models", "tasks", "histories", "data")
@@ -162,12 +164,13 @@ def package_versions(packages: tuple[str, ...] = PACKAGES) -> dict[str, str]:
 def commit(source: Path = SOURCE) -> str | None:
     """The commit of the source, 40 hexadecimal digits; `-dirty` behind them if tracked files differ from it.
 
-    `params.yaml` may: whoever reproduces a profile makes it that profile's. None where the source is not tracked by git
+    `params.yaml` may: whoever reproduces a profile makes it that profile's; and so may results, which commands write
+    one row after the other. None where the source is not tracked by git
     (an installed package may lie inside of somebody else's repository), and where git is not there or says nothing.
     """
     tracked = _git(source, "ls-files", "--error-unmatch", "__init__.py")
     head = _git(source, "rev-parse", "--verify", "HEAD") if tracked else None
-    differs = head and _git(source, "diff", "HEAD", "--name-only", "--", ":/", ":(top,exclude)params.yaml")
+    differs = head and _git(source, "diff", "HEAD", "--name-only", "--", ":/", *MAY_DIFFER)
     return f"{head}-dirty" if differs else head
 
 

@@ -52,6 +52,8 @@ def test_the_commit_is_told_where_the_source_is_tracked(tmp_path: Path) -> None:
     assert commit(package) is None and commit(tmp_path / "none") is None
     git(tmp_path, "init")
     (tmp_path / "params.yaml").write_text("profile: smoke")
+    (tmp_path / "benchmarks" / "results").mkdir(parents=True)
+    (tmp_path / "benchmarks" / "results" / "row.json").write_text("[1]")
     assert commit(package) is None, "a repository in which the package is not tracked is somebody else's"
     git(tmp_path, "add", ".")
     assert commit(package) is None, "nothing is committed yet"
@@ -60,6 +62,8 @@ def test_the_commit_is_told_where_the_source_is_tracked(tmp_path: Path) -> None:
     assert first is not None and len(first) == 40 and int(first, 16)
     (tmp_path / "params.yaml").write_text("profile: laptop")
     assert commit(package) == first, "a profile was chosen"
+    (tmp_path / "benchmarks" / "results" / "row.json").write_text("[2]")
+    assert commit(package) == first, "a command has written a row"
     (package / "__init__.py").write_text("x = 1")
     assert commit(package) == f"{first}-dirty"
 

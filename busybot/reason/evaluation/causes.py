@@ -49,6 +49,7 @@ class JudgedMechanism:
         driven: whether it has inputs.
         right, bound: whether the model, and the exact observer, foretell it on the whole tour.
         kind_right, kind_bound, lag_right, lag_bound: whether they name its kind and its lag.
+        asked: whether each of its inputs took more than one state on the tour; else nobody is right.
         met: whether the observed actions brought each of its inputs into all the states that it takes on the tour.
     """
 
@@ -61,6 +62,7 @@ class JudgedMechanism:
     kind_bound: bool | None = None
     lag_right: bool | None = None
     lag_bound: bool | None = None
+    asked: bool = True
     met: bool = True
 
 
@@ -463,10 +465,9 @@ def _mechanisms(watched: Watched, truth: CauseTruth, walk: Questions, replayed: 
             cause, read = _hypothesis(truth, index), truth.read[index]
             known = JudgedMechanism(
                 index, cause.kind, bool(cause.inputs), bound=bound.known, kind_bound=bound.kind, lag_bound=bound.lag,
-                met=_met(walk, read, replayed),
+                asked=_varied(walk, read, replayed), met=_met(walk, read, replayed),
             )  # fmt: skip
-            lag = lag_of(cause, len(replayed.law.links.sizes))
-            found.append(_Mechanism(known, lag, _varied(walk, read, replayed)))
+            found.append(_Mechanism(known, lag_of(cause, len(replayed.law.links.sizes))))
     return found
 
 
@@ -493,11 +494,10 @@ class _Bound:
 
 @dataclass(frozen=True)
 class _Mechanism:
-    """What is known of a responder's mechanism before a model is asked, its lag, and whether it is asked about."""
+    """What is known of a responder's mechanism before a model is asked, and its lag."""
 
     known: JudgedMechanism
     lag: int
-    varied: bool
 
 
 def _with_mechanisms(
@@ -516,7 +516,7 @@ def _with_mechanisms(
         mechanisms.append(
             replace(
                 one.known,
-                right=None if right is None else bool(right[0, index] and one.varied),
+                right=None if right is None else bool(right[0, index] and one.known.asked),
                 kind_right=None if graph.kinds is None else _paper_name(graph.kinds[index]) == one.known.kind,
                 lag_right=None if graph.lags is None else int(graph.lags[index]) == one.lag,
             )

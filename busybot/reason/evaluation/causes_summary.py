@@ -40,9 +40,10 @@ KEYS: dict[str, str] = {
     "mechanism_accuracy_met, mechanism_bound_met, mechanisms_met": "both of the responders whose inputs were in all "
     "states in which the tour asks about them, and which share of all that is: pictures do not show that a link has "
     "one more state, the exact observer is told",
-    "mechanism_missed": "of how many of these responders something is told wrongly, because their `parents` (links, "
-    "where a model tells them apart) are not those that it claims, an input was `never met` in a state in which the "
-    "tour asks about it, or `otherwise`; the first of these that holds counts",
+    "mechanism_missed_because": "how many of these responders are not foretold because an input moved nowhere on the "
+    "tour (`not asked`: nobody is right), because their `parents` (links, where a model tells them apart) are not "
+    "those that it claims, because an input was `never met` in a state in which the tour asks about it, or "
+    "`otherwise`; the first of these that holds counts. Null as `mechanism_accuracy`",
     "mechanism_by_kind": "both by kind of mechanism, with numbers; `none` are responders that nothing moves",
     "kind_accuracy, kind_bound, lag_accuracy, lag_bound": "share of all responders whose kind of mechanism, and whose "
     "lag, is named rightly. Null for models that do not tell them",
@@ -105,7 +106,7 @@ def summarise_causes(
         "mechanism_accuracy_met": _mean([one.right for one in mechanisms if one.met]),
         "mechanism_bound_met": _mean([one.bound for one in mechanisms if one.met]),
         "mechanisms_met": _mean([one.met for one in mechanisms]),
-        "mechanism_missed": _missed(causes, steps),
+        "mechanism_missed_because": _missed(causes, steps),
         "mechanism_by_kind": _by_kind(everyone),
         "kind_accuracy": _mean([one.kind_right for one in everyone]),
         "kind_bound": _mean([one.kind_bound for one in everyone]),
@@ -143,7 +144,7 @@ def _counts(one: JudgedCauses, steps: int, bound: bool = False) -> m.Counts:
     number = _at(one, steps)
     claimed = one.bound if bound else one.claimed
     assert claimed is not None
-    return _of(_columns(claimed[number], one.true[number]).sum(0) + (0 if bound else _spurious(one, steps, 0)))
+    return _of(count_parents(claimed[number], one.true[number]).sum(0) + (0 if bound else _spurious(one, steps, 0)))
 
 
 def _spurious(one: JudgedCauses, steps: int, level: int) -> np.ndarray:
@@ -154,11 +155,6 @@ def _spurious(one: JudgedCauses, steps: int, level: int) -> np.ndarray:
 def _distance(one: JudgedCauses, steps: int) -> int:
     number = _at(one, steps)
     return hamming(one.claimed[number], one.true[number]) + int(_spurious(one, steps, 0)[1])
-
-
-def _columns(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """int (N, 3): rightly claimed, claimed and true parents of each object."""
-    return np.stack([(claimed & true).sum(0), claimed.sum(0), true.sum(0)], axis=1)
 
 
 def _of(counted: np.ndarray) -> m.Counts:
@@ -177,18 +173,21 @@ def _links(causes: Sequence[JudgedCauses], steps: int) -> dict[str, float | None
     return {**found, "link_parent_f1_bound": m.micro(bound, PARENTS)["f1"]}
 
 
-def _missed(causes: Sequence[JudgedCauses], steps: int) -> dict[str, int]:
+def _missed(causes: Sequence[JudgedCauses], steps: int) -> dict[str, int] | None:
     """Why mechanisms are not known, see `KEYS`."""
-    counts = dict.fromkeys(("parents", "never met", "otherwise"), 0)
-    for one in causes:
+    judged = [(one, each) for one in causes for each in one.mechanisms if each.driven and each.right is not None]
+    counts = dict.fromkeys(("not asked", "parents", "never met", "otherwise"), 0)
+    for one, each in judged:
         place = _at(one, steps)
         links = count_parents(one.claimed[place], one.true[place]) if one.links is None else one.links[place]
-        for each in one.mechanisms:
-            if each.driven and each.right is False:
-                right, claimed, true = links[each.responder]
-                known = right == claimed == true
-                counts["parents" if not known else "otherwise" if each.met else "never met"] += 1
-    return counts
+        right, claimed, true = links[each.responder]
+        reasons = {
+            "not asked": not each.asked, "parents": not right == claimed == true, "never met": not each.met,
+            "otherwise": True,
+        }  # fmt: skip
+        if not each.right:
+            counts[next(name for name, holds in reasons.items() if holds)] += 1
+    return counts if judged else None
 
 
 def _by_kind(mechanisms: Sequence[JudgedMechanism]) -> dict[str, dict[str, Any]]:
@@ -243,7 +242,7 @@ def _intervals(
     records["mechanism_accuracy"] = []
     for number, (board, one) in enumerate(zip(boards, causes, strict=True)):
         place, kinds = _at(one, steps), {each.responder: each.kind for each in one.mechanisms}
-        columns = [*_columns(one.claimed[place], one.true[place]), _spurious(one, steps, 0)]
+        columns = [*count_parents(one.claimed[place], one.true[place]), _spurious(one, steps, 0)]
         for index, counted in enumerate(columns):
             key = board.objects[index].key if index < len(board.objects) else NOTHING
             named, counts = (key, kinds.get(index, NOTHING), number), _of(counted)

@@ -29,7 +29,7 @@ INTRODUCTIONS = {
     1: "Ten actions on each board. Precision: share of actions that moved a trigger. Recall: share of the movable "
     "links that were moved. New links: precision of the actions that did not repeat a link. Behind ± is half the width "
     "of the 95 % interval over boards; shares of 0 and 100 have exact bounds, in brackets. In square brackets stands "
-    "the 95 % interval over objects and their boards, where it was told: what may be expected of other objects.",
+    "the 95 % interval over objects and their boards, where it was told; with few objects it is still too narrow.",
     2: "From 23 images: which trigger controls which responder (P, R over pairs), and what every later action does "
     "(Pred-A: all responders of the board right; successful: the same over actions that moved a trigger).",
     3: "At most 8 actions a task; share of the affectable responders in their goal state, mean over tasks, for tasks "

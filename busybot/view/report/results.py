@@ -15,7 +15,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.text import unlinked
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import KINDS, read_result
-from busybot.view.report.page import spread
+from busybot.view.report.page import number, spread
 from busybot.view.report.world_results import Evaluation, ResultFile, WorldResults
 
 PICTURES = (".png", ".jpg", ".jpeg")
@@ -187,7 +187,8 @@ class Score:
     def spread(self) -> str:
         """As tables show it behind the value; the interval over objects stands in square brackets."""
         around = spread(self.value, self.low, self.high, self.several)
-        return f"{around} [{self.objects[0]:.0f}-{self.objects[1]:.0f}]" if self.objects else around
+        over_objects = f"[{number(self.objects[0])}-{number(self.objects[1])}]" if self.objects else ""
+        return " ".join(filter(None, (around, over_objects)))
 
 
 @dataclass

@@ -8,6 +8,7 @@ import pytest
 
 from busybot.boards.spec import Relation, Rewiring
 from busybot.episodes.episode import Episode
+from busybot.reason.evaluation import causes
 from busybot.reason.evaluation.causes import (
     JudgedCauses,
     Watched,
@@ -48,8 +49,6 @@ def watched(episode: Episode, images: int = 17) -> Watched:
 @pytest.fixture(autouse=True)
 def _known_links(monkeypatch: pytest.MonkeyPatch) -> None:
     """The synthetic board's objects are in no library: its links have two states, its responders may have two."""
-    from busybot.reason.evaluation import causes
-
     monkeypatch.setattr(causes, "law_of", lambda episode, library: causes.Law(LINKS, ((True, False),) * 3))
 
 
@@ -193,15 +192,20 @@ def test_a_mechanism_is_known_by_what_it_does() -> None:
     assert all(one.right for one in asked(episode, Knower(episode, named)).mechanisms)
 
 
-def test_it_is_told_why_mechanisms_are_missed() -> None:
+def test_it_is_told_why_mechanisms_are_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the AND something is told wrongly: whether its parents are claimed, and were met, says why."""
     episode = play([AND, FOLLOWS], PRESSES)
     right = ((0, 1), (3, 1), (0, 2))
     for pairs, images, why in ((right, 17, "otherwise"), (right[1:], 17, "parents"), (right, 2, "never met")):
         judged = judge_causes(watched(episode, images), claims(*pairs), Knower(episode, [OR, FOLLOWS]))
-        assert summary((episode, judged), images=images)["mechanism_missed"][why] == 1
+        assert summary((episode, judged), images=images)["mechanism_missed_because"][why] == 1
     known = judge_causes(watched(episode), claims(*right), Knower(episode))
-    assert not any(summary((episode, known))["mechanism_missed"].values())
+    assert not any(summary((episode, known))["mechanism_missed_because"].values())
+    assert summary((episode, judge_causes(watched(episode), claims(*right))))["mechanism_missed_because"] is None
+    monkeypatch.setattr(causes, "_varied", lambda *_: False)
+    untouched = judge_causes(watched(episode), claims(), Knower(episode))
+    told = summary((episode, untouched))["mechanism_missed_because"]
+    assert told == {"not asked": 2, "parents": 0, "never met": 0, "otherwise": 0}
 
 
 def test_a_delay_is_no_mechanism_without_a_memory() -> None:

@@ -20,6 +20,7 @@ from busybot.view.report.page import (
     plain_grid,
     spread,
 )
+from busybot.view.report.results import InteractResult, Score, score_of
 
 GRID = Grid(
     (("known", 2), ("", 1)),
@@ -104,3 +105,20 @@ def test_spreads() -> None:
     assert (spread(97, 96.0, 98.0), spread(0, None, 1.0), spread(1, 1.0, 1.01, several=True)) == ("± 1.0", "", "")
     assert spread(1.5, 1.0, 2.0, several=True) == "(1.0 to 2.0)"
     assert (spread(100, 96.4, 100), spread(0, 0, 3.6)) == ("(96.4 to 100.0)", "(0.0 to 3.6)")
+
+
+def test_intervals_over_objects_stand_in_square_brackets() -> None:
+    result = {
+        "kind": "interact",
+        "precision": 0.9,
+        "recall": None,
+        "boards": 2,
+        "dataset": {},
+        "intervals": {"precision": (0.8, 1.0)},
+    }
+    told = InteractResult.model_validate(result | {"object_intervals": {"precision": (0.5, 0.995)}})
+    assert (found := score_of(told, "precision")) is not None and found.spread == "± 10.0 [50.0-99.5]"
+    assert score_of(told, "recall") is None
+    only = InteractResult.model_validate(result | {"intervals": {}})
+    assert (found := score_of(only, "precision")) is not None and not found.spread and found.objects is None
+    assert Score(90.0, objects=(50.0, 99.5)).spread == "[50.0-99.5]"

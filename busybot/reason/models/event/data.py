@@ -167,14 +167,14 @@ class Context:
         )
 
     def after_each(self, steps: np.ndarray) -> "Context":
-        """What was known of one board after so many steps each, int (S,), as S boards; distances are as of all steps.
+        """What was known after so many steps each, int (S,), of the only board there is, as S boards.
 
-        To be asked for edges, not for effects: looks after those steps are there, too.
+        To be asked for edges, not for effects: distances are as of all steps.
         """
-        rows, triggers, count = len(self.board), len(self.owner), len(steps)
-        each = torch.arange(count)
-        offsets = each[:, None, None] * torch.tensor([[triggers], [rows]])
-        until = torch.from_numpy(steps)[:, None] > torch.arange(self.known.shape[1])
+        rows, triggers, count, on = len(self.board), len(self.owner), len(steps), self.board.device
+        each = torch.arange(count, device=on)
+        offsets = each[:, None, None] * torch.tensor([[triggers], [rows]], device=on)
+        until = torch.from_numpy(steps).to(on)[:, None] > torch.arange(self.known.shape[1], device=on)
         return Context(
             distances=self.distances.repeat(count, 1, 1),
             actions=self.actions.expand(count, -1, -1),

@@ -53,7 +53,7 @@ that was not touched before. If this were learnt, too, nothing would tell rare c
 
 
 AT_ONCE = 2**23
-"""Numbers about the steps of pairs, at most so many are computed together, 32 MB."""
+"""Beliefs after so many steps are computed together that the largest arrays have at most so many numbers, 32 MB."""
 
 
 @dataclass(frozen=True)
@@ -292,8 +292,8 @@ class EventReasoner:
         if not self.network.inference:
             return InferredGraph(self.name, beliefs[: max(1, seen.steps)])
         known = self._context_of(seen)
-        pairs = known.edge_index.shape[1] * max(1, seen.steps) * self.network.edges.width
-        most = max(1, AT_ONCE // max(1, pairs))
+        tokens = known.edge_index.shape[1] * seen.steps * self.network.edges.width
+        most = max(1, AT_ONCE // max(1, tokens, known.distances.numel()))
         for some in np.split(np.arange(len(beliefs)), range(most, len(beliefs), most)):
             told = self.network.log_edges(known.after_each(some))[0].exp().view(len(some), -1)
             beliefs[some[0] : some[-1] + 1, seen.candidates] = told.numpy()  # pairs stand in the candidates' order

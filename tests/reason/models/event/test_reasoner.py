@@ -84,8 +84,11 @@ def test_graphs_of_all_steps_at_once_are_those_of_each(trained: EventReasoner, m
     for board in make_boards(4, FRESH):
         known = context_of(Batch.from_data_list([board_graph(board.seen)]), trained.network.scale)
         alone = [trained.network.log_edges(known.first(steps))[0].exp().detach() for steps in range(1, 23)]
-        told = trained.graph(board.seen.first(23)).probabilities[:, board.seen.candidates]
+        graph = trained.graph(board.seen.first(23))
+        told = graph.probabilities[:, board.seen.candidates]
         np.testing.assert_allclose(told, torch.stack(alone), rtol=1e-4, atol=1e-6)
+        prior = trained.network.log_edges(known.first(0))[0].exp().detach()
+        np.testing.assert_allclose(graph.after(0)[board.seen.candidates], prior, rtol=1e-4, atol=1e-6)
         with monkeypatch.context() as patch:
             patch.setattr(networks, "AT_ONCE", 1)
             one_by_one = trained.graph(board.seen.first(23)).probabilities[:, board.seen.candidates]
@@ -156,6 +159,11 @@ def test_one_image_or_one_step_is_enough_to_answer(trained: EventReasoner, image
     graph = trained.graph(board.seen.first(images))
     assert graph.probabilities.shape[0] == 1 and np.isfinite(graph.probabilities).all()
     assert predicted(trained, board.seen, images).shape == (31 - images, len(board.edges), 256)
+    seen, nothing = board.seen.first(images), np.zeros((2, 3), int)
+    told = trained.what_if(seen, np.zeros(2, int), board.seen.actions[nothing], board.seen.acted[nothing])
+    assert told.shape == (2, 3, len(board.edges), 256)
+    nobody = np.zeros(0, int), board.seen.actions[nothing[:0]], board.seen.acted[nothing[:0]]
+    assert trained.what_if(seen, *nobody).shape[:2] == (0, 3)
 
 
 @pytest.mark.parametrize("without", ["triggers", "responders"])
@@ -168,6 +176,9 @@ def test_boards_without_triggers_or_responders_are_no_error(trained: EventReason
         bare = replace(seen, responders=nobody)
     assert not trained.graph(bare).probabilities.any()
     np.testing.assert_array_equal(predicted(trained, bare), bare.features[22:-1])
+    steps, chosen = np.array([4]), np.array([[6, 7]])
+    told = trained.what_if(bare, steps, bare.actions[chosen], bare.acted[chosen])
+    np.testing.assert_array_equal(told, np.repeat(bare.features[steps, None], 2, 1))
 
 
 def test_boards_of_different_sizes_and_lengths_share_a_batch() -> None:

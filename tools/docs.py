@@ -17,7 +17,7 @@ from pathlib import Path
 
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
-from tools import judgements, prose, reference_pages, speed_tables, tables, world_tables
+from tools import gate_tables, judgements, prose, reference_pages, speed_tables, tables, world_tables
 
 ROOT = Path(__file__).resolve().parents[1]
 Part = Callable[[], str]
@@ -80,6 +80,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/real-board.md": {"real-board": world_tables.real_board},
     "docs/results/judgements.md": {"test-sets": judgements.test_sets},
     "docs/results/worlds.md": {
+        "world-gates": gate_tables.world_gates,
         "worlds": world_tables.worlds,
         "rewirings": world_tables.rewirings,
         "exploring": world_tables.exploring,

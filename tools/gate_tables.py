@@ -78,6 +78,10 @@ def _gates(world: str, split: str, told: dict[str, Any]) -> list[_Gate]:
         found.append(_Gate("mechanisms behind the bound", lag, 0.08, False))
     if split == "novel-mechanism":
         found.append(_Gate("F1 of links behind the bound, 30, novel mechanisms", behind[30], 0.08, False))
+    if world == "paper":
+        asked = {"P of parents, 22": ("parent_p", 0.99), "R of parents, 22": ("parent_r", 0.99)}
+        found += [_Gate(words, told[key], limit) for words, (key, limit) in asked.items()]
+        found.append(_Gate("Pred-A", told["pred_a"], 0.92))
     if world == "chance":
         found += [_Gate(f"{name} of parents, 22", told[f"parent_{name[0].lower()}"], 0.95) for name in ("P", "R")]
     if world == "chain":

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.runner import assets_name, busybot, chosen, finish, generating, parser, told_rows
+from busybot.boards.spec import PAPER
 from busybot.boards.worlds import WORLDS
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
@@ -37,6 +38,7 @@ FIGURES = (
     "parent_p", "parent_r", "what_if", "what_if_pairs", "pred_a", "rewirings", "rewired_found",
     "rewired_found_bound", "rewired_placed", "rewired_placed_bound", "rewired_false_alarms",
 )  # fmt: skip
+ALL = (*WORLDS, PAPER)
 POINT = ("parent_f1", "parent_f1_bound", "link_parent_f1", "link_parent_f1_bound")
 
 
@@ -97,7 +99,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     models = options.models.split(",")
     hashes = {model: file_hashes(find_folder(model, "reason")) for model in models}
     policy = policy_of(options)
-    for world in chosen(options.only, tuple(WORLDS)) if options.only else WORLDS:
+    for world in chosen(options.only, ALL) if options.only else ALL:
         for name in (one for one in chosen(options.sets, tuple(frozen.SETS)) if one in frozen.sets_of(world)):
             dataset = recorded(world, name, options)
             named = dataset.parent.parent / f"{world}-{name}-{options.boards}"

@@ -52,6 +52,8 @@ def test_gates_are_told_with_what_is_there(monkeypatch: pytest.MonkeyPatch) -> N
     }  # fmt: skip
     told = gates(monkeypatch, "chance", "validation", row(parent_r=0.9))
     assert told["P of parents, 22"] == "96.0 ✓" and told["R of parents, 22"] == "90.0 ✗"
+    told = gates(monkeypatch, "paper", "validation", row())
+    assert [told[name] for name in ("P of parents, 22", "R of parents, 22", "Pred-A")] == ["96.0 ✗", "99.0 ✓", "70.0 ✗"]
     assert gates(monkeypatch, "chain", "validation", row())["F1 of parents, 22"] == "97.0 ✓"
     told = gates(monkeypatch, "rewired", "validation", row(rewirings=3, rewired_placed=0.5))
     assert told["rewirings found and placed"] == "50.0 ✗"

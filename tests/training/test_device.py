@@ -132,7 +132,7 @@ def test_the_event_network_stays_on_its_device() -> None:
     network = EventNet(config.net).to(ELSEWHERE)
     everything = context_of(next(batches_of(graphs, [[0, 1]])).to(ELSEWHERE), network.scale)
     seen, asked, _ = split(everything, 20, 4)
-    assert contacts_of(seen, asked).facts.device == ELSEWHERE
+    assert contacts_of(seen, asked.actions, asked.acted).facts.device == ELSEWHERE
     for exclusive in (True, False):
         network.exclusive = exclusive
         edges, none = network.log_edges(seen)

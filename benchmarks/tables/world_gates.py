@@ -34,7 +34,7 @@ frozen: Any = import_module("datasets.worlds")
 KIND, STEPS, AFTER, SEED = "world-gates", 30, (10, 22, 30), frozen.SEED
 FIGURES = (
     "mechanism_accuracy", "mechanism_bound", "mechanism_accuracy_met", "mechanism_bound_met", "mechanisms_met",
-    "parent_p", "parent_r", "what_if", "what_if_pairs", "pred_a", "rewirings", "rewired_found", "rewired_found_bound",
+    "mechanism_missed", "parent_p", "parent_r", "what_if", "what_if_pairs", "pred_a", "rewirings", "rewired_found", "rewired_found_bound",
     "rewired_placed", "rewired_placed_bound", "rewired_false_alarms",
 )  # fmt: skip
 POINT = ("parent_f1", "parent_f1_bound", "link_parent_f1", "link_parent_f1_bound")
@@ -86,7 +86,7 @@ def figures_of(told: dict[str, Any]) -> dict[str, Any]:
         "boards": told["boards"],
         "after": {str(actions): {key: points[actions][key] for key in POINT} for actions in AFTER if actions in points},
         "uncertain": told["uncertain_by_images"],
-        **{key: told[key] for key in FIGURES},
+        **{key: told.get(key) for key in FIGURES},
     }
 
 

@@ -13,7 +13,7 @@ from busybot.common.rng import generator
 from busybot.evaluation.statistics import Interval, extreme_interval, two_level_interval
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation import rewirings
-from busybot.reason.evaluation.causes import JudgedCauses, JudgedMechanism
+from busybot.reason.evaluation.causes import JudgedCauses, JudgedMechanism, count_parents
 from busybot.reason.evaluation.hypotheses import NOTHING
 
 CALIBRATED = (4, 8, 12, 16, 22, 30)
@@ -40,6 +40,9 @@ KEYS: dict[str, str] = {
     "mechanism_accuracy_met, mechanism_bound_met, mechanisms_met": "both of the responders whose inputs were in all "
     "states in which the tour asks about them, and which share of all that is: pictures do not show that a link has "
     "one more state, the exact observer is told",
+    "mechanism_missed": "of how many of these responders something is told wrongly, because their `parents` (links, "
+    "where a model tells them apart) are not those that it claims, an input was `never met` in a state in which the "
+    "tour asks about it, or `otherwise`; the first of these that holds counts",
     "mechanism_by_kind": "both by kind of mechanism, with numbers; `none` are responders that nothing moves",
     "kind_accuracy, kind_bound, lag_accuracy, lag_bound": "share of all responders whose kind of mechanism, and whose "
     "lag, is named rightly. Null for models that do not tell them",
@@ -102,6 +105,7 @@ def summarise_causes(
         "mechanism_accuracy_met": _mean([one.right for one in mechanisms if one.met]),
         "mechanism_bound_met": _mean([one.bound for one in mechanisms if one.met]),
         "mechanisms_met": _mean([one.met for one in mechanisms]),
+        "mechanism_missed": _missed(causes, steps),
         "mechanism_by_kind": _by_kind(everyone),
         "kind_accuracy": _mean([one.kind_right for one in everyone]),
         "kind_bound": _mean([one.kind_bound for one in everyone]),
@@ -171,6 +175,20 @@ def _links(causes: Sequence[JudgedCauses], steps: int) -> dict[str, float | None
     shares = m.micro(told, PARENTS)
     found = {f"link_parent_{name}": share if told else None for name, share in shares.items()}
     return {**found, "link_parent_f1_bound": m.micro(bound, PARENTS)["f1"]}
+
+
+def _missed(causes: Sequence[JudgedCauses], steps: int) -> dict[str, int]:
+    """Why mechanisms are not known, see `KEYS`."""
+    counts = dict.fromkeys(("parents", "never met", "otherwise"), 0)
+    for one in causes:
+        place = _at(one, steps)
+        links = count_parents(one.claimed[place], one.true[place]) if one.links is None else one.links[place]
+        for each in one.mechanisms:
+            if each.driven and each.right is False:
+                right, claimed, true = links[each.responder]
+                known = right == claimed == true
+                counts["parents" if not known else "otherwise" if each.met else "never met"] += 1
+    return counts
 
 
 def _by_kind(mechanisms: Sequence[JudgedMechanism]) -> dict[str, dict[str, Any]]:

@@ -193,6 +193,17 @@ def test_a_mechanism_is_known_by_what_it_does() -> None:
     assert all(one.right for one in asked(episode, Knower(episode, named)).mechanisms)
 
 
+def test_it_is_told_why_mechanisms_are_missed() -> None:
+    """Of the AND something is told wrongly: whether its parents are claimed, and were met, says why."""
+    episode = play([AND, FOLLOWS], PRESSES)
+    right = ((0, 1), (3, 1), (0, 2))
+    for pairs, images, why in ((right, 17, "otherwise"), (right[1:], 17, "parents"), (right, 2, "never met")):
+        judged = judge_causes(watched(episode, images), claims(*pairs), Knower(episode, [OR, FOLLOWS]))
+        assert summary((episode, judged), images=images)["mechanism_missed"][why] == 1
+    known = judge_causes(watched(episode), claims(*right), Knower(episode))
+    assert not any(summary((episode, known))["mechanism_missed"].values())
+
+
 def test_a_delay_is_no_mechanism_without_a_memory() -> None:
     episode = play([AND, LATE], PRESSES, "time")
     judged = asked(episode, Knower(episode, [AND, FOLLOWS]))

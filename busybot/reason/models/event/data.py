@@ -372,8 +372,8 @@ touched elsewhere |
     same: Tensor
     step: Tensor
 
-    def part(self, which: slice) -> "Contacts":
-        """Of some of the steps asked for."""
+    def part(self, which: Tensor) -> "Contacts":
+        """Of some of the steps asked for, by index."""
         return Contacts(self.facts[:, which], self.distance[:, which], self.same[:, which], self.step[:, which])
 
 

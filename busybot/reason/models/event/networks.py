@@ -50,8 +50,9 @@ NEVER = -1e4
 UNSEEN = -0.85
 """Logit that a responder changes when its trigger is acted on, though it never did: with probability 0.3 this is a link
 that was not touched before. If this were learnt, too, nothing would tell rare changes from improbable edges."""
-
-
+COPIED = 0.499
+"""A responder whose trigger was held with less probability stays as it is: what it would become is less probable than
+that, and that it stays is more."""
 AT_ONCE = 2**23
 """Beliefs after so many steps are computed together that the largest arrays have at most so many numbers, 32 MB."""
 
@@ -326,20 +327,45 @@ class EventReasoner:
         """As `Imagining`: what `predict` would say, one action after the other. Each look is that of an observed frame,
         so that frames stand for looks, and how far they lie apart is known."""
         responders, result = np.flatnonzero(seen.responders), np.repeat(seen.features[steps, None], acted.shape[1], 1)
-        if not (len(responders) and len(steps) and seen.steps):
+        if not (len(responders) and acted.size and seen.steps):
             return result
-        known, log_edges = self._known(seen)
-        frame = torch.from_numpy(np.asarray(steps, np.int64)).expand(len(responders), -1)  # (R, Q)
-        row, on = torch.arange(len(responders))[:, None], trigger_rows(seen.triggers, np.asarray(acted, np.int64))
-        done = torch.from_numpy(np.asarray(actions, np.float32)).flatten(0, 1)[None], torch.from_numpy(on).view(1, -1)
-        contacts = contacts_of(known, *done)
-        for number in range(acted.shape[1]):
-            now = slice(number, None, acted.shape[1])
-            asked = Queries(known.distances[row, frame], done[0][:, now], done[1][:, now])
-            then = likeliest_frames(self.network, known, asked, self.blur, log_edges, contacts.part(now))
-            frame = torch.where(then >= 0, then, frame)
-            result[:, number, responders] = seen.features[frame.T.numpy(), responders]
+        on = trigger_rows(seen.triggers, np.asarray(acted, np.int64))
+        done = torch.from_numpy(np.asarray(actions, np.float32)), torch.from_numpy(on)
+        frames = self._frames_after(seen, torch.from_numpy(np.asarray(steps, np.int64)), *done)
+        result[:, :, responders] = seen.features[frames.permute(1, 2, 0).numpy(), responders]
         return result
+
+    def _frames_after(self, seen: BoardSequence, start: Tensor, actions: Tensor, acted: Tensor) -> Tensor:
+        """The frames whose looks responders have after each of K actions in Q questions, int (R, Q, K).
+
+        A responder copies a look only where its trigger was held (`COPIED`). So each waits for steps of its own alone:
+        the first of every responder and question are worked out together, then the second, and so on.
+
+        Args:
+            start: int (Q,), the frames that questions begin with.
+            actions: (Q, K, 6).
+            acted: int (Q, K), rows of triggers.
+        """
+        known, log_edges = self._known(seen)
+        done = Queries(known.distances[:, :0], actions.flatten(0, 1)[None], acted.view(1, -1))
+        contacts = contacts_of(known, done.actions, done.acted)
+        likely = (edges_of(known, done, log_edges) > COPIED).view(-1, *acted.shape)  # (R, Q, K)
+        turns = (likely.cumsum(2) * likely).flatten(1)  # (R, Q K): when a step is worked out, 0 for never
+        frame = start.expand(len(likely), -1).clone()  # (R, Q)
+        copied = torch.full_like(turns, -1)
+        for turn in range(1, int(turns.max()) + 1):
+            step = (turns == turn).any(0).nonzero()[:, 0]  # of all questions' steps
+            question = step // acted.shape[1]
+            current = known.distances.gather(
+                1, frame[:, question, None].expand(-1, -1, known.distances.shape[2])
+            )  # (R, steps, L + 1)
+            asked = Queries(current, done.actions[:, step], done.acted[:, step])
+            then = likeliest_frames(self.network, known, asked, self.blur, log_edges, contacts.part(step))
+            row, column = ((turns[:, step] == turn) & (then >= 0)).nonzero(as_tuple=True)
+            frame[row, question[column]] = copied[row, step[column]] = then[row, column]
+        told = torch.cat([start[None, :, None].expand(len(likely), -1, 1), copied.view(likely.shape)], 2)
+        last = torch.where(told >= 0, torch.arange(told.shape[2]), 0).cummax(2).values
+        return told.gather(2, last)[..., 1:]
 
     def _known(self, seen: BoardSequence) -> tuple[Context, Tensor]:
         """What was seen, and `log_edges` of it; whoever asks for one step after the other asks about the same."""
@@ -371,15 +397,19 @@ def likeliest_frames(
     """
     effects = network.effects(seen, asked, contacts)
     log_edges = network.log_edges(seen)[0] if log_edges is None else log_edges
-    trigger, row = seen.edge_index
-    on = asked.acted[seen.board[row]] == trigger[:, None]  # (E, Q)
-    edge = scatter(log_edges.exp()[:, None] * on, row, dim_size=len(seen.board), reduce="sum")
-    change = edge * torch.sigmoid(effects.change)
+    change = edges_of(seen, asked, log_edges) * torch.sigmoid(effects.change)
     if not effects.frames.shape[1]:
         return effects.frames.new_full(change.shape, -1)
     likely, best = (change.unsqueeze(-1) * _mass(effects, seen, blur)).max(-1)
     frame = effects.frames[:, None].expand(-1, change.shape[1], -1).gather(2, best.unsqueeze(-1))[..., 0]
     return torch.where(likely > 1 - change, frame, -1)
+
+
+def edges_of(seen: Context, asked: Queries, log_edges: Tensor) -> Tensor:
+    """How probable it is that the trigger held in each step controls each responder, (R, Q)."""
+    trigger, row = seen.edge_index
+    on = asked.acted[seen.board[row]] == trigger[:, None]  # (E, Q)
+    return scatter(log_edges.exp()[:, None] * on, row, dim_size=len(seen.board), reduce="sum")
 
 
 def _mass(effects: Effects, seen: Context, blur: float) -> Tensor:

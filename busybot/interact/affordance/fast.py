@@ -3,8 +3,7 @@
 Here is the `fast` variant; `interact.affordance.paper` has the `paper` variant. `interact.affordance.load` loads both.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from torch.nn import functional
 
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.affordance.folding import FoldedDirectionNet
+from busybot.interact.affordance.folding import FoldedDirectionNet, FoldedPositionNet
 from busybot.interact.affordance.incremental import IncrementalPositionNet
 from busybot.interact.affordance.inputs import (
     HEIGHT_GAIN,
@@ -126,7 +125,7 @@ class AffordanceModel:
         self.info, self.on = info, device()
         self.bfloat16 = multiplies_bfloat16()
         self.networks = {kind: network.eval().to(self.on) for kind, network in networks.items()}
-        self._folded: FoldedDirectionNet | None = None
+        self._folded: dict[tuple[Kind, torch.dtype], Any] = {}
         self._camera: tuple[Rays, Pinhole] | None = None
 
     @staticmethod
@@ -196,19 +195,19 @@ class AffordanceModel:
     ) -> Tensor:
         """Logits of a part of the picture where it is elevated, (H, W); whole squares of `POSITION_STRIDE`."""
         part = _pad_to_stride(kept.features[:, *window])
-        network, position = self.networks["position"], kept.position
-        if self.on.type != "cpu" or not isinstance(network, PositionNet):
+        position = kept.position
+        if self.on.type != "cpu" or not isinstance(self.networks["position"], PositionNet):
             return self._run("position", part[None])[0]
         rows, columns = part.shape[1:]
         if position is None or kept.window is None:
-            position = IncrementalPositionNet(network, (rows, columns), self._number_type)
+            position = IncrementalPositionNet(self._fold("position", FoldedPositionNet), (rows, columns))
         elif kept.window != window:
             first = (window[0].start - kept.window[0].start, window[1].start - kept.window[1].start)
             position = position.moved(first, (rows, columns))
         kept.window, kept.position = window, position
         missing = [(0, rows - len(elevated)), (0, columns - elevated.shape[1])]
         wanted, changed = np.pad(elevated.view(np.uint8), missing), np.pad(changed, missing, mode="edge")
-        with self._computing():
+        with torch.inference_mode():
             return position(part, wanted, changed).float()
 
     def directions(self, view: AffordanceView, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -238,21 +237,26 @@ class AffordanceModel:
 
     @property
     def _number_type(self) -> torch.dtype:
-        """What networks are given: what autocast would make of it, at half the copying."""
+        """What networks are given, and of what they consist."""
         return torch.bfloat16 if self.bfloat16 else torch.float32
 
-    @contextmanager
-    def _computing(self) -> Iterator[None]:
-        with torch.inference_mode(), torch.autocast(self.on.type, torch.bfloat16, enabled=self.bfloat16):
-            yield
+    def _fold(self, kind: Kind, fold: Callable[[Any, torch.dtype], Any]) -> Any:
+        """A network as it is run, for numbers of the usual type."""
+        wanted = kind, self._number_type
+        if wanted not in self._folded:
+            with torch.inference_mode():
+                self._folded[wanted] = fold(self.networks[kind], self._number_type)
+        return self._folded[wanted]
 
     def _run(self, kind: Kind, features: Tensor) -> Any:
         """The outputs of a network in float32, on the CPU."""
         on_device = features.to(self.on, self._number_type).contiguous(memory_format=torch.channels_last)
         network: Any = self.networks[kind]
-        with self._computing():
-            if isinstance(network, DirectionNet):
-                self._folded = network = self._folded or FoldedDirectionNet(network)
+        if isinstance(network, DirectionNet):
+            network, cast = self._fold(kind, FoldedDirectionNet), False
+        else:
+            cast = self.bfloat16
+        with torch.inference_mode(), torch.autocast(self.on.type, torch.bfloat16, enabled=cast):
             outputs = network(on_device)
         return tuple(part.float().cpu() for part in outputs) if isinstance(outputs, tuple) else outputs.float().cpu()
 

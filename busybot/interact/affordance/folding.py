@@ -1,13 +1,14 @@
 """Trained networks as they are run: a normalisation becomes a part of the convolution before it."""
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from busybot.interact.affordance.networks import DirectionNet
+from busybot.interact.affordance.networks import DirectionNet, PositionNet
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,8 @@ class FoldedBlock:
     stride: int = 1
 
     @staticmethod
-    def of(block: nn.Module) -> "FoldedBlock":
-        """Of a convolution, or of one with what comes after it."""
+    def of(block: nn.Module, dtype: torch.dtype = torch.float32) -> "FoldedBlock":
+        """Of a convolution, or of one with what comes after it, for numbers of this type."""
         convolution, *rest = block if isinstance(block, nn.Sequential) else [block]
         assert isinstance(convolution, nn.Conv2d)
         weight, bias = convolution.weight.detach(), convolution.bias
@@ -36,7 +37,8 @@ class FoldedBlock:
                 assert norm.running_mean is not None and norm.running_var is not None and bias is None
                 gain = norm.weight.detach() * (norm.running_var + norm.eps).rsqrt()
                 weight, bias = weight * gain[:, None, None, None], norm.bias.detach() - norm.running_mean * gain
-        weight = weight.contiguous(memory_format=torch.channels_last)
+        weight = weight.to(dtype).contiguous(memory_format=torch.channels_last)
+        bias = None if bias is None else bias.detach().to(dtype)
         bends = any(isinstance(one, nn.ReLU) for one in rest)
         return FoldedBlock(weight, bias, bends, convolution.kernel_size[0] // 2, convolution.stride[0])
 
@@ -50,23 +52,39 @@ class FoldedBlock:
         return x.relu_() if self.bends else x
 
 
+class FoldedPositionNet:
+    """The layers of a `PositionNet` as they are run, the finest level first.
+
+    Args:
+        network: in evaluation mode; what it learns afterwards is not heard of.
+        dtype: of the numbers that it is given.
+    """
+
+    def __init__(self, network: PositionNet, dtype: torch.dtype = torch.float32):
+        self.dtype, self.joined = dtype, network.joined
+        self.encoders = [[FoldedBlock.of(block, dtype) for block in encode] for encode in network.encoders]
+        self.decoders = [FoldedBlock.of(block, dtype) for block in network.decoders]
+        self.head, *self.lifts = (FoldedBlock.of(block, dtype) for block in (network.head, *network.lifts))
+
+
 class FoldedDirectionNet:
     """`DirectionNet` as it is run: what its first convolution makes of the places is the same for all crops.
 
     Args:
         network: in evaluation mode; what it learns afterwards is not heard of.
+        dtype: of the numbers that it is given.
     """
 
-    def __init__(self, network: DirectionNet):
-        self._network = network
-        first, *rest = (_folded(layer) for layer in _layers(network.convolutions))
+    def __init__(self, network: DirectionNet, dtype: torch.dtype = torch.float32):
+        self._network = deepcopy(network).to(dtype).requires_grad_(False)
+        first, *rest = (_folded(layer, dtype) for layer in _layers(network.convolutions))
         assert isinstance(first, FoldedBlock)
         channels = first.weight.shape[1] - len(network.places)
         of_crops, of_places = first.weight.split([channels, len(network.places)], dim=1)
         self._first = replace(
             first, weight=of_crops.contiguous(memory_format=torch.channels_last), bias=None, bends=False
         )
-        self._places = replace(first, weight=of_places, bends=False)(network.places[None])
+        self._places = replace(first, weight=of_places, bends=False)(network.places[None].to(dtype))
         self._rest = rest
 
     def __call__(self, crops: Tensor) -> tuple[Tensor, Tensor]:
@@ -86,5 +104,5 @@ def _layers(nested: nn.Sequential) -> Iterator[nn.Module]:
             yield layer
 
 
-def _folded(layer: nn.Module) -> Callable[[Tensor], Tensor]:
-    return FoldedBlock.of(layer) if isinstance(layer, nn.Sequential) else layer
+def _folded(layer: nn.Module, dtype: torch.dtype) -> Callable[[Tensor], Tensor]:
+    return FoldedBlock.of(layer, dtype) if isinstance(layer, nn.Sequential) else layer

@@ -17,9 +17,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from busybot.interact.affordance.folding import FoldedBlock
+from busybot.interact.affordance.folding import FoldedBlock, FoldedPositionNet
 from busybot.interact.affordance.inputs import Box, coarsened, halved, rectangles
-from busybot.interact.affordance.networks import FOLD, PositionNet, double_size
+from busybot.interact.affordance.networks import FOLD, double_size
 
 TILES = {2: 4, 4: 2, 8: 1, 16: 1}
 """Rectangles are of whole squares of so many cells a side, powers of two, by the width of a cell in pixels."""
@@ -121,13 +121,12 @@ class IncrementalPositionNet:
     """`PositionNet` on the pictures of one board, one after the other, on a CPU.
 
     Args:
-        network: in evaluation mode.
+        network: what is run.
         size: rows and columns of the pictures, multiples of 16.
-        dtype: of what is kept of its layers.
     """
 
-    def __init__(self, network: PositionNet, size: tuple[int, int], dtype: torch.dtype = torch.float32):
-        self._network, self._size, self._dtype = network, size, dtype
+    def __init__(self, network: FoldedPositionNet, size: tuple[int, int]):
+        self._network, self._size, self._dtype = network, size, network.dtype
         self._changed = np.ones(size, np.uint8)  # since it was told last
         self._logits: Tensor | None = None  # before the first picture
         widths = [FOLD << level for level in range(len(network.encoders))]
@@ -136,12 +135,12 @@ class IncrementalPositionNet:
         encoders: list[_Layer] = []
         for encode, shape, width in zip(network.encoders, shapes, widths, strict=True):
             source = _Source(encoders[-1], "finer") if encoders else _Source(self._picture, "same")
-            encoders.append(_Layer([FoldedBlock.of(block) for block in encode], shape, TILES[width], [source]))
-        after = [FoldedBlock.of(block) for block in (network.head, *network.lifts)]  # nothing else reads what is before
+            encoders.append(_Layer(encode, shape, TILES[width], [source]))
+        after = [network.head, *network.lifts]  # nothing else reads what is before
         decoders = encoders[-1:]
         decoders[0].blocks = [*decoders[0].blocks, *after[len(encoders) - 1 :]]
         for level in reversed(range(len(network.decoders))):
-            blocks = [FoldedBlock.of(network.decoders[level]), *after[level : level + 1]]
+            blocks = [network.decoders[level], *after[level : level + 1]]
             sources = [_Source(decoders[-1], "coarser"), _Source(encoders[level], "same")]
             decoders.append(_Layer(blocks, shapes[level], TILES[widths[level]], sources, network.joined))
         self._layers = [*encoders, *decoders[1:]]
@@ -173,7 +172,7 @@ class IncrementalPositionNet:
             first: row and column of this part at which the other one begins, multiples of 16; negative if before it.
             size: rows and columns of the other part.
         """
-        other = IncrementalPositionNet(self._network, size, self._dtype)
+        other = IncrementalPositionNet(self._network, size)
         here, there = _overlap(first, size, self._size)
         if self._logits is None or any(side.start >= side.stop for side in here):
             return other

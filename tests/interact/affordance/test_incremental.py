@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from busybot.interact.affordance.folding import FoldedBlock, FoldedDirectionNet
+from busybot.interact.affordance.folding import FoldedBlock, FoldedDirectionNet, FoldedPositionNet
 from busybot.interact.affordance.incremental import IncrementalPositionNet
 from busybot.interact.affordance.networks import CROP, POSITION_SIZES, DirectionNet, PositionNet, PositionSize
 
@@ -47,7 +47,7 @@ def changed_copy(features: torch.Tensor, rng: np.random.Generator) -> torch.Tens
 @pytest.mark.parametrize("size", [(48, 64), (160, 208), (32, 400)])
 def test_it_is_equal_to_a_whole_pass(size: tuple[int, int], inside: PositionSize) -> None:
     whole, rng = network(inside), np.random.default_rng(7)
-    parts = IncrementalPositionNet(whole, size)
+    parts = IncrementalPositionNet(FoldedPositionNet(whole), size)
     features = before = torch.from_numpy(rng.normal(size=(4, *size))).float()
     with torch.inference_mode():
         for _ in range(12):
@@ -72,7 +72,7 @@ def test_another_part_of_the_picture_is_seen_as_if_it_were_the_first(seed: int) 
 
     before = part()
     features = picture[:, *before]
-    parts = IncrementalPositionNet(whole, tuple(features.shape[1:]))
+    parts = IncrementalPositionNet(FoldedPositionNet(whole), tuple(features.shape[1:]))
     with torch.inference_mode():
         parts(features, *np.ones((2, *features.shape[1:]), np.uint8))
         for _ in range(5):
@@ -90,7 +90,7 @@ def test_another_part_of_the_picture_is_seen_as_if_it_were_the_first(seed: int) 
 def test_parts_of_a_picture_that_lie_apart_share_nothing(first: tuple[int, int]) -> None:
     whole, rng, size = network(), np.random.default_rng(2), (64, 64)
     one, two = torch.from_numpy(rng.normal(size=(2, 4, *size))).float()
-    parts, wanted = IncrementalPositionNet(whole, size), np.ones(size, np.uint8)
+    parts, wanted = IncrementalPositionNet(FoldedPositionNet(whole), size), np.ones(size, np.uint8)
     with torch.inference_mode():
         parts(one, wanted, wanted)
         logits = parts.moved(first, size)(two, wanted, np.zeros_like(wanted))
@@ -99,7 +99,7 @@ def test_parts_of_a_picture_that_lie_apart_share_nothing(first: tuple[int, int])
 
 def test_what_was_not_wanted_is_computed_when_it_is() -> None:
     whole, rng, size = network(), np.random.default_rng(1), (96, 96)
-    parts, nothing = IncrementalPositionNet(whole, size), np.zeros((96, 96), np.uint8)
+    parts, nothing = IncrementalPositionNet(FoldedPositionNet(whole), size), np.zeros((96, 96), np.uint8)
     features = torch.from_numpy(rng.normal(size=(4, *size))).float()
     with torch.inference_mode():
         everything = np.ones(size, np.uint8)
@@ -121,7 +121,7 @@ def test_a_small_change_costs_little(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(FoldedBlock, "__call__", counted)
     size = (480, 640)
-    parts, features = IncrementalPositionNet(network(), size), torch.zeros(4, *size)
+    parts, features = IncrementalPositionNet(FoldedPositionNet(network()), size), torch.zeros(4, *size)
     wanted = np.zeros(size, np.uint8)
     wanted[190:240, 290:340] = 1
     with torch.inference_mode():

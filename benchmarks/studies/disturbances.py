@@ -162,23 +162,24 @@ def _with_failures(
         failing: by the step before which it happens: the action, and whether it holds the same link; None for none.
     """
     observed, truth, length = recording.observed, recording.truth, len(recording.observed.actions)
-    told: list[tuple[ObservedAction, int, bool, str]] = []  # action, link, success, kind
+    told: list[tuple[ObservedAction, int, int, bool, str]] = []  # action, link, its object, success, kind
     frames, step = [0], 0
     while len(told) < length:
         extra = failing(step) if rng.random() < share else None
         if extra is None:
-            told.append((observed.actions[step], int(truth.links[step]), bool(truth.success[step]), truth.kinds[step]))
+            link, on = int(truth.links[step]), int(truth.held[step])
+            told.append((observed.actions[step], link, on, bool(truth.success[step]), truth.kinds[step]))
             step += 1
         else:
             action, holds = extra
-            link, kind = (int(truth.links[step]), truth.kinds[step]) if holds else (-1, NOTHING_HELD)
-            told.append((action, link, False, kind))
+            link, on = (int(truth.links[step]), int(truth.held[step])) if holds else (-1, -1)
+            told.append((action, link, on, False, truth.kinds[step] if holds else NOTHING_HELD))
         frames.append(step)
-    actions, links, success, kinds = zip(*told, strict=True)
+    actions, links, held, success, kinds = zip(*told, strict=True)
     return replace(
         recording,
         observed=replace(observed, actions=actions, image_of=tuple(observed.image_of[frame] for frame in frames)),
-        truth=StateTruth(truth.states[frames], np.array(links), np.array(success), kinds),
+        truth=StateTruth(truth.states[frames], np.array(links), np.array(held), np.array(success), kinds),
     )
 
 

@@ -51,7 +51,7 @@ def interval_over_boards(part: np.ndarray, whole: np.ndarray, chosen: np.ndarray
 def extreme_interval(part: np.ndarray, whole: np.ndarray) -> Interval:
     """Exact bounds of a share of 0 or 1, of boards as `interval_over_boards` takes them; None of any other.
 
-    Each board with a whole is one trial: what it has in its parts is not independent.
+    Each board (or object) with a whole is one trial: what it has in its parts is not independent.
     """
     boards = int((whole > 0).sum())
     return binomial_interval(boards if part.any() else 0, boards) if part.sum() in (0, whole.sum()) else None
@@ -92,6 +92,17 @@ def two_level_interval(
         weights = rng.multinomial(times[:, number] * len(own), np.full(len(own), 1 / len(own)))
         drawn += weights @ own
     return share_interval(drawn[:, 0], drawn[:, 1], level)
+
+
+def interval_over_objects(
+    part: np.ndarray, whole: np.ndarray, objects: Sequence[str], boards: Sequence[int], rng: np.random.Generator
+) -> Interval:
+    """`two_level_interval` with objects as groups; of shares of 0 and 1 exact bounds, each object being one trial."""
+    if not len(part):
+        return None
+    own = np.unique(np.array(objects, str), return_inverse=True)[1]
+    extreme = extreme_interval(np.bincount(own, part), np.bincount(own, whole))
+    return extreme or two_level_interval(part, whole, objects, boards, rng)
 
 
 def binomial_interval(hits: int, count: int, level: float = LEVEL) -> Interval:

@@ -14,7 +14,7 @@ import numpy as np
 
 from busybot.boards.directions import OPPOSITE
 from busybot.common.frozen_model import FrozenModel
-from busybot.evaluation.statistics import Interval, extreme_interval, interval_over_boards, two_level_interval
+from busybot.evaluation.statistics import Interval, interval_over_boards, interval_over_objects
 from busybot.interact.policy.direction_pairs import PAIRS
 
 DRAWS = 1000
@@ -231,9 +231,7 @@ def _over_objects(records: Sequence[_Record], rng: np.random.Generator) -> Inter
     if not records:
         return None
     keys, numbers, part = zip(*records, strict=True)
-    whole, objects = np.ones(len(part)), np.unique(keys, return_inverse=True)[1]
-    extreme = extreme_interval(np.bincount(objects, part), np.bincount(objects, whole))
-    return extreme or two_level_interval(np.array(part, float), whole, keys, numbers, rng)
+    return interval_over_objects(np.array(part, float), np.ones(len(part)), keys, numbers, rng)
 
 
 def failures_by_cause(boards: Sequence[JudgedBoard]) -> dict[str, int]:

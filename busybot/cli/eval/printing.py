@@ -89,9 +89,8 @@ def _edges(result: dict[str, Any]) -> "Table":
     keys = ("edge_p", "edge_r", "edge_acc", "ece", "brier")
     edges = ("precision", "recall", "accuracy")
     table.add_row(result["model"], *(_percent(result[key]) for key in keys), style="bold")
-    for name, end in (("  95 % interval from", 0), ("  to", 1)):
-        ends = (result["intervals"][key] for key in edges)
-        table.add_row(name, *(_percent(interval and interval[end]) for interval in ends))
+    for name, kind in (("boards", "intervals"), ("triggers", "object_intervals")):
+        table.add_row(f"  95 % over {name}", *(_span(result[kind].get(key)) for key in edges))
     table.add_row("  mean over boards", *(_percent(result["macro"][key]) for key in edges))
     table.add_row("  effect was visible", "", _percent(result["edge_r_bound"]), end_section=True)
     for kind, scores in result["by_kind"].items():

@@ -34,6 +34,7 @@ class JudgedPrediction:
         changed: bool (S, N), whether the true state changed.
         judged: bool (N,), responders whose prediction counts.
         successful: bool (S,), whether the step's action changed a trigger's state.
+        held: int (S,), the trigger that was held, -1 for none.
         kinds: S times the kind of the relation whose trigger was held.
         right: bool (S, N) by name: the reasoner's predictions by the judges `NEAREST` and `DECODED`, and `PERSISTENCE`
             (by `NEAREST`), `BOUND` and `BOUND_KNOWING`.
@@ -44,6 +45,7 @@ class JudgedPrediction:
     changed: np.ndarray
     judged: np.ndarray
     successful: np.ndarray
+    held: np.ndarray
     kinds: tuple[str, ...]
     right: dict[str, np.ndarray]
     reads: dict[str, np.ndarray]
@@ -111,6 +113,7 @@ def judge_prediction(
         changed=truth.states[start:-1] != truth.states[start + 1 :],
         judged=watched.judged,
         successful=truth.success[start:],
+        held=truth.held[start:],
         kinds=truth.kinds[start:],
         right=right,
         reads=reads,

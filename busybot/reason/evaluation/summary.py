@@ -9,7 +9,7 @@ import numpy as np
 from busybot.boards.spec import BoardSpec
 from busybot.common.rng import generator
 from busybot.evaluation.results import package_versions
-from busybot.evaluation.statistics import LEVEL
+from busybot.evaluation.statistics import LEVEL, Interval, interval_over_objects
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation.causes import JudgedCauses
 from busybot.reason.evaluation.causes_summary import summarise_causes
@@ -187,6 +187,7 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
         "threshold": judged[0].graph.threshold if judged else None,
         "macro": m.macro(counts, m.EDGES),
         "intervals": {"level": LEVEL, **m.intervals(counts, m.EDGES, rng), **intervals(forecasts, seed)},
+        "object_intervals": object_intervals(judged, steps, seed),
         "calibration": calibrated,
         "counts": m.totals(counts, m.EDGES),
         "by_kind": _summary_by_kind(judged, steps),
@@ -198,6 +199,41 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
         "seed": seed,
         "versions": package_versions(("numpy",)),
     }
+
+
+def object_intervals(judged: Sequence[JudgedGraph], steps: int, seed: int) -> dict[str, Interval]:
+    """Of `EDGES` and Pred-A, triggers drawn with replacement and of each its boards (`interval_over_objects`).
+
+    An edge belongs to its trigger, a predicted step to the one that is held in it. Edges that are claimed of objects
+    that are not there, and steps that hold nothing, are a group of their own on each board.
+    """
+    records: dict[str, list[_Record]] = {name: [] for name in (*m.EDGES, "pred_a")}
+    for number, one in enumerate(judged):
+        names, nothing = [placed.key for placed in one.board.objects], f"board {number}"
+        claimed, true, candidates = one.graph.claimed(steps), one.truth.edges, one.truth.candidates
+        for trigger in np.flatnonzero(candidates.any(axis=1)):
+            own = np.zeros_like(candidates)
+            own[trigger] = candidates[trigger]
+            counts = m.count_edges(claimed, true, own)
+            for name, (part, whole) in m.EDGES.items():
+                records[name].append((counts[part], counts[whole], names[trigger], number))
+        if absent := one.counts(steps)["claimed"] - int((claimed & candidates).sum()):
+            records["precision"].append((0, absent, nothing, number))
+        if one.forecast is not None and (right := one.forecast.right.get(NEAREST)) is not None:
+            whole_steps = np.asarray(right[:, one.forecast.judged].all(axis=1))
+            held = (nothing if index < 0 else names[index] for index in one.forecast.held)
+            records["pred_a"] += [(int(done), 1, key, number) for key, done in zip(held, whole_steps, strict=True)]
+    rng = generator(seed, judged[0].board.split if judged else "", 0, "reason/bootstrap/objects")
+    return {name: _over_objects(rows, rng) for name, rows in records.items()}
+
+
+_Record = tuple[int, int, str, int]
+"""Part, whole, object, board."""
+
+
+def _over_objects(records: Sequence[_Record], rng: np.random.Generator) -> Interval:
+    part, whole = (np.array([one[column] for one in records], int) for column in (0, 1))
+    return interval_over_objects(part, whole, [one[2] for one in records], [one[3] for one in records], rng)
 
 
 def _calibration(judged: Sequence[JudgedGraph], probabilities: Sequence[np.ndarray]) -> Scores:

@@ -57,6 +57,7 @@ class ReasonResult(Evaluation):
     ece: float | None = None
     brier: float | None = None
     intervals: dict[str, Any]
+    object_intervals: dict[str, Any] = {}
     by_images: list[dict[str, float | None]] = []
     baselines: dict[str, dict[str, float | None]] = {}
     persistence: dict[str, Any] | None = None
@@ -373,8 +374,9 @@ INTERVALS = {"edge_p": "precision", "edge_r": "recall"}
 
 def score_of(result: InteractResult | ReasonResult, key: str) -> Score | None:
     """A number of a single evaluation with its intervals; None if it is undefined."""
-    told = score(getattr(result, key), result.intervals.get(INTERVALS.get(key, key)), _bound(result, key))
-    over_objects = result.object_intervals.get(key) if isinstance(result, InteractResult) else None
+    name = INTERVALS.get(key, key)
+    told = score(getattr(result, key), result.intervals.get(name), _bound(result, key))
+    over_objects = result.object_intervals.get(name)
     if told is None or over_objects is None:
         return told
     low, high = over_objects

@@ -85,6 +85,30 @@ def test_summary_of_claims_known_by_hand() -> None:
     assert result["pred_a"] is result["pred_a_responder"] is result["pred_a_bound"] is None
 
 
+def test_intervals_over_objects_are_as_wide_as_triggers_are_few() -> None:
+    """Each board has the same two triggers: all is said rightly of one of them, half and wrongly of the other."""
+    episode = make_episode(0, steps=22)
+    keys = [placed.key for placed in episode.board.objects]
+    assert keys[0] != keys[3]
+    boards = [judged(episode, (0, 1), (3, 2), (3, 4))] * 20
+    result = summarise(boards, 23, 0)
+    assert result["edge_p"] == pytest.approx(2 / 3) and result["intervals"]["precision"] == pytest.approx(
+        (2 / 3, 2 / 3)
+    )
+    assert result["object_intervals"]["precision"] == (0.5, 1.0)
+    assert result["object_intervals"]["recall"] == pytest.approx((0.158, 1), abs=1e-3), "two triggers are two trials"
+    assert result["object_intervals"]["pred_a"] is None
+    assert summarise([], 23, 0)["object_intervals"] == dict.fromkeys(("precision", "recall", "accuracy", "pred_a"))
+
+
+def test_edges_of_objects_that_are_not_there_are_wrong_in_intervals_too() -> None:
+    spurious = np.full(23, 2)
+    one = replace(judged(make_episode(0, steps=22), (0, 1), (3, 2)), spurious=spurious)
+    result = summarise([one] * 30, 23, 0)
+    low, high = result["object_intervals"]["precision"]
+    assert low < result["edge_p"] == 0.5 < high
+
+
 def test_trivial_graphs_stand_beside_the_result() -> None:
     result = summarise([judge_episode(make_episode(k, steps=22)) for k in range(8)], 23, 0)
     empty, ones, guess = (result["baselines"][name] for name in ("empty graph", "all-ones graph", "random trigger"))

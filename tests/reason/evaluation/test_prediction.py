@@ -8,7 +8,7 @@ import pytest
 
 from busybot.episodes.episode import Episode
 from busybot.reason.evaluation.decoders import NearestState
-from busybot.reason.evaluation.ground_truth import NOTHING_HELD, StateTruth, states_of
+from busybot.reason.evaluation.ground_truth import NOTHING_HELD, StateTruth, states_of, truth_of
 from busybot.reason.evaluation.prediction import (
     BOUND,
     NEAREST,
@@ -17,7 +17,7 @@ from busybot.reason.evaluation.prediction import (
     JudgedPrediction,
     judge_prediction,
 )
-from busybot.reason.evaluation.summary import after_images, intervals, summarise_predictions
+from busybot.reason.evaluation.summary import JudgedGraph, after_images, intervals, summarise, summarise_predictions
 from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.inputs.sequence import BoardSequence, sequence_of
 from busybot.reason.models.base import InferredGraph
@@ -118,6 +118,7 @@ def by_hand() -> JudgedPrediction:
         changed=changed,
         judged=np.array([False, True, True, False, False]),
         successful=np.array([True, True, True, False]),
+        held=np.array([0, 0, 3, -1]),
         kinds=("one-to-one", "one-to-one", "one-to-many-effects", NOTHING_HELD),
         right={NEAREST: right, BOUND: ~none, PERSISTENCE: ~changed},
         reads={NEAREST: np.ones((9, 5), bool)},
@@ -145,6 +146,17 @@ def test_summary_by_hand() -> None:
         "Lamp": {"responders": 1.0, "changed": 1.0, "unchanged": 1.0},
         "Door": {"responders": 0.5, "changed": 0.0, "unchanged": pytest.approx(2 / 3)},
     }
+
+
+def test_steps_belong_to_the_trigger_that_is_held() -> None:
+    """Switch 0 is predicted in one of two steps, switch 3 in none, and what holds nothing is."""
+    episode = make_episode(steps=22)
+    graph = InferredGraph("claimed", np.zeros((22, 5, 5)))
+    one = JudgedGraph(episode.board, graph, truth_of(episode), 22, "", False, forecast=by_hand())
+    low, high = summarise([one], 23, 0)["object_intervals"]["pred_a"]
+    assert (low, high) == (0.0, 1.0)
+    held = replace(by_hand(), held=np.zeros(4, int))
+    assert summarise([replace(one, forecast=held)] * 3, 23, 0)["object_intervals"]["pred_a"] == (0.5, 0.5)
 
 
 def test_curve_and_intervals_use_the_same_boards() -> None:

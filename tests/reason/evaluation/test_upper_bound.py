@@ -11,7 +11,8 @@ def board(states: Sequence[int], links: Sequence[int]) -> StateTruth:
     """Object 0 is a trigger, object 1 takes these states; these links are held."""
     changed = np.diff(states) != 0
     both = np.stack([np.full(len(states), -1), states], axis=1)
-    return StateTruth(both, np.array(links), changed, ("one-to-one",) * len(links))
+    held = np.minimum(links, 0)
+    return StateTruth(both, np.array(links), held, changed, ("one-to-one",) * len(links))
 
 
 def right(

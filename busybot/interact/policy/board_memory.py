@@ -17,6 +17,7 @@ import numpy as np
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.config import EFFECT, FAILURE_SIGMA, SAME_LINK, PolicyConfig
 from busybot.interact.policy.direction_pairs import ELEVATED, PAIR_OF, logit, sigmoid
+from busybot.interact.policy.noisy_pictures import is_noisy, looks_otherwise, settled_depth
 
 BESIDE = 3
 """Pixels beyond those that can have moved, so that the border of what is looked at is empty."""
@@ -74,7 +75,10 @@ class BoardMemory:
         component = self._components[pixel[1], pixel[0]]
         body = (components == component) & (component > 0)
         middle = (pixel[0] - around[1].start, pixel[1] - around[0].start)
-        moved = moved_region(before.depth[around], after.depth[around], middle, body, self._config)
+        noisy, depth = is_noisy(before.rgb, after.rgb), after.depth
+        if noisy:
+            depth = settled_depth(before.depth, after.depth, self._config.change)
+        moved = moved_region(before.depth[around], depth[around], middle, body, self._config)
         link = self._link(moved, links)
         links[enlarged(moved) & (links == 0)] = link
         links[moved] = link
@@ -83,13 +87,12 @@ class BoardMemory:
         explained = np.zeros(self.links.shape, bool)
         explained[around] = moved
         self.failures = [one for one in self.failures if not explained[one.pixel[1], one.pixel[0]]]
-        self.responders |= self._changed(before.rgb, after.rgb)
+        self.responders |= self._responding(looks_otherwise(before, after) if noisy else _another_colour(before, after))
         self.responders -= self._moved
         return link
 
-    def _changed(self, before: np.ndarray, after: np.ndarray) -> set[int]:
-        """Components that look otherwise in the second of two uint8 (H, W, 3) pictures."""
-        differs = cv2.inRange(cv2.absdiff(before, after), (0, 0, 0), (ANOTHER_COLOUR,) * 3) == 0
+    def _responding(self, differs: np.ndarray) -> set[int]:
+        """Components that look otherwise, from the pixels that do, bool (H, W)."""
         counts = np.bincount(self._components[differs & (self._components > 0)])
         return set(np.flatnonzero(counts >= EFFECT).tolist())
 
@@ -170,6 +173,11 @@ class BoardMemory:
         remaining = pairs.copy() if table is None else sigmoid(logit(pairs) + near[:, None] * np.array(table[failed]))
         remaining[:, failed] = pairs[:, failed] * (1 - near)
         return remaining
+
+
+def _another_colour(before: Observation, after: Observation) -> np.ndarray:
+    """Pixels that look otherwise to a camera that repeats itself, bool (H, W)."""
+    return np.asarray(cv2.inRange(cv2.absdiff(before.rgb, after.rgb), (0, 0, 0), (ANOTHER_COLOUR,) * 3) == 0)
 
 
 def _among(components: np.ndarray, some: set[int]) -> np.ndarray:

@@ -149,7 +149,13 @@ def true_depth(image: Image) -> np.ndarray:
 
 
 def changed_area(before: np.ndarray, after: np.ndarray, tolerance: float) -> int:
-    """Number of pixels at which two photos, uint8 (H, W, 3), differ by more than camera and light would explain.
+    """Number of pixels of the `changed_squares`."""
+    return min(int(changed_squares(before, after, tolerance).sum()) * SQUARE**2, before.shape[0] * before.shape[1])
+
+
+def changed_squares(before: np.ndarray, after: np.ndarray, tolerance: float) -> np.ndarray:
+    """Where two photos, uint8 (H, W, 3), differ by more than camera and light would explain: bool, squares of `SQUARE`
+    pixels.
 
     Both are averaged over squares of `SQUARE` pixels, against noise. One is made as bright as the other, by the median
     of their ratio in `LIGHT` x `LIGHT` squares, against drift and shadows: what changes is smaller than half of that. A
@@ -164,7 +170,7 @@ def changed_area(before: np.ndarray, after: np.ndarray, tolerance: float) -> int
     for one, other in (small, small[::-1]):
         outside = np.maximum(one - cv2.dilate(other, around), cv2.erode(other, around) - one)
         differs |= (outside > margin).any(axis=-1)
-    return min(int(differs.sum()) * SQUARE**2, before.shape[0] * before.shape[1])
+    return differs
 
 
 def _light(before: np.ndarray, after: np.ndarray) -> np.ndarray:

@@ -1,0 +1,93 @@
+"""A camera that has noise, shakes and hangs in changing light: what moved is told from what the camera does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from busybot.episodes.episode import Image, Observation
+from busybot.interact.policy.board_memory import BoardMemory
+from busybot.interact.policy.config import PolicyConfig
+from busybot.interact.policy.noisy_pictures import is_noisy, looks_otherwise, settled_depth
+from busybot.sim.scene.real_camera import REAL, CameraConfig, take_photo
+from tests.interact.scenes import BODY, BUTTON, PRESSED, RAYS, picture
+
+SWITCH, LEFT, RIGHT = ((40, 40, 80, 60), BODY), (42, 43, 56, 57), (62, 43, 76, 57)
+LAMP, PASSIVE = ((100, 20, 130, 50), BODY), ((100, 80, 130, 110), BODY)
+CALM = CameraConfig.model_validate({**REAL, "hand": 0})
+CHANGE = PolicyConfig().change
+UP = 0
+FRAMES = range(1, 30)
+
+
+def scene(left: float = BUTTON, lit: bool = False) -> Image:
+    """A switch with two buttons, a lamp and something else, each with a texture."""
+    seen = picture(SWITCH, (LEFT, left), (RIGHT, BUTTON), LAMP, PASSIVE)
+    rgb = np.full(seen.rgb.shape, 150, np.uint8)
+    for (u0, v0, u1, v1), level in ((SWITCH[0], 90), (LAMP[0], 60), (PASSIVE[0], 110)):
+        rgb[v0:v1, u0:u1] = level + 20 * (np.indices((v1 - v0, u1 - u0)).sum(0)[..., None] // 6 % 2)
+    if lit:
+        rgb[20:50, 100:130] = (250, 240, 120)
+    return Image(rgb, seen.depth, np.zeros(seen.depth.shape, np.uint16), np.full((1, 4), -1, np.int16))
+
+
+def photo(image: Image, frame: int, camera: CameraConfig = CALM) -> Observation:
+    taken = take_photo(image, camera, (3, "train", 0), frame)
+    assert taken.depth is not None
+    return Observation(taken.rgb, taken.depth, RAYS.camera)
+
+
+def clean(image: Image) -> Observation:
+    assert image.depth is not None
+    return Observation(image.rgb, image.depth, RAYS.camera)
+
+
+def test_a_camera_that_repeats_itself_is_clean() -> None:
+    assert not is_noisy(scene().rgb, scene(PRESSED, lit=True).rgb)
+    assert not is_noisy(scene().rgb, photo(scene(), 1, CameraConfig(jpeg=90)).rgb), "compressed pictures, too"
+    assert all(is_noisy(photo(scene(), frame).rgb, photo(scene(), frame + 1).rgb) for frame in FRAMES)
+
+
+def test_nothing_has_moved_before_a_camera_that_shakes() -> None:
+    for frame in FRAMES:
+        before, after = photo(scene(), frame), photo(scene(), frame + 1)
+        assert (before.depth != after.depth).mean() > 0.02
+        assert (settled_depth(before.depth, after.depth, CHANGE) != before.depth).mean() < 2e-3
+
+
+def test_a_button_that_went_down_shows_where_it_was_and_nowhere_else() -> None:
+    for frame in FRAMES:
+        before, after = photo(scene(), frame), photo(scene(PRESSED), frame + 1)
+        moved = settled_depth(before.depth, after.depth, CHANGE) != before.depth
+        u0, v0, u1, v1 = LEFT
+        assert moved[v0:v1, u0:u1].mean() > 0.3
+        moved[v0 - 4 : v1 + 4, u0 - 4 : u1 + 4] = False
+        assert moved.mean() < 2e-3
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_a_lamp_responds_and_changing_light_does_not(frame: int) -> None:
+    config = PolicyConfig()
+    memory = BoardMemory(RAYS.heights(scene().depth), config.model_copy(update={"reach": 20}))
+    memory.succeeded((49, 50), UP, photo(scene(), frame), photo(scene(PRESSED, lit=True), frame + 1))
+    lamp, passive = memory._components[35, 115], memory._components[95, 115]
+    assert memory.responders == {lamp} and passive not in memory.responders
+    assert memory.links[50, 49] == 1 and memory.links[50, 69] == 0, "the other button is another link"
+
+
+def test_a_hand_before_an_object_is_no_response() -> None:
+    before, after = clean(scene()), photo(scene(lit=True), 1)
+    covered = replace(after, rgb=after.rgb.copy(), depth=after.depth.copy())
+    covered.rgb[80:110, 100:130], covered.depth[80:110, 100:130] = (220, 170, 140), 0.8 * 3.7
+    for one, other in ((before, covered), (covered, before)):
+        differs = looks_otherwise(one, other)
+        assert differs[20:50, 100:130].mean() > 0.8 and not differs[80:110, 100:130].any()
+        settled = settled_depth(one.depth, other.depth, CHANGE)
+        assert np.array_equal(settled[84:106, 104:126], one.depth[84:106, 104:126])
+
+
+def test_a_board_without_edges_or_depth_has_not_shaken() -> None:
+    flat, nothing = np.full((40, 60), 4, np.float32), np.zeros((40, 60), np.float32)
+    assert np.array_equal(settled_depth(flat, flat, CHANGE), flat)
+    assert np.array_equal(settled_depth(nothing, flat, CHANGE), nothing)
+    assert np.array_equal(settled_depth(flat, nothing, CHANGE), flat)

@@ -239,7 +239,36 @@ def _said(name: str, cells: Cells, found: dict[str, RowFound]) -> Iterator[tuple
                 yield f"relations alone are far behind on one-to-many tasks, {split}", ahead
 
 
+REWARDS = {
+    "real-camera-oracle": "reward from joint states",
+    "real-camera": "reward from changed pixels",
+    "real-camera-clean": "trained before a clean camera, where both rewards are one",
+}
+"""What was trained, by rows that a real camera judges."""
+TRIES = (*ACTING, "precision_exploring")
+
+
 def _rewards_of_a_real_camera() -> str:
+    """Trainings by both rewards where pixels can be wrong, and how often they are."""
+    told = result("image-reward")["rows"]
+    found = rows_of(INTERACTION.number, {name: told[name] for name in REWARDS})
+    cells = {(row, *place): _known(found[row], place) for row in REWARDS for place in product(NOVEL, TRIES)}
+    for split in NOVEL:
+        for key in ("precision", "precision_exploring"):
+            ahead = _above(cells["real-camera-oracle", split, key], cells["real-camera", split, key])
+            holds(f"the true reward is ahead, {split}, {key}", ahead)
+        both = [cells[row, split, "recall"] for row in ("real-camera", "real-camera-oracle")]
+        holds(f"both rewards find about as many links, {split}", not (_above(*both) or _above(*both[::-1])))
+    for key in ("precision", "precision_exploring"):
+        over_objects = (cells[row, "novel-config", key].objects for row in ("real-camera-oracle", "real-camera"))
+        (low, _), (_, high) = (ends or (0, 0) for ends in over_objects)
+        holds(f"the true reward is ahead over objects of new configurations, {key}", low > high)
+    lines = [(words, [_cell(cells[row, *place]) for place in product(NOVEL, TRIES)]) for row, words in REWARDS.items()]
+    heads = [f"{words}: {INTERACTION.keys[key]}" for words, key in product(NOVEL.values(), TRIES)]
+    return markdown([plain_grid(heads, lines, "percent, judged before a real camera")]) + "\n" + _wrong_rewards()
+
+
+def _wrong_rewards() -> str:
     """How often changed pixels are wrong where the camera has noise and the light changes."""
     rows = [row for row in result("real_camera")["rows"] if row["camera"] == "real"]
     holds("no move goes unseen by the real camera", all(row["without_reward"] == 0 for row in rows))

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
-from tools import gate_tables, judgements, prose, reference_pages, speed_tables, tables, world_tables
+from tools import gate_tables, judgements, prose, provenance, reference_pages, speed_tables, tables, world_tables
 
 ROOT = Path(__file__).resolve().parents[1]
 Part = Callable[[], str]
@@ -40,6 +40,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "limits": reference_pages.limits,
         "hostile": tables.hostile,
         "opening": speed_tables.opening,
+        "provenance": provenance.part,
     },
     "docs/reference/measures.md": {"reason": reference_pages.reason_measures, "plan": reference_pages.plan_measures},
     "docs/results/claims.md": {name: partial(prose.claim, name) for name in prose.CLAIMS},

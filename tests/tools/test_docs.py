@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.studies import splits as split_study
 from busybot.common.errors import BusybotError
-from tools import docs, prose, speed_tables, tables, world_tables
+from tools import docs, prose, provenance, speed_tables, tables, world_tables
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -238,3 +238,19 @@ def test_parts_of_collecting_stand_beside_their_limits(results: Path) -> None:
     assert rows["JPEG"] == ["3.00", "0.100", "75.0", "1.50", "2.0", "bare"] and "other" not in rows
     assert rows["policy"] == rows["bodies"] == ["3.00", "0.100", "75.0", "-", "-", "-"]
     assert "memory moves 15.0 GB a second" in speed_tables.collection_parts()
+
+
+def test_a_result_whose_code_is_not_known_is_refused(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provenance, "OLDER", frozenset({"old", "some"}))
+    put(results, "old", "table1", commit=None)
+    put(results, "some", "table1", commit="a1", rows={"first": {"config": {"commit": "a0"}}, "other": {}})
+    put(results, "new", "table1", commit="a1", rows={"first": {"config": [{"commit": "a0"}]}})
+    told = provenance.part()
+    assert "results named their commit (1): `old`" in told and "name no commit (1): `some`" in told
+    put(results, "changed", "s3", commit="a1-dirty")
+    with pytest.raises(BusybotError, match="changed: changes were not committed"):
+        provenance.part()
+    put(results, "changed", "s3", commit="a1")
+    put(results, "old", "table1", commit="a2")
+    with pytest.raises(BusybotError, match="old: of a known commit now"):
+        provenance.part()

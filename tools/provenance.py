@@ -18,7 +18,7 @@ OLDER = frozenset(
         *("kills-freeze-repair", "kills-train", "laptop/metrics", "laptop/tables/stages", "laptop/tables/table1"),
         *("laptop/tables/table2", "laptop/tables/table3", "lean-networks", "memory", "message-passing"),
         *("paper_interact", "paper_reason", "plan-procedural", "policy_constants", "reason-procedural"),
-        *("reason_robustness", "splits", "table1", "table2", "table3", "world-costs", "world-plans"),
+        *("reason_robustness", "splits", "table1", "table2", "table3", "world-costs"),
         *("worlds-procedural", "worlds-real"),
     }
 )

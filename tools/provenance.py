@@ -13,8 +13,8 @@ from tools import tables
 
 OLDER = frozenset(
     {
-        *("bounds", "changed_pixels", "collection", "collection-procedural", "coverage", "decision_time", "features"),
-        *("features-speed", "further-boards", "import_rules", "interact-procedural", "kills-collect"),
+        *("bounds", "collection", "collection-procedural", "coverage", "decision_time", "features"),
+        *("features-speed", "further-boards", "interact-procedural", "kills-collect"),
         *("kills-freeze-repair", "kills-train", "laptop/metrics", "laptop/tables/stages", "laptop/tables/table1"),
         *("laptop/tables/table2", "laptop/tables/table3", "lean-networks", "memory", "message-passing"),
         *("paper_interact", "paper_reason", "plan-procedural", "policy_constants", "reason-procedural"),

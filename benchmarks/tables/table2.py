@@ -34,8 +34,8 @@ SCORES = (
 """Of which mean and extremes over seeds are told."""
 DETAILS = (
     *("boards", "predicted_steps", "failing", "bounds", "decoded", "decoder_accuracy", "persistence", "baselines"),
-    *("calibration", "intervals", "object_intervals", "macro", "by_kind", "pred_by_kind", "pred_by_category", "by_images"),
-    *("encoder", "dataset", "decoders", "hashes", "versions"),
+    *("calibration", "intervals", "object_intervals", "macro", "by_kind", "pred_by_kind", "pred_by_category"),
+    *("by_images", "encoder", "dataset", "decoders", "hashes", "versions"),
 )
 STEPS = 30
 

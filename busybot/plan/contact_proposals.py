@@ -14,6 +14,7 @@ from busybot.interact.policy.board_memory import BoardMemory, Failure
 from busybot.interact.policy.candidates import ActionModel, V, find_candidates, pairs_at
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import PAIR_OF, pair_scores
+from busybot.interact.policy.noisy_pictures import least_depth
 from busybot.interact.policy.policy_trace import remember
 from busybot.plan.interfaces import Contact, TaskContext
 from busybot.reason.inputs.observation import ObservedEpisode, trigger_at
@@ -130,7 +131,7 @@ def memory_of(history: Episode, model: ActionModel[V], rays: Rays, config: Polic
         BusybotError: the history was recorded without depth.
     """
     seen = [history.observation(number) for number in range(len(history.steps) + 1)]
-    memory = BoardMemory(rays.heights(seen[0].depth), config)
+    memory = BoardMemory(rays.heights(seen[0].depth), config, least_depth(seen[0].depth))
 
     def asked(step: Step, before: Observation) -> np.ndarray:
         return pairs_at(model, model.look(before, rays), step.pixel, memory, config)

@@ -4,7 +4,7 @@ PyTorch Geometric imports `torch._dynamo` for one question (is a network compile
 all the rest of it and is paid by every command and worker; its own data sets, which bring pandas and what serves
 language models, take half of the rest. While it is imported here, modules without content stand in their places.
 Afterwards the real ones are found as soon as somebody asks for them: PyTorch does that by itself, and for the data sets
-`Later` does.
+`Later` does. Another thread that imports one of both in the meantime gets the empty one.
 """
 
 import sys
@@ -25,6 +25,9 @@ class Later(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         return getattr(import_module(self.__name__), name)
+
+    def __dir__(self) -> list[str]:
+        return dir(import_module(self.__name__))
 
 
 @contextmanager

@@ -237,7 +237,7 @@ class AffordanceModel:
 
     @property
     def _number_type(self) -> torch.dtype:
-        """What networks are given, and of what they consist."""
+        """What networks are given; on a CPU the usual ones consist of it."""
         return torch.bfloat16 if self.bfloat16 else torch.float32
 
     def _fold(self, kind: Kind, fold: Callable[[Any, torch.dtype], Any]) -> Any:

@@ -17,7 +17,7 @@ import numpy as np
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.config import EFFECT, FAILURE_SIGMA, SAME_LINK, PolicyConfig
 from busybot.interact.policy.direction_pairs import ELEVATED, PAIR_OF, logit, sigmoid
-from busybot.interact.policy.noisy_pictures import is_noisy, looks_otherwise, settled_depth
+from busybot.interact.policy.noisy_pictures import is_noisy, least_depth, looks_otherwise, settled_depth
 
 BESIDE = 3
 """Pixels beyond those that can have moved, so that the border of what is looked at is empty."""
@@ -46,6 +46,7 @@ class BoardMemory:
     Args:
         height: float32 (H, W), board units above the board, at the first look. Connected pixels of objects are one
             component.
+        nearest: least depth at the first look, board units, 0 if that is not known: a hand is nearer.
 
     Attributes:
         links: int32 (H, W), number of the known link that was seen moving at the pixel, 0 for none.
@@ -54,8 +55,8 @@ class BoardMemory:
         responders: components that looked otherwise after another one was acted on, and of which no link has moved.
     """
 
-    def __init__(self, height: np.ndarray, config: PolicyConfig):
-        self._config = config
+    def __init__(self, height: np.ndarray, config: PolicyConfig, nearest: float = 0.0):
+        self._config, self._nearest, self._noisy = config, nearest, False
         _, self._components = cv2.connectedComponents((height > ELEVATED).astype(np.uint8))
         self.links = np.zeros(height.shape, np.int32)
         self.pairs: dict[int, int] = {}
@@ -75,9 +76,7 @@ class BoardMemory:
         component = self._components[pixel[1], pixel[0]]
         body = (components == component) & (component > 0)
         middle = (pixel[0] - around[1].start, pixel[1] - around[0].start)
-        noisy, depth = is_noisy(before.rgb, after.rgb), after.depth
-        if noisy:
-            depth = settled_depth(before.depth, after.depth, self._config.change)
+        depth, differs = self._compared(before, after)
         moved = moved_region(before.depth[around], depth[around], middle, body, self._config)
         link = self._link(moved, links)
         links[enlarged(moved) & (links == 0)] = link
@@ -87,9 +86,19 @@ class BoardMemory:
         explained = np.zeros(self.links.shape, bool)
         explained[around] = moved
         self.failures = [one for one in self.failures if not explained[one.pixel[1], one.pixel[0]]]
-        self.responders |= self._responding(looks_otherwise(before, after) if noisy else _another_colour(before, after))
+        self.responders |= self._responding(differs)
         self.responders -= self._moved
         return link
+
+    def _compared(self, before: Observation, after: Observation) -> tuple[np.ndarray, np.ndarray]:
+        """Depth after an action that differs from that before where something moved, and pixels that look otherwise,
+        bool (H, W). A camera that was noisy once is from then on."""
+        self._noisy = self._noisy or is_noisy(before.rgb, after.rgb)
+        if not self._noisy:
+            return after.depth, _another_colour(before, after)
+        self._nearest = max(self._nearest, least_depth(before.depth), least_depth(after.depth))
+        settled = settled_depth(before.depth, after.depth, self._config.change, self._nearest)
+        return settled, looks_otherwise(before, after, self._nearest)
 
     def _responding(self, differs: np.ndarray) -> set[int]:
         """Components that look otherwise, from the pixels that do, bool (H, W)."""

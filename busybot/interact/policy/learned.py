@@ -33,6 +33,7 @@ from busybot.interact.policy.direction_pairs import (
     random_pixel,
     sigmoid,
 )
+from busybot.interact.policy.noisy_pictures import least_depth
 from busybot.interact.policy.paper import ucb_bonus
 from busybot.sim.policy import Action
 
@@ -115,7 +116,7 @@ class LearnedPolicy(Generic[V]):
         if self.view is None or observation is not self._seen:
             self._seen, self.view = observation, self._model.look(observation, self._rays, self.view)
         if self.memory is None:
-            self.memory = BoardMemory(self.view.height, self._config)
+            self.memory = BoardMemory(self.view.height, self._config, least_depth(observation.depth))
         return self.view, self.memory
 
     def _find(self, view: V, seen: Observation, memory: BoardMemory) -> Candidates:

@@ -1,7 +1,9 @@
 """What changed between two pictures of a camera that has noise, shakes and hangs in changing light.
 
 A clean camera repeats itself to the last bit where nothing happens, so that each pixel that differs tells something. Of
-a real one every pixel differs. Whether a camera is clean is read off the pictures themselves.
+a real one every pixel differs. Whether a camera is clean is read off the colours of the pictures themselves: one that
+shakes but has no noise is taken for clean. Pictures that lie more than `SHAKES` pixels apart are not laid upon each
+other (`reason.inputs.steady` does so for whole recordings, by their colours; here depth tells, in whole pixels).
 """
 
 import cv2
@@ -17,15 +19,16 @@ SPARSE = 16
 TOLERANCE = 0.1
 """Squares that differ by more, as a share of the range, look otherwise."""
 SHAKES = 5
-"""Pixels by which two pictures may lie beside each other."""
+"""Pixels by which two pictures may lie beside each other: those of a camera that shakes by up to 2.5."""
 FRAYED = 2
 """Pixels within which depth at an edge may be that of either side."""
 STEP = 0.005
 """Depth that differs by more within `FRAYED` pixels is an edge, board units."""
 EDGE_PIXELS = 4000
 """So many of them tell how pictures lie."""
-NEARER = 0.9
-"""What has less than this share of the least depth is in front of the board: a hand."""
+NEARER, RIM = 0.9, 6
+"""What has less than this share of the least depth of the board is in front of it: a hand. So many pixels beside it its
+colours and its depth are mixed with what is behind."""
 
 
 def is_noisy(before: np.ndarray, after: np.ndarray) -> bool:
@@ -34,32 +37,48 @@ def is_noisy(before: np.ndarray, after: np.ndarray) -> bool:
     return bool(np.median(cv2.absdiff(np.ascontiguousarray(one), np.ascontiguousarray(other))) > REPEATS)
 
 
-def looks_otherwise(before: Observation, after: Observation) -> np.ndarray:
-    """Pixels whose colours changed by more than camera and light explain, and that nothing hides, bool (H, W)."""
+def least_depth(depth: np.ndarray) -> float:
+    """The depth of what is nearest, board units; holes are not; 0 if nothing was seen."""
+    seen = depth[depth > 0]
+    return float(seen.min()) if seen.size else 0.0
+
+
+def looks_otherwise(before: Observation, after: Observation, nearest: float) -> np.ndarray:
+    """Pixels whose colours changed by more than camera and light explain, and that nothing hides, bool (H, W).
+
+    Args:
+        nearest: as of `settled_depth`.
+    """
     height, width = before.depth.shape
     squares = changed_squares(before.rgb, after.rgb, TOLERANCE)
     differs = squares.repeat(SQUARE, axis=0).repeat(SQUARE, axis=1)[:height, :width]
-    return differs & ~_hidden(before.depth, after.depth)
+    return differs & ~_hidden(before.depth, after.depth, nearest)
 
 
-def settled_depth(before: np.ndarray, after: np.ndarray, change: float) -> np.ndarray:
+def settled_depth(before: np.ndarray, after: np.ndarray, change: float, nearest: float) -> np.ndarray:
     """The depth of the second picture as a camera would see it that neither shakes nor frays edges, float32 (H, W):
     that of the first, except where it truly changed.
 
     One is laid upon the other. A pixel changed that lies by more than `change` outside of what the other one has around
-    it, asked both ways, as in `changed_squares`. Holes, and what hides the board, have not changed.
+    it, asked both ways, as in `changed_squares`. Holes, and what is hidden, have not changed.
+
+    Args:
+        before, after: float32 (H, W), board units.
+        change: board units.
+        nearest: the least depth of the board and its objects, as far as that is known. A hand may be in both pictures.
     """
-    after = _shifted(after, *_shake(before, after))
+    shown = ~_hidden(before, after, nearest)
+    after = _shifted(after, *_shake(before, after, shown))
     changed = (_outside(before, after) > change) | (_outside(after, before) > change)
-    changed &= (before > 0) & (after > 0) & ~_hidden(before, after)
+    changed &= (before > 0) & (after > 0) & shown
     return np.where(changed, after, before)
 
 
-def _hidden(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """Pixels, bool (H, W), where something lies before the board in either: its objects are no nearer than in the one
-    of both that has nothing there."""
-    least = max(np.min(depth, where=depth > 0, initial=np.inf) for depth in (before, after))
-    return np.logical_or(*((depth > 0) & (depth < NEARER * least) for depth in (before, after)))
+def _hidden(before: np.ndarray, after: np.ndarray, nearest: float) -> np.ndarray:
+    """Pixels, bool (H, W), where something lies before the board in either picture, and those beside it."""
+    least = NEARER * max(nearest, least_depth(before), least_depth(after))
+    found = ((before > 0) & (before < least)) | ((after > 0) & (after < least))
+    return cv2.dilate(found.view(np.uint8), np.ones((2 * RIM + 1,) * 2, np.uint8)) > 0
 
 
 def _range(depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -74,12 +93,13 @@ def _outside(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(low), np.maximum(after - high, low - after), 0)
 
 
-def _shake(before: np.ndarray, after: np.ndarray) -> tuple[int, int]:
-    """Rows and columns by which the second picture must be shifted to lie upon the first: most edges agree."""
+def _shake(before: np.ndarray, after: np.ndarray, shown: np.ndarray) -> tuple[int, int]:
+    """Rows and columns by which the second picture must be shifted to lie upon the first: most edges agree of what is
+    shown in both, bool (H, W); a hand moves by itself."""
     low, high = _range(before)
     inside = np.zeros(before.shape, bool)
     inside[SHAKES:-SHAKES, SHAKES:-SHAKES] = True
-    rows, columns = np.nonzero(inside & (high - low > STEP) & np.isfinite(low))
+    rows, columns = np.nonzero(inside & shown & (high - low > STEP) & np.isfinite(low))
     if not len(rows):
         return 0, 0
     some = slice(None, None, -(-len(rows) // EDGE_PIXELS))

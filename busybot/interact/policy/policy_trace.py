@@ -15,6 +15,7 @@ from busybot.interact.policy.board_memory import BoardMemory, Failure
 from busybot.interact.policy.candidates import ActionModel, Candidates, V, find_candidates, pairs_at, prior_shift
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import PAIR_OF, sigmoid
+from busybot.interact.policy.noisy_pictures import least_depth
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None
     for index, step in enumerate(episode.steps):
         before, after = episode.observation(index), episode.observation(index + 1)
         view = model.look(before, rays)
-        memory = memory or BoardMemory(view.height, config)
+        memory = memory or BoardMemory(view.height, config, least_depth(before.depth))
         found = find_candidates(model, before, rays, memory, config, view)
         affordance = sigmoid(view.affordance + prior_shift(config))
         known = bool(memory.links[step.pixel[1], step.pixel[0]])

@@ -143,8 +143,8 @@ class StateTruth:
 
     Attributes:
         states: int (T + 1, N), the responders' states in each frame, -1 for triggers.
-        links: int (T,), which trigger link was held, as an index into the episode's links; -1 for none.
-        held: int (T,), the object that it belongs to.
+        links: int (T,), which link was held that something follows, as an index into the episode's links; -1 for none.
+        held: int (T,), which object was held, if it is a trigger; -1 for none.
         success: bool (T,), whether the action changed a trigger's state.
         kinds: T times the kind of the held link's relation; `NOTHING_HELD` for none.
     """
@@ -165,11 +165,11 @@ def states_of(episode: Episode) -> StateTruth | None:
     place = {(link.object, link.name): index for index, link in enumerate(episode.links)}
     kind_of = {(t.object, t.link): relation.kind for relation in episode.board.relations for t in relation.triggers}
     held = [(step.acted_object, step.acted_link) for step in steps]
-    links = np.array([place.get(link, -1) if link in kind_of else -1 for link in held], int)
+    roles = [placed.role for placed in episode.board.objects]
     return StateTruth(
         states=np.array(told, int),
-        links=links,
-        held=np.where(links < 0, -1, [index for index, _ in held]),
+        links=np.array([place.get(link, -1) if link in kind_of else -1 for link in held], int),
+        held=np.array([index if index >= 0 and roles[index] == "trigger" else -1 for index, _ in held], int),
         success=np.array([step.success for step in steps], bool),
         kinds=tuple(kind_of.get(link, NOTHING_HELD) for link in held),
     )

@@ -205,11 +205,11 @@ def object_intervals(judged: Sequence[JudgedGraph], steps: int, seed: int) -> di
     """Of `EDGES` and Pred-A, triggers drawn with replacement and of each its boards (`interval_over_objects`).
 
     An edge belongs to its trigger, a predicted step to the one that is held in it. Edges that are claimed of objects
-    that are not there, and steps that hold nothing, are a group of their own on each board.
+    that are not there, and steps that hold no trigger, belong to one more.
     """
     records: dict[str, list[_Record]] = {name: [] for name in (*m.EDGES, "pred_a")}
     for number, one in enumerate(judged):
-        names, nothing = [placed.key for placed in one.board.objects], f"board {number}"
+        names, nothing = [placed.key for placed in one.board.objects], ""
         claimed, true, candidates = one.graph.claimed(steps), one.truth.edges, one.truth.candidates
         for trigger in np.flatnonzero(candidates.any(axis=1)):
             own = np.zeros_like(candidates)

@@ -50,9 +50,9 @@ NEVER = -1e4
 UNSEEN = -0.85
 """Logit that a responder changes when its trigger is acted on, though it never did: with probability 0.3 this is a link
 that was not touched before. If this were learnt, too, nothing would tell rare changes from improbable edges."""
-COPIED = 0.499
-"""A responder whose trigger was held with less probability stays as it is: what it would become is less probable than
-that, and that it stays is more."""
+LEAST_EDGE = 0.499
+"""A responder copies a look if that is likelier than that nothing changes, so only where the edge from the trigger that
+was held has a probability over 1/2; a little less, against rounding."""
 AT_ONCE = 2**23
 """Beliefs after so many steps are computed together that the largest arrays have at most so many numbers, 32 MB."""
 
@@ -338,7 +338,7 @@ class EventReasoner:
     def _frames_after(self, seen: BoardSequence, start: Tensor, actions: Tensor, acted: Tensor) -> Tensor:
         """The frames whose looks responders have after each of K actions in Q questions, int (R, Q, K).
 
-        A responder copies a look only where its trigger was held (`COPIED`). So each waits for steps of its own alone:
+        A responder copies a look only where its trigger was held (`LEAST_EDGE`). So each waits for its own steps alone:
         the first of every responder and question are worked out together, then the second, and so on.
 
         Args:
@@ -349,7 +349,7 @@ class EventReasoner:
         known, log_edges = self._known(seen)
         done = Queries(known.distances[:, :0], actions.flatten(0, 1)[None], acted.view(1, -1))
         contacts = contacts_of(known, done.actions, done.acted)
-        likely = (edges_of(known, done, log_edges) > COPIED).view(-1, *acted.shape)  # (R, Q, K)
+        likely = (edges_of(known, done, log_edges) > LEAST_EDGE).view(-1, *acted.shape)  # (R, Q, K)
         turns = (likely.cumsum(2) * likely).flatten(1)  # (R, Q K): when a step is worked out, 0 for never
         frame = start.expand(len(likely), -1).clone()  # (R, Q)
         copied = torch.full_like(turns, -1)

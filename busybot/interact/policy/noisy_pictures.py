@@ -9,15 +9,13 @@ other (`reason.inputs.steady` does so for whole recordings, by their colours; he
 import cv2
 import numpy as np
 
+from busybot.episodes.comparing import SQUARE, changed_squares
 from busybot.episodes.episode import Observation
-from busybot.sim.scene.real_camera import SQUARE, changed_squares
 
 REPEATS = 1
 """Levels of 256 by which half of all channels differ at most where a camera repeats itself; JPEG makes less."""
 SPARSE = 16
 """Of so many rows and columns one is looked at to tell that."""
-TOLERANCE = 0.1
-"""Squares that differ by more, as a share of the range, look otherwise."""
 SHAKES = 5
 """Pixels by which two pictures may lie beside each other: those of a camera that shakes by up to 2.5."""
 FRAYED = 2
@@ -50,7 +48,7 @@ def looks_otherwise(before: Observation, after: Observation, nearest: float) -> 
         nearest: as of `settled_depth`.
     """
     height, width = before.depth.shape
-    squares = changed_squares(before.rgb, after.rgb, TOLERANCE)
+    squares = changed_squares(before.rgb, after.rgb)
     differs = squares.repeat(SQUARE, axis=0).repeat(SQUARE, axis=1)[:height, :width]
     return differs & ~_hidden(before.depth, after.depth, nearest)
 

@@ -15,6 +15,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from busybot.episodes.comparing import in_squares, light_between
 from busybot.episodes.episode import Image
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedEpisode
 
@@ -26,8 +27,6 @@ FINE, COARSE = 1.0, 8.0
 the smaller picture. Grey values would not do: under another exposure they differ everywhere, however they lie."""
 HALF = 2
 """Pictures are correlated in squares of so many pixels a side: the shift is found to a tenth of one."""
-SQUARE, WINDOW = 4, 21
-"""Brightness is compared in squares of so many pixels a side, by the median of so many squares a side."""
 SMOOTH, EDGE = 1.0, 5
 """Deviation of the smoothing of colours, and window of the median of depth, pixels."""
 
@@ -125,11 +124,5 @@ def _details(grey: np.ndarray) -> np.ndarray:
 
 
 def _as_bright(rgb: np.ndarray, first: np.ndarray) -> np.ndarray:
-    size = (-(-rgb.shape[1] // SQUARE), -(-rgb.shape[0] // SQUARE))
-    small = [
-        cv2.resize(one, size, interpolation=cv2.INTER_AREA).astype(np.float32).sum(axis=-1) for one in (first, rgb)
-    ]
-    stops = np.log2((small[0] + 3) / (small[1] + 3)).clip(-1, 1)
-    levels = cv2.medianBlur((128 + 120 * stops).round().astype(np.uint8), WINDOW)
-    light = np.exp2((cv2.resize(levels, rgb.shape[1::-1]).astype(np.float32) - 128) / 120)
+    light = light_between(in_squares(first), in_squares(rgb), rgb.shape[1::-1])
     return np.asarray((rgb * light[..., None]).round().clip(0, 255), np.uint8)

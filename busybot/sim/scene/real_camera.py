@@ -28,6 +28,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.rng import generator
 from busybot.episodes.codec import decode_rgb
+from busybot.episodes.comparing import SQUARE, TOLERANCE, changed_squares
 from busybot.episodes.episode import Image
 
 REACH = 0.05
@@ -42,12 +43,6 @@ HAND_FRAMES = 4
 HAND_NEAR = 0.8
 """The hand is nearer than all else: its depth as a share of the smallest one."""
 SKIN = ((224, 172, 138), (198, 140, 104), (141, 93, 66), (96, 62, 46))
-SQUARE = 4
-"""Photos are compared in squares of so many pixels a side: noise averages out, and a shake moves by one at most."""
-
-
-LIGHT = 21
-"""Squares a side of the window in which light is the same."""
 
 
 class CameraConfig(FrozenModel):
@@ -78,7 +73,7 @@ class CameraConfig(FrozenModel):
     depth_edges: Annotated[float, Field(ge=0, le=16)] = 0.0
     depth_holes: Annotated[float, Field(ge=0, le=1)] = 0.0
     jpeg: Annotated[int, Field(ge=0, le=100)] = 0
-    tolerance: Annotated[float, Field(ge=0, le=1)] = 0.1
+    tolerance: Annotated[float, Field(ge=0, le=1)] = TOLERANCE
 
     @property
     def clean(self) -> bool:
@@ -149,35 +144,8 @@ def true_depth(image: Image) -> np.ndarray:
 
 
 def changed_area(before: np.ndarray, after: np.ndarray, tolerance: float) -> int:
-    """Number of pixels of the `changed_squares`."""
+    """Number of pixels, of two photos uint8 (H, W, 3), in `changed_squares`."""
     return min(int(changed_squares(before, after, tolerance).sum()) * SQUARE**2, before.shape[0] * before.shape[1])
-
-
-def changed_squares(before: np.ndarray, after: np.ndarray, tolerance: float) -> np.ndarray:
-    """Where two photos, uint8 (H, W, 3), differ by more than camera and light would explain: bool, squares of `SQUARE`
-    pixels.
-
-    Both are averaged over squares of `SQUARE` pixels, against noise. One is made as bright as the other, by the median
-    of their ratio in `LIGHT` x `LIGHT` squares, against drift and shadows: what changes is smaller than half of that. A
-    square differs if a channel lies more than tolerance * 255 outside of what the other photo has in the 3 x 3 around
-    it, against shake and blur; asked both ways, because what is thin can vanish. A hand does count.
-    """
-    size = (-(-before.shape[1] // SQUARE), -(-before.shape[0] // SQUARE))
-    small = [cv2.resize(rgb, size, interpolation=cv2.INTER_AREA).astype(np.float32) for rgb in (before, after)]
-    small[1] *= _light(*small)[..., None]
-    margin, around = np.float32(tolerance * 255), np.ones((3, 3), np.uint8)
-    differs = np.zeros(size[::-1], bool)
-    for one, other in (small, small[::-1]):
-        outside = np.maximum(one - cv2.dilate(other, around), cv2.erode(other, around) - one)
-        differs |= (outside > margin).any(axis=-1)
-    return differs
-
-
-def _light(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """By how much brighter it was around each square, float32 (H, W), between a half and twice."""
-    stops = np.log2((before.sum(axis=-1) + 3) / (after.sum(axis=-1) + 3)).clip(-1, 1)
-    levels = cv2.medianBlur((128 + 120 * stops).round().astype(np.uint8), LIGHT)
-    return np.exp2((levels.astype(np.float32) - 128) / 120)
 
 
 def _drawn(origin: Origin, term: str, purpose: str) -> np.random.Generator:

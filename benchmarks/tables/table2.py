@@ -101,6 +101,8 @@ ROWS = {
     "pc-pairs": Table2Row("pc", judge=runner.settings("condition=0")),
     "paper": Table2Row(train=PAPER),
     "paper-50-epochs": Table2Row(train=(*PAPER, *runner.settings(*SHORT))),
+    "paper-50-epochs-without-inference": Table2Row(train=(*PAPER, *runner.settings(*SHORT, "inference=false"))),
+    "paper-50-epochs-without-exploration": Table2Row(train=(*PAPER, *runner.settings(*SHORT)), data="random"),
     "paper-without-inference": Table2Row(train=(*PAPER, *runner.settings("inference=false"))),
     "paper-without-exploration": Table2Row(train=PAPER, data="random"),
 }

@@ -6,8 +6,9 @@
 
 For each split and each kind of relations: tasks are generated, their histories recorded with the interaction model, and
 agents play them. With the first reasoner every agent plays, with the others (trained with other seeds) only those that
-are ours or the paper's whole system; learned baselines, which need no reasoner, play by themselves. Every command
-resumes, so this one does; a cell appears as soon as it is judged.
+are ours or the paper's whole system; learned baselines, which need no reasoner, play by themselves. `--network` is a
+reasoner of the paper's architecture, with which the paper's agents play once more: their rows are called `paper-...`.
+Every command resumes, so this one does; a cell appears as soon as it is judged.
 
 By default `procedural` and `decision-time` take what ships with busybot: procedural objects, its policy, its model of
 relations. The result of `procedural` names its rows `agents`: a report's Table 3 is that of real objects.
@@ -24,6 +25,7 @@ from benchmarks.runner import as_typed, assets_name, busybot, finish, one_of, op
 from busybot.common.atomic_io import read_json
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.results import read_result
+from busybot.evaluation.statistics import widest
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL
 from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.training.model_cards import INFO_FILE
@@ -40,7 +42,12 @@ TIMED = "novel-object"
 """The split on which decisions are timed."""
 GATE_MS = 50.0
 """Of a decision, on average."""
-DETAILS = ("interval", "micro", "by_features", "solved", "steps", "steps_more", "step_success", "failures_by_cause")
+THEIRS = ("relation", "predictive", "busybot")
+"""The paper's agents, which play with the paper's own network, too: its predictions are not nearly always right."""
+DETAILS = (
+    *("interval", "micro", "micro_intervals", "by_features", "solved", "steps", "steps_more", "step_success"),
+    "failures_by_cause",
+)
 
 
 def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -> dict[str, Any]:
@@ -58,14 +65,23 @@ def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -
         for number, reasoner in enumerate(options.reasoner)
     ]
     players += [("learned", ",".join(options.learned), ())] if options.learned else []
+    players += [("paper", ",".join(THEIRS), option("--reasoner", options.network))] if options.network else []
     for who, agents, reasoner in players:
         out = ("--out", str(place(options, split, kind, who)))
         given = ("--agents", agents, *reasoner, "--policy-model", model, *assets)
         commands.append(("eval", "plan", str(tasks), *given, *out))
     typed += [as_typed(command, _places(options)) for command in commands]
     told = [busybot(*command) for command in commands][2:]
+    told = [_named_after(who, result) for (who, _, _), result in zip(players, told, strict=True)]
     names = [name for result in told for name in result["agents"]]
     return {name: _across(name, told) for name in dict.fromkeys(names)}
+
+
+def _named_after(who: str, told: dict[str, Any]) -> dict[str, Any]:
+    """A judgement of the paper's network has other names for its agents, others stay as they are."""
+    if who != "paper":
+        return told
+    return {**told, **{key: {f"paper-{name}": row for name, row in told[key].items()} for key in ("agents", "timing")}}
 
 
 def place(options: argparse.Namespace, split: str, kind: str, who: str = "0") -> Path:
@@ -84,6 +100,7 @@ def _places(options: argparse.Namespace) -> dict[str, str]:
     named = {options.assets: "ASSETS", options.policy_model: "POLICY"}
     named |= {str(folder): f"REASONER-{seed}" for seed, folder in enumerate(options.reasoner)}
     named |= {str(folder): name.upper() for name, folder in _learned(options).items()}
+    named |= {options.network: "NETWORK"} if options.network else {}
     return {str(options.work): "WORK"} | {where: name for where, name in named.items() if Path(where).is_dir()}
 
 
@@ -99,11 +116,12 @@ def training(folder: Path) -> dict[str, Any]:
 
 
 def _across(agent: str, told: list[dict[str, Any]]) -> dict[str, Any]:
-    """Mean success over seeds, each seed's beside it, and the first one's details."""
+    """Mean success over seeds, each seed's beside it, the widest interval over objects, the first one's details."""
     judged = [result for result in told if agent in result["agents"]]
     rows = [result["agents"][agent] for result in judged]
     values = [row["success"] for row in rows]
     details = {key: rows[0][key] for key in DETAILS}
+    details["object_interval"] = widest(row["object_interval"] for row in rows)
     return {"success": sum(values) / len(values), "seeds": values, **details, "timing": judged[0]["timing"][agent]}
 
 
@@ -131,6 +149,7 @@ def parsed(words: list[str], **given: Any) -> argparse.Namespace:
     made.add_argument("--policy-model", required=not given)
     made.add_argument("--reasoner", nargs="+", required=not given, help="one for each seed")
     made.add_argument("--learned", nargs="*", default=[], help="learned baselines, as bc=FOLDER")
+    made.add_argument("--network", help="a reasoner of the paper's architecture")
     made.add_argument("--boards", type=int, default=50, help="tasks in each cell")
     made.add_argument("--work", type=Path, required=True)
     made.set_defaults(**given)

@@ -8,7 +8,7 @@ Hinkley, Bootstrap Methods and their Application, 1997, section 3.8), and so say
 Imports neither torch nor sapien, and of SciPy nothing that is slow to load.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
 
 import numpy as np
@@ -46,6 +46,13 @@ def interval_over_boards(part: np.ndarray, whole: np.ndarray, chosen: np.ndarray
         `extreme_interval` where there is one; None if a draw has no whole.
     """
     return extreme_interval(part, whole) or share_interval(part[chosen].sum(1), whole[chosen].sum(1))
+
+
+def widest(intervals: Iterable[Sequence[float] | None]) -> Interval:
+    """From the least to the greatest end of several seeds' intervals; None if one of them has none."""
+    found = list(intervals)
+    known = [interval for interval in found if interval is not None]
+    return (min(one[0] for one in known), max(one[1] for one in known)) if known and len(known) == len(found) else None
 
 
 def extreme_interval(part: np.ndarray, whole: np.ndarray) -> Interval:

@@ -14,6 +14,7 @@ from busybot.common.frozen_model import FrozenModel
 from busybot.evaluation.statistics import (
     binomial_interval,
     interval_over_boards,
+    interval_over_objects,
     mcnemar_test,
     sign_flip_test,
     two_level_interval,
@@ -37,6 +38,8 @@ KEYS: dict[str, str] = {
     "agents.NAME.solved_interval": "exact binomial bounds of `solved`, 95 %",
     "agents.NAME.micro_intervals": "of `micro`, by a bootstrap over `objects` (responders) and their boards, and over "
     "`mechanisms` (their kinds) and their boards",
+    "agents.NAME.object_interval": "of `success`, by a bootstrap over objects (responders) and their tasks; where all "
+    "or none is reached exact bounds, each object being one trial",
     "compared.NAME": "against the first agent named, on the same tasks: `difference` of success, `p_success` by a "
     "sign-flip test, `p_solved` by McNemar's test",
 }
@@ -159,13 +162,16 @@ def _more(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], rng: n
     records = [(task.board, each) for task, one in zip(tasks, rollouts, strict=True) for each in one.responders]
     right, boards = np.array([each.reached for _, each in records], int), [board for board, _ in records]
     whole = np.ones(len(records), int)
+    weights = np.array([1 / len(one.responders) for one in rollouts for _ in one.responders])  # every task counts alike
+    objects = [each.key for _, each in records]
     return {
         "steps_over_shortest": _mean([one.steps / task.least_steps for task, one in solved]),
         "solved_interval": binomial_interval(len(solved), len(tasks)),
         "micro_intervals": {
-            "objects": two_level_interval(right, whole, [each.key for _, each in records], boards, rng),
+            "objects": two_level_interval(right, whole, objects, boards, rng),
             "mechanisms": two_level_interval(right, whole, [each.kind for _, each in records], boards, rng),
         },
+        "object_interval": interval_over_objects(weights * right, weights, objects, boards, rng),
     }
 
 

@@ -88,7 +88,7 @@ def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch:
 
     def answer(*arguments: str) -> dict[str, Any]:
         asked.append(arguments)
-        row = dict.fromkeys(table3.DETAILS) | {"success": 0.5 + len(asked) / 100}
+        row = dict.fromkeys(table3.DETAILS) | {"success": 0.5 + len(asked) / 100, "object_interval": None}
         return {"agents": {"search": row, "bc": row}, "timing": {"search": {}, "bc": {}}}
 
     monkeypatch.setattr(table3, "busybot", answer)
@@ -100,6 +100,27 @@ def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch:
     assert "WORK/judged-novel-object-one-to-one-0" in result["commands"][2]
     assert result["rows"]["search"]["splits"]["train"]["one-to-one"]["success"] == pytest.approx(0.65)
     assert result["origins"]["train, one-to-many"]["hashes"]["tasks"] == {"one-to-many": "train"}
+
+
+def test_the_papers_network_has_rows_of_its_own_in_table_3(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def answer(*arguments: str) -> dict[str, Any]:
+        if arguments[0] != "eval":
+            return {}
+        agents, reasoner = (arguments[arguments.index(name) + 1] for name in ("--agents", "--reasoner"))
+        share = {"m0": 0.5, "m1": 0.6, "theirs": 0.25}[reasoner]
+        row = dict.fromkeys(table3.DETAILS) | {"success": share, "object_interval": [share - 0.1, share + 0.1]}
+        names = agents.split(",")
+        return {"agents": dict.fromkeys(names, row), "timing": dict.fromkeys(names, {"by": reasoner})}
+
+    monkeypatch.setattr(table3, "busybot", answer)
+    monkeypatch.setattr(table3, "origin", lambda options, split, kind: {})
+    words = ["--work", f"{tmp_path}/w", "--out", f"{tmp_path}/o", "--reasoner", "m0", "m1", "--network", "theirs"]
+    *_, result = table3.measured(table3.parsed(words, policy_model="policy"))
+    cells = {name: row["splits"]["train"]["one-to-one"] for name, row in result["rows"].items()}
+    assert {name for name in cells if name.startswith("paper-")} == {f"paper-{name}" for name in table3.THEIRS}
+    assert cells["paper-busybot"]["seeds"] == [0.25] and cells["paper-busybot"]["timing"] == {"by": "theirs"}
+    assert cells["busybot"]["seeds"] == [0.5, 0.6] and cells["relation"]["seeds"] == [0.5]
+    assert cells["busybot"]["object_interval"] == pytest.approx((0.4, 0.7)), "the widest of both seeds"
 
 
 def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from busybot.evaluation.statistics import (
     mcnemar_test,
     sign_flip_test,
     two_level_interval,
+    widest,
 )
 
 
@@ -91,3 +92,8 @@ def test_what_is_undefined_has_no_interval() -> None:
     nothing = np.zeros(0, int)
     assert two_level_interval(nothing, nothing, [], [], rng()) is None
     assert two_level_interval(np.zeros(2), np.zeros(2), ["a", "b"], [0, 1], rng()) is None
+
+
+def test_the_widest_of_several_seeds_intervals() -> None:
+    assert widest([(0.5, 0.7), [0.4, 0.6]]) == (0.4, 0.7)
+    assert widest([(0.5, 0.7), None]) is None and widest([]) is None

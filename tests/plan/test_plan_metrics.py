@@ -85,6 +85,8 @@ def test_what_every_world_has_beside() -> None:
     assert a["steps_over_shortest"] is None and b["steps_over_shortest"] == (2 / 1 + 2 / 2) / 2
     assert b["solved_interval"] == (pytest.approx(0.025**0.5), 1.0)
     assert a["micro_intervals"]["objects"] == (0.5, 0.75) and b["micro_intervals"]["mechanisms"] == (1.0, 1.0)
+    assert a["object_interval"] == (0.5, 0.75), "each task counts alike, however many responders it has"
+    assert b["object_interval"] == (pytest.approx(0.025), 1.0), "of one object exact bounds"
     # two tasks: neither test can tell
     assert result["compared"] == {"b": {"difference": 0.375, "p_success": 0.5, "p_solved": 0.5}}
     named = [name.rpartition(".")[2] for name in KEYS]

@@ -3,7 +3,7 @@
 Files hold shares from 0 to 1; the cells of tables are percent.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.text import unlinked
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import KINDS, read_result
+from busybot.evaluation.statistics import widest
 from busybot.view.report.page import number, spread
 from busybot.view.report.world_results import Evaluation, ResultFile, WorldResults
 
@@ -68,6 +69,7 @@ class AgentScores(ResultFile):
 
     success: float | None
     interval: tuple[float, float] | None = None
+    object_interval: tuple[float, float] | None = None
     solved: float | None = None
     steps: float | None = None
     seeds: list[float] = []
@@ -174,7 +176,7 @@ class Score:
         high: the other end.
         bound: what the recordings determine at all, if that limits this number.
         several: the value is a mean over seeds, of which low and high are the least and the greatest.
-        objects: ends of the 95 % interval over objects and their boards.
+        objects: ends of the 95 % interval over objects and their boards; of several seeds the widest ends.
     """
 
     value: float
@@ -352,6 +354,8 @@ def _reason_row(value: dict[str, Any], table: Table) -> RowFound:
         for key in table.keys:
             ends = (judged.least.get(key), judged.most.get(key))
             mean = score(judged.mean.get(key), ends, _bound(first, key), several=True)
+            over_objects = widest(seed.object_intervals.get(INTERVALS.get(key, key)) for seed in judged.seeds)
+            mean = _over_objects(mean, over_objects)
             found.cells[split, key] = mean if len(judged.seeds) > 1 else score_of(first, key)
         found.results[split] = first
     return found
@@ -364,7 +368,7 @@ def _plan_row(value: dict[str, Any], table: Table) -> RowFound:
         for kind, told in kinds.items():
             several = len(told.seeds) > 1  # the interval is the first one's
             ends = (min(told.seeds), max(told.seeds)) if several else told.interval
-            found.cells[split, kind] = score(told.success, ends, several=several)
+            found.cells[split, kind] = _over_objects(score(told.success, ends, several=several), told.object_interval)
     return found
 
 
@@ -376,11 +380,11 @@ def score_of(result: InteractResult | ReasonResult, key: str) -> Score | None:
     """A number of a single evaluation with its intervals; None if it is undefined."""
     name = INTERVALS.get(key, key)
     told = score(getattr(result, key), result.intervals.get(name), _bound(result, key))
-    over_objects = result.object_intervals.get(name)
-    if told is None or over_objects is None:
-        return told
-    low, high = over_objects
-    return replace(told, objects=(100 * low, 100 * high))
+    return _over_objects(told, result.object_intervals.get(name))
+
+
+def _over_objects(told: Score | None, ends: Sequence[float] | None) -> Score | None:
+    return told if told is None or ends is None else replace(told, objects=(100 * ends[0], 100 * ends[1]))
 
 
 def score(

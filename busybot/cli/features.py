@@ -15,7 +15,7 @@ def features(
     encoder: Annotated[
         str,
         typer.Option(
-            help="embedded, resnet50 or random; with -box, -mask (an oracle) or -centre behind it.",
+            help="embedded, resnet50, resnet50keras or random; with -box, -mask (an oracle) or -centre behind it.",
             autocompletion=offering(encoders),
         ),
     ] = "embedded",

@@ -102,7 +102,7 @@ def reason(
     encoder: Annotated[
         str | None,
         typer.Option(
-            help="Features to read: embedded (default, but for paper), resnet50 (paper's) or random.",
+            help="Features to read: embedded (default, but for paper), resnet50 (paper's), resnet50keras or random.",
             autocompletion=offering(encoders),
         ),
     ] = None,

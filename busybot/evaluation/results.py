@@ -65,6 +65,7 @@ KINDS = {
     "import-rules": "python -m benchmarks.studies.import_rules",
     "real-camera": "python -m benchmarks.studies.real_camera",
     "policy-constants": "python -m benchmarks.studies.policy_constants",
+    "resnet-weights": "python -m benchmarks.studies.resnet_weights",
     "splits": "python -m benchmarks.studies.splits",
     "collection": "python -m benchmarks.speed.collection",
     "memory": "python -m benchmarks.speed.collection --memory",

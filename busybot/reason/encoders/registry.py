@@ -23,7 +23,7 @@ from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.inputs.sequence import CHANNELS
 from busybot.reason.inputs.steady import steadied
 
-ENCODERS = ("embedded", "resnet50", "random")
+ENCODERS = ("embedded", "resnet50", "resnet50keras", "random")
 PIXELS = {
     "own": "an object's own pixels, told by depth",
     "box": "the pixels of an object's first-frame box",
@@ -132,7 +132,9 @@ def make_extractor(name: str = DEFAULT, weights: Path | None = None) -> FeatureE
         raise UsageError(f"{weights}: {base} takes no weights", "they go with `--encoder resnet50`")
     encoder = _make(base, weights)
     if pixels == "centre" and not isinstance(encoder, PlaceEncoder):
-        raise UsageError(f"{base} does not encode single places", "-centre goes with resnet50 and random")
+        raise UsageError(
+            f"{base} does not encode single places", "-centre goes with resnet50, resnet50keras and random"
+        )
     facts = f"{base} {encoder.key} {pixels} {MASKS} {MaskConfig().model_dump_json()}"
     return FeatureExtractor(name, f"{name}-{hashlib.sha256(facts.encode()).hexdigest()[:8]}", pixels, encoder)
 
@@ -145,6 +147,12 @@ def _make(base: str, weights: Path | None) -> Encoder:
         from busybot.reason.encoders.descriptor import Descriptor
 
         return Descriptor()
-    from busybot.reason.encoders.resnet import drawn, pretrained  # torch only where it is needed
+    from busybot.reason.encoders import resnet  # torch only where it is needed
 
-    return drawn() if base == "random" else pretrained(weights)
+    match base:
+        case "random":
+            return resnet.drawn()
+        case "resnet50keras":
+            return resnet.from_keras()
+        case _:
+            return resnet.pretrained(weights)

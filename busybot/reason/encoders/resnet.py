@@ -1,4 +1,4 @@
-"""Encoders `resnet50` and `random`: the first stage of a ResNet-50, averaged over an object's pixels or at its centre.
+"""Encoders `resnet50`, `resnet50keras`, `random`: a ResNet-50's first stage, averaged over an object or at its centre.
 
 The paper's features are 256 channels "extracted from the 10th layer" of a ResNet-50 trained on ImageNet (appendix
 "Network details"), read here as the output of the first stage: one convolution and three blocks of three. The text
@@ -8,36 +8,39 @@ calls them the object's, and does not say how the many cells of a stage become o
 - `resnet50-centre` does as the paper's authors: the whole picture is scaled to 224 x 224 pixels, the stage's output
   interpolated back to that size, and the one pixel at the centre of the object's first-frame box is taken.
 
-The weights come from a file at hand, the cache, or their official place. `random` is the same network with weights that
-were drawn: what it lacks against `resnet50` is what ImageNet taught.
+The weights of `resnet50` are torchvision's, from a file at hand, the cache, or their official place. `resnet50keras` is
+the same network with the weights that He et al. published, which come from a package index (`keras_weights`). Both
+learned ImageNet; `random` has weights that were drawn: what it lacks is what ImageNet taught.
 """
 
-import hashlib
-import urllib.request
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import safetensors.torch
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from busybot.common.atomic_io import replacing, sha256_of
+from busybot.common.atomic_io import sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.objects.cache import cache_folder
+from busybot.reason.encoders.keras_weights import first_stage_file
+from busybot.reason.encoders.weight_files import KnownFile, download, is_there
 from busybot.reason.inputs.appearances import Appearance, scaled
 from busybot.reason.inputs.sequence import CHANNELS
 from busybot.training.device import device, exactly, slices
 
-ADDRESS = "https://download.pytorch.org/models/resnet50-0676ba61.pth"
-SHA256 = "0676ba61b6795bbe1773cffd859882e5e297624d384b6993f7c9e683e722fb8a"
-BYTES = 102_530_333
-"""Of the file at that address: torchvision's first weights for ImageNet, of the paper's time."""
-
-TIME_LIMIT_S = 60.0
-"""Without any byte for so long the download counts as failed."""
-PIECE = 1 << 20
+OFFICIAL = KnownFile(
+    "https://download.pytorch.org/models/resnet50-0676ba61.pth",
+    "sha256",
+    "0676ba61b6795bbe1773cffd859882e5e297624d384b6993f7c9e683e722fb8a",
+    102_530_333,
+)
+"""Torchvision's first weights for ImageNet, of the paper's time."""
 HINT = "name one that is there, or use `--encoder embedded`, which needs none"
+INSTEAD = "use `--encoder resnet50keras`, whose weights are elsewhere, or `--encoder embedded`, which needs none"
 
 
 def resnet50_file(file: Path | None) -> tuple[Path, str]:
@@ -54,30 +57,14 @@ def resnet50_file(file: Path | None) -> tuple[Path, str]:
             raise BusybotError(f"{file}: there is no such file with weights", HINT)
         return file, sha256_of(file)
     place = official_place()
-    if not (place.is_file() and sha256_of(place) == SHA256):
-        _download(place)
-    return place, SHA256
+    if not is_there(OFFICIAL, place):
+        download(OFFICIAL, place, INSTEAD)
+    return place, OFFICIAL.digest
 
 
 def official_place() -> Path:
     """Where the official file is kept."""
-    return cache_folder() / "weights" / ADDRESS.rpartition("/")[2]
-
-
-def _download(place: Path) -> None:
-    digest = hashlib.sha256()
-    hint = f"download it elsewhere and copy it to {place}, or use `--encoder embedded`, which needs none"
-    try:
-        with urllib.request.urlopen(ADDRESS, timeout=TIME_LIMIT_S) as answer, replacing(place) as out:
-            size = 0
-            while (piece := answer.read(PIECE)) and size <= BYTES:
-                size += len(piece)
-                digest.update(piece)
-                out.write(piece)
-            if digest.hexdigest() != SHA256:
-                raise BusybotError(f"{ADDRESS}: what came has another SHA-256 than the file that is known", hint)
-    except OSError as error:  # no network, refused, too slow, or no room
-        raise BusybotError(f"{ADDRESS}: cannot be downloaded: {error}", hint) from None
+    return cache_folder() / "weights" / OFFICIAL.name
 
 
 SIDE, CELLS = 64, 16
@@ -133,7 +120,7 @@ class FirstStage(nn.Module):
 
 
 class ResNetEncoder:
-    """The encoders `resnet50` and `random`.
+    """The encoders `resnet50`, `resnet50keras` and `random`.
 
     Attributes:
         key: the beginning of the SHA-256 of the file with the weights, or the version of how they are drawn.
@@ -195,19 +182,38 @@ def pretrained(file: Path | None) -> ResNetEncoder:
         BusybotError: the file is not such a file, or the official one cannot be had.
     """
     path, checksum = resnet50_file(file)
-    network = FirstStage()
     hint = "name a file with the weights of torchvision's ResNet-50 (`--weights FILE`)"
     try:
         stored = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # whatever a file that is none makes the reader raise
         raise BusybotError(f"{path}: cannot be read as weights: {type(error).__name__}", hint) from None
+    return ResNetEncoder(_with_weights(stored, path, hint), checksum[:8])
+
+
+def from_keras() -> ResNetEncoder:
+    """The encoder `resnet50keras`.
+
+    Raises:
+        BusybotError: its weights cannot be had.
+    """
+    path, key = first_stage_file()
+    hint = "delete it, so that it is made again"
+    try:
+        stored = safetensors.torch.load_file(path)
+    except (safetensors.SafetensorError, OSError) as error:
+        raise BusybotError(f"{path}: cannot be read as weights: {error}", hint) from None
+    return ResNetEncoder(_with_weights(stored, path, hint), key)
+
+
+def _with_weights(stored: Any, path: Path, hint: str) -> FirstStage:
+    network = FirstStage()
     expected = network.state_dict()
     given = {name: stored[name] for name in expected if name in stored} if isinstance(stored, dict) else {}
     unlike = [name for name, value in expected.items() if getattr(given.get(name), "shape", None) != value.shape]
     if unlike:
         raise BusybotError(f"{path}: no weights of a ResNet-50: {unlike[0]} is missing or of another shape", hint)
     network.load_state_dict(given)
-    return ResNetEncoder(network, checksum[:8])
+    return network
 
 
 def drawn() -> ResNetEncoder:

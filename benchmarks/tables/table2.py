@@ -86,8 +86,8 @@ class Table2Row:
 
 EVENT, PAPER = ("--variant", "event"), ("--variant", "paper", "--encoder", "resnet50keras")
 """ResNet-50's features as the paper has them, with the weights that a package index carries."""
-SHORT = ("epochs=30", "network.pairs=candidates", "bfloat16=true", "loop.held_out=0.05", "threads=1")
-"""What an hour of a processor can do of the paper's schedule; the best weights on held-out boards are kept."""
+SHORT = ("epochs=15", "network.pairs=candidates", "bfloat16=true", "loop.held_out=0.05", "threads=1")
+"""What an hour or two of a core can do of the paper's schedule; the best weights on held-out boards are kept."""
 BOARDS = (20, 100, 300)
 """Smaller trainings of `event`, for the curve over their number of boards."""
 ROWS = {
@@ -101,9 +101,9 @@ ROWS = {
     "pc": Table2Row("pc"),
     "pc-pairs": Table2Row("pc", judge=runner.settings("condition=0")),
     "paper": Table2Row(train=PAPER),
-    "paper-30-epochs": Table2Row(train=(*PAPER, *runner.settings(*SHORT))),
-    "paper-30-epochs-without-inference": Table2Row(train=(*PAPER, *runner.settings(*SHORT, "inference=false"))),
-    "paper-30-epochs-without-exploration": Table2Row(train=(*PAPER, *runner.settings(*SHORT)), data="random"),
+    "paper-15-epochs": Table2Row(train=(*PAPER, *runner.settings(*SHORT))),
+    "paper-15-epochs-without-inference": Table2Row(train=(*PAPER, *runner.settings(*SHORT, "inference=false"))),
+    "paper-15-epochs-without-exploration": Table2Row(train=(*PAPER, *runner.settings(*SHORT)), data="random"),
     "paper-without-inference": Table2Row(train=(*PAPER, *runner.settings("inference=false"))),
     "paper-without-exploration": Table2Row(train=PAPER, data="random"),
 }

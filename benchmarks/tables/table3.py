@@ -1,17 +1,19 @@
 """Table 3 of the protocol: who reaches a goal picture, by the commands that a user types.
 
     python -m benchmarks.tables.table3 --policy-model MODEL --reasoner FOLDER FOLDER FOLDER --work FOLDER --out FILE
+    python -m benchmarks.tables.table3 network --policy-model MODEL --reasoner NETWORK --work FOLDER --out FILE
     python -m benchmarks.tables.table3 procedural --work FOLDER --out benchmarks/results/plan-procedural.json
     python -m benchmarks.tables.table3 decision-time --work FOLDER --out benchmarks/results/decision_time.json
 
 For each split and each kind of relations: tasks are generated, their histories recorded with the interaction model, and
 agents play them. With the first reasoner every agent plays, with the others (trained with other seeds) only those that
-are ours or the paper's whole system; learned baselines, which need no reasoner, play by themselves. `--network` is a
-reasoner of the paper's architecture, with which the paper's agents play once more: their rows are called `paper-...`.
-Every command resumes, so this one does; a cell appears as soon as it is judged.
+are ours or the paper's whole system; learned baselines, which need no reasoner, play by themselves. Every command
+resumes, so this one does; a cell appears as soon as it is judged.
 
-By default `procedural` and `decision-time` take what ships with busybot: procedural objects, its policy, its model of
-relations. The result of `procedural` names its rows `agents`: a report's Table 3 is that of real objects.
+`network` plays the paper's agents with a reasoner of the paper's architecture, and compares the whole system with its
+parts on the same tasks. By default `procedural` and `decision-time` take what ships with busybot: procedural objects,
+its policy, its model of relations. The results of `network` and `procedural` name their rows `agents`: a report's
+Table 3 is that of real objects and our own model.
 `decision-time` measures the processor time of every agent's decision on tasks of unseen objects, as `busybot eval plan`
 tells it: from the picture to the answer, with what is learned from the outcome, simulation and rendering left out.
 """
@@ -42,12 +44,12 @@ TIMED = "novel-object"
 """The split on which decisions are timed."""
 GATE_MS = 50.0
 """Of a decision, on average."""
-THEIRS = ("relation", "predictive", "busybot")
-"""The paper's agents, which play with the paper's own network, too: its predictions are not nearly always right."""
 DETAILS = (
     *("interval", "micro", "micro_intervals", "by_features", "solved", "steps", "steps_more", "step_success"),
     "failures_by_cause",
 )
+THEIRS = ("busybot", "relation", "predictive")
+"""The paper's agents, which play with the paper's own network, too: its predictions are not nearly always right."""
 
 
 def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -> dict[str, Any]:
@@ -61,27 +63,18 @@ def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -
         ("collect", str(tasks), "--policy", "learned", "--model", model, *seed, *assets),
     ]
     players = [
-        (str(number), ",".join(OURS if number else AGENTS), option("--reasoner", reasoner))
+        (str(number), ",".join(OURS if number else options.agents), option("--reasoner", reasoner))
         for number, reasoner in enumerate(options.reasoner)
     ]
     players += [("learned", ",".join(options.learned), ())] if options.learned else []
-    players += [("paper", ",".join(THEIRS), option("--reasoner", options.network))] if options.network else []
     for who, agents, reasoner in players:
         out = ("--out", str(place(options, split, kind, who)))
         given = ("--agents", agents, *reasoner, "--policy-model", model, *assets)
         commands.append(("eval", "plan", str(tasks), *given, *out))
     typed += [as_typed(command, _places(options)) for command in commands]
     told = [busybot(*command) for command in commands][2:]
-    told = [_named_after(who, result) for (who, _, _), result in zip(players, told, strict=True)]
     names = [name for result in told for name in result["agents"]]
     return {name: _across(name, told) for name in dict.fromkeys(names)}
-
-
-def _named_after(who: str, told: dict[str, Any]) -> dict[str, Any]:
-    """A judgement of the paper's network has other names for its agents, others stay as they are."""
-    if who != "paper":
-        return told
-    return {**told, **{key: {f"paper-{name}": row for name, row in told[key].items()} for key in ("agents", "timing")}}
 
 
 def place(options: argparse.Namespace, split: str, kind: str, who: str = "0") -> Path:
@@ -100,7 +93,6 @@ def _places(options: argparse.Namespace) -> dict[str, str]:
     named = {options.assets: "ASSETS", options.policy_model: "POLICY"}
     named |= {str(folder): f"REASONER-{seed}" for seed, folder in enumerate(options.reasoner)}
     named |= {str(folder): name.upper() for name, folder in _learned(options).items()}
-    named |= {options.network: "NETWORK"} if options.network else {}
     return {str(options.work): "WORK"} | {where: name for where, name in named.items() if Path(where).is_dir()}
 
 
@@ -149,10 +141,9 @@ def parsed(words: list[str], **given: Any) -> argparse.Namespace:
     made.add_argument("--policy-model", required=not given)
     made.add_argument("--reasoner", nargs="+", required=not given, help="one for each seed")
     made.add_argument("--learned", nargs="*", default=[], help="learned baselines, as bc=FOLDER")
-    made.add_argument("--network", help="a reasoner of the paper's architecture")
     made.add_argument("--boards", type=int, default=50, help="tasks in each cell")
     made.add_argument("--work", type=Path, required=True)
-    made.set_defaults(**given)
+    made.set_defaults(agents=AGENTS, **given)
     return made.parse_args(words)
 
 
@@ -166,6 +157,19 @@ def procedural(words: list[str]) -> None:
     options = parsed(words, policy_model=DEFAULT_MODEL, reasoner=[DEFAULT_REASONER])
     for result in measured(options):
         finish("plan-procedural", options, {"agents": result.pop("rows"), **result})
+
+
+def network(words: list[str]) -> None:
+    options = parsed(words)
+    options.agents = THEIRS
+    for result in measured(options):
+        compared = {name: against(options, *name.split(", ")) for name in result["origins"]}
+        finish("plan-network", options, {"agents": result.pop("rows"), "compared": compared, **result})
+
+
+def against(options: argparse.Namespace, split: str, kind: str) -> dict[str, Any]:
+    """Each part of the system against the whole, on the same tasks: how much worse, and how surely."""
+    return dict(read_result(place(options, split, kind) / RESULT, "plan")["compared"])
 
 
 def decision_time(words: list[str]) -> None:
@@ -184,4 +188,4 @@ def decision_time(words: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    one_of(main, procedural=procedural, decision_time=decision_time)
+    one_of(main, network=network, procedural=procedural, decision_time=decision_time)

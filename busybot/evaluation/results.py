@@ -72,6 +72,7 @@ KINDS = {
     "collection-parts": "python -m benchmarks.speed.parts",
     "world-costs": "python -m benchmarks.speed.parts worlds",
     "drawing": "python -m benchmarks.speed.parts drawing",
+    "plan-network": "python -m benchmarks.tables.table3 network",
     "decision-time": "python -m benchmarks.tables.table3 decision-time",
     "waiting": "python -m benchmarks.speed.waiting",
     "scale": "python -m benchmarks.speed.scale",

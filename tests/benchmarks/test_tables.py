@@ -12,8 +12,9 @@ from benchmarks.runner import as_typed, finish, one_of, parser, told_rows, typed
 from benchmarks.tables import table1, table2, table3
 from benchmarks.tables.table2 import DETAILS, SCORES, across
 from busybot.common.errors import BusybotError
+from busybot.evaluation.folder import RESULT
 from busybot.evaluation.reference_tables import INTERACTION
-from busybot.evaluation.results import read_result
+from busybot.evaluation.results import read_result, stamp, write_result
 
 
 def scores(**values: float | None) -> dict[str, Any]:
@@ -102,25 +103,46 @@ def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch:
     assert result["origins"]["train, one-to-many"]["hashes"]["tasks"] == {"one-to-many": "train"}
 
 
-def test_the_papers_network_has_rows_of_its_own_in_table_3(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_papers_agents_are_compared_with_the_papers_network(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def answer(*arguments: str) -> dict[str, Any]:
+        if arguments[0] != "eval":
+            return {}
+        names = arguments[arguments.index("--agents") + 1].split(",")
+        assert names == list(table3.THEIRS) and arguments[arguments.index("--reasoner") + 1] == "theirs"
+        row = dict.fromkeys(table3.DETAILS) | {"success": 0.5, "object_interval": [0.4, 0.6]}
+        out = Path(arguments[arguments.index("--out") + 1])
+        compared = {name: {"difference": -0.1} for name in names[1:]}
+        write_result(out / RESULT, stamp("plan") | {"compared": compared, "dataset": {}, "provenance": {}})
+        return {"agents": dict.fromkeys(names, row), "timing": dict.fromkeys(names, {})}
+
+    monkeypatch.setattr(table3, "busybot", answer)
+    words = ["--policy-model", "policy", "--reasoner", "theirs", "--work", str(tmp_path / "w")]
+    table3.network([*words, "--out", str(tmp_path / "told.json")])
+    told = read_result(tmp_path / "told.json", "plan-network")
+    assert told["agents"]["busybot"]["splits"]["train"]["one-to-one"]["object_interval"] == [0.4, 0.6]
+    assert told["compared"]["novel-object, one-to-many"]["relation"] == {"difference": -0.1}
+    assert len(told["compared"]) == len(told["origins"]) == 6
+
+
+def test_several_reasoners_have_the_widest_interval(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def answer(*arguments: str) -> dict[str, Any]:
         if arguments[0] != "eval":
             return {}
         agents, reasoner = (arguments[arguments.index(name) + 1] for name in ("--agents", "--reasoner"))
-        share = {"m0": 0.5, "m1": 0.6, "theirs": 0.25}[reasoner]
+        share = {"m0": 0.5, "m1": 0.6}[reasoner]
         row = dict.fromkeys(table3.DETAILS) | {"success": share, "object_interval": [share - 0.1, share + 0.1]}
         names = agents.split(",")
-        return {"agents": dict.fromkeys(names, row), "timing": dict.fromkeys(names, {"by": reasoner})}
+        return {"agents": dict.fromkeys(names, row), "timing": dict.fromkeys(names, {})}
 
     monkeypatch.setattr(table3, "busybot", answer)
     monkeypatch.setattr(table3, "origin", lambda options, split, kind: {})
-    words = ["--work", f"{tmp_path}/w", "--out", f"{tmp_path}/o", "--reasoner", "m0", "m1", "--network", "theirs"]
-    *_, result = table3.measured(table3.parsed(words, policy_model="policy"))
+    words = ["--work", f"{tmp_path}/w", "--out", f"{tmp_path}/o", "--reasoner", "m0", "m1", "--policy-model", "policy"]
+    *_, result = table3.measured(table3.parsed(words))
     cells = {name: row["splits"]["train"]["one-to-one"] for name, row in result["rows"].items()}
-    assert {name for name in cells if name.startswith("paper-")} == {f"paper-{name}" for name in table3.THEIRS}
-    assert cells["paper-busybot"]["seeds"] == [0.25] and cells["paper-busybot"]["timing"] == {"by": "theirs"}
     assert cells["busybot"]["seeds"] == [0.5, 0.6] and cells["relation"]["seeds"] == [0.5]
-    assert cells["busybot"]["object_interval"] == pytest.approx((0.4, 0.7)), "the widest of both seeds"
+    assert cells["busybot"]["object_interval"] == pytest.approx((0.4, 0.7))
 
 
 def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

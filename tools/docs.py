@@ -72,6 +72,7 @@ PAGES: dict[str, dict[str, Part]] = {
     },
     "docs/results/reason.md": {
         "features": speed_tables.features,
+        "resnet-weights": speed_tables.resnet_weights,
         "features-speed": prose.features_speed,
         "paper-reason-speed": speed_tables.paper_reason_speed,
         "table2": tables.table2,

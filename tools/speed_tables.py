@@ -251,6 +251,17 @@ def features() -> str:
     return markdown([plain_grid((*heads, "whole board, new objects"), rows, "encoder")])
 
 
+def resnet_weights() -> str:
+    """What ResNet-50 with a package index's weights answers to photographs."""
+    told = result("resnet_weights")
+    rows = []
+    for one in told["rows"]:
+        name, share = next(iter(one["answers"].items()))
+        verdict = "right" if one["first"] else "among the first five" if one["among_five"] else "no"
+        rows.append((f"`{one['file'].rpartition('/')[2]}`", [", ".join(one["shows"]), name, percent(share), verdict]))
+    return markdown([plain_grid(("shows", "first answer", "percent", "right"), rows, "photograph")])
+
+
 def decision_time() -> str:
     """Milliseconds of every agent: the mean, and what 95 % of its decisions stay below; the gate is for the mean."""
     told = result("decision_time")

@@ -139,8 +139,8 @@ def actions_of(observed: "ObservedEpisode") -> np.ndarray:
     return np.array(actions, np.float32).reshape(-1, 6)
 
 
-THRESHOLDS = {"embedded": 0.5, "embedded-box": 0.5, "embedded-mask": 0.5}
-"""Distance by encoder: what `benchmarks/studies/features.py` fits on training boards (0.44 to 0.48), rounded."""
+THRESHOLDS = {"embedded": 0.5, "embedded-box": 0.5, "embedded-mask": 0.5, "resnet50keras": 0.35}
+"""Distance by encoder: what `benchmarks/studies/features.py` fits on training boards, rounded."""
 SMALLEST = 0.01
 """Of the median change on a board, the threshold of encoders for which none was fitted. Less than the smallest change,
 which is 0.03 with drawn weights (docs/results/reason.md): where a state has several clusters, each still stands for it.

@@ -152,7 +152,7 @@ CLAIMS = {
     "colours": Claim(INTERACTION, ("rgb", "free-0"), (*ACTING, "precision_exploring"), ("RGB", "BusyBot")),
     "inference": Claim(
         REASONING,
-        ("event-without-inference", "event", "paper-15-epochs"),
+        ("event-without-inference", "event", "paper-15-epochs-without-inference", "paper-15-epochs"),
         ("pred_a",),
         ("without inference", "BusyBot"),
     ),
@@ -180,8 +180,9 @@ def claim(name: str) -> str:
         percents = [one.table.at(one.table.paper[row], *place) for place in product(NOVEL, one.keys)]
         lines.append((f"*the paper:* {row}", ["" if told is None else reference(told) for told in percents]))
     heads = [f"{words}: {one.table.keys[key]}" for words, key in product(NOVEL.values(), one.keys)]
+    more = {"image-reward": _rewards_of_a_real_camera, "planning": _plans_of_the_papers_network}
     table = markdown([plain_grid(heads, lines, "percent")])
-    return table if name != "image-reward" else f"{table}\n{_rewards_of_a_real_camera()}"
+    return f"{table}\n{more[name]()}" if name in more else table
 
 
 def _known(row: RowFound, place: tuple[str, str]) -> Score:
@@ -237,6 +238,29 @@ def _said(name: str, cells: Cells, found: dict[str, RowFound]) -> Iterator[tuple
             for split in NOVEL:
                 ahead = _above(cells["predictive", split, GOALS[1]], cells["relation", split, GOALS[1]])
                 yield f"relations alone are far behind on one-to-many tasks, {split}", ahead
+
+
+def _plans_of_the_papers_network() -> str:
+    """The paper's agents where predictions are often wrong, and each part against the whole on the same tasks."""
+    told = result("plan-network")
+    found = rows_of(PLANNING.number, told["agents"])
+    words = {row.name: row.words for row in PLANNING.rows}
+    places = [*product(PLANNING.splits, GOALS)]
+    lines = [(words[row], [_cell(_known(one, place)) for place in places]) for row, one in found.items()]
+    heads = [f"{objects}: {PLANNING.keys[key]}" for objects, key in product(PLANNING.splits.values(), GOALS)]
+    apart = [
+        (
+            f"{words[part]} against both",
+            [_difference(told["compared"][f"{split}, {kind}"][part]) for split, kind in places],
+        )
+        for part in ("relation", "predictive")
+    ]
+    alone = plain_grid(heads, lines, "percent, with the paper's network")
+    return markdown([alone, plain_grid(heads, apart, "points on the same tasks (p)")])
+
+
+def _difference(told: dict[str, float]) -> str:
+    return f"{100 * told['difference']:+.1f} ({told['p_success']:.2g})"
 
 
 REWARDS = {

@@ -13,7 +13,7 @@ from tools import tables
 
 OLDER = frozenset(
     {
-        *("bounds", "collection-procedural", "coverage", "decision_time", "features"),
+        *("bounds", "coverage", "decision_time"),
         *("features-speed", "further-boards", "interact-procedural", "kills-collect"),
         *("kills-freeze-repair", "kills-train", "laptop/metrics", "laptop/tables/stages", "laptop/tables/table1"),
         *("laptop/tables/table2", "laptop/tables/table3", "lean-networks", "memory", "message-passing"),

@@ -256,7 +256,7 @@ def resnet_weights() -> str:
     told = result("resnet_weights")
     rows = []
     for one in told["rows"]:
-        name, share = next(iter(one["answers"].items()))
+        name, share = one["answers"][0]
         verdict = "right" if one["first"] else "among the first five" if one["among_five"] else "no"
         rows.append((f"`{one['file'].rpartition('/')[2]}`", [", ".join(one["shows"]), name, percent(share), verdict]))
     return markdown([plain_grid(("shows", "first answer", "percent", "right"), rows, "photograph")])

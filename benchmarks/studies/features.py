@@ -139,7 +139,7 @@ def describe(parts: list[Board], threshold: float, unit: float) -> dict[str, Any
 def study_encoder(name: str, splits: list[Dataset], arguments: argparse.Namespace) -> dict[str, Any]:
     """All splits' rows of one encoder; the first split is the training one."""
     began = time.process_time()
-    weights = arguments.weights if name.startswith("resnet50") else None
+    weights = arguments.weights if name.partition("-")[0] == "resnet50" else None
     taken = [features_of(one, name, weights=weights, store=arguments.store, workers=1) for one in splits]
     seconds = time.process_time() - began
     frames = sum(len(values) for features in taken for values in features.values())

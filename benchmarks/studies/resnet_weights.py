@@ -5,8 +5,9 @@
 
 The encoder `resnet50keras` takes the first stage of these weights, after they were converted
 (`busybot.reason.encoders.keras_weights`). Here the whole network is put together from the same conversion and shown
-photographs that packages bring with them: if a single layer were wrong its answers would be, too. What a photograph
-shows was written down before the network was asked; some show several things that ImageNet has names for.
+photographs that packages bring with them: with a layer in the wrong place they would make no sense. What a photograph
+shows was written down before the network was asked; some show several things that ImageNet has names for. What answers
+would hardly tell is read from the archive's description: what normalisations add to variances.
 
 The mean colours of torchvision and Caffe differ by less than half of a grey level, which the conversion moves into the
 first normalisation; that is exact but at the border. `first_convolution_apart` is how far the first one's output
@@ -26,6 +27,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from benchmarks.runner import finish, parser
+from busybot.common.atomic_io import sha256_of
 from busybot.common.errors import BusybotError
 from busybot.objects.cache import cache_folder
 from busybot.reason.encoders import keras_weights
@@ -123,6 +125,15 @@ def labels(archive: Path) -> dict[str, str]:
     return {number: name if isinstance(name, str) else name[-1] for number, name in named.items()}
 
 
+def epsilons(archive: Path) -> set[float]:
+    """What the normalisations add to variances, as the archive describes them."""
+    with tarfile.open(archive, "r:gz") as packed:
+        file = packed.extractfile(f"{keras_weights.INSIDE}/model.json")
+        assert file is not None
+        layers = json.loads(file.read())["modelTopology"]["model_config"]["config"]["layers"]
+    return {layer["config"]["epsilon"] for layer in layers if layer["class_name"] == "BatchNormalization"}
+
+
 def answers(network: nn.Module, named: dict[str, str], folder: Path) -> Iterator[dict[str, Any]]:
     """The five likeliest names of every photograph."""
     for file, right in PHOTOGRAPHS.items():
@@ -131,7 +142,8 @@ def answers(network: nn.Module, named: dict[str, str], folder: Path) -> Iterator
         best = shares.topk(5)
         told = [(named[str(int(number))].replace("_", " "), float(share)) for share, number in zip(*best, strict=True)]
         found = [name in right for name, _ in told]
-        yield {"file": file, "shows": right, "answers": dict(told), "first": found[0], "among_five": any(found)}
+        verdict = {"first": found[0], "among_five": any(found)}
+        yield {"file": file, "sha256": sha256_of(folder / file), "shows": right, "answers": told, **verdict}
 
 
 def apart(weights: dict[str, Tensor], archive: Path, rgb: np.ndarray) -> dict[str, float]:
@@ -163,9 +175,11 @@ def main() -> None:
     weights = keras_weights.converted(archive)
     network = WholeNetwork().eval()
     network.load_state_dict(weights)
+    if epsilons(archive) != {keras_weights.KERAS_EPSILON}:
+        raise BusybotError(f"{archive}: normalisations add {epsilons(archive)} to variances", "convert what they say")
     rows = list(answers(network, labels(archive), arguments.photographs))
     for row in rows:
-        name, share = next(iter(row["answers"].items()))
+        name, share = row["answers"][0]
         verdict = "right" if row["first"] else "among five" if row["among_five"] else "WRONG"
         print(f"{row['file']:50} {name:30} {100 * share:5.1f} {verdict}", flush=True)
     told = {

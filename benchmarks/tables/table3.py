@@ -25,6 +25,7 @@ from typing import Any
 
 from benchmarks.runner import as_typed, assets_name, busybot, finish, one_of, option, parser
 from busybot.common.atomic_io import read_json
+from busybot.common.errors import UsageError
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.results import read_result
 from busybot.evaluation.statistics import widest
@@ -162,13 +163,15 @@ def procedural(words: list[str]) -> None:
 def network(words: list[str]) -> None:
     options = parsed(words)
     options.agents = THEIRS
+    if len(options.reasoner) > 1 or options.learned:
+        raise UsageError("one network plays, and nobody else", "name one --reasoner and no --learned")
     for result in measured(options):
         compared = {name: against(options, *name.split(", ")) for name in result["origins"]}
         finish("plan-network", options, {"agents": result.pop("rows"), "compared": compared, **result})
 
 
 def against(options: argparse.Namespace, split: str, kind: str) -> dict[str, Any]:
-    """Each part of the system against the whole, on the same tasks: how much worse, and how surely."""
+    """Each part of the system against the whole, on the same tasks: the part's success less the whole's, and p."""
     return dict(read_result(place(options, split, kind) / RESULT, "plan")["compared"])
 
 

@@ -85,7 +85,6 @@ def test_what_every_world_has_beside() -> None:
     assert a["steps_over_shortest"] is None and b["steps_over_shortest"] == (2 / 1 + 2 / 2) / 2
     assert b["solved_interval"] == (pytest.approx(0.025**0.5), 1.0)
     assert a["micro_intervals"]["objects"] == (0.5, 0.75) and b["micro_intervals"]["mechanisms"] == (1.0, 1.0)
-    assert a["object_interval"] == (0.5, 0.75), "each task counts alike, however many responders it has"
     assert b["object_interval"] == (pytest.approx(0.025), 1.0), "of one object exact bounds"
     # two tasks: neither test can tell
     assert result["compared"] == {"b": {"difference": 0.375, "p_success": 0.5, "p_solved": 0.5}}
@@ -97,3 +96,14 @@ def test_more_steps_are_counted_where_the_task_was_solved() -> None:
     easy = JudgedTask(board=0, kind="reach", least_steps=4, rollouts=(rollout("a", HIT, steps=5),))
     failed = JudgedTask(board=1, kind="reach", least_steps=1, rollouts=(rollout("a", MISS, steps=8),))
     assert summarise([easy, failed], ["a"], rng())["agents"]["a"]["steps_over_shortest"] == 1.25
+
+
+def test_in_the_interval_over_objects_every_task_counts_alike() -> None:
+    """One object: missed on thirty tasks where it stands alone, reached on ten where there are ten of it."""
+    alone = [JudgedTask(board=n, kind="reach", least_steps=1, rollouts=(rollout("a", MISS),)) for n in range(30)]
+    many = [
+        JudgedTask(board=n, kind="reach", least_steps=1, rollouts=(rollout("a", *[HIT] * 10),)) for n in range(30, 40)
+    ]
+    row = summarise([*alone, *many], ["a"], rng())["agents"]["a"]
+    assert row["success"] == 0.25 and row["micro"] == pytest.approx(100 / 130)
+    assert row["object_interval"][0] < 0.25 < row["object_interval"][1] < 0.5 < row["micro_intervals"]["objects"][0]

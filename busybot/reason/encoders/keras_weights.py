@@ -8,11 +8,12 @@ layers are named as in their files, and pictures go in as Caffe had them, blue f
 Here they become weights for colours as torchvision's files take them, and are named as there:
 
 - kernels (h, w, in, out) become (out, in, h, w);
-- a convolution's bias goes into the mean of the normalisation behind it, and what that adds to a variance becomes
-  PyTorch's 1e-5;
+- a convolution's bias goes into the mean of the normalisation behind it, and what that adds to a variance (the
+  archive's description says a thousandth) becomes PyTorch's 1e-5;
 - the first convolution takes its channels red first, each multiplied by what undoes `SPREAD`; what lies between the
-  two mean colours, less than half of a grey level of 255, goes into its normalisation. Only at a picture's border,
-  where nothing is colour of the mean in both, does this change anything, by as little.
+  two mean colours, half of a grey level of 255 at the most, goes into its normalisation. That is exact but at the
+  border, outside of which both take their own mean colour to be: the first stage differs there by a few hundredths of
+  its spread at the most.
 
 Which answers the whole network gives to photographs is checked by `python -m benchmarks.studies.resnet_weights`.
 Beyond the first stage a network of these weights has its stride in the first convolution of a block, not in the second
@@ -21,6 +22,7 @@ as torchvision's.
 
 import json
 import tarfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +30,7 @@ import safetensors.torch
 import torch
 from torch import Tensor
 
-from busybot.common.atomic_io import write_atomically
+from busybot.common.atomic_io import sha256_of, write_atomically
 from busybot.common.errors import BusybotError
 from busybot.objects.cache import cache_folder
 from busybot.reason.encoders.weight_files import KnownFile, download, is_there
@@ -51,40 +53,38 @@ BLUE_GREEN_RED = np.array((103.939, 116.779, 123.68))
 MEAN, SPREAD = np.array((0.485, 0.456, 0.406)), np.array((0.229, 0.224, 0.225))
 """Torchvision's, of red, green and blue from 0 to 1."""
 KERAS_EPSILON, TORCH_EPSILON = 1e-3, 1e-5
+AGAIN = "delete it, so that it is downloaded again"
 INSTEAD = "use `--encoder resnet50` with torchvision's file, or `--encoder embedded`, which needs none"
 
 
 def first_stage_file() -> tuple[Path, str]:
-    """A file with the weights of the first stage, and what says which they are; made once, in the cache.
+    """A file with the weights of the first stage, and its SHA-256; made once, in the cache.
 
     Raises:
         BusybotError: the archive cannot be had, or is another one than the one that is known.
     """
     folder = cache_folder() / "weights"
     place = folder / f"{ARCHIVE.name.removesuffix('.tgz')}-first-stage-{VERSION}.safetensors"
-    key = f"{ARCHIVE.digest[:8]}-{VERSION}"
     if place.is_file():
-        return place, key
+        return place, sha256_of(place)
     archive = folder / ARCHIVE.name
     if not is_there(ARCHIVE, archive):
         download(ARCHIVE, archive, INSTEAD)
     chosen = {name: value for name, value in converted(archive).items() if name.startswith(FIRST_STAGE)}
     write_atomically(place, safetensors.torch.save(chosen))
-    return place, key
+    return place, sha256_of(place)
 
 
 def converted(archive: Path) -> dict[str, Tensor]:
     """The whole network's weights, float32, by torchvision's names."""
     given = unpacked(archive)
-    weights = {
-        "fc.weight": _tensor(given["fc1000/kernel"].T),
-        "fc.bias": _tensor(given["fc1000/bias"]),
-    }
-    kernels = [name.removesuffix("/kernel") for name in given if name.endswith("/kernel")]
-    for name in kernels:
-        if name != "fc1000":
-            convolution, norm = _torch_names(name)
-            weights |= _layer(given, name, convolution, norm)
+    try:
+        weights = {"fc.weight": _tensor(given["fc1000/kernel"].T), "fc.bias": _tensor(given["fc1000/bias"])}
+        for name in (name.removesuffix("/kernel") for name in given if name.endswith("/kernel")):
+            if name != "fc1000":
+                weights |= _layer(given, name, *_torch_names(name))
+    except (KeyError, ValueError) as error:
+        raise BusybotError(f"{archive}: not weights of Keras' ResNet-50: {error}", AGAIN) from None
     return weights
 
 
@@ -134,12 +134,13 @@ def unpacked(archive: Path) -> dict[str, np.ndarray]:
         (manifest,) = json.loads(members[f"{INSIDE}/model.json"])["weightsManifest"]
         stream = np.frombuffer(b"".join(members[f"{INSIDE}/{path}"] for path in manifest["paths"]), "<f4")
         sizes = [int(np.prod(one["shape"])) for one in manifest["weights"]]
-        pieces = np.split(stream, np.cumsum(sizes))[:-1]
+        if sum(sizes) != len(stream):
+            raise ValueError(f"{len(stream)} numbers where {sum(sizes)} are described")
+        pieces = np.split(stream, np.cumsum(sizes)[:-1])
         named = zip(manifest["weights"], pieces, strict=True)
         return {one["name"]: piece.reshape(one["shape"]) for one, piece in named}
     except (KeyError, ValueError, TypeError) as error:
-        what = f"{archive}: not weights of Keras' ResNet-50: {type(error).__name__}"
-        raise BusybotError(what, "delete it, so that it is downloaded again") from None
+        raise BusybotError(f"{archive}: not weights of Keras' ResNet-50: {error}", AGAIN) from None
 
 
 def _members(archive: Path) -> dict[str, bytes]:
@@ -148,12 +149,12 @@ def _members(archive: Path) -> dict[str, bytes]:
     try:
         with tarfile.open(archive, "r:gz") as packed:
             for member in packed:
-                if member.isreg() and member.name.startswith(f"{INSIDE}/") and member.size <= left:
+                if member.isreg() and member.name.startswith(f"{INSIDE}/"):
+                    if member.size > left:
+                        raise BusybotError(f"{archive}: {member.name}: more than {MOST_BYTES} bytes in all", AGAIN)
                     left -= member.size
                     file = packed.extractfile(member)
                     found[member.name] = b"" if file is None else file.read()
-    except (tarfile.TarError, EOFError, OSError) as error:
-        raise BusybotError(
-            f"{archive}: cannot be unpacked: {error}", "delete it, so that it is downloaded again"
-        ) from None
+    except (tarfile.TarError, EOFError, OSError, zlib.error) as error:
+        raise BusybotError(f"{archive}: cannot be unpacked: {error}", AGAIN) from None
     return found

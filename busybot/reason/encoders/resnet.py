@@ -196,13 +196,13 @@ def from_keras() -> ResNetEncoder:
     Raises:
         BusybotError: its weights cannot be had.
     """
-    path, key = first_stage_file()
+    path, checksum = first_stage_file()
     hint = "delete it, so that it is made again"
     try:
         stored = safetensors.torch.load_file(path)
     except (safetensors.SafetensorError, OSError) as error:
         raise BusybotError(f"{path}: cannot be read as weights: {error}", hint) from None
-    return ResNetEncoder(_with_weights(stored, path, hint), key)
+    return ResNetEncoder(_with_weights(stored, path, hint), checksum[:8])
 
 
 def _with_weights(stored: Any, path: Path, hint: str) -> FirstStage:

@@ -1,11 +1,12 @@
 """Files with weights that are downloaded: once, whole, and only what is known to be right."""
 
 import hashlib
+import http.client
 import urllib.request
 from pathlib import Path
 from typing import NamedTuple
 
-from busybot.common.atomic_io import replacing
+from busybot.common.atomic_io import open_regular, replacing
 from busybot.common.errors import BusybotError
 
 TIME_LIMIT_S = 60.0
@@ -51,10 +52,14 @@ def download(known: KnownFile, place: Path, instead: str) -> None:
                 size += len(piece)
                 digest.update(piece)
                 out.write(piece)
+            if size != known.bytes:
+                raise BusybotError(
+                    f"{known.address}: {size} bytes came, the file that is known has {known.bytes}", hint
+                )
             if digest.hexdigest() != known.digest:
                 what = f"what came has another {known.algorithm} than the file that is known"
                 raise BusybotError(f"{known.address}: {what}", hint)
-    except OSError as error:  # no network, refused, too slow, or no room
+    except (OSError, http.client.HTTPException) as error:  # no network, refused, too slow, cut off, or no room
         raise BusybotError(f"{known.address}: cannot be downloaded: {error}", hint) from None
 
 
@@ -62,5 +67,5 @@ def is_there(known: KnownFile, place: Path) -> bool:
     """Whether the file lies there as it is known."""
     if not place.is_file() or place.stat().st_size != known.bytes:
         return False
-    with place.open("rb") as file:
+    with open_regular(place, known.bytes) as file:
         return hashlib.file_digest(file, known.algorithm).hexdigest() == known.digest

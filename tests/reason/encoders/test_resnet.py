@@ -108,6 +108,7 @@ def test_the_official_file_is_downloaded_once(tmp_path: Path, monkeypatch: pytes
 
 def test_something_else_in_its_place_is_not_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("BUSYBOT_CACHE", str(tmp_path))
+    monkeypatch.setattr(weights, "OFFICIAL", weights.OFFICIAL._replace(bytes=5000))
     monkeypatch.setattr("urllib.request.urlopen", lambda *_, **__: io.BytesIO(b"x" * 5000))
     with pytest.raises(BusybotError, match="another sha256"):
         weights.resnet50_file(None)

@@ -152,7 +152,7 @@ CLAIMS = {
     "colours": Claim(INTERACTION, ("rgb", "free-0"), (*ACTING, "precision_exploring"), ("RGB", "BusyBot")),
     "inference": Claim(
         REASONING,
-        ("event-without-inference", "event", "paper-15-epochs-without-inference", "paper-15-epochs"),
+        ("event-without-inference", "event", "paper-short-without-inference", "paper-short"),
         ("pred_a",),
         ("without inference", "BusyBot"),
     ),

@@ -132,7 +132,7 @@ def test_rows_are_those_of_table_2_that_train_on_all_boards() -> None:
     found = packing.trainings(["paper", "paper-without-inference"], None)
     assert [config.inference for config in found.values()] == [True, False]
     assert {(config.epochs, config.batch, config.network.pairs) for config in found.values()} == {(200, 64, "all")}
-    for name, words in (("paper-15-epochs", "not train on all boards"), ("event", "none of the paper's networks")):
+    for name, words in (("paper-short", "not train on all boards"), ("event", "none of the paper's networks")):
         with pytest.raises(BusybotError, match=words):
             packing.trainings([name], None)
 

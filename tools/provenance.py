@@ -13,12 +13,12 @@ from tools import tables
 
 OLDER = frozenset(
     {
-        *("bounds", "coverage", "decision_time"),
+        *("bounds", "decision_time"),
         *("features-speed", "further-boards", "interact-procedural", "kills-collect"),
         *("kills-freeze-repair", "kills-train", "laptop/metrics", "laptop/tables/stages", "laptop/tables/table1"),
         *("laptop/tables/table2", "laptop/tables/table3", "lean-networks", "memory", "message-passing"),
         *("paper_interact", "paper_reason", "plan-procedural", "policy_constants", "reason-procedural"),
-        *("reason_robustness", "table1", "table2", "table3", "world-costs"),
+        *("reason_robustness", "table1", "table3", "world-costs"),
         *("worlds-procedural", "worlds-real"),
     }
 )

@@ -107,7 +107,6 @@ ROWS = {
     "paper": Table2Row(train=PAPER),
     "paper-short": Table2Row(train=(*PAPER, *runner.settings(*SHORT))),
     "paper-short-without-inference": Table2Row(train=(*PAPER, *runner.settings(*SHORT, "inference=false"))),
-    "paper-short-without-exploration": Table2Row(train=(*PAPER, *runner.settings(*SHORT)), data="random"),
     "paper-without-inference": Table2Row(train=(*PAPER, *runner.settings("inference=false"))),
     "paper-without-exploration": Table2Row(train=PAPER, data="random"),
 }

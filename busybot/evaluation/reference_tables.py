@@ -128,12 +128,6 @@ REASONING = Table(
             "competitor",
             "without inference",
         ),
-        ReferenceRow(
-            "paper-short-without-exploration",
-            "`paper`, 12 of its 200 epochs, in batches of 16, random actions",
-            "competitor",
-            "without exploration",
-        ),
         ReferenceRow("paper-without-inference", "`paper` without inference", "competitor", "without inference"),
         ReferenceRow("paper-without-exploration", "`paper`, random actions", "competitor", "without exploration"),
     ),

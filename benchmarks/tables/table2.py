@@ -1,11 +1,15 @@
 """Table 2 of the protocol: who finds relations and predicts what follows, by the commands that a user types.
 
     python -m benchmarks.tables.table2 record --model MODEL --assets DIR --data FOLDER [--only train,random/train]
+    python -m benchmarks.tables.table2 record --model MODEL --assets DIR --data FOLDER/few --most 60 --only SPLITS
     python -m benchmarks.tables.table2 --data FOLDER --work FOLDER --out benchmarks/results/table2.json [--rows a,b]
 
 `record` makes the recorded boards; `--model` is the interaction policy that acts on them (`busybot train interact`).
 Beneath `random` lie recordings of the same boards without exploration. Every board has an appearance of its own: 300
 tell more than 15.
+
+Beneath `few` lie the first boards of those to judge on, for models that are slow: SPLITS are
+`novel-object,novel-config,validation`.
 
 `--data` holds recorded datasets: `train` (to train on), `validation` (training objects, other boards), `novel-config`
 and `novel-object` (to judge on). The rows "without exploration" need the same beneath `random`, recorded with
@@ -74,6 +78,7 @@ class Table2Row:
         train: options of `busybot train reason`.
         judge: options of `busybot eval reason`.
         data: folder beneath `--data` with its datasets.
+        judged: folder beneath that with those that it is judged on; `few` is a smaller recording of the same boards.
         seeds: so many trainings; ours has three, what stands beside it one.
     """
 
@@ -81,6 +86,7 @@ class Table2Row:
     train: tuple[str, ...] = ()
     judge: tuple[str, ...] = ()
     data: str = ""
+    judged: str = ""
     seeds: int = 1
 
 
@@ -92,6 +98,8 @@ SHORT = (
 )
 """What an hour of a core can do of the paper's schedule, in batches a fourth as large, so that there are iterations
 enough to learn something; the best weights on held-out boards are kept."""
+SLOW = ("--no-what-if",)
+"""How models are judged whose predictions take seconds: on fewer boards, and without questions this table has not."""
 BOARDS = (20, 100, 300)
 """Smaller trainings of `event`, for the curve over their number of boards."""
 ROWS = {
@@ -105,8 +113,10 @@ ROWS = {
     "pc": Table2Row("pc"),
     "pc-pairs": Table2Row("pc", judge=runner.settings("condition=0")),
     "paper": Table2Row(train=PAPER),
-    "paper-short": Table2Row(train=(*PAPER, *runner.settings(*SHORT))),
-    "paper-short-without-inference": Table2Row(train=(*PAPER, *runner.settings(*SHORT, "inference=false"))),
+    "paper-short": Table2Row(train=(*PAPER, *runner.settings(*SHORT)), judge=SLOW, judged="few"),
+    "paper-short-without-inference": Table2Row(
+        train=(*PAPER, *runner.settings(*SHORT, "inference=false")), judge=SLOW, judged="few"
+    ),
     "paper-without-inference": Table2Row(train=(*PAPER, *runner.settings("inference=false"))),
     "paper-without-exploration": Table2Row(train=PAPER, data="random"),
 }
@@ -133,8 +143,8 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
             kept = {key: value for key, value in told.items() if key not in ("out", "model")}
             trained.append({**kept, "machine": told["training"].get("machine") or machine()})
         for split in SPLITS:
-            if (data / split).is_dir():
-                commands.append(("eval", "reason", str(data / split), "--reasoner", model, *judging))
+            if (dataset := data / row.judged / split).is_dir():
+                commands.append(("eval", "reason", str(dataset), "--reasoner", model, *judging))
                 judged.setdefault(split, []).append(_told(commands[-1], arguments.work / f"{name}-{seed}-{split}.json"))
     return {
         "commands": [runner.as_typed(command, places) for command in commands],

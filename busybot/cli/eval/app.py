@@ -74,6 +74,9 @@ def reason(
         Literal["given", "proposed"],
         typer.Option(help="given: the true objects; proposed: what depth and the observed actions show."),
     ] = "given",
+    what_if: Annotated[
+        bool, typer.Option("--what-if/--no-what-if", help="Ask what would have happened otherwise; it takes longest.")
+    ] = True,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     device: DeviceOption = "auto",
@@ -99,11 +102,9 @@ def reason(
         check_file("--out", file, "reason.json")
     check_file("--figure", figure, "reason.png")
     given_graphs = None if graph is None else read_graphs(graph)
+    judged: dict[str, Any] = {"given": given_graphs, "boxes": boxes, "what_if": what_if}
     asked = [
-        ReasonEvaluation(
-            name, images, build(config_class(name), config, set_ or [], {}), given=given_graphs, boxes=boxes
-        )
-        for name in names
+        ReasonEvaluation(name, images, build(config_class(name), config, set_ or [], {}), **judged) for name in names
     ]
     training = Dataset.open(decoders) if decoders else None
     with episode_progress("inferring") as progress:
@@ -116,6 +117,7 @@ def reason(
         results = evaluate_models(Dataset.open(dataset), asked, training, assets, seed, workers, progress, keep)
     given: dict[str, Any] = {"images": images, "seed": seed, "decoders": decoders, "graph": graph}
     given |= {} if boxes == "given" else {"boxes": boxes}
+    given |= {} if what_if else {"no-what-if": True}
     for name, result in zip(names, results, strict=True):
         result["command"] = _command_again("reason", dataset, set_, config, reasoner=name, **given)
     for file, result in zip(files, results, strict=False):

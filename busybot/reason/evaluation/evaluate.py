@@ -84,6 +84,8 @@ class ReasonEvaluation:
         boxes: of `BOXES`: whether the model is given the true objects, or has to do with proposed ones (`proposed`).
         curve: numbers of observed images after which predictions are judged, beside `images`.
         told: whether the model is told in which world the board was drawn.
+        what_if: whether the model is asked what would have happened otherwise, and by that about mechanisms; the
+            dearest part where predictions are slow.
     """
 
     model: str = "count"
@@ -95,6 +97,7 @@ class ReasonEvaluation:
     boxes: str = GIVEN
     curve: tuple[int, ...] = CURVE
     told: bool = True
+    what_if: bool = True
 
 
 def judge_episode(
@@ -154,7 +157,8 @@ class _Recording:
         if read.board is not None:
             forecast = judge_prediction(read.board, told.reasoner, judging.images, (*judging.curve, judging.images))
         if episode.board.relations_known:
-            causes = judge_causes(read.watched, replace(longer, kinds=graph.kinds, lags=graph.lags), told.reasoner)
+            asked = told.reasoner if judging.what_if else None
+            causes = judge_causes(read.watched, replace(longer, kinds=graph.kinds, lags=graph.lags), asked)
             causes = replace(causes, spurious=spurious)
         return JudgedGraph(
             episode.board,

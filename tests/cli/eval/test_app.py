@@ -106,6 +106,15 @@ def test_the_command_names_everything_that_decided_the_result(dataset: Path) -> 
     assert told["config"]["reach"] == 0.3 and told["encoder"] == "embedded"
 
 
+def test_without_what_if_everything_else_is_told_alike(tiny: Path) -> None:
+    given = ("--reasoner", "lookup", "--images", "4", "--workers", "1", "--json")
+    whole, less = (json.loads(run(tiny, *given, *more).stdout) for more in ((), ("--no-what-if",)))
+    assert less["command"] == f"{whole['command']} --no-what-if"
+    assert whole["what_if"] is not None and less["what_if"] is None and less["mechanism_accuracy"] is None
+    same = ("edge_p", "edge_r", "pred_a", "intervals", "ece", "by_images")
+    assert {name: whole[name] for name in same} == {name: less[name] for name in same}
+
+
 def test_boxes_may_be_proposed(dataset: Path) -> None:
     given = ("--reasoner", "count", "--images", "4", "--boxes", "proposed", "--workers", "1")
     told = json.loads(run(dataset, *given, "--json").stdout)

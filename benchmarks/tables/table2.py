@@ -111,7 +111,7 @@ ROWS = {
     "count": Table2Row("count"),
     "persistence": Table2Row("persistence"),
     "pc": Table2Row("pc"),
-    "pc-pairs": Table2Row("pc", judge=runner.settings("condition=0")),
+    "pc-pairs": Table2Row("pc", judge=runner.settings("condition=0"), judged="few"),
     "paper": Table2Row(train=PAPER),
     "paper-short": Table2Row(train=(*PAPER, *runner.settings(*SHORT)), judge=SLOW, judged="few"),
     "paper-short-without-inference": Table2Row(

@@ -26,8 +26,8 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-import safetensors.torch
 import torch
+from safetensors.torch import save
 from torch import Tensor
 
 from busybot.common.atomic_io import sha256_of, write_atomically
@@ -71,7 +71,7 @@ def first_stage_file() -> tuple[Path, str]:
     if not is_there(ARCHIVE, archive):
         download(ARCHIVE, archive, INSTEAD)
     chosen = {name: value for name, value in converted(archive).items() if name.startswith(FIRST_STAGE)}
-    write_atomically(place, safetensors.torch.save(chosen))
+    write_atomically(place, save(chosen))
     return place, sha256_of(place)
 
 

@@ -75,8 +75,8 @@ def features_speed() -> str:
     told = result("features-speed")
     holds("it was measured with two workers on two cores", (told["workers"], told["cores"]) == (2, 2))
     return _filled(
-        f"`{told['encoder']}` encodes {told['frames_per_second']:.0f} frames a second on two cores, which had other "
-        f"work, too, {told['frames_per_cpu_second']:.0f} per second of processor time, the start of the workers "
+        f"`{told['encoder']}` encodes {told['frames_per_second']:.0f} frames a second on two cores, "
+        f"{told['frames_per_cpu_second']:.0f} per second of processor time, the start of the workers "
         "included ([`features-speed.json`](../../benchmarks/results/features-speed.json)):"
     )
 

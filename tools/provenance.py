@@ -14,10 +14,10 @@ from tools import tables
 OLDER = frozenset(
     {
         *("bounds", "decision_time"),
-        *("features-speed", "further-boards", "interact-procedural", "kills-collect"),
+        *("further-boards", "interact-procedural", "kills-collect"),
         *("kills-freeze-repair", "kills-train", "laptop/metrics", "laptop/tables/stages", "laptop/tables/table1"),
-        *("laptop/tables/table2", "laptop/tables/table3", "lean-networks", "memory", "message-passing"),
-        *("paper_interact", "paper_reason", "plan-procedural", "policy_constants", "reason-procedural"),
+        *("laptop/tables/table2", "laptop/tables/table3", "lean-networks", "memory"),
+        *("paper_interact", "plan-procedural", "policy_constants", "reason-procedural"),
         *("reason_robustness", "table1", "table3", "world-costs"),
         *("worlds-procedural", "worlds-real"),
     }

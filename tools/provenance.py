@@ -18,7 +18,7 @@ OLDER = frozenset(
         *("kills-freeze-repair", "kills-train", "laptop/metrics", "laptop/tables/stages", "laptop/tables/table1"),
         *("laptop/tables/table2", "laptop/tables/table3", "lean-networks", "memory"),
         *("paper_interact", "plan-procedural", "policy_constants", "reason-procedural"),
-        *("reason_robustness", "table1", "table3", "world-costs"),
+        *("reason_robustness", "table1", "table3"),
         *("worlds-procedural", "worlds-real"),
     }
 )

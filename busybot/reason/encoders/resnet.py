@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import safetensors.torch
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
@@ -26,7 +25,6 @@ from busybot.common.atomic_io import sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.objects.cache import cache_folder
-from busybot.reason.encoders.keras_weights import first_stage_file
 from busybot.reason.encoders.weight_files import KnownFile, download, is_there
 from busybot.reason.inputs.appearances import Appearance, scaled
 from busybot.reason.inputs.sequence import CHANNELS
@@ -77,21 +75,26 @@ MEAN, SPREAD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
 
 class Bottleneck(nn.Module):
-    """y = relu(x' + conv1x1(relu(conv3x3(relu(conv1x1(x)))))), each convolution normalised; x' is x with 256 channels.
+    """y = relu(x' + conv1x1(relu(conv3x3(relu(conv1x1(x)))))), each convolution normalised; x' is x with its channels.
+
+    Args:
+        width: of the first two convolutions; the last has four times as many channels.
+        stride: of the first, as in Caffe.
 
     Shapes:
         x: (B, inputs, h, w).
-        returns: (B, 256, h, w).
+        returns: (B, 4 width, h / stride, w / stride).
     """
 
-    def __init__(self, inputs: int):
+    def __init__(self, inputs: int, width: int = 64, stride: int = 1):
         super().__init__()
-        self.conv1, self.bn1 = nn.Conv2d(inputs, 64, 1, bias=False), nn.BatchNorm2d(64)
-        self.conv2, self.bn2 = nn.Conv2d(64, 64, 3, padding=1, bias=False), nn.BatchNorm2d(64)
-        self.conv3, self.bn3 = nn.Conv2d(64, CHANNELS, 1, bias=False), nn.BatchNorm2d(CHANNELS)
+        out = 4 * width
+        self.conv1, self.bn1 = nn.Conv2d(inputs, width, 1, stride, bias=False), nn.BatchNorm2d(width)
+        self.conv2, self.bn2 = nn.Conv2d(width, width, 3, padding=1, bias=False), nn.BatchNorm2d(width)
+        self.conv3, self.bn3 = nn.Conv2d(width, out, 1, bias=False), nn.BatchNorm2d(out)
         self.downsample: nn.Module | None = None
-        if inputs != CHANNELS:
-            self.downsample = nn.Sequential(nn.Conv2d(inputs, CHANNELS, 1, bias=False), nn.BatchNorm2d(CHANNELS))
+        if inputs != out:
+            self.downsample = nn.Sequential(nn.Conv2d(inputs, out, 1, stride, bias=False), nn.BatchNorm2d(out))
 
     def forward(self, x: Tensor) -> Tensor:
         y = functional.relu(self.bn1(self.conv1(x)))
@@ -187,25 +190,15 @@ def pretrained(file: Path | None) -> ResNetEncoder:
         stored = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # whatever a file that is none makes the reader raise
         raise BusybotError(f"{path}: cannot be read as weights: {type(error).__name__}", hint) from None
-    return ResNetEncoder(_with_weights(stored, path, hint), checksum[:8])
+    return ResNetEncoder(with_weights(stored, path, hint), checksum[:8])
 
 
-def from_keras() -> ResNetEncoder:
-    """The encoder `resnet50keras`.
+def with_weights(stored: Any, path: Path, hint: str) -> FirstStage:
+    """The first stage with its part of what a file holds, by name.
 
     Raises:
-        BusybotError: its weights cannot be had.
+        BusybotError: the file holds something else.
     """
-    path, checksum = first_stage_file()
-    hint = "delete it, so that it is made again"
-    try:
-        stored = safetensors.torch.load_file(path)
-    except (safetensors.SafetensorError, OSError) as error:
-        raise BusybotError(f"{path}: cannot be read as weights: {error}", hint) from None
-    return ResNetEncoder(_with_weights(stored, path, hint), checksum[:8])
-
-
-def _with_weights(stored: Any, path: Path, hint: str) -> FirstStage:
     network = FirstStage()
     expected = network.state_dict()
     given = {name: stored[name] for name in expected if name in stored} if isinstance(stored, dict) else {}

@@ -16,8 +16,8 @@ from torch.nn import functional
 
 from busybot.common.errors import BusybotError
 from busybot.reason.encoders import keras_weights
-from busybot.reason.encoders.keras_weights import converted
-from busybot.reason.encoders.resnet import MEAN, SPREAD, FirstStage, from_keras
+from busybot.reason.encoders.keras_weights import converted, from_keras
+from busybot.reason.encoders.resnet import MEAN, SPREAD, FirstStage
 from busybot.reason.inputs.appearances import Appearance
 
 RNG = np.random.default_rng(5)

@@ -1,13 +1,13 @@
 """Trains the `mechanism` network on less, or without something that it reads, and judges it on recorded boards.
 
     python -m benchmarks.studies.mechanism_ablations --data DATA --assets DIR --work FOLDER
-        --out benchmarks/results/mechanism-ablations.json [--only NAMES] [--worlds NAMES] [--iterations 1000]
+        --out benchmarks/results/mechanism-ablations.json [--only NAMES] [--worlds NAMES] [--iterations 2000]
         [--most BOARDS]
 
 DATA is what `benchmarks.tables.worlds record` made: recorded boards of the training split, real objects, of seven
 worlds. All but those called `validation` are trained on; on these, parents of links that were seen are judged. Nothing
-is chosen by them: all trainings are equally long, and the last weights are judged. Rows of a result that are not asked
-for stay, and trainings that were stopped go on.
+is chosen by them: all trainings are equally long, and the last weights are judged. Each row is compared with the first
+one on the same boards. Rows of a result that are not asked for stay, and trainings that were stopped go on.
 """
 
 import argparse
@@ -27,10 +27,11 @@ from benchmarks.tables.worlds import Recorded
 from busybot.boards.spec import PAPER
 from busybot.boards.worlds import WORLDS
 from busybot.datasets.dataset import INFO_FILE
+from busybot.evaluation.statistics import percentile_interval
 from busybot.objects.resolve import find
 from busybot.reason.models.mechanism.config import Blur, MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import MEMORIES
-from busybot.reason.models.mechanism.evidence import LEFT
+from busybot.reason.models.mechanism.evidence import EITHER, LEFT, SCALE
 from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, labelled
 from busybot.reason.models.mechanism.learner import MechanismLearner
 from busybot.reason.models.mechanism.perception import Perceived, perceive
@@ -61,38 +62,47 @@ def _not_told(graph: HeteroData) -> None:
     graph["board"].world.zero_()
 
 
+def _nothing_hidden(graph: HeteroData) -> None:
+    node = graph["explanation"]
+    if "later" in node:  # boards that are judged have labels
+        node.later = SCALE * node.evidence[..., EITHER]
+
+
 @dataclass(frozen=True)
 class Ablation:
     """What a network is trained on, and does without.
 
     Attributes:
-        recorded, drawn: boards of all worlds together; None for all that there are.
+        recorded, drawn: boards of all worlds together.
         hide: takes something out of a board's graph.
         unseen: how links stand is not looked at: every action that takes hold of one flips it.
     """
 
     labels: Literal["parents", "pictures"] = "parents"
-    recorded: int | None = None
+    recorded: int = 1000
     drawn: int = 0
     hide: Callable[[HeteroData], None] = field(default=lambda graph: None)
     unseen: bool = False
 
 
+WHOLE = "labels"
 ABLATIONS: Mapping[str, Ablation] = {
-    "labels recorded and drawn": Ablation(drawn=2800),
+    WHOLE: Ablation(),
     "labels 100": Ablation(recorded=100),
     "labels 300": Ablation(recorded=300),
-    "labels": Ablation(),
+    "labels 3000": Ablation(drawn=2000),
     "labels 3000 drawn": Ablation(recorded=0, drawn=3000),
-    "pictures 100": Ablation("pictures", 100),
-    "pictures 300": Ablation("pictures", 300),
-    "pictures": Ablation("pictures"),
+    "labels links not seen": Ablation(unseen=True),
     "labels no past": Ablation(hide=_no_past),
     "labels no witnesses": Ablation(hide=_no_witnesses),
     "labels any function": Ablation(hide=_any_function),
     "labels world not told": Ablation(hide=_not_told),
-    "labels links not seen": Ablation(unseen=True),
+    "pictures": Ablation("pictures"),
+    "pictures 100": Ablation("pictures", 100),
+    "pictures 300": Ablation("pictures", 300),
+    "pictures nothing hidden": Ablation("pictures", hide=_nothing_hidden),
 }
+"""The first is what all others are compared with."""
 
 
 class _Ablated(MechanismLearner):
@@ -146,8 +156,8 @@ def trained(name: str, boards: Boards, arguments: argparse.Namespace) -> _Ablate
 
 
 @torch.no_grad()
-def judged(learner: _Ablated, boards: Boards, unseen: bool) -> dict[str, Any]:
-    """F1 of parents among the links that were seen, after each of `ACTIONS`."""
+def judged(learner: _Ablated, boards: Boards, unseen: bool) -> np.ndarray:
+    """Links rightly claimed, claimed and true, int (B, K, 3), of those that were seen, after each of `ACTIONS`."""
     learner.network.eval()
     counts = []
     for seen, board in boards:
@@ -156,8 +166,24 @@ def judged(learner: _Ablated, boards: Boards, unseen: bool) -> dict[str, Any]:
         assert board.parents is not None
         true, links = board.parents[np.array(ACTIONS) - 1], board.trace.links.shape[1]  # (K, I, R)
         counts.append(parent_counts(found[:, :links] > CLAIMED, true[:, :links]))
-    picked = picked_boards(learner.seed, len(counts))
-    return {str(after): f1_of(np.array(counts)[:, place], picked) for place, after in enumerate(ACTIONS)}
+    return np.array(counts)
+
+
+def compared(counts: np.ndarray, others: np.ndarray, seed: int) -> dict[str, Any]:
+    """F1 by number of actions, and how far it is ahead of another network's on the same boards, (B, K, 3)."""
+    picked = picked_boards(seed, len(counts))
+    told = {}
+    for place, after in enumerate(ACTIONS):
+        own, other = counts[:, place], others[:, place]
+        ahead = _f1(own[picked].sum(1)) - _f1(other[picked].sum(1))
+        gap = {"ahead": float(_f1(own.sum(0)) - _f1(other.sum(0))), "ahead_interval": percentile_interval(ahead)}
+        told[str(after)] = f1_of(own, picked) | gap
+    return told
+
+
+def _f1(counts: np.ndarray) -> np.ndarray:
+    """Of counts (..., 3)."""
+    return 2 * counts[..., 0] / np.maximum(counts[..., 1] + counts[..., 2], 1)
 
 
 def measure(arguments: argparse.Namespace) -> None:
@@ -178,9 +204,13 @@ def measure(arguments: argparse.Namespace) -> None:
         print(world, {"trained on": len(of_world[world]), "judged": len(held[world])}, flush=True)
     longest = max(map(len, of_world.values()))
     turns = [own[k] for k in range(longest) for own in of_world.values() if k < len(own)]
-    for name in names:
+    whole: dict[str, np.ndarray] = {}
+    for name in dict.fromkeys((WHOLE, *names)):
         learner = trained(name, turns, arguments)
-        row = {world: judged(learner, own, ABLATIONS[name].unseen) for world, own in held.items()}
+        counts = {world: judged(learner, own, ABLATIONS[name].unseen) for world, own in held.items()}
+        counts["all"] = np.concatenate(list(counts.values()))
+        whole = whole or counts
+        row = {world: compared(own, whole[world], arguments.seed) for world, own in counts.items()}
         rows[name] = {"boards": len(learner.boards), "worlds": row}
         print(name, {world: [round(100 * one["share"], 1) for one in told.values()] for world, told in row.items()})
         finish(KIND, arguments, {"rows": rows, "judged": {world: len(own) for world, own in held.items()}})
@@ -192,7 +222,7 @@ def main(words: Sequence[str] | None = None) -> None:
     options.add_argument("--work", type=Path, required=True, help="folder of the trainings")
     options.add_argument("--only", help="names of rows, separated by commas; all by default")
     options.add_argument("--worlds", help="names of worlds, separated by commas; all by default")
-    options.add_argument("--iterations", type=int, default=1000)
+    options.add_argument("--iterations", type=int, default=2000)
     options.add_argument("--most", type=int, help="boards of each dataset; all by default")
     options.add_argument("--seed", type=int, default=0)
     measure(options.parse_args(words))

@@ -1,6 +1,6 @@
 """The table of worlds: what rows without learning find out, by the actions of an oracle of contacts.
 
-    python -m benchmarks.tables.worlds record --data FOLDER --assets DIR [--only gates,time]
+    python -m benchmarks.tables.worlds record --data FOLDER --assets DIR [--only gates,time] [--sets training]
     python -m benchmarks.tables.worlds --data FOLDER --assets DIR --out benchmarks/results/worlds.json
         [--only gates,time] [--parts rows,discovery,exploring,learned] [--model FOLDER] [--boards 100]
 
@@ -89,10 +89,12 @@ def record(words: list[str]) -> None:
     options = runner.parser(__doc__, out=None)
     options.add_argument("--data", type=Path, required=True)
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
+    options.add_argument("--sets", default=",".join(RECORDED), help="which recordings, comma-separated")
     options.add_argument("--most", type=int, default=10_000, help="boards per recording")
     arguments = options.parse_args(words)
+    sets = runner.chosen(arguments.sets, RECORDED)
     for world in runner.chosen(arguments.only, NAMES) if arguments.only else NAMES:
-        for name, (boards, seed) in RECORDED.items():
+        for name, (boards, seed) in ((one, RECORDED[one]) for one in sets):
             folder = arguments.data / world / name
             drawn = runner.generating(folder, "train", min(arguments.most, boards), seed, arguments.assets)
             runner.busybot(*drawn, "--world", world)

@@ -88,6 +88,7 @@ KINDS = {
     "opening": "python -m benchmarks.speed.opening",
     "hostile": "python -m tests.hostile.run",
     "kills": "python -m benchmarks.reliability.kills",
+    "world-row": "python -m benchmarks.speed.world_row",
     "world-plans": "python -m benchmarks.tables.world_plans",
     "world-gates": "python -m benchmarks.tables.world_gates",
     "worlds-kept": "python -m benchmarks.reliability.worlds",

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.speed import world_row
 from benchmarks.studies import mechanism_ablations, shortcuts
 from benchmarks.studies.bounds import Symbolic, play
 from benchmarks.studies.shortcuts import compared
@@ -91,7 +92,26 @@ def test_a_small_table(tmp_path: Path) -> None:
     assert told[..., 0].max() <= 30 and not told[~seen.sequence.triggers].any()
     out = tmp_path / "ablations.json"
     words = ["--data", str(data), "--worlds", "gates", "--work", str(tmp_path / "work"), "--iterations", "4"]
-    mechanism_ablations.main([*words, "--only", "labels no past,pictures,labels links not seen", "--out", str(out)])
+    rows = ["labels", "labels no past", "pictures nothing hidden", "labels links not seen"]
+    mechanism_ablations.main([*words, "--only", ",".join(rows[1:]), "--out", str(out)])
     made = read_result(out, "mechanism-ablations")
     assert made["judged"] == {"gates": 2} and {row["boards"] for row in made["rows"].values()} == {4}
-    assert all(0 <= row["worlds"]["gates"]["30"]["share"] <= 1 for row in made["rows"].values())
+    assert list(made["rows"]) == rows, "that which they are compared with is among them"
+    told = [row["worlds"]["all"]["30"] for row in made["rows"].values()]
+    assert told[0]["ahead"] == 0 and all(0 <= one["share"] <= 1 for one in told)
+    assert all(one["ahead"] == pytest.approx(one["share"] - told[0]["share"]) for one in told)
+
+
+@pytest.mark.long
+def test_what_a_row_costs(tmp_path: Path) -> None:
+    """From nothing to a row, once: what is done is not run again, and keeps what it cost."""
+    out, work = tmp_path / "row.json", tmp_path / "work"
+    words = ["--assets", "procedural", "--work", str(work), "--only", "gates", "--boards", "2", "--out", str(out)]
+    words += ["--iterations", "2", "--drawn", "1"]
+    world_row.main(words)
+    made = read_result(out, "world-row")
+    assert list(made["rows"]) == ["record", "train", "judge"]
+    assert all(0 < told["cpu_minutes"] < 5 and told["megabytes"] > 50 for told in made["rows"].values())
+    assert read_result(work / "row.json", "worlds")["rows"]["gates"]["learned"]["mechanism"]["boards"] == 2
+    world_row.main(words)
+    assert read_result(out, "world-row")["rows"] == made["rows"]

@@ -1,0 +1,95 @@
+"""What a seed of the `mechanism` model costs from nothing: recordings, training, its row in the table of worlds.
+
+    python -m benchmarks.speed.world_row --assets DIR --work FOLDER --out benchmarks/results/world-row.json
+        [--only gates,time] [--boards 60] [--iterations 5000] [--drawn 600] [--seed 0]
+
+Three commands, each told with its time by the clock, its processor time and its memory: boards of each world are
+generated and acted on, to train on and to judge on; the model is trained as the one that ships was; it is judged, once
+told the world and once not. Features of pictures are computed once, by the first that reads them.
+
+A command that was interrupted goes on, and is not timed; one that is done is not run again.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks import runner
+from benchmarks.tables.worlds import NAMES
+from busybot.boards.spec import PAPER
+from busybot.common.atomic_io import read_json, sha256_of, write_json
+from busybot.training.model_cards import WEIGHTS_FILE
+
+KIND = "world-row"
+TABLE = "benchmarks.tables.worlds"
+
+
+def commands(options: argparse.Namespace) -> dict[str, list[str]]:
+    """Words for Python, by what they do."""
+    data, model = options.work / "data", options.work / "model"
+    worlds = runner.chosen(options.only, NAMES) if options.only else list(NAMES)
+    boards = ["--data", data, "--assets", options.assets, "--only", ",".join(worlds)]
+    told = [word for world in worlds if world != PAPER for word in ("--data", data / world / "training")]
+    sizes = runner.settings(f"iterations={options.iterations}", f"drawn={options.drawn}")
+    row = ["--parts", "learned", "--boards", options.boards, "--model", model, "--out", options.work / "row.json"]
+    made = {
+        "record": [TABLE, "record", *boards, "--sets", "training,validation", "--most", options.boards],
+        "train": ["busybot", "train", "reason", "--variant", "mechanism", *told, *sizes, "--seed", options.seed],
+        "judge": [TABLE, *boards, *row],
+    }
+    made["train"] += ["--out", model]
+    return {name: [str(word) for word in words] for name, words in made.items()}
+
+
+def cost(name: str, words: list[str], work: Path) -> dict[str, Any] | None:
+    """Run a command, or find it done; what it cost, None if something interrupted it.
+
+    Raises:
+        SystemExit: it failed.
+    """
+    begun, note = work / f"{name}.begun", work / f"{name}.cost.json"
+    if note.exists():
+        return dict(read_json(note)) or None
+    fresh = not begun.exists()
+    begun.touch()
+    before = runner.cpu_seconds()
+    with runner.Cost() as spent:
+        code = subprocess.run([sys.executable, "-m", *words], check=False).returncode
+    if code:
+        raise SystemExit(f"{name}: exit code {code}")
+    told = {
+        "minutes": round(spent.seconds / 60, 1),
+        "cpu_minutes": round((runner.cpu_seconds() - before) / 60, 1),
+        "megabytes": round(spent.megabytes),
+    }
+    write_json(note, told if fresh else {})
+    return told if fresh else None
+
+
+def measure(options: argparse.Namespace) -> dict[str, Any]:
+    """All of them in their order."""
+    options.work.mkdir(parents=True, exist_ok=True)
+    rows = {name: cost(name, words, options.work) for name, words in commands(options).items()}
+    weights = sha256_of(options.work / "model" / "model" / WEIGHTS_FILE)
+    cores = len(os.sched_getaffinity(0))
+    return {"cores": cores, "load": runner.load_average(), "weights_sha256": weights, "rows": rows}
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    options = runner.parser(__doc__)
+    options.add_argument("--work", type=Path, required=True, help="of all that is made; continued if it exists")
+    options.add_argument("--only", help="names of worlds, comma-separated; all by default")
+    options.add_argument("--boards", type=int, default=60, help="of each world, to train on and to judge on")
+    options.add_argument("--iterations", type=int, default=5000)
+    options.add_argument("--drawn", type=int, default=600, help="boards of each world that are drawn to train on")
+    options.add_argument("--seed", type=int, default=0, help="of the training")
+    arguments = options.parse_args(words)
+    runner.finish(KIND, arguments, measure(arguments))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,7 +1,7 @@
 """Which action next: how soon relations are known when chance, turns or curiosity choose what to do.
 
     python -m benchmarks.studies.curiosity --assets DIR --out benchmarks/results/curiosity.json
-        [--parts drawn,greedy,recorded --work FOLDER] [--only gates,time] [--boards 60] [--few 12]
+        [--parts drawn,greedy,recorded --work FOLDER --policy FOLDER] [--only gates,time] [--boards 60] [--few 12]
     python -m benchmarks.studies.curiosity plot --result RESULT --out docs/images/curiosity.png
 
 All are judged by the shipped `mechanism` model: the F1 of the links that it claims after each action.
@@ -11,7 +11,8 @@ All are judged by the shipped `mechanism` model: the F1 of the links that it cla
 - `greedy`: the same, chosen by the exact observer's information; slow, so on the first boards alone, with the others
   beside it on just these. *Regret* is how far F1 is behind that of greedy choice, mean over the first 30 actions.
 - `recorded`: simulated boards, pictures, and the learned policy's contacts: `collect --policy learned` draws among
-  known links, `--policy curious` asks the model. Both look for links first.
+  known links, `--policy curious` asks the model. Both look for links first. The processor time of an action is told,
+  with everything that recording it takes.
 
 "I know" is said when all parents that are claimed are right with a probability of `CERTAIN`, by the model: after how
 many actions, and how often a parent is then missing or wrong. No test split is looked at.
@@ -32,6 +33,7 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.worlds import WORLDS
 from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.results import read_result
 from busybot.evaluation.statistics import percentile_interval
@@ -149,16 +151,18 @@ def drawn(world: str, boards: int, choices: tuple[str, ...], library: Library, s
     return found
 
 
-def recorded(world: str, boards: int, work: Path, assets: str) -> dict[str, Any]:
-    """Figures of both policies on simulated boards."""
-    found = {}
+def recorded(world: str, arguments: argparse.Namespace) -> dict[str, Any]:
+    """Figures of both policies on simulated boards; without processor time where recording was interrupted."""
+    boards, assets, found = arguments.boards, arguments.assets, {}
     for policy in ("learned", "curious"):
-        folder = work / world / policy
+        folder, begun = arguments.work / world / policy, runner.cpu_seconds()
         runner.busybot(*runner.generating(folder, "train", boards, SEED, assets), "--world", world)
-        acting = ("--steps", str(STEPS), "--policy", policy, "--seed", str(SEED), "--assets", assets)
-        runner.busybot("collect", str(folder), *acting)
+        fresh = not Dataset.open(folder).finished()
+        acting = ("--steps", str(STEPS), "--policy", policy, *runner.option("--model", arguments.policy))
+        runner.busybot("collect", str(folder), *acting, "--seed", str(SEED), "--assets", assets)
+        spent = runner.cpu_seconds() - begun
         data = Recorded.at(folder, assets)
-        judging = ReasonEvaluation(REASONER, library=data.library, curve=())
+        judging = ReasonEvaluation(REASONER, library=data.library, curve=(), what_if=False)
         counts = []
         for index in sorted(data.dataset.finished()):
             episode = read_episode(data.dataset.episode_path(index), "lazy")
@@ -166,6 +170,7 @@ def recorded(world: str, boards: int, work: Path, assets: str) -> dict[str, Any]
             assert causes is not None and causes.links is not None
             counts.append(np.asarray(causes.links)[1:].sum(1))
         found[policy] = figures(np.array(counts), world)
+        found[policy]["cpu_ms"] = 1000 * spent / (boards * STEPS) if fresh else None
         print(world, policy, found[policy]["until"], file=sys.stderr, flush=True)
     return found
 
@@ -208,7 +213,7 @@ def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
             if part in told:
                 continue
             if part == "recorded":
-                told[part] = recorded(world, arguments.boards, arguments.work, arguments.assets)
+                told[part] = recorded(world, arguments)
             elif part == "drawn":
                 told[part] = drawn(world, arguments.boards, CHOICES, library, SEED)
             else:
@@ -251,6 +256,7 @@ def main(words: list[str]) -> None:
     options = runner.parser(__doc__)
     options.add_argument("--parts", default="drawn")
     options.add_argument("--work", type=Path, help="for recordings of the part `recorded`")
+    options.add_argument("--policy", help="interaction model of the part `recorded`; the shipped one by default")
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
     options.add_argument("--boards", type=int, default=60)
     options.add_argument("--few", type=int, default=12, help="boards of the exact observer")

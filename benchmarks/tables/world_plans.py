@@ -2,11 +2,15 @@
 
     python -m benchmarks.tables.world_plans --model MODEL --work FOLDER --assets DIR
         --out benchmarks/results/world-plans.json [--boards 40] [--only gates,time]
+    python -m benchmarks.tables.world_plans --only lock-1-to-4,lock-5-to-8 --model MODEL --work FOLDER --assets DIR
+        --out benchmarks/results/lock-plans.json
 
 For each world boards of the training split with a task (seed 824, which nothing was trained on) are made, the scripted
 policy records 30 actions on each (an oracle of contacts), and agents play from the start, at most eight steps:
 `mechanism` with MODEL, a trained model of that variant; `search`, `random`, `noop` and `oracle` with what ships with
 busybot. No test split is looked at. Every command resumes, so this one does.
+
+Asked for by name, boards of `lock` have so many locks behind each other: five and more take boards of more links.
 """
 
 import argparse
@@ -14,12 +18,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, assets_name, busybot, chosen, finish, generating, parser, told_rows
+from benchmarks.runner import as_typed, assets_name, busybot, chosen, finish, generating, parser, settings, told_rows
 from busybot.boards.worlds import WORLDS
 from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.training.model_cards import file_hashes, find_folder
 
 KIND, SEED, STEPS = "world-plans", 824, 30
+LOCKS = {
+    "lock-1-to-4": settings("depth=[1,4]"),
+    "lock-5-to-8": settings("depth=[5,8]", "links=[9,12]"),
+}
+"""How boards of `lock` are drawn beside its own way."""
+NAMES = (*WORLDS, *LOCKS)
 AGENTS = ("search", "random", "noop", "oracle")
 DETAILS = (
     "success", "micro", "micro_intervals", "solved", "solved_interval", "steps", "steps_over_shortest", "step_success",
@@ -27,17 +37,17 @@ DETAILS = (
 )  # fmt: skip
 
 
-def commands(world: str, options: argparse.Namespace) -> list[tuple[str, ...]]:
-    """That make the tasks of a world, record their histories and let agents play."""
-    tasks, assets = options.work / world, ("--assets", options.assets)
+def commands(name: str, options: argparse.Namespace) -> list[tuple[str, ...]]:
+    """That make the tasks of a world, or of one of `LOCKS`, record their histories and let agents play."""
+    tasks, assets = options.work / name, ("--assets", options.assets)
     drawn = generating(tasks, "train", options.boards, SEED, options.assets)
     playing = ("eval", "plan", str(tasks), "--policy-model", "procedural", *assets)
     return [
-        (*drawn, "--world", world, "--tasks", "reach"),
+        (*drawn, "--world", "lock" if name in LOCKS else name, "--tasks", "reach", *LOCKS.get(name, ())),
         ("collect", str(tasks), "--policy", "scripted", "--steps", str(STEPS), "--seed", str(SEED), *assets),
         *(
-            (*playing, "--agents", agents, "--reasoner", reasoner, "--out", str(options.work / f"{world}-{name}"))
-            for name, agents, reasoner in (
+            (*playing, "--agents", agents, "--reasoner", reasoner, "--out", str(options.work / f"{name}-{who}"))
+            for who, agents, reasoner in (
                 ("mechanism", "mechanism", str(options.model)),
                 ("others", ",".join(AGENTS), DEFAULT_REASONER),
             )
@@ -50,7 +60,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     options.work.mkdir(parents=True, exist_ok=True)
     rows, typed = told_rows(options.out, KIND), []
     names = {str(options.work): "WORK", str(options.model): "MODEL", str(options.assets): "ASSETS"}
-    for world in chosen(options.only, tuple(WORLDS)) if options.only else WORLDS:
+    for world in chosen(options.only, NAMES) if options.only else WORLDS:
         asked = commands(world, options)
         typed += [as_typed(command, names) for command in asked]
         told = [busybot(*command) for command in asked][2:]
@@ -66,7 +76,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
         yield {
             "assets": assets_name(options.assets),
             "commands": typed,
-            "rows": {one: rows[one] for one in WORLDS if one in rows},
+            "rows": {one: rows[one] for one in NAMES if one in rows},
         }
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.tables import world_gates
 from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
 from busybot.evaluation.results import read_result
 from tools import gate_tables
 
@@ -90,9 +91,24 @@ def test_two_frozen_boards_are_judged_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
+def test_before_another_camera_boards_are_recorded_anew(tmp_path: Path) -> None:
+    out = tmp_path / "gates.json"
+    words = ["--work", str(tmp_path / "work"), "--only", "gates", "--boards", "1", "--out", str(out)]
+    world_gates.main([*words, "--camera", "real", "--no-what-if"])
+    told = read_result(out, "world-gates")
+    one = told["rows"]["gates"]["validation"]["mechanism"]
+    assert told["camera"] == "real" and one["boards"] == 1 and one["what_if"] is None
+    [recorded] = (tmp_path / "work").glob("*-real/gates/validation")
+    collect = Dataset.open(recorded).info.collect
+    assert collect is not None and collect.settings["render"]["camera"]["noise"] > 0
+
+
+@pytest.mark.long
 def test_other_boards_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world_gates, "SEED", 1)
     with pytest.raises(BusybotError, match="gates/validation: not the frozen boards"):
         world_gates.recorded(
-            "gates", "validation", Namespace(work=tmp_path, policy=None, assets="procedural", boards=1)
+            "gates",
+            "validation",
+            Namespace(work=tmp_path, policy=None, assets="procedural", boards=1, camera="clean"),
         )

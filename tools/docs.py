@@ -83,6 +83,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/judgements.md": {"test-sets": judgements.test_sets},
     "docs/results/worlds.md": {
         "world-gates": gate_tables.world_gates,
+        "further-gates": gate_tables.further_gates,
         "worlds": world_tables.worlds,
         "rewirings": world_tables.rewirings,
         "exploring": world_tables.exploring,
@@ -92,6 +93,8 @@ PAGES: dict[str, dict[str, Part]] = {
         "bounds-symbolic": world_tables.bounds_symbolic,
         "bounds-worlds": world_tables.bounds_worlds,
         "mechanisms": world_tables.mechanisms,
+        "ablations": world_tables.ablations,
+        "world-row": world_tables.world_row,
     },
     "docs/results/plan.md": {
         "decision-time": speed_tables.decision_time,

@@ -1,12 +1,14 @@
-"""Tables of the gates of worlds: what trainings from several seeds reach on the frozen boards.
+"""Tables of the gates of worlds: what several seeds reach on the frozen boards, and the model that ships elsewhere.
 
 The gates: links and mechanisms against the exact observer of true states, what if, calibration, and what each world is
-about.
+about; then how soon curiosity knows, plans, and what is left before a real camera.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from busybot.evaluation.statistics import binomial_interval
 from busybot.view.report.page import Grid, markdown, number, plain_grid
 from tools.tables import result, whole
 
@@ -150,3 +152,74 @@ AVERAGED = (
     "what_if", "pred_a", "rewired_found", "rewired_placed",
 )  # fmt: skip
 BOTH = ("link_parent_f1", "link_parent_f1_bound")
+
+
+def further_gates() -> str:
+    """Of acting and planning with the model that ships, and of the frozen boards before a real camera."""
+    return markdown([plain_grid(("asked", "there"), [*_curious(), *_plans(), *_before_a_camera()], "gate")])
+
+
+_Line = tuple[str, tuple[str, str]]
+
+
+def _line(words: str, gate: _Gate, shown: str) -> _Line:
+    """What is asked, and what is there with its verdict."""
+    return words, (gate.asked, f"{shown} {'✓' if gate.value is not None and gate.reached(gate.value) else '✗'}")
+
+
+def _curious() -> Iterator[_Line]:
+    """How soon curiosity knows, against the exact observer's choice and against chance, and what is then wrong."""
+    rows, recorded = result("curiosity")["rows"], result("curiosity-recorded")["rows"]
+    for world, parts in rows.items():
+        for other, part, most in (("greedy", "greedy", 1.25), ("random", "drawn", 0.7)):
+            own, against = (parts[part][choice] for choice in ("curious", other))
+            never, limit = len(own["f1"]) + 1, f"at most {most:g} times"
+            ratio = own["until"] / against["until"]
+            told = " to ".join(
+                f"{'over ' if one == never else ''}{min(one, never - 1)}" for one in (own["until"], against["until"])
+            )
+            both = own["until"] == against["until"] == never
+            verdict = "-" if both else f"{ratio:.2f} {'✓' if ratio <= most else '✗'}"
+            yield f"{world}: actions until 95, {other} choice", (limit, f"{told}: {verdict}")
+    stops = [parts["drawn"]["curious"]["stops"] for parts in rows.values()]
+    count, wrong = (sum(one[key] for one in stops) for key in ("boards", "wrong"))
+    low, high = binomial_interval(wrong, count) or (0.0, 1.0)
+    shown = f"{wrong} of {count} ({100 * low:.0f}-{100 * high:.0f})"
+    yield _line("said to know and wrong, all worlds", _Gate("", wrong / count if count else None, 0.03, False), shown)
+    spent = max(parts["recorded"]["curious"]["cpu_ms"] for parts in recorded.values())
+    yield (
+        "CPU-ms of a curious action, simulation and all, dearest world",
+        ("at most 150 a decision", f"{spent:.0f} {'✓' if spent <= 150 else '✗'}"),
+    )
+
+
+def _plans() -> Iterator[_Line]:
+    """Success of plans through mechanisms and how long they are."""
+    rows = result("world-plans")["rows"]
+    for world in ("gates", "time", "chain"):
+        told = rows[world]["agents"]["mechanism"]
+        yield _line(f"{world}: goals reached", _Gate("", told["success"], 0.93), number(100 * told["success"]))
+        steps = told["steps_over_shortest"]
+        verdict = "✓" if steps <= 1.3 else "✗"
+        yield f"{world}: steps over the shortest plan", ("at most 1.3", f"{steps:.2f} {verdict}")
+    locks = result("lock-plans")["rows"]
+    for name, limit in (("lock-1-to-4", 0.9), ("lock-5-to-8", 0.7)):
+        success = locks[name]["agents"]["mechanism"]["success"]
+        words = f"{name.replace('-', ' ').replace('lock', 'lock, depth', 1)}: goals reached"
+        yield _line(words, _Gate("", success, limit), number(100 * success))
+
+
+def _before_a_camera() -> Iterator[_Line]:
+    """Means of the seeds, the worst in brackets, on the frozen boards before a real camera."""
+    rows = result("camera-gates")["rows"]
+    asked = {"P": ("parent_p", 0.97), "R": ("parent_r", 0.97), "Pred-A": ("pred_a", 0.85)}
+    for split, seeds in rows["paper"].items():
+        for words, (key, limit) in asked.items():
+            gates = [_Gate(words, one[key], limit) for one in seeds.values()]
+            shown = _seeds_cell([gate.value for gate in gates], gates[0])
+            yield f"paper, a real camera, {split}: {words}", (gates[0].asked, shown)
+    for split, seeds in rows["mixed"].items():
+        points = [one["after"]["30"] for one in seeds.values()]
+        gates = [_Gate("", point[BOTH[1]] - (point[BOTH[0]] or 0), 0.1, False) for point in points]
+        shown = _seeds_cell([gate.value for gate in gates], gates[0])
+        yield f"mixed, a real camera, {split}: F1 of links behind the bound, 30", (gates[0].asked, shown)

@@ -323,6 +323,53 @@ def curiosity() -> str:
     return markdown([plain_grid(heads, lines, "percent"), behind])
 
 
+ABLATIONS = {
+    "labels": "1,000 recorded boards, true parents as labels: the whole",
+    "labels 100": "100 boards",
+    "labels 300": "300 boards",
+    "labels 3000": "1,000 recorded, 2,000 drawn",
+    "labels 3000 drawn": "3,000 drawn, none recorded",
+    "labels links not seen": "without how links look: every action flips its link",
+    "labels no past": "without time: explanations remember nothing",
+    "labels no witnesses": "without pairs of moments in which one input alone differs",
+    "labels any function": "without what an input must matter for",
+    "labels world not told": "the world is never told",
+    "pictures": "from pictures alone",
+    "pictures 100": "from pictures alone, 100 boards",
+    "pictures 300": "from pictures alone, 300 boards",
+    "pictures nothing hidden": "from pictures alone, nothing of them hidden",
+}
+"""Rows of the ablations of the mechanism model, the whole first."""
+
+
+def ablations() -> str:
+    """F1 of links that the model finds where it learned from less, or does without something."""
+    told, lines = result("mechanism-ablations"), []
+    for name, words in ABLATIONS.items():
+        row = told["rows"][name]["worlds"]
+        cells = [" / ".join(f"{100 * one['share']:.0f}" for one in row[world].values()) for world in told["judged"]]
+        everywhere = row["all"]["22"]
+        low, high = everywhere["ahead_interval"]
+        ahead = f"{100 * everywhere['ahead']:+.1f} ({100 * low:+.1f} to {100 * high:+.1f})"
+        lines.append((words, [*cells, percent(everywhere["share"]), "" if name == "labels" else ahead]))
+    heads = (*told["judged"], "all, after 22", "points to the whole (95 %)")
+    return markdown([plain_grid(heads, lines, "F1 of links after 10 / 22 / 30")])
+
+
+def world_row() -> str:
+    """What a seed of the mechanism model costs from nothing to its row in the table of worlds."""
+    told, heads = result("world-row"), ("minutes by the clock", "minutes of a core", "memory, GB")
+    words = {"record": "boards to train on and to judge on, recorded", "train": "training", "judge": "its row"}
+    lines = []
+    for name, one in told["rows"].items():
+        cells = [f"{one['minutes']:.0f}", f"{one['cpu_minutes']:.0f}", f"{one['megabytes'] / 1000:.1f}"]
+        lines.append((words[name], cells))
+    costs = list(told["rows"].values())
+    whole_run = [f"{sum(one[key] for one in costs):.0f}" for key in ("minutes", "cpu_minutes")]
+    lines.append(("from nothing to the row", [*whole_run, f"{max(one['megabytes'] for one in costs) / 1000:.1f}"]))
+    return markdown([plain_grid(heads, lines, f"{told['cores']} cores")])
+
+
 VIEWS = {"looks": "looks", "picture": "picture", "places": "places", "order": "order", "actions": "actions"}
 
 

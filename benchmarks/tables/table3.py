@@ -10,10 +10,10 @@ agents play them. With the first reasoner every agent plays, with the others (tr
 are ours or the paper's whole system; learned baselines, which need no reasoner, play by themselves. Every command
 resumes, so this one does; a cell appears as soon as it is judged.
 
-`network` plays the paper's agents with a reasoner of the paper's architecture, and compares the whole system with its
-parts on the same tasks. By default `procedural` and `decision-time` take what ships with busybot: procedural objects,
-its policy, its model of relations. The results of `network` and `procedural` name their rows `agents`: a report's
-Table 3 is that of real objects and our own model.
+Each agent is compared with the paper's whole system, with the same reasoner on the same tasks. `network` plays the
+paper's agents with a reasoner of the paper's architecture. By default `procedural` and `decision-time` take what ships
+with busybot: procedural objects, its policy, its model of relations. The results of `network` and `procedural` name
+their rows `agents`: a report's Table 3 is that of real objects and our own model.
 `decision-time` measures the processor time of every agent's decision on tasks of unseen objects, as `busybot eval plan`
 tells it: from the picture to the answer, with what is learned from the outcome, simulation and rendering left out.
 """
@@ -35,7 +35,8 @@ from busybot.training.model_cards import INFO_FILE
 
 SEEDS = {"train": 701, "novel-config": 702, "novel-object": 703}
 KINDS = ("one-to-one", "one-to-many")
-OURS = ("search", "busybot")
+OURS = ("busybot", "search")
+"""The paper's whole system first: it is what all others are compared with, task by task."""
 TRUTHS = ("search-true-relations", "search-true-contacts", "search-true-both")
 AGENTS = (*OURS, "relation", "predictive", "random", "noop", "oracle", *TRUTHS)
 SPLITS = ("novel-object", "novel-config", "train")
@@ -135,7 +136,8 @@ def measured(options: argparse.Namespace, agents: tuple[str, ...] = AGENTS) -> I
             for name, folder in _learned(options).items():
                 rows[name]["training"] = [training(folder)]
             about = {"assets": assets_name(options.assets), "tasks": options.boards, "commands": typed}
-            yield {**about, "origins": origins, "rows": rows}
+            compared = {name: against(options, *name.split(", ")) for name in origins}
+            yield {**about, "origins": origins, "compared": compared, "rows": rows}
 
 
 def parsed(words: list[str], **given: Any) -> argparse.Namespace:
@@ -167,12 +169,11 @@ def network(words: list[str]) -> None:
     if len(options.reasoner) > 1 or options.learned:
         raise UsageError("one network plays, and nobody else", "name one --reasoner and no --learned")
     for result in measured(options, THEIRS):
-        compared = {name: against(options, *name.split(", ")) for name in result["origins"]}
-        finish("plan-network", options, {"agents": result.pop("rows"), "compared": compared, **result})
+        finish("plan-network", options, {"agents": result.pop("rows"), **result})
 
 
 def against(options: argparse.Namespace, split: str, kind: str) -> dict[str, Any]:
-    """Each part of the system against the whole, on the same tasks: the part's success less the whole's, and p."""
+    """Each agent against the whole system, on the same tasks: its success less the system's, and p."""
     return dict(read_result(place(options, split, kind) / RESULT, "plan")["compared"])
 
 

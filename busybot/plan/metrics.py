@@ -12,10 +12,12 @@ import numpy as np
 
 from busybot.common.frozen_model import FrozenModel
 from busybot.evaluation.statistics import (
+    Interval,
     binomial_interval,
     interval_over_boards,
     interval_over_objects,
     mcnemar_test,
+    percentile_interval,
     sign_flip_test,
     two_level_interval,
 )
@@ -40,8 +42,9 @@ KEYS: dict[str, str] = {
     "`mechanisms` (their kinds) and their boards",
     "agents.NAME.object_interval": "of `success`, by a bootstrap over objects (responders) and their tasks; where all "
     "or none is reached exact bounds, each object being one trial",
-    "compared.NAME": "against the first agent named, on the same tasks: `difference` of success, `p_success` by a "
-    "sign-flip test, `p_solved` by McNemar's test",
+    "compared.NAME": "against the first agent named, on the same tasks: `difference` of success and its "
+    "`difference_interval` over tasks (where no task differs, by the exact bound on the share of tasks that may), the "
+    "number of tasks `differing`, `p_success` by a sign-flip test, `p_solved` by McNemar's test",
 }
 """What the figures are called that every world has beside the paper's."""
 
@@ -150,7 +153,7 @@ def summarise(tasks: Sequence[JudgedTask], agents: Sequence[str], rng: np.random
         },
         "agents": rows,
         "compared": {
-            agent: _compared([task.of(agents[0]) for task in tasks], [task.of(agent) for task in tasks], rng)
+            agent: _compared([task.of(agents[0]) for task in tasks], [task.of(agent) for task in tasks], chosen, rng)
             for agent in agents[1:]
         },
     }
@@ -176,12 +179,27 @@ def _more(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], rng: n
 
 
 def _compared(
-    first: Sequence[JudgedRollout], other: Sequence[JudgedRollout], rng: np.random.Generator
-) -> dict[str, float | None]:
+    first: Sequence[JudgedRollout], other: Sequence[JudgedRollout], chosen: np.ndarray, rng: np.random.Generator
+) -> dict[str, Any]:
     """An agent against the first one, on the same tasks."""
     more = np.array([two.success - one.success for one, two in zip(first, other, strict=True)])
     solved = [np.array([rollout.solved for rollout in rollouts], bool) for rollouts in (first, other)]
-    return {"difference": _mean(more), "p_success": sign_flip_test(more, rng), "p_solved": mcnemar_test(*solved)}
+    return {
+        "difference": _mean(more),
+        "difference_interval": _difference_interval(more, chosen),
+        "differing": int((more != 0).sum()),
+        "p_success": sign_flip_test(more, rng),
+        "p_solved": mcnemar_test(*solved),
+    }
+
+
+def _difference_interval(more: np.ndarray, chosen: np.ndarray) -> Interval:
+    """Of a mean difference over tasks. Where none differs, a bootstrap would see none ever; no task can count for more
+    than 1, so the mean is no larger than the share of the tasks that may differ."""
+    if len(more) and not more.any():
+        _, most = binomial_interval(0, len(more)) or (0.0, 1.0)
+        return -most, most
+    return percentile_interval(more[chosen].mean(1)) if len(more) else None
 
 
 def timing(tasks: Sequence[JudgedTask], agents: Sequence[str]) -> dict[str, Any]:

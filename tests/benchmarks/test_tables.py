@@ -94,6 +94,7 @@ def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch:
 
     monkeypatch.setattr(table3, "busybot", answer)
     monkeypatch.setattr(table3, "origin", lambda options, split, kind: {"hashes": {"tasks": {kind: split}}})
+    monkeypatch.setattr(table3, "against", lambda options, split, kind: {"predictive": {"difference": -0.1}})
     words = ["--work", f"{tmp_path}/w", "--out", f"{tmp_path}/o", "--boards", "2"]
     *_, result = table3.measured(table3.parsed(words, policy_model="procedural", reasoner=["event"]))
     assert len(asked) == 3 * 6 and "--boards 2" in result["commands"][0]
@@ -101,6 +102,7 @@ def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch:
     assert "WORK/judged-novel-object-one-to-one-0" in result["commands"][2]
     assert result["rows"]["search"]["splits"]["train"]["one-to-one"]["success"] == pytest.approx(0.65)
     assert result["origins"]["train, one-to-many"]["hashes"]["tasks"] == {"one-to-many": "train"}
+    assert set(result["compared"]) == set(result["origins"])
 
 
 def test_the_papers_agents_are_compared_with_the_papers_network(
@@ -138,6 +140,7 @@ def test_several_reasoners_have_the_widest_interval(tmp_path: Path, monkeypatch:
 
     monkeypatch.setattr(table3, "busybot", answer)
     monkeypatch.setattr(table3, "origin", lambda options, split, kind: {})
+    monkeypatch.setattr(table3, "against", lambda options, split, kind: {})
     words = ["--work", f"{tmp_path}/w", "--out", f"{tmp_path}/o", "--reasoner", "m0", "m1", "--policy-model", "policy"]
     *_, result = table3.measured(table3.parsed(words))
     cells = {name: row["splits"]["train"]["one-to-one"] for name, row in result["rows"].items()}

@@ -87,9 +87,18 @@ def test_what_every_world_has_beside() -> None:
     assert a["micro_intervals"]["objects"] == (0.5, 0.75) and b["micro_intervals"]["mechanisms"] == (1.0, 1.0)
     assert b["object_interval"] == (pytest.approx(0.025), 1.0), "of one object exact bounds"
     # two tasks: neither test can tell
-    assert result["compared"] == {"b": {"difference": 0.375, "p_success": 0.5, "p_solved": 0.5}}
+    told = {"difference": 0.375, "difference_interval": (0.25, 0.5), "differing": 2, "p_success": 0.5, "p_solved": 0.5}
+    assert result["compared"] == {"b": told}
     named = [name.rpartition(".")[2] for name in KEYS]
     assert set(named) <= {*result, *a, *result["compared"], "NAME"}
+
+
+def test_agents_that_do_the_same_on_two_tasks_may_still_differ_on_others() -> None:
+    same = [task.model_copy(update={"rollouts": (task.of("a"), task.of("a").model_copy(update={"agent": "b"}))})
+            for task in TASKS[:2]]  # fmt: skip
+    told = summarise(same, ["a", "b"], rng())["compared"]["b"]
+    assert told["differing"] == 0 == told["difference"]
+    assert told["difference_interval"] == (pytest.approx(-(1 - 0.025**0.5)), pytest.approx(1 - 0.025**0.5))
 
 
 def test_more_steps_are_counted_where_the_task_was_solved() -> None:

@@ -3,12 +3,15 @@
     python -m benchmarks.tables.world_plans --model MODEL --work FOLDER --assets DIR
         --out benchmarks/results/world-plans.json [--boards 40] [--only gates,time]
     python -m benchmarks.tables.world_plans --only lock-1-to-4,lock-5-to-8 --model MODEL --work FOLDER --assets DIR
-        --out benchmarks/results/lock-plans.json
+        --out benchmarks/results/lock-plans.json [--history curious --policy FOLDER]
 
 For each world boards of the training split with a task (seed 824, which nothing was trained on) are made, the scripted
 policy records 30 actions on each (an oracle of contacts), and agents play from the start, at most eight steps:
 `mechanism` with MODEL, a trained model of that variant; `search`, `random`, `noop` and `oracle` with what ships with
 busybot. No test split is looked at. Every command resumes, so this one does.
+
+Who records may be another policy (`--history`): `learned`, or `curious`, which asks MODEL what would tell most, each
+with the interaction model of `--policy`. What is behind locks that nobody opened, no agent knows.
 
 Asked for by name, boards of `lock` have so many locks behind each other: five and more take boards of more links.
 """
@@ -18,7 +21,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, assets_name, busybot, chosen, finish, generating, parser, settings, told_rows
+from benchmarks.runner import (
+    as_typed,
+    assets_name,
+    busybot,
+    chosen,
+    finish,
+    generating,
+    option,
+    parser,
+    settings,
+    told_rows,
+)
 from busybot.boards.worlds import WORLDS
 from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.training.model_cards import file_hashes, find_folder
@@ -39,14 +53,16 @@ DETAILS = (
 
 def commands(name: str, options: argparse.Namespace) -> list[tuple[str, ...]]:
     """That make the tasks of a world, or of one of `LOCKS`, record their histories and let agents play."""
-    tasks, assets = options.work / name, ("--assets", options.assets)
+    tasks, assets = options.work / f"{name}-{options.history}", ("--assets", options.assets)
+    seeing = ("--policy", options.history, *option("--model", options.policy))
+    seeing += ("--reasoner", str(options.model)) if options.history == "curious" else ()
     drawn = generating(tasks, "train", options.boards, SEED, options.assets)
     playing = ("eval", "plan", str(tasks), "--policy-model", "procedural", *assets)
     return [
         (*drawn, "--world", "lock" if name in LOCKS else name, "--tasks", "reach", *LOCKS.get(name, ())),
-        ("collect", str(tasks), "--policy", "scripted", "--steps", str(STEPS), "--seed", str(SEED), *assets),
+        ("collect", str(tasks), *seeing, "--steps", str(STEPS), "--seed", str(SEED), *assets),
         *(
-            (*playing, "--agents", agents, "--reasoner", reasoner, "--out", str(options.work / f"{name}-{who}"))
+            (*playing, "--agents", agents, "--reasoner", reasoner, "--out", f"{tasks}-{who}")
             for who, agents, reasoner in (
                 ("mechanism", "mechanism", str(options.model)),
                 ("others", ",".join(AGENTS), DEFAULT_REASONER),
@@ -60,6 +76,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     options.work.mkdir(parents=True, exist_ok=True)
     rows, typed = told_rows(options.out, KIND), []
     names = {str(options.work): "WORK", str(options.model): "MODEL", str(options.assets): "ASSETS"}
+    names |= {options.policy: "POLICY"} if options.policy else {}
     for world in chosen(options.only, NAMES) if options.only else WORLDS:
         asked = commands(world, options)
         typed += [as_typed(command, names) for command in asked]
@@ -75,6 +92,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
         }
         yield {
             "assets": assets_name(options.assets),
+            "history": options.history,
             "commands": typed,
             "rows": {one: rows[one] for one in NAMES if one in rows},
         }
@@ -85,6 +103,10 @@ def main() -> None:
     options.add_argument("--model", type=Path, required=True, help="trained model of the variant mechanism")
     options.add_argument("--work", type=Path, required=True, help="for tasks, histories and evaluations")
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
+    options.add_argument(
+        "--history", choices=("scripted", "learned", "curious"), default="scripted", help="who records"
+    )
+    options.add_argument("--policy", help="interaction model of whoever records; the shipped one by default")
     options.add_argument("--boards", type=int, default=40, help="tasks of each world")
     arguments = options.parse_args()
     hashes = {"models": {"mechanism": file_hashes(find_folder(arguments.model, "reason"))}}

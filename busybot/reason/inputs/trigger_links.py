@@ -13,7 +13,7 @@ How pictures show each trigger, also those of a camera that is not still, `trigg
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 
@@ -34,6 +34,13 @@ SHARED = 0.28
 changed: .31 or more on boards of training objects, where those of two links never had more than .24."""
 OFTEN = 0.3
 """How a link stands is read from pixels that so large a share of its moves changed."""
+PLACES, NEAR = 0.4, 0.08
+"""Before a camera that is not still, which link an action moved is told by pixels and, with this weight, by where it
+took hold: two places so far apart are not near at all, board units."""
+BESIDE = 0.06
+"""There, an action of which no pixels tell anything may have moved a link that was taken hold of so near."""
+SECOND = 0.45
+"""There, moves change pixels in two ways if the second is so large beside the first."""
 ALIKE = 0.45
 """Two pictures of a link show one state if they differ by less than this share of the largest difference."""
 
@@ -125,13 +132,19 @@ def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.nd
     states: list[np.ndarray] = []
     directions: list[np.ndarray] = []
     for trigger, view in views.items():
-        groups = _together(view.moves(np.flatnonzero(acted == trigger)))
+        touched = np.flatnonzero(acted == trigger)
+        groups = _together(view.moves(touched), contacts if unsteady else None)
         shown, frames = np.unique(view.frames[: len(acted) + 1], return_inverse=True)
         pictures = [view.pictures[number] for number in shown.tolist()]
-        links = [
-            _Link(np.array([move.step for move in group]), _states(pictures, own)[frames], _changed(group))
-            for group, own in zip(groups, _own_pixels(groups), strict=True)
-        ]
+        links = []
+        for group, own in zip(groups, _own_pixels(groups), strict=True):
+            looks, steps = _looks(pictures, own), np.array([move.step for move in group])
+            if unsteady:
+                others = np.concatenate([[move.step for move in one] for one in groups if one is not group] or [[]])
+                tries = _tries(steps, np.setdiff1d(touched, others).astype(int), contacts)
+                links.append(_link_by_moves(group, looks[frames], steps, tries))
+            else:
+                links.append(_Link(steps, _states(looks)[frames], _changed(group)))
         for link in _whole([one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]):
             clusters[link.steps] = len(places)
             places.append(contacts[link.steps, :2].mean(0))
@@ -144,7 +157,8 @@ def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.nd
     return ObservedLinks(clusters, told, np.array(owners, int), at, tuple(directions), unsteady)
 
 
-def _together(moves: list[Move]) -> list[list[Move]]:
+def _together(moves: list[Move], contacts: np.ndarray | None) -> list[list[Move]]:
+    """Moves by links; by pixels alone if no contacts (T, 3) are given."""
     from scipy.cluster.hierarchy import fcluster, linkage  # what only reads features does without
     from scipy.spatial.distance import squareform
 
@@ -152,8 +166,14 @@ def _together(moves: list[Move]) -> list[list[Move]]:
         return [moves] if moves else []
     changes = np.array([move.difference.ravel() / np.linalg.norm(move.difference) for move in moves])
     apart = np.maximum(1 - np.abs(changes @ changes.T), 0)
+    if contacts is not None:
+        places = contacts[[move.step for move in moves], :2]
+        away = np.linalg.norm(places[:, None] - places, axis=-1)
+        apart = (1 - PLACES) * apart + PLACES * np.minimum(away / NEAR, 1)
+        np.fill_diagonal(apart, 0)
     labels = fcluster(linkage(squareform(apart, checks=False), "average"), TOGETHER, "distance")
-    return [[move for move, label in zip(moves, labels, strict=True) if label == each] for each in sorted(set(labels))]
+    order = sorted(set(labels)) if contacts is None else dict.fromkeys(labels.tolist())
+    return [[move for move, label in zip(moves, labels, strict=True) if label == each] for each in order]
 
 
 def _own_pixels(groups: list[list[Move]]) -> list[np.ndarray]:
@@ -167,11 +187,40 @@ def _own_pixels(groups: list[list[Move]]) -> list[np.ndarray]:
     return [one if one.any() else own for one, own in zip(alone, often, strict=True)]
 
 
-def _states(pictures: Sequence[np.ndarray], where: np.ndarray) -> np.ndarray:
+def _looks(pictures: Sequence[np.ndarray], where: np.ndarray) -> np.ndarray:
+    """How the pixels look that tell a link's state, float32 (pictures, C)."""
+    return np.array([one[where].ravel() for one in pictures], np.float32)
+
+
+def _tries(steps: np.ndarray, free: np.ndarray, contacts: np.ndarray) -> np.ndarray:
+    """The moves of a link, and other actions (of `free`) that may have moved it, by where they took hold; in order."""
+    away = np.linalg.norm(contacts[free, None, :2] - contacts[steps, :2], axis=-1).min(axis=1)
+    return np.union1d(steps, free[away < BESIDE])
+
+
+def _link_by_moves(group: Sequence[Move], looks: np.ndarray, steps: np.ndarray, tries: np.ndarray) -> _Link:
+    """A link before a camera that is not still: its pixels are read along the one or two ways in which its moves change
+    them together, and between two actions it stands as most frames show.
+
+    Args:
+        looks: float32 (F, C), of the pixels that tell it in each frame.
+        steps: of its moves.
+        tries: actions that may have moved it.
+    """
+    _, sizes, ways = np.linalg.svd(looks[steps + 1] - looks[steps], full_matrices=False)
+    used = 1 + int(len(sizes) > 1 and sizes[1] > SECOND * sizes[0])
+    states = _states((looks - looks.mean(axis=0)) @ ways[:used].T)
+    for start, end in pairwise([0, *(tries + 1), len(states)]):
+        if end > start:
+            states[start:end] = np.bincount(states[start:end]).argmax()
+    states = _numbered(states)
+    return _Link(np.union1d(steps, tries[states[tries] != states[tries + 1]]), states, _changed(group))
+
+
+def _states(looks: np.ndarray) -> np.ndarray:
     """State of a link in each picture, int: how the pixels look that tell it."""
     from scipy.cluster.hierarchy import fcluster, linkage
 
-    looks = np.array([one[where].ravel() for one in pictures], np.float32)
     tree = linkage(looks, "average", "cityblock")
     labels = fcluster(tree, ALIKE * tree[:, 2].max(), "distance")
     if len(set(labels)) > STATES:

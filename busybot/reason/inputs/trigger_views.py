@@ -17,6 +17,8 @@ from busybot.reason.inputs.observation import ObservedEpisode
 
 USUAL, ABOVE = 0.8, 3.0
 """Of a pixel's noise: what so large a share of its pictures stays within, and how far beyond a change lies."""
+LEAST, FEWEST = 8.0, 10
+"""In the median of several pictures less is a change than in one: so much of a pixel, and more than so many pixels."""
 
 
 @dataclass(frozen=True)
@@ -119,5 +121,5 @@ def _calm(
             calm[runs == run] = last
         usual = np.nan_to_num(np.nanquantile(np.abs(boxes - calm).max(axis=-1), USUAL, axis=0))
     mine = own.mean(axis=0) > 0.5
-    least = np.maximum(config.tolerance, ABOVE * usual)
-    return View(dict(enumerate(calm)), np.arange(count), least, lambda *_: mine, config.least)
+    least = np.maximum(min(LEAST, config.tolerance), ABOVE * usual)
+    return View(dict(enumerate(calm)), np.arange(count), least, lambda *_: mine, min(FEWEST, config.least))

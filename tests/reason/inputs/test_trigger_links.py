@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from busybot.reason.inputs.observation import ObservedEpisode
-from busybot.reason.inputs.trigger_links import LinkWatch, observe_links
+from busybot.reason.inputs.trigger_links import LinkWatch, _together, observe_links
+from busybot.reason.inputs.trigger_views import Move
 from tests.reason.scenes import Patch, Scene
 
 PLATE = Patch((20, 20, 60, 60), (200, 200, 200))
@@ -67,6 +68,17 @@ def test_two_links_side_by_side_are_two_and_a_long_one_is_one() -> None:
     actions = [replace(one, position=end) for one, end in zip(observed.actions, ends, strict=True)]
     long = observe_links(replace(observed, actions=tuple(actions)))
     assert long.sizes == (3,) and long.clusters.tolist() == [0] * 4
+
+
+def test_before_a_camera_that_is_not_still_places_tell_links_where_pixels_do_not() -> None:
+    """Two moves that have few changed pixels in common are of one link where it was taken hold of at one place."""
+    moves = []
+    for step, change in enumerate(((1.0, 0.0), (0.2, 0.96))):
+        difference = np.zeros((1, 2, 3), np.float32)
+        difference[0, :, 0] = change
+        moves.append(Move(step, difference.any(axis=-1), difference))
+    near, far = np.zeros((2, 3)), np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    assert [len(_together(moves, contacts)) for contacts in (None, near, far)] == [2, 1, 2]
 
 
 def test_what_was_never_moved_is_no_link_and_nothing_is_known_before_the_first_action() -> None:

@@ -12,7 +12,7 @@ from busybot.reason.inputs.sequence import BoardSequence, clusters_of, threshold
 from busybot.reason.inputs.trigger_links import REACH, ObservedLinks, directions_of
 from busybot.reason.models.mechanism.contexts import STATES, Trace
 
-STILL, APART = 0.3, 2.0
+STILL, APART = 0.5, 2.25
 """Under a camera that is not still: in so large a share of the steps a responder rests, and two of its looks differ by
 so many times what they do then."""
 

@@ -94,7 +94,6 @@ PAGES: dict[str, dict[str, Part]] = {
         "bounds-worlds": world_tables.bounds_worlds,
         "mechanisms": world_tables.mechanisms,
         "ablations": world_tables.ablations,
-        "world-row": world_tables.world_row,
     },
     "docs/results/plan.md": {
         "decision-time": speed_tables.decision_time,

@@ -356,20 +356,6 @@ def ablations() -> str:
     return markdown([plain_grid(heads, lines, "F1 of links after 10 / 22 / 30")])
 
 
-def world_row() -> str:
-    """What a seed of the mechanism model costs from nothing to its row in the table of worlds."""
-    told, heads = result("world-row"), ("minutes by the clock", "minutes of a core", "memory, GB")
-    words = {"record": "boards to train on and to judge on, recorded", "train": "training", "judge": "its row"}
-    lines = []
-    for name, one in told["rows"].items():
-        cells = [f"{one['minutes']:.0f}", f"{one['cpu_minutes']:.0f}", f"{one['megabytes'] / 1000:.1f}"]
-        lines.append((words[name], cells))
-    costs = list(told["rows"].values())
-    whole_run = [f"{sum(one[key] for one in costs):.0f}" for key in ("minutes", "cpu_minutes")]
-    lines.append(("from nothing to the row", [*whole_run, f"{max(one['megabytes'] for one in costs) / 1000:.1f}"]))
-    return markdown([plain_grid(heads, lines, f"{told['cores']} cores")])
-
-
 VIEWS = {"looks": "looks", "picture": "picture", "places": "places", "order": "order", "actions": "actions"}
 
 

@@ -136,13 +136,12 @@ def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.nd
         groups = _together(view.moves(touched), contacts if unsteady else None)
         shown, frames = np.unique(view.frames[: len(acted) + 1], return_inverse=True)
         pictures = [view.pictures[number] for number in shown.tolist()]
+        still = np.setdiff1d(touched, [move.step for group in groups for move in group]).astype(int)
         links = []
         for group, own in zip(groups, _own_pixels(groups), strict=True):
             looks, steps = _looks(pictures, own), np.array([move.step for move in group])
             if unsteady:
-                others = np.concatenate([[move.step for move in one] for one in groups if one is not group] or [[]])
-                tries = _tries(steps, np.setdiff1d(touched, others).astype(int), contacts)
-                links.append(_link_by_moves(group, looks[frames], steps, tries))
+                links.append(_link_by_moves(group, looks[frames], steps, _tries(steps, still, contacts)))
             else:
                 links.append(_Link(steps, _states(looks)[frames], _changed(group)))
         for link in _whole([one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]):
@@ -192,10 +191,10 @@ def _looks(pictures: Sequence[np.ndarray], where: np.ndarray) -> np.ndarray:
     return np.array([one[where].ravel() for one in pictures], np.float32)
 
 
-def _tries(steps: np.ndarray, free: np.ndarray, contacts: np.ndarray) -> np.ndarray:
-    """The moves of a link, and other actions (of `free`) that may have moved it, by where they took hold; in order."""
-    away = np.linalg.norm(contacts[free, None, :2] - contacts[steps, :2], axis=-1).min(axis=1)
-    return np.union1d(steps, free[away < BESIDE])
+def _tries(steps: np.ndarray, still: np.ndarray, contacts: np.ndarray) -> np.ndarray:
+    """The moves of a link, and those actions that changed nothing but took hold beside them; in order."""
+    away = np.linalg.norm(contacts[still, None, :2] - contacts[steps, :2], axis=-1).min(axis=1)
+    return np.union1d(steps, still[away < BESIDE])
 
 
 def _link_by_moves(group: Sequence[Move], looks: np.ndarray, steps: np.ndarray, tries: np.ndarray) -> _Link:

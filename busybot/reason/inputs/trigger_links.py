@@ -7,7 +7,9 @@ them again: two links that share pixels and never stand in all four ways are one
 trigger belongs to the link that was taken hold of nearest to it. Pictures do not tell which state is "on", nor that
 there is a link that never moved.
 
-How pictures show each trigger, also those of a camera that is not still, `trigger_views` tells.
+Before a camera that is not still some moves change hardly more than the camera does. Then what was taken hold of at one
+place is one link, whatever its pixels tell, and links are read from all that their moves change together. How pictures
+show each trigger `trigger_views` tells.
 """
 
 from collections.abc import Mapping, Sequence
@@ -136,14 +138,14 @@ def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.nd
         groups = _together(view.moves(touched), contacts if unsteady else None)
         shown, frames = np.unique(view.frames[: len(acted) + 1], return_inverse=True)
         pictures = [view.pictures[number] for number in shown.tolist()]
-        still = np.setdiff1d(touched, [move.step for group in groups for move in group]).astype(int)
+        tries = _tries(groups, touched, contacts)
         links = []
-        for group, own in zip(groups, _own_pixels(groups), strict=True):
-            looks, steps = _looks(pictures, own), np.array([move.step for move in group])
+        for group, own, tried in zip(groups, _own_pixels(groups), tries, strict=True):
+            looks = np.array([one[own].ravel() for one in pictures], np.float32)
             if unsteady:
-                links.append(_link_by_moves(group, looks[frames], steps, _tries(steps, still, contacts)))
+                links.append(_link_by_moves(group, looks[frames], tried))
             else:
-                links.append(_Link(steps, _states(looks)[frames], _changed(group)))
+                links.append(_Link(_steps(group), _states(looks)[frames], _changed(group)))
         for link in _whole([one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]):
             clusters[link.steps] = len(places)
             places.append(contacts[link.steps, :2].mean(0))
@@ -171,6 +173,7 @@ def _together(moves: list[Move], contacts: np.ndarray | None) -> list[list[Move]
         apart = (1 - PLACES) * apart + PLACES * np.minimum(away / NEAR, 1)
         np.fill_diagonal(apart, 0)
     labels = fcluster(linkage(squareform(apart, checks=False), "average"), TOGETHER, "distance")
+    # links of still cameras keep the order that they have had; noise must not decide it
     order = sorted(set(labels)) if contacts is None else dict.fromkeys(labels.tolist())
     return [[move for move, label in zip(moves, labels, strict=True) if label == each] for each in order]
 
@@ -186,41 +189,45 @@ def _own_pixels(groups: list[list[Move]]) -> list[np.ndarray]:
     return [one if one.any() else own for one, own in zip(alone, often, strict=True)]
 
 
-def _looks(pictures: Sequence[np.ndarray], where: np.ndarray) -> np.ndarray:
-    """How the pixels look that tell a link's state, float32 (pictures, C)."""
-    return np.array([one[where].ravel() for one in pictures], np.float32)
+def _steps(group: Sequence[Move]) -> np.ndarray:
+    return np.array([move.step for move in group])
 
 
-def _tries(steps: np.ndarray, still: np.ndarray, contacts: np.ndarray) -> np.ndarray:
-    """The moves of a link, and those actions that changed nothing but took hold beside them; in order."""
-    away = np.linalg.norm(contacts[still, None, :2] - contacts[steps, :2], axis=-1).min(axis=1)
-    return np.union1d(steps, still[away < BESIDE])
+def _tries(groups: Sequence[Sequence[Move]], touched: np.ndarray, contacts: np.ndarray) -> list[np.ndarray]:
+    """Of each link its moves, and those actions on the trigger that changed nothing but took hold beside them; in order.
+    Such an action is of the nearest link alone."""
+    found = [_steps(group) for group in groups]
+    for step in np.setdiff1d(touched, np.concatenate(found) if found else []).tolist():
+        away = [np.linalg.norm(contacts[_steps(group), :2] - contacts[step, :2], axis=1).min() for group in groups]
+        if away and min(away) < BESIDE:
+            nearest = int(np.argmin(away))
+            found[nearest] = np.union1d(found[nearest], [step])
+    return found
 
 
-def _link_by_moves(group: Sequence[Move], looks: np.ndarray, steps: np.ndarray, tries: np.ndarray) -> _Link:
+def _link_by_moves(group: Sequence[Move], looks: np.ndarray, tries: np.ndarray) -> _Link:
     """A link before a camera that is not still: its pixels are read along the one or two ways in which its moves change
     them together, and between two actions it stands as most frames show.
 
     Args:
         looks: float32 (F, C), of the pixels that tell it in each frame.
-        steps: of its moves.
         tries: actions that may have moved it.
     """
+    steps = _steps(group)
     _, sizes, ways = np.linalg.svd(looks[steps + 1] - looks[steps], full_matrices=False)
     used = 1 + int(len(sizes) > 1 and sizes[1] > SECOND * sizes[0])
-    states = _states((looks - looks.mean(axis=0)) @ ways[:used].T)
+    states = _states(looks @ ways[:used].T, "euclidean")
     for start, end in pairwise([0, *(tries + 1), len(states)]):
-        if end > start:
-            states[start:end] = np.bincount(states[start:end]).argmax()
+        states[start:end] = np.bincount(states[start:end]).argmax()
     states = _numbered(states)
     return _Link(np.union1d(steps, tries[states[tries] != states[tries + 1]]), states, _changed(group))
 
 
-def _states(looks: np.ndarray) -> np.ndarray:
-    """State of a link in each picture, int: how the pixels look that tell it."""
+def _states(looks: np.ndarray, distance: str = "cityblock") -> np.ndarray:
+    """State of a link in each picture, int: how the pixels look that tell it, float32 (pictures, C)."""
     from scipy.cluster.hierarchy import fcluster, linkage
 
-    tree = linkage(looks, "average", "cityblock")
+    tree = linkage(looks, "average", distance)
     labels = fcluster(tree, ALIKE * tree[:, 2].max(), "distance")
     if len(set(labels)) > STATES:
         labels = fcluster(tree, STATES, "maxclust")

@@ -119,7 +119,9 @@ def _calm(
             look = np.nanmedian(boxes[runs == run], axis=0)
             last = np.where(np.isnan(look), last, look)
             calm[runs == run] = last
-        usual = np.nan_to_num(np.nanquantile(np.abs(boxes - calm).max(axis=-1), USUAL, axis=0))
+        several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
+        noise = np.abs(boxes - calm).max(axis=-1)[several if several.any() else slice(None)]
+        usual = np.nan_to_num(np.nanquantile(noise, USUAL, axis=0))
     mine = own.mean(axis=0) > 0.5
     least = np.maximum(min(LEAST, config.tolerance), ABOVE * usual)
     return View(dict(enumerate(calm)), np.arange(count), least, lambda *_: mine, min(FEWEST, config.least))

@@ -263,8 +263,8 @@ def _plans_of_the_papers_network() -> str:
     tasks = told["tasks"] * len(places)
     _, most = binomial_interval(0, tasks) or (0.0, 1.0)
     same = _filled(
-        f"On none of these {tasks} tasks does the whole reach more or less than prediction alone: it does on at most "
-        f"{percent(most)} % of others like them, with a probability of 95 %."
+        f"On none of these {tasks} tasks does the whole reach more or less than prediction alone; the exact 95 % "
+        f"interval of the share of tasks with these objects on which it does ends at {percent(most)} %."
     )
     return markdown([alone, plain_grid(heads, apart, "points on the same tasks (p)")]) + "\n" + same
 

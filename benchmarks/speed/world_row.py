@@ -49,13 +49,16 @@ def cost(name: str, words: list[str], work: Path) -> dict[str, Any] | None:
     """Run a command, or find it done; what it cost, None if something interrupted it.
 
     Raises:
-        SystemExit: it failed.
+        SystemExit: it failed, or another one was begun there.
     """
-    begun, note = work / f"{name}.begun", work / f"{name}.cost.json"
+    begun, note = work / f"{name}.begun.json", work / f"{name}.cost.json"
+    fresh = not begun.exists()
+    if fresh:
+        write_json(begun, words)
+    elif read_json(begun) != words:
+        raise SystemExit(f"{begun}: another command was begun here; name another folder with --work")
     if note.exists():
         return dict(read_json(note)) or None
-    fresh = not begun.exists()
-    begun.touch()
     before = runner.cpu_seconds()
     with runner.Cost() as spent:
         code = subprocess.run([sys.executable, "-m", *words], check=False).returncode

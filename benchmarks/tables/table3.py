@@ -173,7 +173,7 @@ def network(words: list[str]) -> None:
 
 
 def against(options: argparse.Namespace, split: str, kind: str) -> dict[str, Any]:
-    """Each agent against the whole system, on the same tasks: its success less the system's, and p."""
+    """Each agent against the whole system, on the same tasks with the first reasoner: its success less the system's."""
     return dict(read_result(place(options, split, kind) / RESULT, "plan")["compared"])
 
 

@@ -27,7 +27,7 @@ from benchmarks.runner import assets_name, busybot, chosen, finish, generating, 
 from busybot.boards.spec import PAPER
 from busybot.boards.worlds import WORLDS
 from busybot.common.atomic_io import read_json
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 from busybot.datasets.dataset import Dataset
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL
 from busybot.training.model_cards import file_hashes, find_folder
@@ -110,6 +110,8 @@ def figures_of(told: dict[str, Any]) -> dict[str, Any]:
 def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The result file's content after every set of every world."""
     rows = told_rows(options.out, KIND)
+    if options.out.exists() and read_json(options.out).get("camera", "clean") != options.camera:
+        raise UsageError(f"{options.out}: its boards were seen by another camera", "name another file")
     models = options.models.split(",")
     hashes = {model: file_hashes(find_folder(model, "reason")) for model in models}
     policy = policy_of(options)

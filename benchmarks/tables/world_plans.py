@@ -3,7 +3,9 @@
     python -m benchmarks.tables.world_plans --model MODEL --work FOLDER --assets DIR
         --out benchmarks/results/world-plans.json [--boards 40] [--only gates,time]
     python -m benchmarks.tables.world_plans --only lock-1-to-4,lock-5-to-8 --model MODEL --work FOLDER --assets DIR
-        --out benchmarks/results/lock-plans.json [--history curious --policy FOLDER]
+        --out benchmarks/results/lock-plans.json
+    python -m benchmarks.tables.world_plans --only lock-1-to-4,lock-5-to-8 --model MODEL --work FOLDER --assets DIR
+        --history curious --policy FOLDER --out benchmarks/results/lock-plans-curious.json
 
 For each world boards of the training split with a task (seed 824, which nothing was trained on) are made, the scripted
 policy records 30 actions on each (an oracle of contacts), and agents play from the start, at most eight steps:
@@ -34,6 +36,8 @@ from benchmarks.runner import (
     told_rows,
 )
 from busybot.boards.worlds import WORLDS
+from busybot.common.atomic_io import read_json
+from busybot.common.errors import UsageError
 from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.training.model_cards import file_hashes, find_folder
 
@@ -75,6 +79,8 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The result file's content after every world."""
     options.work.mkdir(parents=True, exist_ok=True)
     rows, typed = told_rows(options.out, KIND), []
+    if options.out.exists() and read_json(options.out).get("history", "scripted") != options.history:
+        raise UsageError(f"{options.out}: its histories were recorded by another policy", "name another file")
     names = {str(options.work): "WORK", str(options.model): "MODEL", str(options.assets): "ASSETS"}
     names |= {options.policy: "POLICY"} if options.policy else {}
     for world in chosen(options.only, NAMES) if options.only else WORLDS:

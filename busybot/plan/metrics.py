@@ -43,8 +43,8 @@ KEYS: dict[str, str] = {
     "agents.NAME.object_interval": "of `success`, by a bootstrap over objects (responders) and their tasks; where all "
     "or none is reached exact bounds, each object being one trial",
     "compared.NAME": "against the first agent named, on the same tasks: `difference` of success and its "
-    "`difference_interval` over tasks (where no task differs, by the exact bound on the share of tasks that may), the "
-    "number of tasks `differing`, `p_success` by a sign-flip test, `p_solved` by McNemar's test",
+    "`difference_interval` by a bootstrap over tasks (where none differs, by the exact bound on the share that may), "
+    "the number of tasks `differing`, `p_success` by a sign-flip test, `p_solved` by McNemar's test",
 }
 """What the figures are called that every world has beside the paper's."""
 

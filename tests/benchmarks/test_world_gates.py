@@ -76,6 +76,50 @@ def test_of_several_seeds_the_mean_and_the_worst_are_told(monkeypatch: pytest.Mo
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("own", "other", "told"),
+    [
+        (13, 10, "13 to 10: 1.30 ✗"),
+        (12, 10, "12 to 10: 1.20 ✓"),
+        (20, 41, "20 to over 40: at most 0.49 ✓"),
+        (41, 20, "over 40 to 20: at least 2.05 ✗"),
+        (41, 40, "over 40 to 40: -"),
+        (41, 41, "over 40 to over 40: -"),
+    ],
+)
+def test_who_did_not_come_there_needs_more_than_there_were(own: int, other: int, told: str) -> None:
+    assert gate_tables._times(own, other, 40, 1.25) == told
+
+
+def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One world, two seeds: what is reached, what is not, and what nobody knows."""
+    choice = {"until": 10, "f1": [0.5] * 40, "stops": {"boards": 4, "wrong": 1}}
+    plans = {"success": 0.95, "steps_over_shortest": None}
+    seeds = {"a": row(parent_p=0.98, pred_a=0.9), "b": row(parent_p=0.96, pred_a=0.9)}
+    files = {
+        "curiosity": {"gates": {part: {who: choice for who in ("curious", "greedy", "random")} for part in
+                                ("drawn", "greedy")}},
+        "curiosity-recorded": {"gates": {"recorded": {"curious": {"cpu_ms": 120.0}}}},
+        "world-plans": {world: {"agents": {"mechanism": plans}} for world in ("gates", "time", "chain")},
+        **{name: {locks: {"agents": {"mechanism": plans}} for locks in ("lock-1-to-4", "lock-5-to-8")}
+           for name in ("lock-plans", "lock-plans-curious")},
+        "camera-gates": {world: {"novel-object": seeds} for world in ("paper", "mixed")},
+    }  # fmt: skip
+    monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": files[name]})
+    lines = [line.strip("|").split("|") for line in gate_tables.further_gates().strip().splitlines()[2:]]
+    told = {line[0].strip(): line[2].strip() for line in lines}
+    assert told["gates: actions until 95, to those of random choice"] == "10 to 10: 1.00 ✗"
+    assert told["said to know and wrong, all worlds"] == "1 of 4 (1-81) ✗"
+    assert told["CPU-ms of a curious action, simulation and all, dearest world"] == "120 ✓"
+    assert (
+        told["time, scripted histories: goals reached"] == "95.0 ✓"
+        and told["time: steps over the shortest plan"] == "-"
+    )
+    assert told["lock, depth 5 to 8, curious histories: goals reached"] == "95.0 ✓"
+    assert told["paper, a real camera, novel-object: P"] == "97.0 (96.0) 1 of 2"
+    assert told["mixed, a real camera, novel-object: F1 of links behind the bound, 30"] == "3.0 (3.0) ✓"
+
+
 @pytest.mark.long
 def test_two_frozen_boards_are_judged_once(tmp_path: Path) -> None:
     out = tmp_path / "gates.json"

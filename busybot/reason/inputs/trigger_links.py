@@ -194,8 +194,8 @@ def _steps(group: Sequence[Move]) -> np.ndarray:
 
 
 def _tries(groups: Sequence[Sequence[Move]], touched: np.ndarray, contacts: np.ndarray) -> list[np.ndarray]:
-    """Of each link its moves, and those actions on the trigger that changed nothing but took hold beside them; in order.
-    Such an action is of the nearest link alone."""
+    """Of each link its moves, and those actions on the trigger that changed nothing but took hold beside them; in
+    order. Such an action is of the nearest link alone."""
     found = [_steps(group) for group in groups]
     for step in np.setdiff1d(touched, np.concatenate(found) if found else []).tolist():
         away = [np.linalg.norm(contacts[_steps(group), :2] - contacts[step, :2], axis=1).min() for group in groups]

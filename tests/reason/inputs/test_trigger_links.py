@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from busybot.reason.inputs.observation import ObservedEpisode
-from busybot.reason.inputs.trigger_links import LinkWatch, _together, observe_links
+from busybot.reason.inputs.trigger_links import LinkWatch, _together, _tries, observe_links
 from busybot.reason.inputs.trigger_views import Move
 from tests.reason.scenes import Patch, Scene
 
@@ -79,6 +79,15 @@ def test_before_a_camera_that_is_not_still_places_tell_links_where_pixels_do_not
         moves.append(Move(step, difference.any(axis=-1), difference))
     near, far = np.zeros((2, 3)), np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
     assert [len(_together(moves, contacts)) for contacts in (None, near, far)] == [2, 1, 2]
+
+
+def test_an_action_that_changed_nothing_may_have_moved_the_link_that_it_was_nearest_to() -> None:
+    """Of two links .1 apart; the action after them lies nearer to the second, the last one near to neither."""
+    contacts = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.055, 0, 0], [0.3, 0, 0]])
+    nothing = np.zeros((1, 1, 3), np.float32)
+    groups = [[Move(step, nothing[..., 0] > 0, nothing)] for step in (0, 1)]
+    assert [one.tolist() for one in _tries(groups, np.arange(4), contacts)] == [[0], [1, 2]]
+    assert _tries([], np.arange(4), contacts) == []
 
 
 def test_what_was_never_moved_is_no_link_and_nothing_is_known_before_the_first_action() -> None:

@@ -324,19 +324,19 @@ def curiosity() -> str:
 
 
 ABLATIONS = {
-    "labels": "1,000 recorded boards, true parents as labels: the whole",
-    "labels 100": "100 boards",
-    "labels 300": "300 boards",
-    "labels 3000": "1,000 recorded, 2,000 drawn",
-    "labels 3000 drawn": "3,000 drawn, none recorded",
+    "labels": "{boards:,} recorded boards, true parents as labels: the whole",
+    "labels 100": "{boards} boards",
+    "labels 300": "{boards} boards",
+    "labels 3000": "{boards:,} boards, of which {drawn:,} are drawn",
+    "labels 3000 drawn": "{boards:,} drawn boards, none recorded",
     "labels links not seen": "without how links look: every action flips its link",
     "labels no past": "without time: explanations remember nothing",
     "labels no witnesses": "without pairs of moments in which one input alone differs",
     "labels any function": "without what an input must matter for",
     "labels world not told": "the world is never told",
     "pictures": "from pictures alone",
-    "pictures 100": "from pictures alone, 100 boards",
-    "pictures 300": "from pictures alone, 300 boards",
+    "pictures 100": "from pictures alone, {boards} boards",
+    "pictures 300": "from pictures alone, {boards} boards",
     "pictures nothing hidden": "from pictures alone, nothing of them hidden",
 }
 """Rows of the ablations of the mechanism model, the whole first."""
@@ -351,7 +351,9 @@ def ablations() -> str:
         everywhere = row["all"]["22"]
         low, high = everywhere["ahead_interval"]
         ahead = f"{100 * everywhere['ahead']:+.1f} ({100 * low:+.1f} to {100 * high:+.1f})"
-        lines.append((words, [*cells, percent(everywhere["share"]), "" if name == "labels" else ahead]))
+        boards = told["rows"][name]["boards"]
+        named = words.format(boards=boards, drawn=boards - told["rows"]["labels"]["boards"])
+        lines.append((named, [*cells, percent(everywhere["share"]), "" if name == "labels" else ahead]))
     heads = (*told["judged"], "all, after 22", "points to the whole (95 %)")
     return markdown([plain_grid(heads, lines, "F1 of links after 10 / 22 / 30")])
 

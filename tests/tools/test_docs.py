@@ -208,16 +208,17 @@ def test_a_claim_is_told_as_long_as_the_results_say_so(results: Path) -> None:
         put(results, "table3", "table3", rows={name: agent(success) for name, success in agents.items()})
         return prose.claim("planning")
 
-    def network(predictive: float = 0.0, relation: float = -0.2, p: float = 0.001) -> None:
-        parts = {"predictive": {"difference": predictive, "p_success": 1.0}}
+    def network(differing: int = 0, relation: float = -0.2, p: float = 0.001) -> None:
+        parts = {"predictive": {"difference": 0.0, "differing": differing, "p_success": 1.0}}
         parts["relation"] = {"difference": relation, "p_success": p}
         places = [f"{split}, {kind}" for split in ("novel-config", "novel-object") for kind in prose.GOALS]
         agents = {name: agent(0.6) for name in ("busybot", "relation", "predictive")}
-        put(results, "plan-network", "plan-network", agents=agents, compared=dict.fromkeys(places, parts))
+        put(results, "plan-network", "plan-network", tasks=30, agents=agents, compared=dict.fromkeys(places, parts))
 
     network()
     ours, _, theirs = told(relation=0.6, predictive=0.95, busybot=0.953).partition("| percent, with the paper's")
     assert rows_of(theirs)["relations alone, open loop against both"] == ["-20.0 (0.001)"] * 4
+    assert "none of these 120 tasks" in theirs and "ends at 3.0 %" in " ".join(theirs.split())
     rows = rows_of(ours)
     assert rows["BusyBot: relations and prediction"] == ["95.3 ± 2.0"] * 4
     assert rows["*the paper:* BusyBot"] == ["93.7", "69.4", "92.3", "64.9"]
@@ -225,7 +226,7 @@ def test_a_claim_is_told_as_long_as_the_results_say_so(results: Path) -> None:
         told(relation=0.6, predictive=0.95, busybot=0.96)
     with pytest.raises(BusybotError, match="do not say that relations alone are far behind"):
         told(relation=0.92, predictive=0.95, busybot=0.95)
-    network(predictive=-0.01)
+    network(differing=1)  # one task more and another one less: no difference on average
     with pytest.raises(BusybotError, match="filtering by the network's relations changes nothing"):
         told(relation=0.6, predictive=0.95, busybot=0.953)
     network(p=0.2)

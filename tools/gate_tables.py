@@ -164,7 +164,11 @@ _Line = tuple[str, tuple[str, str]]
 
 def _line(words: str, gate: _Gate, shown: str) -> _Line:
     """What is asked, and what is there with its verdict."""
-    return words, (gate.asked, f"{shown} {'✓' if gate.value is not None and gate.reached(gate.value) else '✗'}")
+    return words, (gate.asked, f"{shown} {_mark(gate.value is not None and gate.reached(gate.value))}")
+
+
+def _mark(reached: bool) -> str:
+    return "✓" if reached else "✗"
 
 
 def _curious() -> Iterator[_Line]:
@@ -182,7 +186,7 @@ def _curious() -> Iterator[_Line]:
     yield _line("said to know and wrong, all worlds", _Gate("", wrong / count if count else None, 0.03, False), shown)
     spent = [parts["recorded"]["curious"]["cpu_ms"] for parts in recorded.values()]
     dearest = None if None in spent else max(spent)
-    told = "-" if dearest is None else f"{dearest:.0f} {'✓' if dearest <= 150 else '✗'}"
+    told = "-" if dearest is None else f"{dearest:.0f} {_mark(dearest <= 150)}"
     yield "CPU-ms of a curious action, simulation and all, dearest world", ("at most 150 a decision", told)
 
 
@@ -194,7 +198,7 @@ def _times(own: int, other: int, most: int, limit: float) -> str:
     elif other > most:  # it needs at most so many times as many
         verdict = f"at most {ratio:.2f} ✓" if ratio <= limit else f"at most {ratio:.2f}, undecided"
     else:
-        verdict = f"{ratio:.2f} {'✓' if ratio <= limit else '✗'}"
+        verdict = f"{ratio:.2f} {_mark(ratio <= limit)}"
     told = " to ".join(f"over {most}" if one > most else str(one) for one in (own, other))
     return f"{told}: {verdict}"
 
@@ -204,14 +208,11 @@ def _plans() -> Iterator[_Line]:
     rows = result("world-plans")["rows"]
     for world in ("gates", "time", "chain"):
         told = rows[world]["agents"]["mechanism"]
-        yield _line(
-            f"{world}, scripted histories: goals reached",
-            _Gate("", told["success"], 0.93),
-            number(100 * told["success"]),
-        )
-        steps = told["steps_over_shortest"]
-        told = "-" if steps is None else f"{steps:.2f} {'✓' if steps <= 1.3 else '✗'}"
-        yield f"{world}: steps over the shortest plan", ("at most 1.3", told)
+        success, steps = told["success"], told["steps_over_shortest"]
+        words = f"{world}, scripted histories: goals reached"
+        yield _line(words, _Gate("", success, 0.93), number(100 * success))
+        shown = "-" if steps is None else f"{steps:.2f} {_mark(steps <= 1.3)}"
+        yield f"{world}: steps over the shortest plan", ("at most 1.3", shown)
     for file, history in (("lock-plans", "scripted"), ("lock-plans-curious", "curious")):
         for name, limit in (("lock-1-to-4", 0.9), ("lock-5-to-8", 0.7)):
             success = result(file)["rows"][name]["agents"]["mechanism"]["success"]

@@ -34,14 +34,13 @@ def commands(options: argparse.Namespace) -> dict[str, list[str]]:
     worlds = runner.chosen(options.only, NAMES) if options.only else list(NAMES)
     boards = ["--data", data, "--assets", options.assets, "--only", ",".join(worlds)]
     told = [word for world in worlds if world != PAPER for word in ("--data", data / world / "training")]
-    sizes = runner.settings(f"iterations={options.iterations}", f"drawn={options.drawn}")
+    train = ["busybot", "train", "reason", "--variant", "mechanism", *told, "--seed", options.seed, "--out", model]
     row = ["--parts", "learned", "--boards", options.boards, "--model", model, "--out", options.work / "row.json"]
     made = {
         "record": [TABLE, "record", *boards, "--sets", "training,validation", "--most", options.boards],
-        "train": ["busybot", "train", "reason", "--variant", "mechanism", *told, *sizes, "--seed", options.seed],
+        "train": [*train, *runner.settings(f"iterations={options.iterations}", f"drawn={options.drawn}")],
         "judge": [TABLE, *boards, *row],
     }
-    made["train"] += ["--out", model]
     return {name: [str(word) for word in words] for name, words in made.items()}
 
 

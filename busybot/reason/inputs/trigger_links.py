@@ -138,14 +138,14 @@ def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.nd
         groups = _together(view.moves(touched), contacts if unsteady else None)
         shown, frames = np.unique(view.frames[: len(acted) + 1], return_inverse=True)
         pictures = [view.pictures[number] for number in shown.tolist()]
-        tries = _tries(groups, touched, contacts)
+        tries = _tries(groups, touched, contacts) if unsteady else [_steps(group) for group in groups]
         links = []
         for group, own, tried in zip(groups, _own_pixels(groups), tries, strict=True):
             looks = np.array([one[own].ravel() for one in pictures], np.float32)
             if unsteady:
                 links.append(_link_by_moves(group, looks[frames], tried))
             else:
-                links.append(_Link(_steps(group), _states(looks)[frames], _changed(group)))
+                links.append(_Link(tried, _states(looks)[frames], _changed(group)))
         for link in _whole([one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]):
             clusters[link.steps] = len(places)
             places.append(contacts[link.steps, :2].mean(0))

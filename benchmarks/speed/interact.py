@@ -52,7 +52,6 @@ from benchmarks.runner import (
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
-from busybot.common.config import build
 from busybot.common.rng import generator
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
@@ -60,7 +59,7 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.episodes.mcap.writer import write_episode
 from busybot.interact.affordance.load import load_model
-from busybot.interact.affordance.networks import KINDS, Kind
+from busybot.interact.affordance.networks import KINDS, POSITION_SIZES, Kind
 from busybot.interact.policy.policy_factory import (
     DEFAULT_MODEL,
     ExplorePolicyFactory,
@@ -86,7 +85,6 @@ from busybot.training.checkpoint import parameters_of
 from busybot.training.device import multiplies_bfloat16
 
 SEED = 3
-LEAN = Path(__file__).parents[1] / "lean.yaml"
 STEPS, EXPLORED = 30, 20
 """Actions on each board: of those that are timed, and of those that batches are drawn from."""
 WARM_UP = 2
@@ -108,8 +106,8 @@ def record(folder: Path, library: Library, boards: int) -> Path:
 
 
 def trainings() -> dict[str, TrainConfig]:
-    """The usual one and the lean one."""
-    return {"usual": TrainConfig(), "lean": build(TrainConfig, LEAN, [], {})}
+    """With either position network."""
+    return {name: TrainConfig(networks=name) for name in POSITION_SIZES}
 
 
 def iteration(kind: Kind, config: TrainConfig, cache: Path, folder: Path, iterations: int) -> dict[str, float]:

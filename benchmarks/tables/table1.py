@@ -18,7 +18,7 @@ from busybot.common.process_pool import machine
 from busybot.sim.scene.real_camera import REAL
 
 SPLITS = ("novel-config", "novel-object")
-JUDGE_SEED = 303
+JUDGE_SEED = 707
 KEYS = (
     *("precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "precision_reward"),
     *("reward_agreement", "boards", "intervals", "object_intervals", "by_step"),
@@ -56,8 +56,8 @@ ROWS = {
     **{f"strict-{seed}": Table1Row(STRICT, seed, STRICT) for seed in range(3)},
     "oracle": Table1Row(JOINTS, judge=JOINTS),
     "rgb": Table1Row(runner.settings("inputs=rgb")),
-    "greedy": Table1Row(None, judge=("--mode", "greedy"), model="free-1"),
-    "ucb": Table1Row(None, judge=("--mode", "ucb"), model="free-1"),
+    "greedy": Table1Row(None, judge=("--mode", "greedy"), model="free-0"),
+    "ucb": Table1Row(None, judge=("--mode", "ucb"), model="free-0"),
     "random": Table1Row(None, model="random"),
     "free-0-delta-1000": Table1Row(None, judge=runner.settings("interaction.delta=1000"), model="free-0"),
     **{f"without-responders-{pixels}": _delta(pixels) for pixels in (100, 500, 1000)},

@@ -172,7 +172,7 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     assert told["free-1"]["training"]["cost"].keys() == {"seconds", "megabytes"} and not told["greedy"]["training"]
     assert (
         told["greedy"]["commands"][1]
-        == "busybot eval interact WORK/judge-303-novel-config --model WORK/free-1 --mode greedy"
+        == "busybot eval interact WORK/judge-707-novel-config --model WORK/free-0 --mode greedy"
     )
     trained = [command for command in asked if command[0] == "train"]
     assert len(trained) == 2 and "--seed" in trained[0] and trained[0][trained[0].index("--seed") + 1] == "1"

@@ -16,11 +16,10 @@ A.1 "Training detail"). What the paper leaves open, and what is chosen here:
 docs/reference/departures.md has all of them, with what the authors' program does.
 """
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, model_validator
 
-from busybot.boards.spec import without
 from busybot.common.frozen_model import FrozenModel
 from busybot.interact.affordance.networks import CROP, KINDS, Kind, Networks
 from busybot.interact.policy.config import Inputs, Share
@@ -156,11 +155,11 @@ class Round(FrozenModel):
 
 
 ROUNDS = (
-    Round(boards=240, steps=24, position=800, direction=1300),
-    Round(boards=200, steps=14, position=800, direction=1300),
-    Round(boards=200, steps=14, position=1400, direction=2400),
+    Round(boards=240, steps=24, position=800, direction=900),
+    Round(boards=200, steps=14, position=800, direction=900),
+    Round(boards=200, steps=14, position=1400, direction=1600),
 )
-"""On two idle cores about half an hour, on a processor that multiplies bfloat16 half (docs/guides/interact.md)."""
+"""On two cores a quarter of an hour on a processor that multiplies bfloat16 (docs/results/interact.md)."""
 
 
 STRICT = {"direction.augmentation.transposed": 0.0}
@@ -181,12 +180,12 @@ class TrainConfig(RecordConfig):
         validation: boards of the training split that are collected as in round 0 and never trained on; 0 for none.
         validation_steps: proposed actions on each.
         explore: who collects.
-        networks: how large they are; with `lean` ones go other iterations (benchmarks/lean.yaml).
+        networks: how large the position network is: `lean`, or `wide` as in the models before it.
         position, direction: how the networks are trained.
     """
 
     variant: Literal["fast"] = "fast"
-    networks: Networks = "usual"
+    networks: Networks = "lean"
     rounds: Annotated[tuple[Round, ...], Field(min_length=1, max_length=1000)] = ROUNDS
     window: Annotated[int, Field(ge=1)] = 1_000_000
     validation: Annotated[int, Field(ge=0, le=100_000)] = 40
@@ -194,11 +193,6 @@ class TrainConfig(RecordConfig):
     explore: ExplorationConfig = ExplorationConfig()
     position: FitConfig = FitConfig()
     direction: DirectionFitConfig = DirectionFitConfig()
-
-    @model_serializer(mode="wrap")
-    def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """JSON without the size of the usual networks: as before there were others."""
-        return without(handler(self), {"networks": "usual"})
 
     def learn(self, kind: Kind) -> FitConfig:
         """How a network is trained."""

@@ -18,7 +18,7 @@ def test_shapes(inputs) -> None:
     assert directions.shape == (3, 18) and any_works.shape == (3,)
 
 
-@pytest.mark.parametrize(("networks", "megabytes"), [("usual", 4), ("lean", 3.2)])
+@pytest.mark.parametrize(("networks", "megabytes"), [("wide", 4), ("lean", 3.2)])
 def test_both_networks_are_small(networks: Networks, megabytes: float) -> None:
     sizes = {kind: parameters_of(make_network(kind, "depth", networks=networks)) for kind in KINDS}
     assert 0.9 * megabytes < 4e-6 * sum(sizes.values()) < megabytes
@@ -36,10 +36,10 @@ def test_weights_tell_the_size_of_their_network(kind: Kind, networks: Networks) 
 
 
 def test_weights_of_something_else_ask_for_no_memory() -> None:
-    usual = parameters_of(make_network("position", "depth"))
+    wide = parameters_of(make_network("position", "depth", networks="wide"))
     tensors = {f"encode{level}.0.0.weight": torch.zeros(10**6, 1) for level in range(4)}
-    assert parameters_of(make_network("position", "depth", tensors)) == usual
-    assert parameters_of(make_network("position", "depth", {"head.weight": torch.zeros(())})) == usual
+    assert parameters_of(make_network("position", "depth", tensors)) == wide
+    assert parameters_of(make_network("position", "depth", {"head.weight": torch.zeros(())})) == wide
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -3,9 +3,9 @@
 Where a trigger's own pixels change, a link moved; moves that change the same pixels, one way or the other, are those of
 one link. How it stands is read from these pixels, as far as no other link changes them: pictures in which they look
 alike show one state. A link with three states changes other pixels by its second move than by its first, but some of
-them again: two links that share pixels and never stand in all four ways are one. An action that changed nothing on its
-trigger belongs to the link that was taken hold of nearest to it. Pictures do not tell which state is "on", nor that
-there is a link that never moved.
+them again: two links that share pixels and never stand in all four ways are one, unless each way out of what would be
+its middle state is held elsewhere. An action that changed nothing on its trigger belongs to the link that was taken
+hold of nearest to it. Pictures do not tell which state is "on", nor that there is a link that never moved.
 
 Before a camera that is not still some moves change hardly more than the camera does. Then what was taken hold of at one
 place is one link, whatever its pixels tell, and links are read from all that their moves change together. How pictures
@@ -33,7 +33,10 @@ REACH = 0.1
 """An action that moved nothing belongs to a link that was taken hold of so near, board units."""
 SHARED = 0.28
 """The moves of a link with three states have so large a share of pixels in common, of those that the smaller one
-changed: .31 or more on boards of training objects, where those of two links never had more than .24."""
+changed: .39 or more on boards of training objects."""
+ONE_PLACE, WHOLE = 0.065, 0.8
+"""From its middle state it is moved either way by one place (.05 board units apart at most there; two links that share
+as many pixels .08 or more), but what is pressed at two ends, of which so large a share changes either way."""
 OFTEN = 0.3
 """How a link stands is read from pixels that so large a share of its moves changed."""
 PLACES, NEAR = 0.4, 0.08
@@ -126,7 +129,7 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
 
 
 def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.ndarray, unsteady: bool) -> ObservedLinks:
-    contacts = np.array([one.position for one in observed.actions], float)
+    contacts = np.array([one.position for one in observed.actions], float).reshape(-1, 3)
     pushed = np.array([one.direction for one in observed.actions], float)
     clusters = np.full(len(acted), -1)
     places: list[np.ndarray] = []
@@ -146,7 +149,8 @@ def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.nd
                 links.append(_link_by_moves(group, looks[frames], tried))
             else:
                 links.append(_Link(tried, _states(looks)[frames], _changed(group)))
-        for link in _whole([one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]):
+        moving = [one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]
+        for link in _whole(moving, contacts[:, :2]):
             clusters[link.steps] = len(places)
             places.append(contacts[link.steps, :2].mean(0))
             owners.append(trigger)
@@ -239,16 +243,29 @@ def _changed(moves: Sequence[Move]) -> np.ndarray:
     return np.any([move.changed for move in moves], axis=0)
 
 
-def _whole(links: list[_Link]) -> list[_Link]:
-    """The links of one trigger, with those joined that are one of three states."""
+def _whole(links: list[_Link], places: np.ndarray) -> list[_Link]:
+    """The links of one trigger, with those joined that are one of three states.
+
+    Args:
+        places: float (T, 2), where each action took hold.
+    """
     for one, other in combinations(links, 2):
         both = one.states * STATES + other.states
-        shared = (one.changed & other.changed).sum() / min(one.changed.sum(), other.changed.sum())
         two = one.states.max() == other.states.max() == 1
-        if two and shared > SHARED and len(set(both.tolist())) == STATES:
-            joined = _Link(np.union1d(one.steps, other.steps), _numbered(both), one.changed | other.changed)
-            return _whole([*(each for each in links if each is not one and each is not other), joined])
+        if two and len(set(both.tolist())) == STATES:
+            shared = (one.changed & other.changed).sum() / min(one.changed.sum(), other.changed.sum())
+            steps = np.union1d(one.steps, other.steps)
+            joined = _Link(steps, _numbered(both), one.changed | other.changed)
+            if shared > WHOLE or (shared > SHARED and not _apart(joined, places)):
+                return _whole([*(each for each in links if each is not one and each is not other), joined], places)
     return links
+
+
+def _apart(link: _Link, places: np.ndarray) -> bool:
+    """Whether actions took hold at two places, one for each way out of the middle state."""
+    middle = link.steps[link.states[link.steps] == 1]
+    ways = [places[middle[link.states[middle + 1] == end]] for end in (0, 2)]
+    return all(map(len, ways)) and bool(np.linalg.norm(ways[0].mean(0) - ways[1].mean(0)) > ONE_PLACE)
 
 
 def _numbered(labels: np.ndarray) -> np.ndarray:

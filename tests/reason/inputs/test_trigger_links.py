@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from busybot.reason.inputs.observation import ObservedEpisode
-from busybot.reason.inputs.trigger_links import LinkWatch, _together, _tries, observe_links
+from busybot.reason.inputs.trigger_links import LinkWatch, _Link, _together, _tries, _whole, observe_links
 from busybot.reason.inputs.trigger_views import Move
 from tests.reason.scenes import Patch, Scene
 
@@ -59,7 +60,7 @@ def test_moves_that_change_the_same_pixels_are_those_of_one_link() -> None:
 
 
 def test_two_links_side_by_side_are_two_and_a_long_one_is_one() -> None:
-    """Pixels tell, however near or far they are taken hold of, where they never stood in all four ways."""
+    """Pixels tell, however near or far they are taken hold of, where these are of one kind of move."""
     beside, _ = played(["two", "three", "-two"], CONTACTS | {"two": (0.57, 0.1, 0.0)})
     assert observe_links(beside).sizes == (2, 2)
     moves = ["three", "three", "three", "three"]
@@ -68,6 +69,17 @@ def test_two_links_side_by_side_are_two_and_a_long_one_is_one() -> None:
     actions = [replace(one, position=end) for one, end in zip(observed.actions, ends, strict=True)]
     long = observe_links(replace(observed, actions=tuple(actions)))
     assert long.sizes == (3,) and long.clusters.tolist() == [0] * 4
+
+
+@pytest.mark.parametrize(("shared", "apart", "links"), [(2, 0.0, 2), (4, 0.0, 1), (4, 0.1, 2), (9, 0.1, 1)], ids=str)
+def test_a_link_with_three_states_is_held_at_one_place_in_the_middle(shared: int, apart: float, links: int) -> None:
+    """Moves of 10 pixels each, so many of them in common; from the middle, one way so far beside the other."""
+    low, high = np.arange(30) < 10, (np.arange(30) >= 10 - shared) & (np.arange(30) < 20 - shared)
+    states = np.array([[0, 0], [1, 0], [1, 1], [1, 0], [0, 0]])
+    found = [_Link(np.array(steps), states[:, k], one[None]) for k, steps, one in ((0, [0, 3], low), (1, [1, 2], high))]
+    places = np.array([[0.0, 0.0], [0.0, apart], [0.5, 0.5], [0.0, 0.0]])
+    whole = _whole(found, places)
+    assert len(whole) == links and (links == 2 or whole[0].states.tolist() == [0, 1, 2, 1, 0])
 
 
 def test_before_a_camera_that_is_not_still_places_tell_links_where_pixels_do_not() -> None:

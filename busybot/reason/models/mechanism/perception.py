@@ -25,6 +25,10 @@ EFFECTS, OFTEN = 2, 0.25
 
 THERE = 0.02
 """Two actions took hold of the same place, board units."""
+WITHIN = 0.12
+"""Who takes hold farther from where a link was taken hold of holds another one, board units."""
+ALONG = 0.5
+"""What a link that was pushed there stands away along that way counts so much: it goes to and fro on it."""
 BACK = np.array([1, 1, 1, -1, -1, -1])
 """Turns an action round."""
 UNTRIED, SAME, AROUND, UNLIKE = 0.5, 0.8, 0.1, -9.0
@@ -80,15 +84,15 @@ class Perceived:
         return after
 
     def link_at(self, action: np.ndarray, acted: int) -> int | None:
-        """The link that was taken hold of nearest to an action on this trigger, if that was near; None where an action
-        took hold of none."""
+        """The link that was taken hold of nearest to an action on this trigger, above all aside of its way, if that was
+        near; None where an action took hold of none."""
         own = np.flatnonzero(self.acted == acted) if acted >= 0 else np.zeros(0, int)
-        away = np.linalg.norm(self.actions[own, :2] - action[:2], axis=1)
-        links = self.links.clusters[own]
+        apart, links = self.actions[own, :2] - action[:2], self.links.clusters[own]
+        away, along = np.linalg.norm(apart, axis=1), apart @ action[3:5]
         if not (links >= 0).any() or away[links < 0].min(initial=np.inf) <= min(THERE, away[links >= 0].min()):
             return None
-        nearest = np.where(links >= 0, away, np.inf).argmin()
-        return int(links[nearest]) if away[nearest] <= 2 * REACH else None
+        nearest = np.where(links >= 0, away**2 - (1 - ALONG**2) * along**2, np.inf).argmin()
+        return int(links[nearest]) if away[nearest] <= WITHIN else None
 
     def _alike(self, steps: np.ndarray, action: np.ndarray, shown: np.ndarray | None) -> np.ndarray:
         """How much these actions are like another one: cosine of the directions, less how far away they were, and a

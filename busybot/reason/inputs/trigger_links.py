@@ -29,9 +29,9 @@ STATES = 3
 TOGETHER = 0.7
 """Moves are those of one link when what they change in the picture is so alike on average (1 less the absolute cosine):
 a link that goes back changes the same pixels the other way round."""
-REACH = 0.1
+REACH = 0.07
 """An action that moved nothing belongs to a link that was taken hold of so near, board units."""
-SHARED = 0.28
+SHARED = 0.36
 """The moves of a link with three states have so large a share of pixels in common, of those that the smaller one
 changed: .39 or more on boards of training objects."""
 ONE_PLACE, WHOLE = 0.065, 0.8
@@ -120,7 +120,7 @@ class LinkWatch:
     @cached_property
     def _views(self) -> dict[int, View]:
         """How a still camera shows a trigger in a frame does not depend on later ones."""
-        return still_views(self._observed, self._config)
+        return still_views(self._observed, self._acted, self._config)
 
 
 def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None) -> ObservedLinks:

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,9 +22,15 @@ LEAST, FEWEST = 8.0, 10
 """In the median of several pictures less is a change than in one: so much of a pixel, and more than so many pixels."""
 
 
+COLOURS = 3
+"""Channels of a look; behind them comes depth, if it is there."""
+LEVEL, DEEP = 1e-4, 10.0
+"""Depth is told in levels of so many board units, of which more than so many are a change, as of colours."""
+
+
 @dataclass(frozen=True)
 class Move:
-    """What an action changed in a trigger's box: which pixels, bool (h, w), and by how much, float32 (h, w, 3)."""
+    """What an action changed in a trigger's box: which pixels, bool (h, w), and by how much, float32 (h, w, C)."""
 
     step: int
     changed: np.ndarray
@@ -34,9 +41,9 @@ class View:
     """A trigger's box in the pictures of T + 1 frames.
 
     Args:
-        pictures: uint8 or float32 (h, w, 3), by their number.
+        pictures: looks, float32 (h, w, C), by their number.
         frames: int (T + 1,), number of the picture that each frame shows.
-        least: float (h, w), what a pixel that did not change may differ by.
+        least: float (h, w, C), what a pixel that did not change may differ by.
         masks: of two frames, which pixels may have changed, bool (h, w).
         pixels: more than so many changed, if any did.
     """
@@ -63,8 +70,8 @@ class View:
     def _move(self, step: int) -> Move | None:
         if self.frames[step] == self.frames[step + 1]:
             return None
-        before, after = (self.pictures[int(self.frames[number])].astype(np.float32) for number in (step, step + 1))
-        changed = np.abs(after - before).max(axis=-1) > self._least
+        before, after = (self.pictures[int(self.frames[number])] for number in (step, step + 1))
+        changed = (np.abs(after - before) > self._least).any(axis=-1)
         if changed.any():
             changed &= self._masks(step, step + 1)
         if changed.sum() <= self._pixels:
@@ -72,24 +79,48 @@ class View:
         return Move(step, changed, np.where(changed[..., None], after - before, 0))
 
 
-def still_views(observed: ObservedEpisode, config: ChangeConfig) -> dict[int, View]:
-    """The triggers that the first frame shows, by their index."""
+def still_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConfig) -> dict[int, View]:
+    """The triggers that the first frame shows, by their index.
+
+    Args:
+        acted: int (T,), the trigger that each action took hold of.
+    """
     pixels, frames = ObjectMasks(observed, config), np.array(observed.image_of)
     regions = {int(one): pixels.regions[one] for one in observed.triggers if one in pixels.regions}
-    boxes: dict[int, dict[int, np.ndarray]] = {one: {} for one in regions}
+    looks: dict[int, dict[int, np.ndarray]] = {one: {} for one in regions}
+    deep = observed.boxed.depth if config.depth else None
     for number in dict.fromkeys(observed.image_of):
-        picture = observed.images[number].rgb
+        image = observed.images[number]
+        if deep is not None and image.depth is not None:  # what lies in a hole is where it was seen last
+            deep = np.where(image.depth > 0, image.depth, deep)
         for one, region in regions.items():
-            boxes[one][number] = picture[region.rows, region.columns].copy()
+            place = region.rows, region.columns
+            rgb = image.rgb[place].astype(np.float32)
+            looks[one][number] = rgb if deep is None else np.dstack([rgb, deep[place] / np.float32(LEVEL)])
 
     def masks(trigger: int, one: int, other: int) -> np.ndarray:
         before, after = (pixels.masks(trigger, number) for number in (one, other))
         return np.asarray((before[0] | after[0]) & ~before[1] & ~after[1])
 
     return {
-        one: View(boxes[one], frames, np.full(region.mine.shape, float(config.tolerance)), partial(masks, one))
-        for one, region in regions.items()
+        one: View(own, frames, _least(own, frames, acted == one, config.tolerance), partial(masks, one))
+        for one, own in looks.items()
     }
+
+
+def _least(looks: Mapping[int, np.ndarray], frames: np.ndarray, touched: np.ndarray, tolerance: float) -> np.ndarray:
+    """What pixels differ by that did not change, float (h, w, C): colours by what compressing does, depth by what it
+    did while nobody touched the trigger, too. Depth that is noisy is told in larger levels, in place."""
+    least: np.ndarray = np.full_like(looks[int(frames[0])], tolerance)
+    if least.shape[-1] > COLOURS:
+        steps = [(int(a), int(b)) for (a, b), one in zip(pairwise(frames), touched, strict=False) if a != b and not one]
+        noise = [np.abs(looks[b][..., COLOURS] - looks[a][..., COLOURS]) for a, b in steps]
+        usual = np.zeros_like(least[..., COLOURS]) if not noise else ABOVE * np.quantile(noise, USUAL, axis=0)
+        larger = max(1.0, float(np.median(usual)) / DEEP)
+        for look in looks.values():
+            look[..., COLOURS] /= larger
+        least[..., COLOURS] = np.maximum(DEEP, usual / larger)
+    return least
 
 
 def calm_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConfig) -> dict[int, View]:
@@ -120,7 +151,7 @@ def _calm(
             last = np.where(np.isnan(look), last, look)
             calm[runs == run] = last
         several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
-        noise = np.abs(boxes - calm).max(axis=-1)[several if several.any() else slice(None)]
+        noise = np.abs(boxes - calm).max(axis=-1, keepdims=True)[several if several.any() else slice(None)]
         usual = np.nan_to_num(np.nanquantile(noise, USUAL, axis=0))
     mine = own.mean(axis=0) > 0.5
     least = np.maximum(min(LEAST, config.tolerance), ABOVE * usual)

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from busybot.reason.inputs.object_masks import ChangeConfig
 from busybot.reason.inputs.observation import ObservedEpisode
 from busybot.reason.inputs.trigger_links import LinkWatch, _Link, _together, _tries, _whole, observe_links
-from busybot.reason.inputs.trigger_views import Move
+from busybot.reason.inputs.trigger_views import Move, still_views
 from tests.reason.scenes import Patch, Scene
 
 PLATE = Patch((20, 20, 60, 60), (200, 200, 200))
@@ -80,6 +81,48 @@ def test_a_link_with_three_states_is_held_at_one_place_in_the_middle(shared: int
     places = np.array([[0.0, 0.0], [0.0, apart], [0.5, 0.5], [0.0, 0.0]])
     whole = _whole(found, places)
     assert len(whole) == links and (links == 2 or whole[0].states.tolist() == [0, 1, 2, 1, 0])
+
+
+def pressed(rng: np.random.Generator | None = None, lost: bool = False) -> ObservedEpisode:
+    """A plate with two buttons of its colour, which are pressed in turn by four thousandths of a board unit.
+
+    Args:
+        rng: of the noise of depth, as much as a button moves.
+        lost: the depth of one picture was not recorded, and lies in a hole in another.
+    """
+    states = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0], [1, 0], [1, 1]])
+    buttons = ((22, 22, 28, 32), (40, 34, 48, 40))
+    frames = [
+        [PLATE, *(Patch(box, PLATE.color, 0.3 - 0.004 * int(up)) for box, up in zip(buttons, own, strict=True))]
+        for own in states
+    ]
+    scene = Scene(("trigger",), [(20, 20, 60, 60)], frames, pixels=[(25, 30), (44, 36)] * 3)
+    observed = scene.observed()
+    images = list(observed.images)
+    for number, image in enumerate(images):
+        assert image.depth is not None
+        noise = 0 if rng is None else rng.normal(0, 0.004, image.depth.shape).astype(np.float32)
+        images[number] = replace(image, depth=image.depth + noise)
+    if lost:
+        images[5] = replace(images[5], depth=None)
+        images[6].depth[30:50, 20:60] = 0
+    places = [(0.1, 0.1, 0.0), (0.5, 0.3, 0.0)] * 3
+    actions = [replace(one, position=place) for one, place in zip(observed.actions, places, strict=True)]
+    return replace(observed, actions=tuple(actions), images=images)
+
+
+def test_a_button_that_colours_do_not_show_is_seen_by_depth() -> None:
+    found = observe_links(pressed())
+    assert found.clusters.tolist() == [0, 1] * 3 and found.sizes == (2, 2)
+    assert found.states.T.tolist() == [[0, 1, 1, 0, 0, 1, 1], [0, 0, 1, 1, 0, 0, 1]]
+    assert not observe_links(pressed(), ChangeConfig(depth=False)).owners.size, "but not if depth is not read"
+
+
+def test_depth_that_was_lost_moves_nothing_and_its_noise_hardly_does() -> None:
+    lost = observe_links(pressed(lost=True))
+    assert lost.states[:, lost.clusters[0]].tolist() == [0, 1, 1, 0, 0, 0, 1], "seen when it is there again"
+    views = still_views(pressed(np.random.default_rng(0)), np.full(6, 7), ChangeConfig())
+    assert all(move.changed.mean() < 0.1 for move in views[0].moves(np.arange(6)))
 
 
 def test_before_a_camera_that_is_not_still_places_tell_links_where_pixels_do_not() -> None:

@@ -46,8 +46,6 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/claims.md": {name: partial(prose.claim, name) for name in prose.CLAIMS},
     "docs/results/interact.md": {
         "table1": tables.table1,
-        "further-boards": tables.further_boards,
-        "lean-networks": tables.lean_networks,
         "new-switches": tables.new_switches,
         "changed-pixels": tables.changed_pixels,
         "policy-constants": tables.policy_constants,

@@ -14,11 +14,11 @@ from tools import tables
 OLDER = frozenset(
     {
         *("bounds", "decision_time"),
-        *("further-boards", "interact-procedural", "kills-collect"),
+        *("interact-procedural", "kills-collect"),
         *("kills-freeze-repair", "kills-train", "laptop/metrics", "laptop/tables/stages", "laptop/tables/table1"),
-        *("laptop/tables/table2", "laptop/tables/table3", "lean-networks", "memory"),
+        *("laptop/tables/table2", "laptop/tables/table3", "memory"),
         *("paper_interact", "plan-procedural", "policy_constants", "reason-procedural"),
-        *("reason_robustness", "table1", "table3"),
+        "reason_robustness",
         *("worlds-procedural", "worlds-real"),
     }
 )

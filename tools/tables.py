@@ -80,18 +80,6 @@ def table1() -> str:
     return markdown([table_grid(INTERACTION, rows), Text(trained_in(rows.values(), found.about[1]["machine"]))])
 
 
-def further_boards() -> str:
-    """Rows of Table 1 that were judged on other boards, too."""
-    return markdown([table_grid(INTERACTION, _table(1, "further-boards")[1], beside=False)])
-
-
-def lean_networks() -> str:
-    """Rows of Table 1 with the lean position network, on other boards, and what its trainings took."""
-    found, rows = _table(1, "lean-networks")
-    took = Text(trained_in(rows.values(), found.about[1]["machine"]))
-    return markdown([table_grid(INTERACTION, rows, beside=False), took])
-
-
 def new_switches() -> str:
     """Switches that a seed drew, beside those that were looked at; recall by how they move, and relations."""
     told = result("new-switches")

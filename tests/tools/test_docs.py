@@ -204,26 +204,32 @@ def test_a_claim_is_told_as_long_as_the_results_say_so(results: Path) -> None:
             "splits": {split: {"one-to-one": told, "one-to-many": told} for split in ("novel-config", "novel-object")}
         }
 
-    def told(**agents: float) -> str:
-        put(results, "table3", "table3", rows={name: agent(success) for name, success in agents.items()})
+    places = [f"{split}, {kind}" for split in ("novel-config", "novel-object") for kind in prose.GOALS]
+
+    def told(differing: int = 0, search: float = 0.05, **agents: float) -> str:
+        parts = {"predictive": {"differing": differing}, "search": {"difference": search, "p_success": 0.01}}
+        rows = {name: agent(success) for name, success in agents.items()}
+        put(results, "table3", "table3", tasks=50, rows=rows, compared=dict.fromkeys(places, parts))
         return prose.claim("planning")
 
     def network(differing: int = 0, relation: float = -0.2, p: float = 0.001) -> None:
         parts = {"predictive": {"difference": 0.0, "differing": differing, "p_success": 1.0}}
         parts["relation"] = {"difference": relation, "p_success": p}
-        places = [f"{split}, {kind}" for split in ("novel-config", "novel-object") for kind in prose.GOALS]
         agents = {name: agent(0.6) for name in ("busybot", "relation", "predictive")}
         put(results, "plan-network", "plan-network", tasks=30, agents=agents, compared=dict.fromkeys(places, parts))
 
     network()
     ours, _, theirs = told(relation=0.6, predictive=0.95, busybot=0.953).partition("| percent, with the paper's")
     assert rows_of(theirs)["relations alone, open loop against both"] == ["-20.0 (0.001)"] * 4
-    assert "none of these 120 tasks" in theirs and "ends at 3.0 %" in " ".join(theirs.split())
+    assert "With our models, on none of these 200 tasks" in ours and "none of these 120 tasks" in theirs
+    assert "ends at 3.0 %" in " ".join(theirs.split())
     rows = rows_of(ours)
     assert rows["BusyBot: relations and prediction"] == ["95.3 ± 2.0"] * 4
     assert rows["*the paper:* BusyBot"] == ["93.7", "69.4", "92.3", "64.9"]
-    with pytest.raises(BusybotError, match="do not say that relations beside predictions change less"):
-        told(relation=0.6, predictive=0.95, busybot=0.96)
+    with pytest.raises(BusybotError, match="do not say that relations beside predictions change nothing"):
+        told(differing=1, relation=0.6, predictive=0.95, busybot=0.95)
+    with pytest.raises(BusybotError, match="do not say that searching effects is ahead"):
+        told(search=-0.01, relation=0.6, predictive=0.95, busybot=0.95)
     with pytest.raises(BusybotError, match="do not say that relations alone are far behind"):
         told(relation=0.92, predictive=0.95, busybot=0.95)
     network(differing=1)  # one task more and another one less: no difference on average

@@ -7,6 +7,7 @@ it goes on learning. The network learns to know early which explanations will; n
 
 from collections.abc import Mapping, Sequence
 from copy import copy
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,8 @@ from busybot.training.loop import Learner, cosine_rate, descend
 
 KNOWN = 6
 """What was counted of each board is kept after so many numbers of actions."""
+SHELF = 2**25
+"""Numbers in one file: 64 MiB."""
 JUDGED_AT_ONCE = 16
 JUDGED_AFTER = (4, 10, 22, 30)
 """Held-out boards are judged after so many actions."""
@@ -66,12 +69,21 @@ def _surprise(logs: Tensor, owner: Tensor) -> Tensor:
     return -(top + scatter((logs - top[owner]).exp(), owner, reduce="sum").log())
 
 
-def _half(graph: HeteroData) -> HeteroData:
-    """With what was counted in half precision, to be kept."""
-    for kept, names in _COUNTED.items():
-        for name in names:
-            graph[kept][name] = graph[kept][name].half()
-    return graph
+class Shelf:
+    """Numbers in half precision in temporary files, which the system keeps in memory as long as nobody needs that."""
+
+    def __init__(self) -> None:
+        self._free = np.zeros(0, np.float16)
+
+    def kept(self, values: Tensor) -> Tensor:
+        """The same numbers, on the shelf."""
+        flat = values.half().numpy().ravel()
+        if len(self._free) < len(flat):
+            with TemporaryFile() as file:  # is there as long as it is mapped
+                self._free = np.memmap(file, np.float16, "w+", shape=max(SHELF, len(flat)))
+        own, self._free = self._free[: len(flat)], self._free[len(flat) :]
+        own[:] = flat
+        return torch.from_numpy(own).view(values.shape)
 
 
 def _at(graph: HeteroData, moments: Tensor) -> HeteroData:
@@ -105,6 +117,7 @@ class MechanismLearner(Learner):
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards, self.held_out = boards, held_out
         self._graphs: dict[int, HeteroData] = {}
+        self._shelf = Shelf()
         self._judged: list[HeteroData] = []
         self.network = MechanismNet(config.net)
         draws = generator(seed, "train", 0, "initial weights/mechanism")
@@ -134,7 +147,11 @@ class MechanismLearner(Learner):
         if number not in self._graphs:
             board, rng = self.boards[number], generator(self.seed, "train", number, "reason/mechanism/moments")
             drawn = (board.actions + 1) ** rng.random(KNOWN)
-            self._graphs[number] = _half(self.graph(board, [int(each) for each in drawn]))
+            graph = self.graph(board, [int(each) for each in drawn])
+            for kept, names in _COUNTED.items():
+                for name in names:
+                    graph[kept][name] = self._shelf.kept(graph[kept][name])
+            self._graphs[number] = graph
         return self._graphs[number]
 
     def graph(self, board: LabelledTrace, after: Sequence[int]) -> HeteroData:

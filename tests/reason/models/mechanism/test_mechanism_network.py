@@ -10,6 +10,7 @@ import torch
 
 from benchmarks.studies.mechanisms import JUDGED_SEED, compare, draw
 from busybot.objects.resolve import find
+from busybot.reason.models.mechanism import learner
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import (
     MEMORIES,
@@ -22,7 +23,7 @@ from busybot.reason.models.mechanism.contexts import (
 )
 from busybot.reason.models.mechanism.evidence import EITHER, EVIDENCE, RECENT, SCALE, WITNESSES, evidence_of
 from busybot.reason.models.mechanism.labelled import LabelledTrace
-from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner
+from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner, Shelf
 from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, parents_of
 from busybot.reason.pyg import Batch
 from busybot.training.loop import fit
@@ -212,6 +213,13 @@ def test_it_learns_from_what_is_seen_later_alone(gates: list[LabelledTrace]) -> 
 
 
 @pytest.mark.long
+def test_what_is_kept_on_the_shelf_is_what_was_given(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(learner, "SHELF", 10)
+    shelf, given = Shelf(), [torch.randn(*shape) for shape in ((2, 3), (4,), (0, 5), (7, 3), (1, 1))]
+    kept = [shelf.kept(values) for values in given]
+    assert all(torch.equal(one, values.half()) for one, values in zip(kept, given, strict=True))
+
+
 def test_it_learns_and_goes_on_where_it_was_stopped(gates: list[LabelledTrace], tmp_path: Path) -> None:
     def trained(folder: str, iterations: int) -> MechanismLearner:
         config = MechanismConfig(iterations=30, batch=4)

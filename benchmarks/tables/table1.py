@@ -15,6 +15,7 @@ from typing import Any
 
 from benchmarks import runner
 from busybot.common.process_pool import machine
+from busybot.evaluation.results import commit
 from busybot.sim.scene.real_camera import REAL
 
 SPLITS = ("novel-config", "novel-object")
@@ -89,7 +90,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         except RuntimeError as error:
             if NOTHING_LEARNED not in str(error):
                 raise
-            told = {"commands": [runner.as_typed(commands[0], places)], "machine": machine()}
+            told = {"commands": [runner.as_typed(commands[0], places)], "machine": machine(), "commit": commit()}
             return {**told, "training": None, "untrained": NOTHING_LEARNED}
         trained = {**told["training"], "cost": told["cost"]}
     judged, policy = {}, {}

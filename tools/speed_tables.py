@@ -11,6 +11,28 @@ MORE = {"boards": 1000, "objects": 1, "pixels": 1_000_000}
 TIMES = {"cpu": "processors", "wall": "by the clock"}
 
 
+STEPS = {
+    "record": "boards generated and acted on",
+    "train": "the model trained",
+    "judge": "the row judged, told the world and not told",
+}
+"""What a row in the table of worlds takes."""
+
+
+def world_row() -> str:
+    """What a seed of the `mechanism` model costs, from nothing to its row."""
+    told = result("world-row")["rows"]
+    rows = [(words, [f"{told[step][key]:,.0f}" for key in _SPENT]) for step, words in STEPS.items()]
+    sums = [f"{sum(told[step][key] for step in STEPS):,.0f}" for key in ("minutes", "cpu_minutes")]
+    rows.append(("all", [*sums, f"{max(told[step]['megabytes'] for step in STEPS):,}"]))
+    return markdown(
+        [plain_grid(("minutes", "of a core", "MB"), [*rows, ("asked: at most", ["90", "", "2,000"])], "step")]
+    )
+
+
+_SPENT = ("minutes", "cpu_minutes", "megabytes")
+
+
 def interact_speed() -> str:
     """Milliseconds of what training and acting consist of."""
     told = result("interact")

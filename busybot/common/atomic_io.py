@@ -16,10 +16,12 @@ import fcntl
 import hashlib
 import json
 import math
+import mmap
 import os
 import re
 import shutil
 import stat
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -378,6 +380,13 @@ def open_regular(path: Path, max_bytes: int, hint: str = RESTORE) -> BufferedRea
 
 def _too_large(path: object, size: int, max_bytes: int, hint: str) -> BusybotError:
     return BusybotError(f"{path}: {size} bytes are more than the {max_bytes} that such a file may have", hint)
+
+
+def memory_on_disk(size: int) -> mmap.mmap:
+    """So many bytes in a temporary file without a name, which the system takes out of memory when that is needed."""
+    with tempfile.TemporaryFile() as file:  # is there as long as it is mapped
+        file.truncate(size)
+        return mmap.mmap(file.fileno(), size)
 
 
 def read_regular(path: Path, max_bytes: int, hint: str = RESTORE) -> bytes:

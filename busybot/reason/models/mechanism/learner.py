@@ -7,7 +7,6 @@ it goes on learning. The network learns to know early which explanations will; n
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
+from busybot.common.atomic_io import memory_on_disk
 from busybot.common.rng import generator
 from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import RecordedBoards
@@ -29,8 +29,8 @@ from busybot.training.loop import Learner, cosine_rate, descend
 
 KNOWN = 6
 """What was counted of each board is kept after so many numbers of actions."""
-SHELF = 2**25
-"""Numbers in one file: 64 MiB."""
+SHELF = 2**26
+"""Bytes of one file."""
 JUDGED_AT_ONCE = 16
 JUDGED_AFTER = (4, 10, 22, 30)
 """Held-out boards are judged after so many actions."""
@@ -79,8 +79,7 @@ class Shelf:
         """The same numbers, on the shelf."""
         flat = values.half().numpy().ravel()
         if len(self._free) < len(flat):
-            with TemporaryFile() as file:  # is there as long as it is mapped
-                self._free = np.memmap(file, np.float16, "w+", shape=max(SHELF, len(flat)))
+            self._free = np.frombuffer(memory_on_disk(max(SHELF, flat.nbytes)), np.float16)
         own, self._free = self._free[: len(flat)], self._free[len(flat) :]
         own[:] = flat
         return torch.from_numpy(own).view(values.shape)

@@ -214,7 +214,7 @@ def test_it_learns_from_what_is_seen_later_alone(gates: list[LabelledTrace]) -> 
 
 @pytest.mark.long
 def test_what_is_kept_on_the_shelf_is_what_was_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(learner, "SHELF", 10)
+    monkeypatch.setattr(learner, "SHELF", 20)
     shelf, given = Shelf(), [torch.randn(*shape) for shape in ((2, 3), (4,), (0, 5), (7, 3), (1, 1))]
     kept = [shelf.kept(values) for values in given]
     assert all(torch.equal(one, values.half()) for one, values in zip(kept, given, strict=True))

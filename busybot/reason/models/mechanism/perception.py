@@ -85,10 +85,14 @@ class Perceived:
 
     def link_at(self, action: np.ndarray, acted: int) -> int | None:
         """The link that was taken hold of nearest to an action on this trigger, above all aside of its way, if that was
-        near; None where an action took hold of none."""
+        near; None where an action took hold of none.
+
+        Args:
+            action: (6,), or its place alone, (3,).
+        """
         own = np.flatnonzero(self.acted == acted) if acted >= 0 else np.zeros(0, int)
         apart, links = self.actions[own, :2] - action[:2], self.links.clusters[own]
-        away, along = np.linalg.norm(apart, axis=1), apart @ action[3:5]
+        away, along = np.linalg.norm(apart, axis=1), apart @ (action[3:5] if len(action) > 3 else np.zeros(2))
         if not (links >= 0).any() or away[links < 0].min(initial=np.inf) <= min(THERE, away[links >= 0].min()):
             return None
         nearest = np.where(links >= 0, away**2 - (1 - ALONG**2) * along**2, np.inf).argmin()

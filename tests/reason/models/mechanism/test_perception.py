@@ -73,3 +73,12 @@ def test_the_link_is_that_of_the_nearest_action() -> None:
     found = [panel.link_at(np.array([place, 0, 0, *DOWN]), 0) for place in (0.01, 0.31, 0.35, 0.05, 0.9)]
     assert found == [0, 0, 1, None, None]
     assert panel.link_at(np.array([0.0, 0, 0, *DOWN]), 1) is None and panel.link_at(np.zeros(6), -1) is None
+
+
+def test_a_slider_is_told_from_the_one_beside_it_aside_of_its_way() -> None:
+    """Both move along x, 0.08 apart; what is held lies nearer to where the other one was held, which its place says."""
+    sliders = seen([(0, 0), (1, 0), (1, 1)], [(0.0, (1.0, 0.0, 0.0), 0), (0.1, (1.0, 0.0, 0.0), 1)], (2, 2))
+    sliders.actions[1, 1] = 0.08
+    place = (0.09, 0.02, 0.0)
+    assert [sliders.link_at(np.array([*place, *way]), 0) for way in ((1.0, 0.0, 0.0), DOWN)] == [0, 1]
+    assert sliders.link_at(np.array(place), 0) == 1

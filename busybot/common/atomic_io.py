@@ -385,7 +385,7 @@ def _too_large(path: object, size: int, max_bytes: int, hint: str) -> BusybotErr
 def memory_on_disk(size: int) -> mmap.mmap:
     """So many bytes in a temporary file without a name, which the system takes out of memory when that is needed."""
     with tempfile.TemporaryFile() as file:  # is there as long as it is mapped
-        file.truncate(size)
+        os.posix_fallocate(file.fileno(), 0, size)  # a full disk is told here, and not by the death of who writes later
         return mmap.mmap(file.fileno(), size)
 
 

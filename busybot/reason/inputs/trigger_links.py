@@ -120,7 +120,7 @@ class LinkWatch:
     @cached_property
     def _views(self) -> dict[int, View]:
         """How a still camera shows a trigger in a frame does not depend on later ones."""
-        return still_views(self._observed, self._acted, self._config)
+        return still_views(self._observed, self._config)
 
 
 def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None) -> ObservedLinks:

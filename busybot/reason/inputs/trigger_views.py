@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
@@ -43,7 +42,7 @@ class View:
     Args:
         pictures: looks, float32 (h, w, C), by their number.
         frames: int (T + 1,), number of the picture that each frame shows.
-        least: float (h, w, C), what a pixel that did not change may differ by.
+        least: float (C,) or (h, w, 1), what a pixel that did not change may differ by.
         masks: of two frames, which pixels may have changed, bool (h, w).
         pixels: more than so many changed, if any did.
     """
@@ -79,20 +78,21 @@ class View:
         return Move(step, changed, np.where(changed[..., None], after - before, 0))
 
 
-def still_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConfig) -> dict[int, View]:
-    """The triggers that the first frame shows, by their index.
+def still_views(observed: ObservedEpisode, config: ChangeConfig) -> dict[int, View]:
+    """The triggers that the first frame shows, by their index. No look depends on later ones.
 
-    Args:
-        acted: int (T,), the trigger that each action took hold of.
+    From the first picture on of which most of the depth differs from the last one's, depth tells nothing.
     """
     pixels, frames = ObjectMasks(observed, config), np.array(observed.image_of)
     regions = {int(one): pixels.regions[one] for one in observed.triggers if one in pixels.regions}
     looks: dict[int, dict[int, np.ndarray]] = {one: {} for one in regions}
-    deep = observed.boxed.depth if config.depth else None
+    deep, resting = observed.boxed.depth if config.depth else None, True
     for number in dict.fromkeys(observed.image_of):
         image = observed.images[number]
-        if deep is not None and image.depth is not None:  # what lies in a hole is where it was seen last
-            deep = np.where(image.depth > 0, image.depth, deep)
+        if deep is not None and image.depth is not None and resting:
+            now = np.where(image.depth > 0, image.depth, deep)  # what lies in a hole is where it was seen last
+            resting = 2 * int(np.count_nonzero(now != deep)) < now.size
+            deep = now if resting else deep
         for one, region in regions.items():
             place = region.rows, region.columns
             rgb = image.rgb[place].astype(np.float32)
@@ -102,25 +102,8 @@ def still_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConf
         before, after = (pixels.masks(trigger, number) for number in (one, other))
         return np.asarray((before[0] | after[0]) & ~before[1] & ~after[1])
 
-    return {
-        one: View(own, frames, _least(own, frames, acted == one, config.tolerance), partial(masks, one))
-        for one, own in looks.items()
-    }
-
-
-def _least(looks: Mapping[int, np.ndarray], frames: np.ndarray, touched: np.ndarray, tolerance: float) -> np.ndarray:
-    """What pixels differ by that did not change, float (h, w, C): colours by what compressing does, depth by what it
-    did while nobody touched the trigger, too. Depth that is noisy is told in larger levels, in place."""
-    least: np.ndarray = np.full_like(looks[int(frames[0])], tolerance)
-    if least.shape[-1] > COLOURS:
-        steps = [(int(a), int(b)) for (a, b), one in zip(pairwise(frames), touched, strict=False) if a != b and not one]
-        noise = [np.abs(looks[b][..., COLOURS] - looks[a][..., COLOURS]) for a, b in steps]
-        usual = np.zeros_like(least[..., COLOURS]) if not noise else ABOVE * np.quantile(noise, USUAL, axis=0)
-        larger = max(1.0, float(np.median(usual)) / DEEP)
-        for look in looks.values():
-            look[..., COLOURS] /= larger
-        least[..., COLOURS] = np.maximum(DEEP, usual / larger)
-    return least
+    least = np.array([config.tolerance] * COLOURS + [DEEP] * (deep is not None), np.float32)
+    return {one: View(own, frames, least, partial(masks, one)) for one, own in looks.items()}
 
 
 def calm_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConfig) -> dict[int, View]:

@@ -51,10 +51,14 @@ class Watched:
         self._sight = OnlineFeatures(self.observed, self._extractor)
         self._features = [self._sight.see(self.observed.frame(number)) for number in range(len(self.observed.image_of))]
 
+    def changed(self, after: Observation) -> bool:
+        """Whether something was seen to change: else an observation is the same object as before."""
+        return after is not self._latest
+
     def add(self, action: ObservedAction, after: Observation) -> None:
-        """What an action led to; the observation is the same object as before if nothing was seen to change."""
+        """What an action led to."""
         images, observed = list(self.observed.images), self.observed
-        if after is not self._latest:
+        if self.changed(after):
             images.append(Image(after.rgb, after.depth, None, NO_BOXES))
         self._latest = after
         image_of, actions = (*observed.image_of, len(images) - 1), (*observed.actions, action)
@@ -103,8 +107,9 @@ class CuriousPolicy:
         assert watched is not None and seen is not None
         self._inner.observe(action, executed, reward, after)
         x, y, z = map(float, self._rays.point(seen.depth, action.pixel))
-        dx, dy, dz = map(float, DIRECTIONS[action.directions[0]])
-        watched.add(ObservedAction(action.pixel, (x, y, z), (dx, dy, dz)), after)
+        proposed, tried = DIRECTIONS[action.directions[0]].tolist(), DIRECTIONS[executed[-1]].tolist()
+        pushed = tuple(tried) if watched.changed(after) else None
+        watched.add(ObservedAction(action.pixel, (x, y, z), tuple(proposed), pushed), after)
 
     def worth(self, found: Candidates, directions: np.ndarray) -> np.ndarray:
         """Expected information, see `interact.policy.learned.Worth`."""

@@ -104,7 +104,8 @@ class Watched:
     """A recording as it is judged. What does not depend on who is judged is found out once.
 
     Attributes:
-        actions, acted: of all T steps, as of `BoardSequence`.
+        actions: of all T steps, as of `sequence.pushes_of`.
+        acted: of all T steps, as of `BoardSequence`.
         judged: bool (N,), responders that show in the first frame.
         images: how many were observed when mechanisms are asked about.
         library: the board's objects; in the paper's world the board tells what is needed of them.

@@ -46,7 +46,7 @@ def contacts_of(episode: Episode, actions: np.ndarray, acted: np.ndarray, sizes:
     that this move needs.
 
     Args:
-        actions, acted: of all steps, as of `BoardSequence`.
+        actions, acted: of all steps, as of `causes.Watched`.
         sizes: number of states of each link.
     """
     exact: dict[tuple[int, int, int], tuple[int, np.ndarray]] = {}

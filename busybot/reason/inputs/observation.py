@@ -7,12 +7,13 @@ held, joints, states, rewards, relations, object names and categories are not hi
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.codec import EncodedImage, LazyImages
-from busybot.episodes.episode import Camera, Episode, Image
+from busybot.episodes.episode import Camera, Episode, Image, Step
 
 KEPT, DECODED = 64_000_000, 7
 """Decoded pictures of one board take so many bytes at most, and so many a pixel: three colours and a float of depth."""
@@ -45,11 +46,14 @@ class ObservedAction:
         pixel: (u, v) chosen in the picture before.
         position: board frame, board units.
         direction: unit vector of the proposed direction, board frame.
+        pushed: the same of the direction that was tried last, if the picture changed then: first comes the proposed
+            one, its opposite if that moved nothing. None where nobody says, or nothing changed.
     """
 
     pixel: tuple[int, int]
     position: tuple[float, float, float]
     direction: tuple[float, float, float]
+    pushed: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -134,7 +138,9 @@ def observe_episode(episode: Episode, again: bool = False) -> ObservedEpisode:
         roles=tuple(placed.role for placed in episode.board.objects),
         boxes=np.array(first_boxes, np.int16),
         positions=np.array(episode.positions, np.float32),
-        actions=tuple(ObservedAction(s.pixel, s.position, _vector(s.direction)) for s in episode.steps),
+        actions=tuple(
+            _action(step, *shown) for step, shown in zip(episode.steps, pairwise(episode.frame_of), strict=True)
+        ),
         images=images,
         image_of=tuple(episode.frame_of),
         world=episode.board.world,
@@ -154,6 +160,11 @@ def _without_truth(images: LazyImages, again: bool = False) -> LazyImages:
     if again:
         shown.keeps = max(shown.keeps, KEPT // (DECODED * images.width * images.height))
     return shown
+
+
+def _action(step: Step, before: int, after: int) -> ObservedAction:
+    pushed = _vector(step.executed[-1]) if before != after and step.executed else None
+    return ObservedAction(step.pixel, step.position, _vector(step.direction), pushed)
 
 
 def _vector(direction: int) -> tuple[float, float, float]:

@@ -139,6 +139,12 @@ def actions_of(observed: "ObservedEpisode") -> np.ndarray:
     return np.array(actions, np.float32).reshape(-1, 6)
 
 
+def pushes_of(observed: "ObservedEpisode") -> np.ndarray:
+    """The same with the directions that were tried last where something changed, float32 (T, 6)."""
+    actions = [(*action.position, *(action.pushed or action.direction)) for action in observed.actions]
+    return np.array(actions, np.float32).reshape(-1, 6)
+
+
 THRESHOLDS = {"embedded": 0.5, "embedded-box": 0.5, "embedded-mask": 0.5, "resnet50keras": 0.35}
 """Distance by encoder: what `benchmarks/studies/features.py` fits on training boards, rounded."""
 SMALLEST = 0.01

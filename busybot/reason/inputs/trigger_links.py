@@ -13,14 +13,17 @@ show each trigger `trigger_views` tells.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, pairwise
 
 import numpy as np
 
+from busybot.episodes.camera import project
+from busybot.episodes.episode import Camera
 from busybot.reason.inputs.object_masks import ChangeConfig
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
+from busybot.reason.inputs.sequence import actions_of, pushes_of
 from busybot.reason.inputs.steady import pictures_of, steadied, still_pictures
 from busybot.reason.inputs.trigger_views import Move, View, calm_views, still_views
 
@@ -61,6 +64,10 @@ class ObservedLinks:
         places: float (L, 2), mean contact, board units.
         directions: tuple of L float arrays (states, states, 3): mean direction of the actions that led from one state
             to another, zeros where none did.
+        steadied: whether the camera was not still.
+        pushed: float32 (T, 3), the direction that each action tried last, if anything changed; else the proposed one.
+        pixels: L int arrays (n, 2), (u, v) of the pixels that tell how each link stands.
+        camera: that sees them. All three are known of a still camera alone.
     """
 
     clusters: np.ndarray
@@ -69,6 +76,17 @@ class ObservedLinks:
     places: np.ndarray
     directions: tuple[np.ndarray, ...]
     steadied: bool = False
+    pushed: np.ndarray | None = None
+    pixels: tuple[np.ndarray, ...] = ()
+    camera: Camera | None = None
+
+    def away(self, place: np.ndarray) -> np.ndarray:
+        """How far each link's pixels are from where a place (3,) is seen, float (L,), pixels; infinity if nobody
+        knows."""
+        if self.camera is None:
+            return np.full(len(self.owners), np.inf)
+        at, _ = project(place, self.camera)
+        return np.array([np.abs(own - at).max(1).min(initial=np.inf) for own in self.pixels])
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -84,11 +102,13 @@ class _Link:
         steps: int (n,).
         states: int (F,).
         changed: bool (h, w).
+        own: bool (h, w), those that tell how it stands.
     """
 
     steps: np.ndarray
     states: np.ndarray
     changed: np.ndarray
+    own: np.ndarray
 
 
 class LinkWatch:
@@ -130,11 +150,12 @@ def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None)
 
 def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.ndarray, unsteady: bool) -> ObservedLinks:
     contacts = np.array([one.position for one in observed.actions], float).reshape(-1, 3)
-    pushed = np.array([one.direction for one in observed.actions], float)
+    pushed = (actions_of if unsteady else pushes_of)(observed)[:, 3:]
     clusters = np.full(len(acted), -1)
     places: list[np.ndarray] = []
     owners: list[int] = []
     states: list[np.ndarray] = []
+    pixels: list[np.ndarray] = []
     directions: list[np.ndarray] = []
     for trigger, view in views.items():
         touched = np.flatnonzero(acted == trigger)
@@ -146,20 +167,24 @@ def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.nd
         for group, own, tried in zip(groups, _own_pixels(groups), tries, strict=True):
             looks = np.array([one[own].ravel() for one in pictures], np.float32)
             if unsteady:
-                links.append(_link_by_moves(group, looks[frames], tried))
+                links.append(_link_by_moves(group, looks[frames], tried, own))
             else:
-                links.append(_Link(tried, _states(looks)[frames], _changed(group)))
+                links.append(_Link(tried, _states(looks)[frames], _changed(group), own))
         moving = [one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]
         for link in _whole(moving, contacts[:, :2]):
             clusters[link.steps] = len(places)
             places.append(contacts[link.steps, :2].mean(0))
             owners.append(trigger)
             states.append(link.states)
+            pixels.append(np.argwhere(link.own)[:, ::-1] + view.corner[::-1])
             directions.append(directions_of(pushed, link.states, link.steps))
     _join_failed(clusters, acted, contacts, np.array(owners, int), np.array(places).reshape(-1, 2))
     told = np.array(states, int).T.reshape(len(observed.image_of), len(states))
     at = np.array(places).reshape(-1, 2)
-    return ObservedLinks(clusters, told, np.array(owners, int), at, tuple(directions), unsteady)
+    found = ObservedLinks(clusters, told, np.array(owners, int), at, tuple(directions), unsteady)
+    if unsteady:  # which way worked, and which pixels, is not sure then
+        return found
+    return replace(found, pushed=pushed, pixels=tuple(pixels), camera=observed.camera)
 
 
 def _together(moves: list[Move], contacts: np.ndarray | None) -> list[list[Move]]:
@@ -209,13 +234,14 @@ def _tries(groups: Sequence[Sequence[Move]], touched: np.ndarray, contacts: np.n
     return found
 
 
-def _link_by_moves(group: Sequence[Move], looks: np.ndarray, tries: np.ndarray) -> _Link:
+def _link_by_moves(group: Sequence[Move], looks: np.ndarray, tries: np.ndarray, own: np.ndarray) -> _Link:
     """A link before a camera that is not still: its pixels are read along the one or two ways in which its moves change
     them together, and between two actions it stands as most frames show.
 
     Args:
         looks: float32 (F, C), of the pixels that tell it in each frame.
         tries: actions that may have moved it.
+        own: bool (h, w), where these pixels are.
     """
     steps = _steps(group)
     _, sizes, ways = np.linalg.svd(looks[steps + 1] - looks[steps], full_matrices=False)
@@ -224,7 +250,7 @@ def _link_by_moves(group: Sequence[Move], looks: np.ndarray, tries: np.ndarray) 
     for start, end in pairwise([0, *(tries + 1), len(states)]):
         states[start:end] = np.bincount(states[start:end]).argmax()
     states = _numbered(states)
-    return _Link(np.union1d(steps, tries[states[tries] != states[tries + 1]]), states, _changed(group))
+    return _Link(np.union1d(steps, tries[states[tries] != states[tries + 1]]), states, _changed(group), own)
 
 
 def _states(looks: np.ndarray, distance: str = "cityblock") -> np.ndarray:
@@ -255,7 +281,7 @@ def _whole(links: list[_Link], places: np.ndarray) -> list[_Link]:
         if two and len(set(both.tolist())) == STATES:
             shared = (one.changed & other.changed).sum() / min(one.changed.sum(), other.changed.sum())
             steps = np.union1d(one.steps, other.steps)
-            joined = _Link(steps, _numbered(both), one.changed | other.changed)
+            joined = _Link(steps, _numbered(both), one.changed | other.changed, one.own | other.own)
             if shared > WHOLE or (shared > SHARED and not _apart(joined, places)):
                 return _whole([*(each for each in links if each is not one and each is not other), joined], places)
     return links

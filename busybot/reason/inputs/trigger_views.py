@@ -45,6 +45,7 @@ class View:
         least: float (C,) or (h, w, 1), what a pixel that did not change may differ by.
         masks: of two frames, which pixels may have changed, bool (h, w).
         pixels: more than so many changed, if any did.
+        corner: row and column of the box's first pixel in the picture.
     """
 
     def __init__(
@@ -54,8 +55,9 @@ class View:
         least: np.ndarray,
         masks: Callable[[int, int], np.ndarray],
         pixels: int = 0,
+        corner: tuple[int, int] = (0, 0),
     ):
-        self.pictures, self.frames = pictures, frames
+        self.pictures, self.frames, self.corner = pictures, frames, corner
         self._least, self._masks, self._pixels = least, masks, pixels
         self._moves: dict[int, Move | None] = {}
 
@@ -103,7 +105,8 @@ def still_views(observed: ObservedEpisode, config: ChangeConfig) -> dict[int, Vi
         return np.asarray((before[0] | after[0]) & ~before[1] & ~after[1])
 
     least = np.array([config.tolerance] * COLOURS + [DEEP] * (deep is not None), np.float32)
-    return {one: View(own, frames, least, partial(masks, one)) for one, own in looks.items()}
+    corners = {one: (region.rows.start, region.columns.start) for one, region in regions.items()}
+    return {one: View(own, frames, least, partial(masks, one), corner=corners[one]) for one, own in looks.items()}
 
 
 def calm_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConfig) -> dict[int, View]:

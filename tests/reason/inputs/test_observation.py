@@ -1,17 +1,19 @@
 """What a reasoner sees: the whitelist, whatever the truth says, and the trigger that an action took hold of."""
 
 from dataclasses import fields, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.codec import LazyImages
 from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, goal_of, observe_episode
-from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.inputs.sequence import BoardSequence, actions_of, pushes_of
 from busybot.reason.models.registry import infer
 from tests.episodes.synthetic import make_episode, make_task_episode
 from tests.reason.scenes import Scene
@@ -32,10 +34,11 @@ def garbled(episode: Episode) -> Episode:
         segmentation = rng.integers(0, 9, original.rgb.shape[:2]).astype(np.uint16)
         return Image(original.rgb, original.depth, segmentation, boxes)
 
+    changed = [before != after for before, after in pairwise(episode.frame_of)]  # then the last direction is seen
     steps = [
         replace(
             step,
-            executed=(3,),
+            executed=(3, 3, step.executed[-1]) if seen else (3,),
             distance=9.0,
             changed_pixels=int(rng.integers(9999)),
             reward=1 - step.reward,
@@ -51,7 +54,7 @@ def garbled(episode: Episode) -> Episode:
             success=not step.success,
             vetoed=not step.vetoed,
         )
-        for step in episode.steps
+        for step, seen in zip(episode.steps, changed, strict=True)
     ]
     placed = tuple(
         replacement.model_copy(
@@ -95,6 +98,19 @@ def test_garbling_the_truth_changes_nothing_that_a_reasoner_sees() -> None:
     wrong = garbled(episode)
     assert same(observe_episode(episode), observe_episode(wrong))
     np.testing.assert_array_equal(infer(episode).probabilities, infer(wrong).probabilities)
+
+
+def test_the_direction_that_was_tried_last_is_seen_where_the_picture_changed() -> None:
+    episode = make_episode(steps=12)
+    tried = replace(episode, steps=[replace(step, direction=0, executed=(0, 5)) for step in episode.steps])
+    changed = [before != after for before, after in pairwise(episode.frame_of)]
+    observed = observe_episode(tried)
+    assert any(changed) and not all(changed)
+    pushes, actions = pushes_of(observed), actions_of(observed)
+    for row, seen in enumerate(changed):
+        np.testing.assert_allclose(pushes[row, 3:], DIRECTIONS[5 if seen else 0], atol=1e-6)
+        np.testing.assert_allclose(actions[row, 3:], DIRECTIONS[0], atol=1e-6)
+    assert np.array_equal(pushes[:, :3], actions[:, :3])
 
 
 def test_of_a_goal_its_picture_alone_is_seen() -> None:

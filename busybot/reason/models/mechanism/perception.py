@@ -23,6 +23,8 @@ BESIDE = 0.06
 EFFECTS, OFTEN = 2, 0.25
 """Responders changed in so many of its actions, and in so large a share of them."""
 
+ON = 2.0
+"""Who takes hold so near to pixels that tell how a link stands, of one link alone, holds it, pixels."""
 THERE = 0.02
 """Two actions took hold of the same place, board units."""
 WITHIN = 0.12
@@ -32,9 +34,9 @@ ALONG = 0.5
 BACK = np.array([1, 1, 1, -1, -1, -1])
 """Turns an action round."""
 UNTRIED, SAME, AROUND, UNLIKE = 0.5, 0.8, 0.1, -9.0
-"""How much less an action is like one that led the other way, turned round, than like one that led this way; how much
-it is at least like one that failed to be expected to fail, too; how much more where all responders show the same; and
-how much at the least."""
+"""How much less an action is like one that led the other way, turned round, than like one that led this way, and as much
+less again if that one met the link there; how much it is at least like one that failed to be expected to fail, too; how
+much more where all responders show the same; and how much at the least."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,8 @@ class Perceived:
     """T actions, L links, R responders.
 
     Attributes:
-        actions, acted: as of `BoardSequence`.
+        actions: as of `BoardSequence`, but for the direction that was tried last where something changed.
+        acted: as of `BoardSequence`.
         responders: int (R,), their objects.
         looks: for each responder the mean feature of each of its states, float32 (S, 256).
     """
@@ -55,41 +58,60 @@ class Perceived:
     acted: np.ndarray
 
     def moved(self, states: np.ndarray, action: np.ndarray, acted: int, shown: np.ndarray | None = None) -> np.ndarray:
-        """States of the links after an action, int (L,).
+        """States of the links after an action, int (L,), of those that each was seen in; see `pushed`."""
+        return self.pushed(states, action, acted, shown, beyond=False)
 
-        The nearest link of its trigger goes where the seen action led that was most like it and met the link in this
-        state, or whose way back this may be. That may be nowhere, for a link may be held as long as responders stand as
-        they do.
+    def pushed(
+        self, states: np.ndarray, action: np.ndarray, acted: int, shown: np.ndarray | None = None, beyond: bool = True
+    ) -> np.ndarray:
+        """States of the links after an action, int (L,); -1 or the number of its states for a link that goes on to one
+        that it was never seen in.
+
+        The link that it takes hold of goes where the seen action led that was most like it and met the link in this
+        state; or the other way, if it is the opposite of that; or where an action led from whose way back this may be.
+        That may be nowhere, for a link may be held as long as responders stand as they do.
 
         Args:
             acted: the object that is acted on, -1 for none.
             shown: int (R,), what the responders show before it; None if it is known that something moved.
+            beyond: whether links may go on to such states.
         """
         link, after = self.link_at(action, acted), states.copy()
         if link is None:
             return after
         now, size = int(states[link]), self.trace.sizes[link]
+        if not 0 <= now < size:
+            after[link] = np.clip(now, 0, size - 1)  # from beyond there is one way
+            return after
         steps, stood = np.flatnonzero(self.links.clusters == link), self.trace.links[:, link]
         before, led, alike = stood[steps], stood[steps + 1], self._alike(steps, action, shown)
         back = self._alike(steps, action * BACK, shown) - UNTRIED
 
         def likeness(other: int) -> float:
-            there, from_there = alike[(before == now) & (led == other)], back[(before == other) & (led == now)]
-            return float(np.concatenate([there, from_there]).max(initial=UNLIKE))
+            there, opposite = alike[(before == now) & (led == other)], back[(before == now) & (led == 2 * now - other)]
+            from_there = back[(before == other) & (led == now)] - UNTRIED
+            return float(np.concatenate([there, opposite, from_there]).max(initial=UNLIKE))
 
         best = max((other for other in (now - 1, now + 1) if 0 <= other < size), key=likeness)
         vain = float(alike[(before == now) & (led == now)].max(initial=UNLIKE))
-        if shown is None or vain < SAME or vain <= likeness(best):
-            after[link] = best
+        if shown is not None and vain >= SAME and vain > likeness(best):
+            return after
+        on = 2 * now - best
+        goes_on = beyond and size < STATES and likeness(on) > max(likeness(best), SAME - UNTRIED)
+        after[link] = on if goes_on else best
         return after
 
     def link_at(self, action: np.ndarray, acted: int) -> int | None:
-        """The link that was taken hold of nearest to an action on this trigger, above all aside of its way, if that was
-        near; None where an action took hold of none.
+        """The link of this trigger whose pixels lie where an action takes hold, and no other's; else the one that was
+        taken hold of nearest to it, above all aside of its way, if that was near; None where an action took hold of
+        none.
 
         Args:
             action: (6,), or its place alone, (3,).
         """
+        shown = np.flatnonzero((self.links.owners == acted) & (self.links.away(action[:3]) <= ON))
+        if len(shown) == 1:
+            return int(shown[0])
         own = np.flatnonzero(self.acted == acted) if acted >= 0 else np.zeros(0, int)
         apart, links = self.actions[own, :2] - action[:2], self.links.clusters[own]
         away, along = np.linalg.norm(apart, axis=1), apart @ (action[3:5] if len(action) > 3 else np.zeros(2))
@@ -146,7 +168,13 @@ def _perceived(seen: BoardSequence, encoder: str) -> Perceived:
         for index, states in zip(responders, shown.T, strict=True)
     )
     links = _with_felt(links, seen, (shown[1:] != shown[:-1]).any(1))
-    return Perceived(Trace(links.states, shown, links.sizes), links, responders, looks, seen.actions, seen.acted)
+    trace = Trace(links.states, shown, links.sizes)
+    return Perceived(trace, links, responders, looks, _pushes(seen, links), seen.acted)
+
+
+def _pushes(seen: BoardSequence, links: ObservedLinks) -> np.ndarray:
+    """The actions with the directions in which they pushed last, float32 (T, 6)."""
+    return seen.actions if links.pushed is None else np.hstack([seen.actions[:, :3], links.pushed])
 
 
 def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -> ObservedLinks:
@@ -158,7 +186,7 @@ def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -
     Args:
         effects: bool (T,), whether any responder changed.
     """
-    moved = (links.states[1:] != links.states[:-1]).any(1)
+    moved, pushes = (links.states[1:] != links.states[:-1]).any(1), _pushes(seen, links)
     for trigger in np.flatnonzero(seen.triggers):
         held = np.flatnonzero((seen.acted == trigger) & ~moved)
         others = seen.actions[(seen.acted == trigger) & moved, :2]
@@ -166,7 +194,7 @@ def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -
         for steps in _groups(held[(away > AWAY).all(1)], seen.actions):
             pushed = _ways(seen.actions[steps, 3:])
             if effects[steps].sum() >= max(EFFECTS, OFTEN * len(steps)) and pushed.any() and not pushed.all():
-                links = _joined(links, steps, pushed, seen.actions, int(trigger))
+                links = _joined(links, steps, pushed, pushes, int(trigger))
     return links
 
 
@@ -201,4 +229,5 @@ def _joined(
         owners=np.append(links.owners, trigger),
         places=np.vstack([links.places, actions[steps, :2].mean(0)]),
         directions=(*links.directions, directions_of(actions[:, 3:], states, steps)),
+        pixels=(*links.pixels, np.zeros((0, 2), int)),
     )

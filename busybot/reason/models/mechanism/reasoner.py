@@ -192,10 +192,11 @@ class MechanismReasoner:
         known = self._understand(seen)
         told = np.zeros((*actions.shape[:2], *seen.features.shape[1:]), np.float32)
         for question, start in enumerate(steps.tolist()):
-            trace = known.trace.first(start)
+            trace, states = known.trace.first(start), known.trace.links[start]
             for number, (action, owner) in enumerate(zip(actions[question], acted[question].tolist(), strict=True)):
                 before = trace.responders[-1]
-                links = known.perceived.moved(trace.links[-1], action, owner, before)
+                states = known.perceived.pushed(states, action, owner, before)
+                links = states.clip(0, np.array(trace.sizes) - 1)
                 [contexts] = contexts_of(trace.longer(links, before), 1)
                 after = known.following(contexts, before, start + number + 1 if start + number < seen.steps else None)
                 trace = trace.longer(links, after)

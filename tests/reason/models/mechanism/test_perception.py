@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from busybot.episodes.episode import Camera
 from busybot.reason.inputs.trigger_links import ObservedLinks, directions_of
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.perception import Perceived
@@ -64,6 +65,45 @@ def test_a_link_is_held_as_long_as_a_responder_shows_the_same() -> None:
     held = seen([(0,), (0,), (1,), (0,), (0,)], pushes, (2,))
     held = replace(held, trace=replace(held.trace, responders=np.array([[0], [1], [1], [0], [0]])))
     assert [moved(held, 0, 0.0, DOWN, shown=shown) for shown in (0, 1)] == [0, 1]
+
+
+def pushed(perceived: Perceived, state: int, way: tuple[float, float, float]) -> int:
+    action = np.array([0.0, 0, 0, *way])
+    return int(perceived.pushed(np.array([state]), action, 0, np.array([0]))[0])
+
+
+def test_the_opposite_of_what_was_done_in_the_middle_leads_the_other_way() -> None:
+    lever = seen([(0,), (1,), (2,), (1,)], [(0.0, UP, 0), (0.0, UP, 0), (0.0, DOWN, 0)], (3,))
+    assert [moved(lever, 1, 0.0, way) for way in (UP, DOWN)] == [2, 0]
+    turned = seen([(0,), (1,), (2,), (1,)], [(0.0, ASIDE, 0), (0.0, UP, 0), (0.0, UP, 0)], (3,))
+    assert moved(turned, 1, 0.0, DOWN) == 0
+
+
+def test_a_link_may_go_on_to_a_state_that_nobody_has_seen_and_comes_back_from_there() -> None:
+    """Pushed down where pushing up led to the other state; but not where both ways led there, or none did."""
+    lever = seen([(0,), (1,), (0,)], [(0.0, UP, 0), (0.0, DOWN, 0)], (2,))
+    assert [pushed(lever, 0, way) for way in (UP, DOWN, ASIDE)] == [1, -1, 1]
+    assert [pushed(lever, 1, way) for way in (UP, DOWN)] == [2, 0]
+    assert [pushed(lever, beyond, way) for beyond in (-1, 2) for way in (UP, ASIDE)] == [0, 0, 1, 1]
+    assert moved(lever, 0, 0.0, DOWN, shown=0) == 1
+    button = seen([(0,), (1,), (0,), (1,)], [(0.0, UP, 0), (0.0, DOWN, 0), (0.0, DOWN, 0)], (2,))
+    assert [pushed(button, 0, way) for way in (UP, DOWN)] == [1, 1]
+    whole = seen([(0,), (1,), (2,)], [(0.0, UP, 0), (0.0, UP, 0)], (3,))
+    assert [pushed(whole, end, way) for end in (0, 2) for way in (UP, DOWN)] == [1, 1, 1, 1]
+
+
+def test_a_link_is_held_where_its_pixels_are() -> None:
+    """The camera looks down; .1 board units are ten pixels."""
+    pose = np.diag([1.0, -1, -1, 1])
+    pose[2, 3] = 1
+    camera = Camera(100, 100, np.array([[100.0, 0, 0], [0, 100, 0], [0, 0, 1]]), pose)
+    panel = seen([(0, 0), (1, 0), (1, 1)], [(0.1, DOWN, 0), (0.16, DOWN, 1)], (2, 2))
+    pixels = (np.array([[0, 0], [12, 5], [11, 1]]), np.array([[10, 0], [14, 0]]))
+    shown = replace(panel, links=replace(panel.links, pixels=pixels, camera=camera))
+    places = [(0.14, 0.0, 0.0), (0.12, -0.05, 0.0), (0.1, 0.0, 0.0), (0.3, 0.0, 0.0)]
+    assert [shown.link_at(np.array(place), 0) for place in places] == [1, 0, 0, None]
+    assert panel.link_at(np.array(places[1]), 0) == 0 and panel.link_at(np.array((0.12, 0.0, 0.0)), 0) == 0
+    assert shown.link_at(np.array(places[0]), 1) is None
 
 
 def test_the_link_is_that_of_the_nearest_action() -> None:

@@ -23,15 +23,15 @@ class MechanismNetConfig(FrozenModel):
 
 
 class Blur(FrozenModel):
-    """What pictures do not tell rightly, as shares.
+    """What pictures do not tell rightly, as shares: as often as on boards of training objects before a still camera.
 
     Attributes:
         confused: of the actions, whose link is taken for another one.
         hidden: of the links, that nothing tells the moves of.
     """
 
-    confused: Annotated[float, Field(ge=0, le=1)] = 0.005
-    hidden: Annotated[float, Field(ge=0, le=1)] = 0.02
+    confused: Annotated[float, Field(ge=0, le=1)] = 0.0005
+    hidden: Annotated[float, Field(ge=0, le=1)] = 0.002
 
 
 class MechanismConfig(FrozenModel):

@@ -34,9 +34,9 @@ ALONG = 0.5
 BACK = np.array([1, 1, 1, -1, -1, -1])
 """Turns an action round."""
 UNTRIED, SAME, AROUND, UNLIKE = 0.5, 0.8, 0.1, -9.0
-"""How much less an action is like one that led the other way, turned round, than like one that led this way, and as much
-less again if that one met the link there; how much it is at least like one that failed to be expected to fail, too; how
-much more where all responders show the same; and how much at the least."""
+"""How much less an action is like one that led the other way, turned round, than like one that led this way, and as
+much less again if that one met the link there; how much it is at least like one that failed to be expected to fail,
+too; how much more where all responders show the same; and how much at the least."""
 
 
 @dataclass(frozen=True)

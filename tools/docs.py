@@ -81,6 +81,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/judgements.md": {"test-sets": judgements.test_sets},
     "docs/results/worlds.md": {
         "world-gates": gate_tables.world_gates,
+        "validation-gates": gate_tables.validation_gates,
         "world-row": speed_tables.world_row,
         "further-gates": gate_tables.further_gates,
         "worlds": world_tables.worlds,
@@ -89,6 +90,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "curiosity": world_tables.curiosity,
         "world-plans": world_tables.world_plans,
         "shortcuts": world_tables.shortcuts,
+        "orientation": world_tables.orientation,
         "bounds-symbolic": world_tables.bounds_symbolic,
         "bounds-worlds": world_tables.bounds_worlds,
         "mechanisms": world_tables.mechanisms,

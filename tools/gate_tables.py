@@ -17,8 +17,17 @@ _Judged = dict[tuple[str, str], list[dict[str, Any]]]
 
 
 def world_gates() -> str:
-    """What trainings from several seeds reach: each gate, and the figures that gates are about."""
-    rows = result("world-gates")["rows"]
+    """What trainings from several seeds reach on the test sets: each gate, and the figures that gates are about."""
+    return _reached_gates("world-gates")
+
+
+def validation_gates() -> str:
+    """The same of later weights and eyes, on the sets on which choices may be made."""
+    return _reached_gates("validation-gates")
+
+
+def _reached_gates(name: str) -> str:
+    rows = result(name)["rows"]
     told = {(world, name): list(seeds.values()) for world, sets in rows.items() for name, seeds in sets.items()}
     return markdown([_gates_grid(told), _figures_grid(told)])
 

@@ -161,6 +161,20 @@ def bounds_symbolic() -> str:
     return markdown([plain_grid([f"{measure} after {when}" for measure in measures], lines, "links, choice")])
 
 
+def orientation() -> str:
+    """What the exact observer knows of gates, told which state of a link is on and not told."""
+    rows, words = result("orientation")["rows"], {"told": "told the states", "untold": "not told which is on"}
+    lines = []
+    for name, told in rows.items():
+        cells = []
+        for one in (*told["link_parent_f1"].values(), told["mechanism"]):
+            low, high = one["interval"]
+            cells.append(f"{percent(one['share'])} ({whole(low)}-{whole(high)})")
+        lines.append((words[name], cells))
+    heads = [f"F1 of links after {action}" for action in rows["told"]["link_parent_f1"]]
+    return markdown([plain_grid([*heads, "mechanisms after 21"], lines, "exact observer")])
+
+
 def mechanisms() -> str:
     """Parents that the network finds on true states, beside the exact observer's."""
     rows = []

@@ -20,7 +20,6 @@ from typing import Any
 
 from benchmarks import runner
 from benchmarks.tables.worlds import NAMES
-from busybot.boards.spec import PAPER
 from busybot.common.atomic_io import read_json, sha256_of, write_json
 from busybot.training.model_cards import WEIGHTS_FILE
 
@@ -33,7 +32,7 @@ def commands(options: argparse.Namespace) -> dict[str, list[str]]:
     data, model = options.work / "data", options.work / "model"
     worlds = runner.chosen(options.only, NAMES) if options.only else list(NAMES)
     boards = ["--data", data, "--assets", options.assets, "--only", ",".join(worlds)]
-    told = [word for world in worlds if world != PAPER for word in ("--data", data / world / "training")]
+    told = [word for world in worlds for word in ("--data", data / world / "training")]
     train = ["busybot", "train", "reason", "--variant", "mechanism", *told, "--seed", options.seed, "--out", model]
     row = ["--parts", "learned", "--boards", options.boards, "--model", model, "--out", options.work / "row.json"]
     made = {

@@ -56,6 +56,7 @@ KINDS = {
     "reason-procedural": "busybot eval reason",
     "stages": "python -m pipelines.tables",
     "reason-robustness": "python -m benchmarks.studies.reason_robustness",
+    "orientation": "python -m benchmarks.studies.orientation",
     "bounds": "python -m benchmarks.studies.bounds",
     "mechanism-ablations": "python -m benchmarks.studies.mechanism_ablations",
     "mechanisms": "python -m benchmarks.studies.mechanisms",

@@ -32,6 +32,7 @@ MEMORIES = (
 )  # fmt: skip
 """What explanations remember. `own` is the responder's state before the action, which is what luck leaves in place. A
 link is pressed up when it comes to rest in its highest state, down in its lowest: pictures do not tell which is on."""
+UNRELIABLE = MEMORIES.index("own and now")
 _OF_PRESSES = [number for number, name in enumerate(MEMORIES) if name.startswith(("odd", "last"))]
 _LAST = [number for number, name in enumerate(MEMORIES) if name.startswith("last")]
 _SINCE = [number for number, name in enumerate(MEMORIES) if name.startswith("since")]
@@ -208,6 +209,14 @@ def followed(trace: Trace, found: Explanations, contexts: np.ndarray, before: np
     states = np.eye(STATES)[shown.T]  # (R, T + 1, S)
     alike = states * (earlier == before).T[..., None]
     return np.where(found.own[:, None], equal @ alike, equal @ states)
+
+
+def meant(found: Explanations, counts: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """The counts of `followed` where luck is given: of what inputs decide unless it fails, and leaves all as it was,
+    only changes are counted, if there were any."""
+    changed = counts * (np.arange(STATES) != before[:, None])[:, None]
+    lucky = (found.memory == UNRELIABLE)[:, None] & changed.any(-1, keepdims=True)
+    return np.where(lucky, changed, counts)
 
 
 def _memories(trace: Trace) -> np.ndarray:

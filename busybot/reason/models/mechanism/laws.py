@@ -108,9 +108,13 @@ class _Law:
         return (*told, before) if self.own else told
 
     def met(self, context: tuple[int, ...]) -> int | None:
-        """The state that followed mostly, None if the context was never met."""
-        counts = self.counts.get(context)
-        return None if counts is None else counts.index(max(counts))
+        """The state that followed mostly, None if the context was never met; see `contexts.meant`."""
+        if (counts := self.counts.get(context)) is None:
+            return None
+        if self.own and self.inputs:  # what failed left all as it was
+            changed = [0 if state == context[-1] else count for state, count in enumerate(counts)]
+            counts = changed if any(changed) else counts
+        return counts.index(max(counts))
 
     def follows(self, context: tuple[int, ...]) -> int | None:
         """The state that follows, also if the context was never met; None where that is open."""

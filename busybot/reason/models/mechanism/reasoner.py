@@ -24,6 +24,7 @@ from busybot.reason.models.mechanism.contexts import (
     contexts_of,
     explanations_of,
     followed,
+    meant,
 )
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
@@ -85,6 +86,7 @@ class _Understood:
                 an explanation to which nothing is different foretells what was seen.
         """
         counts, shown = followed(self.trace, self.found, contexts, before), self.trace.responders
+        counts = meant(self.found, counts, before)
         total = counts.sum(2, keepdims=True)
         likely = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), np.eye(STATES)[before][:, None])
         asked = (total[..., 0] == 0) & self._completing

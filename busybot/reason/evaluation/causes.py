@@ -104,7 +104,7 @@ class Watched:
     """A recording as it is judged. What does not depend on who is judged is found out once.
 
     Attributes:
-        actions: of all T steps, as of `sequence.pushes_of`.
+        actions: of all T steps, as of `observation.pushes_of`.
         acted: of all T steps, as of `BoardSequence`.
         judged: bool (N,), responders that show in the first frame.
         images: how many were observed when mechanisms are asked about.

@@ -51,8 +51,8 @@ from busybot.reason.evaluation.proposed import (
 )
 from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.inputs.feature_store import features_of
-from busybot.reason.inputs.observation import acted_objects, observe_episode
-from busybot.reason.inputs.sequence import BoardSequence, clusters_of, pushes_of, sequence_of, threshold_of
+from busybot.reason.inputs.observation import acted_objects, observe_episode, pushes_of
+from busybot.reason.inputs.sequence import BoardSequence, clusters_of, sequence_of, threshold_of
 from busybot.reason.models.base import InferredGraph, Reasoner
 from busybot.reason.models.registry import GRAPHS, config_class, infer, reasoner_of, without_training
 from busybot.training.model_cards import file_hashes, find_folder

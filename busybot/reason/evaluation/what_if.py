@@ -1,6 +1,7 @@
 """Questions "what if" that a board's law answers and a model is asked; for evaluators only.
 
-Both kinds of questions are asked in terms of recorded contacts, so that a model needs no names of links or states.
+Both kinds of questions are asked in terms of recorded contacts, and of the directions that worked there, so that a
+model needs no names of links or states.
 
 - A *tour* (`tour`) goes on where the observed images end: one link after the other moves, so that the inputs of every
   mechanism come in all combinations that recorded contacts lead to, least seen ones first. A mechanism is known when
@@ -166,7 +167,7 @@ def pairs(
 
     Args:
         dynamics: of the board, with its luck.
-        actions, acted: of the observed steps, as of `BoardSequence`.
+        actions, acted: of the observed steps, as of `causes.Watched`.
         states: of the board, new and after each recorded step.
         judged: bool (N,), the responders whose answers are compared.
 

@@ -172,6 +172,18 @@ def _vector(direction: int) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
+def actions_of(observed: ObservedEpisode) -> np.ndarray:
+    """Positions and proposed directions, as of `BoardSequence`, float32 (T, 6)."""
+    actions = [(*action.position, *action.direction) for action in observed.actions]
+    return np.array(actions, np.float32).reshape(-1, 6)
+
+
+def pushes_of(observed: ObservedEpisode) -> np.ndarray:
+    """The same with the directions that were tried last where something changed, float32 (T, 6)."""
+    actions = [(*action.position, *(action.pushed or action.direction)) for action in observed.actions]
+    return np.array(actions, np.float32).reshape(-1, 6)
+
+
 def acted_objects(observed: ObservedEpisode) -> np.ndarray:
     """The trigger that each action took hold of as far as boxes tell, int (T,), -1 for none.
 

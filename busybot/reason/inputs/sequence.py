@@ -112,7 +112,8 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
     Raises:
         BusybotError: the features are not those of so many frames and objects.
     """
-    from busybot.reason.inputs.observation import acted_objects  # decodes pictures; what trains does without
+    # they decode pictures; what trains does without
+    from busybot.reason.inputs.observation import acted_objects, actions_of
     from busybot.reason.inputs.trigger_links import LinkWatch
 
     roles = np.array(observed.roles, str)
@@ -131,18 +132,6 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
         world=observed.world,
         watch=lru_cache(maxsize=None)(LinkWatch(observed).first),
     )
-
-
-def actions_of(observed: "ObservedEpisode") -> np.ndarray:
-    """The actions as of `BoardSequence`, float32 (T, 6)."""
-    actions = [(*action.position, *action.direction) for action in observed.actions]
-    return np.array(actions, np.float32).reshape(-1, 6)
-
-
-def pushes_of(observed: "ObservedEpisode") -> np.ndarray:
-    """The same with the directions that were tried last where something changed, float32 (T, 6)."""
-    actions = [(*action.position, *(action.pushed or action.direction)) for action in observed.actions]
-    return np.array(actions, np.float32).reshape(-1, 6)
 
 
 THRESHOLDS = {"embedded": 0.5, "embedded-box": 0.5, "embedded-mask": 0.5, "resnet50keras": 0.35}

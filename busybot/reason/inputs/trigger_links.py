@@ -22,8 +22,7 @@ import numpy as np
 from busybot.episodes.camera import project
 from busybot.episodes.episode import Camera
 from busybot.reason.inputs.object_masks import ChangeConfig
-from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
-from busybot.reason.inputs.sequence import actions_of, pushes_of
+from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, actions_of, pushes_of
 from busybot.reason.inputs.steady import pictures_of, steadied, still_pictures
 from busybot.reason.inputs.trigger_views import Move, View, calm_views, still_views
 

@@ -79,7 +79,7 @@ def test_what_only_the_simulator_knows_does_not_change_the_weights(kind: Kind, t
 
 
 def test_it_learns_where_synthetic_boards_react(cache: Path, tmp_path: Path) -> None:
-    figures = fit(job_for("position", cache, tmp_path, until=60))
+    figures = fit(job_for("position", cache, tmp_path, until=180))
     assert figures["position_auc"] is not None and figures["position_auc"] > 0.75
 
 

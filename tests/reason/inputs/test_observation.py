@@ -12,8 +12,15 @@ from busybot.episodes.codec import LazyImages
 from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
-from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, goal_of, observe_episode
-from busybot.reason.inputs.sequence import BoardSequence, actions_of, pushes_of
+from busybot.reason.inputs.observation import (
+    ObservedEpisode,
+    acted_objects,
+    actions_of,
+    goal_of,
+    observe_episode,
+    pushes_of,
+)
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.registry import infer
 from tests.episodes.synthetic import make_episode, make_task_episode
 from tests.reason.scenes import Scene

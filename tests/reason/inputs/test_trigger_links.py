@@ -58,6 +58,10 @@ def test_moves_that_change_the_same_pixels_are_those_of_one_link() -> None:
     three = found.states[:, 1 - two]
     assert three.tolist() in (states[:, 1].tolist(), (2 - states[:, 1]).tolist()), "either end is the first"
     np.testing.assert_allclose(found.places[two], CONTACTS["two"][:2])
+    for link, boxes in ((two, TWO), (1 - two, THREE)):
+        shown = found.pixels[link]
+        inside = [((shown >= box[:2]) & (shown < box[2:])).all(1) for box in boxes]
+        assert len(shown) > 20 and np.any(inside, axis=0).all(), "(u, v) in the whole picture"
 
 
 def test_two_links_side_by_side_are_two_and_a_long_one_is_one() -> None:

@@ -23,7 +23,7 @@ class MechanismNetConfig(FrozenModel):
 
 
 class Blur(FrozenModel):
-    """What pictures do not tell rightly, as shares: as often as on boards of training objects before a still camera.
+    """What pictures do not tell rightly, as shares.
 
     Attributes:
         confused: of the actions, whose link is taken for another one.

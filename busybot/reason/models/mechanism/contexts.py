@@ -212,7 +212,7 @@ def followed(trace: Trace, found: Explanations, contexts: np.ndarray, before: np
 
 
 def meant(found: Explanations, counts: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """The counts of `followed` where luck is given: of what inputs decide unless it fails, and leaves all as it was,
+    """The counts of `followed` if nothing fails: of what inputs decide unless it fails, and leaves all as it was,
     only changes are counted, if there were any."""
     changed = counts * (np.arange(STATES) != before[:, None])[:, None]
     lucky = (found.memory == UNRELIABLE)[:, None] & changed.any(-1, keepdims=True)

@@ -181,7 +181,7 @@ def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -
     """With links that are too small, or too well hidden, to be seen moving.
 
     There is one where actions on a trigger changed no pixel of it, away from its other links, went both ways, and often
-    made responders change. How it stands is told by the way in which it was pushed last.
+    made responders change. How it stands is told by the way in which it was to be pushed last.
 
     Args:
         effects: bool (T,), whether any responder changed.

@@ -11,8 +11,8 @@ those of `benchmarks.tables.worlds record`, in the world `gates`, where all mech
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import replace
+from functools import cached_property, lru_cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -20,14 +20,13 @@ from typing import Any
 import numpy as np
 
 from benchmarks import runner
+from benchmarks.studies.bounds import Drawn, judged, summed
 from benchmarks.tables.worlds import Recorded
 from busybot.boards.mechanisms import Mechanism
 from busybot.common.rng import generator
-from busybot.evaluation.statistics import two_level_interval
-from busybot.reason.evaluation.causes import CLAIMED, count_parents, law_of, link_names, true_links
 from busybot.reason.evaluation.evaluate import origin
-from busybot.reason.evaluation.ground_truth import causes_of, trace_of
-from busybot.reason.evaluation.hypotheses import Hypothesis, Space, board_space
+from busybot.reason.evaluation.ground_truth import trace_of
+from busybot.reason.evaluation.hypotheses import Hypothesis, Space
 from busybot.reason.evaluation.upper_bound import Observer
 
 KIND, WORLD, SET = "orientation", "gates", "others"
@@ -64,75 +63,43 @@ def untold(space: Space) -> Space:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Known:
-    """What an observer knows of one responder that links drive.
+class Untold(Drawn):
+    """A board whose observer is not told."""
 
-    Attributes:
-        counts: int (len(AFTER), 3), parents, link by link: rightly claimed, claimed, true.
-        mechanism: whether it claims one, after 21 actions, that responds as the true one does.
+    @cached_property
+    def space(self) -> Space:
+        return untold(super().space)
+
+
+def known(board: Drawn, links: np.ndarray) -> np.ndarray:
+    """What `bounds.judged` tells after each of `AFTER` of the recorded actions, float (len(AFTER), 8).
+
+    Args:
+        links: int (T + 1, L), their states on the new board and after each action.
     """
+    observer, told = Observer(board.space, board.triggers, board.shown), []
+    for number, triggers in enumerate(links.tolist()[1 : max(AFTER) + 1], 1):
+        board.act(tuple(triggers))
+        observer.see(board.triggers, board.shown)
+        if number in AFTER:
+            told.append(judged(board, observer.belief()))
+    return np.array(told)
 
-    board: int
-    responder: str
-    counts: np.ndarray
-    mechanism: bool
 
-
-def judged(recorded: Recorded, most: int) -> dict[str, list[Known]]:
-    """Of each such responder, by whether the observer is told which way round links are."""
-    found: dict[str, list[Known]] = {"told": [], "untold": []}
+def figures(recorded: Recorded, most: int, kind: type[Drawn]) -> dict[str, Any]:
+    """Shares with their 95 % intervals over boards."""
+    told, responders = [], []
     for seen in recorded.boards(most):
-        board, trace, law = seen.episode.board, trace_of(seen.episode), law_of(seen.episode, recorded.library)
-        assert trace is not None and law is not None, "the simulator recorded its states"
-        space, responders = board_space(board, law.links.sizes, law.stages)
-        truth, names = causes_of(board, law.links), link_names(seen.episode)
-        true = true_links(board, names, 0)
-        for name, known in (("told", space), ("untold", untold(space))):
-            counts, (likeliest, shares) = _watched(known, trace, responders, true)
-            for place, index in enumerate(responders):
-                mechanism = truth.mechanisms[index]
-                if mechanism is not None and truth.read[index]:
-                    meaning = Hypothesis(mechanism, truth.read[index]).meaning
-                    right = bool(shares[place] > CLAIMED and likeliest[place].meaning == meaning)
-                    found[name].append(Known(board.index, board.objects[index].key, counts[:, index], right))
-    return found
-
-
-def _watched(
-    space: Space, trace: tuple[np.ndarray, np.ndarray], responders: list[int], true: np.ndarray
-) -> tuple[np.ndarray, tuple[list[Hypothesis], np.ndarray]]:
-    """Counts of parents, int (len(AFTER), N, 3), and the likeliest mechanisms after 21 actions with their
-    probabilities."""
-    links, states = trace
-    observer, counts = Observer(space, links[0], states[0][responders]), []
-    for action in range(1, max(AFTER) + 1):
-        observer.see(links[action], states[action][responders])
-        if action in AFTER:
-            claimed = np.zeros_like(true)
-            claimed[:, responders] = observer.belief().parents() > CLAIMED
-            counts.append(count_parents(claimed, true))
-        if action == ASKED:
-            mechanisms = observer.belief().mechanisms()
-    return np.array(counts), mechanisms
-
-
-def figures(known: Sequence[Known]) -> dict[str, Any]:
-    """Shares with 95 % intervals over objects and their boards."""
-    counts = np.array([one.counts for one in known])
-    groups, boards = [one.responder for one in known], [one.board for one in known]
-    rng = generator(SEED, KIND, 0, "bootstrap")
-
-    def share(part: np.ndarray, whole: np.ndarray) -> dict[str, Any]:
-        interval = two_level_interval(part, whole, groups, boards, rng)
-        return {"share": float(part.sum() / whole.sum()), "interval": interval}
-
-    f1 = {
-        str(action): share(2.0 * counts[:, place, 0], counts[:, place, 1:].sum(1).astype(float))
-        for place, action in enumerate(AFTER)
+        trace, board = trace_of(seen.episode), kind(seen.episode.board, recorded.library)
+        assert trace is not None, "the simulator recorded its states"
+        told.append(known(board, trace[0]))
+        responders.append(board.space.responders)
+    shares = summed(np.array(told), np.array(responders), AFTER, generator(SEED, KIND, 0, "bootstrap"))
+    return {
+        "responders": sum(responders),
+        "link_parent_f1": {action: told["f1"] for action, told in shares["link"].items()},
+        "mechanism": shares["mechanism"][str(ASKED)],
     }
-    right = np.array([one.mechanism for one in known], float)
-    return {"responders": len(known), "link_parent_f1": f1, "mechanism": share(right, np.ones_like(right))}
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -141,7 +108,8 @@ def main(words: Sequence[str] | None = None) -> None:
     options.add_argument("--boards", type=int, default=100, help="the first ones")
     arguments = options.parse_args(words)
     recorded = Recorded.at(arguments.data / WORLD / SET, arguments.assets)
-    rows = {name: figures(known) for name, known in judged(recorded, arguments.boards).items()}
+    kinds = {"told": Drawn, "untold": Untold}
+    rows = {name: figures(recorded, arguments.boards, kind) for name, kind in kinds.items()}
     boards = min(arguments.boards, len(recorded.dataset.finished()))
     told = {"assets": runner.assets_name(arguments.assets), "boards": boards, "rows": rows}
     runner.finish(KIND, arguments, told, hashes={"data": {f"{WORLD}/{SET}": origin(recorded.dataset)}}, seed=SEED)

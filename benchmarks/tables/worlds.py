@@ -59,7 +59,7 @@ from busybot.reason.evaluation.ground_truth import states_of
 from busybot.reason.evaluation.prediction import JudgedPrediction
 from busybot.reason.evaluation.summary import intervals, summarise_predictions
 from busybot.reason.inputs.feature_store import features_of
-from busybot.reason.inputs.observation import observe_episode
+from busybot.reason.inputs.observation import observe_episode, pushes_of
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.counting import CountConfig
 from busybot.reason.models.lookup import LookupConfig, Persistence
@@ -194,7 +194,7 @@ def _of_board(
     told = detected(seen, clusters)
     visible = judged_objects(observed)
     watched = Watched(
-        seen.episode, seen.sequence.actions, seen.sequence.acted, visible, IMAGES, validation.library, seen.sequence,
+        seen.episode, pushes_of(observed), seen.sequence.acted, visible, IMAGES, validation.library, seen.sequence,
         NearestState(seen.sequence.features, seen.looks, states.states, visible), told, found.error,
     )  # fmt: skip
     nothing = judge_causes(watched, Persistence().graph(seen.sequence), Persistence())
@@ -291,8 +291,8 @@ def discovery_of(training: Recorded, validation: Recorded, found: Tuned, boards:
 def _discovered(validation: Recorded, seen: Seen, found: Tuned, name: str, config: DiscoveryConfig) -> JudgedCauses:
     clusters = seen.clusters
     graph = discovered(seen, clusters, name, strengths(seen, clusters, name, config), config)
-    visible = judged_objects(observe_episode(seen.episode))
-    watched = Watched(seen.episode, seen.sequence.actions, seen.sequence.acted, visible, IMAGES)
+    observed = observe_episode(seen.episode)
+    watched = Watched(seen.episode, pushes_of(observed), seen.sequence.acted, judged_objects(observed), IMAGES)
     return judge_causes(watched, graph)
 
 

@@ -48,6 +48,8 @@ BESIDE = 0.06
 """There, an action of which no pixels tell anything may have moved a link that was taken hold of so near."""
 SECOND = 0.45
 """There, moves change pixels in two ways if the second is so large beside the first."""
+CENTRE = 0.5
+"""Of a pixel, from its corner."""
 ALIKE = 0.45
 """Two pictures of a link show one state if they differ by less than this share of the largest difference."""
 
@@ -85,7 +87,7 @@ class ObservedLinks:
         if self.camera is None:
             return np.full(len(self.owners), np.inf)
         at, _ = project(place, self.camera)
-        return np.array([np.abs(own - at).max(1).min(initial=np.inf) for own in self.pixels])
+        return np.array([np.abs(own + CENTRE - at).max(1).min(initial=np.inf) for own in self.pixels])
 
     @property
     def sizes(self) -> tuple[int, ...]:

@@ -105,8 +105,10 @@ def still_views(observed: ObservedEpisode, config: ChangeConfig) -> dict[int, Vi
         return np.asarray((before[0] | after[0]) & ~before[1] & ~after[1])
 
     least = np.array([config.tolerance] * COLOURS + [DEEP] * (deep is not None), np.float32)
-    corners = {one: (region.rows.start, region.columns.start) for one, region in regions.items()}
-    return {one: View(own, frames, least, partial(masks, one), corner=corners[one]) for one, own in looks.items()}
+    return {
+        one: View(looks[one], frames, least, partial(masks, one), corner=(region.rows.start, region.columns.start))
+        for one, region in regions.items()
+    }
 
 
 def calm_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConfig) -> dict[int, View]:

@@ -57,15 +57,10 @@ class Perceived:
     actions: np.ndarray
     acted: np.ndarray
 
-    def moved(self, states: np.ndarray, action: np.ndarray, acted: int, shown: np.ndarray | None = None) -> np.ndarray:
-        """States of the links after an action, int (L,), of those that each was seen in; see `pushed`."""
-        return self.pushed(states, action, acted, shown, beyond=False)
-
-    def pushed(
-        self, states: np.ndarray, action: np.ndarray, acted: int, shown: np.ndarray | None = None, beyond: bool = True
+    def moved(
+        self, states: np.ndarray, action: np.ndarray, acted: int, shown: np.ndarray | None = None, beyond: bool = False
     ) -> np.ndarray:
-        """States of the links after an action, int (L,); -1 or the number of its states for a link that goes on to one
-        that it was never seen in.
+        """States of the links after an action, int (L,).
 
         The link that it takes hold of goes where the seen action led that was most like it and met the link in this
         state; or the other way, if it is the opposite of that; or where an action led from whose way back this may be.
@@ -74,7 +69,7 @@ class Perceived:
         Args:
             acted: the object that is acted on, -1 for none.
             shown: int (R,), what the responders show before it; None if it is known that something moved.
-            beyond: whether links may go on to such states.
+            beyond: whether a link may go on to a state that it was never seen in: -1, or the number of its states.
         """
         link, after = self.link_at(action, acted), states.copy()
         if link is None:
@@ -168,13 +163,8 @@ def _perceived(seen: BoardSequence, encoder: str) -> Perceived:
         for index, states in zip(responders, shown.T, strict=True)
     )
     links = _with_felt(links, seen, (shown[1:] != shown[:-1]).any(1))
-    trace = Trace(links.states, shown, links.sizes)
-    return Perceived(trace, links, responders, looks, _pushes(seen, links), seen.acted)
-
-
-def _pushes(seen: BoardSequence, links: ObservedLinks) -> np.ndarray:
-    """The actions with the directions in which they pushed last, float32 (T, 6)."""
-    return seen.actions if links.pushed is None else np.hstack([seen.actions[:, :3], links.pushed])
+    actions = seen.actions if links.pushed is None else np.hstack([seen.actions[:, :3], links.pushed])
+    return Perceived(Trace(links.states, shown, links.sizes), links, responders, looks, actions, seen.acted)
 
 
 def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -> ObservedLinks:
@@ -186,7 +176,7 @@ def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -
     Args:
         effects: bool (T,), whether any responder changed.
     """
-    moved, pushes = (links.states[1:] != links.states[:-1]).any(1), _pushes(seen, links)
+    moved = (links.states[1:] != links.states[:-1]).any(1)
     for trigger in np.flatnonzero(seen.triggers):
         held = np.flatnonzero((seen.acted == trigger) & ~moved)
         others = seen.actions[(seen.acted == trigger) & moved, :2]
@@ -194,7 +184,7 @@ def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -
         for steps in _groups(held[(away > AWAY).all(1)], seen.actions):
             pushed = _ways(seen.actions[steps, 3:])
             if effects[steps].sum() >= max(EFFECTS, OFTEN * len(steps)) and pushed.any() and not pushed.all():
-                links = _joined(links, steps, pushed, pushes, int(trigger))
+                links = _joined(links, steps, pushed, seen.actions, int(trigger))
     return links
 
 

@@ -197,7 +197,7 @@ class MechanismReasoner:
             trace, states = known.trace.first(start), known.trace.links[start]
             for number, (action, owner) in enumerate(zip(actions[question], acted[question].tolist(), strict=True)):
                 before = trace.responders[-1]
-                states = known.perceived.pushed(states, action, owner, before)
+                states = known.perceived.moved(states, action, owner, before, beyond=True)
                 links = states.clip(0, np.array(trace.sizes) - 1)
                 [contexts] = contexts_of(trace.longer(links, before), 1)
                 after = known.following(contexts, before, start + number + 1 if start + number < seen.steps else None)

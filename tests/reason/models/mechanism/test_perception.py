@@ -69,7 +69,7 @@ def test_a_link_is_held_as_long_as_a_responder_shows_the_same() -> None:
 
 def pushed(perceived: Perceived, state: int, way: tuple[float, float, float]) -> int:
     action = np.array([0.0, 0, 0, *way])
-    return int(perceived.pushed(np.array([state]), action, 0, np.array([0]))[0])
+    return int(perceived.moved(np.array([state]), action, 0, np.array([0]), beyond=True)[0])
 
 
 def test_the_opposite_of_what_was_done_in_the_middle_leads_the_other_way() -> None:

@@ -61,8 +61,7 @@ def _explained(
 ) -> Tensor:
     """Log probability of all that was shown from a moment on, until each later one, by these kinds of explanations,
     (R, M - start, kinds)."""
-    earlier = Earlier(found.contexts[start:], found.own, before[:, start:])
-    own = shown[:, start:]
+    earlier, own = Earlier(found, before, start), shown[:, start:]
     sure, _, either = log_probabilities(earlier, own, earlier.sum(one_hot(own, STATES).float()))
     told = torch.where(earlier.own[:, None], either, sure)  # what has no luck never shows anything else
     logs = told.cumsum(-1) + prior[..., None]

@@ -38,6 +38,8 @@ _LAST = [number for number, name in enumerate(MEMORIES) if name.startswith("last
 _SINCE = [number for number, name in enumerate(MEMORIES) if name.startswith("since")]
 SURE, UNSURE = 0.03, 0.4
 """Pseudo-counts of the estimators: of what is determined, and of what has a luck of its own."""
+LUCK, MISTAKE = 0.8, 0.01
+"""How often what may fail succeeds, about; and how often something else is seen than what can be."""
 
 
 @dataclass(frozen=True)
@@ -211,12 +213,45 @@ def followed(trace: Trace, found: Explanations, contexts: np.ndarray, before: np
     return np.where(found.own[:, None], equal @ alike, equal @ states)
 
 
-def meant(found: Explanations, counts: np.ndarray, before: np.ndarray) -> np.ndarray:
-    """The counts of `followed` if nothing fails: of what inputs decide unless it fails, and leaves all as it was,
-    only changes are counted, if there were any."""
-    changed = counts * (np.arange(STATES) != before[:, None])[:, None]
-    lucky = (found.memory == UNRELIABLE)[:, None] & changed.any(-1, keepdims=True)
-    return np.where(lucky, changed, counts)
+def _attempts() -> np.ndarray:
+    equal = np.eye(STATES, dtype=bool)
+    stays, arrives, is_there = equal[:, :, None], equal[None], equal[:, None]
+    going = np.where(arrives, LUCK, np.where(stays, 1 - LUCK, MISTAKE))
+    return np.log(np.where(is_there, np.where(stays, 1 - MISTAKE, MISTAKE), going))
+
+
+ATTEMPTS = _attempts()
+"""Log probability of a state, of what may fail, float (before, after, goal)."""
+RESTED = np.log(np.where(np.eye(STATES, dtype=bool), 1 - MISTAKE, MISTAKE))
+"""The same of what has rested for long, (state, goal)."""
+
+
+def attempts(shown: np.ndarray) -> np.ndarray:
+    """How well each state agrees with being where a responder was to go at each moment, if that may fail and leaves
+    all as it was then: log probability of what it showed, float (..., M, STATES).
+
+    Args:
+        shown: int (..., M), from the new board on, which has rested for long.
+    """
+    later = ATTEMPTS[shown[..., :-1], shown[..., 1:]]
+    return np.concatenate([RESTED[shown[..., :1]], later], axis=-2)
+
+
+def goals(trace: Trace, found: Explanations, contexts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where what may fail is to go: of the explanations that say so, U of them.
+
+    Args:
+        contexts: int (H,) or (R, H), after an action; what `own` adds is left out.
+
+    Returns:
+        float (R, U, STATES), how probable each state is; bool (R, U), whether the context was met.
+    """
+    of_luck = found.memory == UNRELIABLE
+    equal = contexts[..., of_luck, None] == found.contexts.T[of_luck]  # (U, T + 1) or (R, U, T + 1)
+    logs = equal.astype(float) @ attempts(trace.responders.T)
+    logs = np.where(np.arange(STATES) <= trace.responders.max(0)[:, None, None], logs, -np.inf)
+    shares = np.exp(logs - logs.max(-1, keepdims=True))
+    return shares / shares.sum(-1, keepdims=True), np.broadcast_to(equal.any(-1), shares.shape[:-1])
 
 
 def _memories(trace: Trace) -> np.ndarray:

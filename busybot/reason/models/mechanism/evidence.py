@@ -5,6 +5,7 @@ showed different states in contexts that differ in this input alone. Both are co
 explanations of T actions, R responders and E inputs that explanations read compare (H + E) R T^2 pairs of moments.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,15 @@ import torch
 from torch import Tensor
 from torch.nn.functional import one_hot
 
-from busybot.reason.models.mechanism.contexts import STATES, SURE, UNSURE, Explanations, Trace
+from busybot.reason.models.mechanism.contexts import (
+    STATES,
+    SURE,
+    UNRELIABLE,
+    UNSURE,
+    Explanations,
+    Trace,
+    attempts,
+)
 
 EVIDENCE = 15
 """Numbers that are counted of an explanation, see `Evidence`."""
@@ -37,7 +46,8 @@ class Evidence:
     |---|---|
     | 0, 1 | log probability / `SCALE` that the explanation gave to each state before it showed (Krichevsky & Trofimov \
 1981, with pseudo-counts `SURE` and `UNSURE`) |
-    | 2 | the same where each context is either sure or not, which is found out |
+    | 2 | the same where each context is either sure or not, which is found out; of what may fail that of what it \
+showed, if each context has one state where the responder goes, unless it fails |
     | 3 | contexts that were new |
     | 4 | equal contexts, and never this state before |
     | 5 | equal contexts, and sometimes this state before |
@@ -49,11 +59,11 @@ class Evidence:
     | 11 | column 0 of the last `RECENT` actions |
     | 12 | the same, if nothing but these actions is known |
     | 13 | column 4 of the last `RECENT` actions |
-    | 14 | column 0 if every input is to matter (column 2 for what remembers the responder's own state) |
+    | 14 | column 0 if every input is to matter; of what may fail column 2; of what moves by itself column 0 if it \
+changes when some other responder does |
 
-    Columns 3 to 10 and 13 are log(1 + number). Luck that several responders have in common is not told. Columns of
-    inputs, as log(1 + number): pairs of moments whose contexts differ in this input alone and in which the responder
-    showed different states, or equal ones.
+    Columns 3 to 10 and 13 are log(1 + number). Columns of inputs, as log(1 + number): pairs of moments whose contexts
+    differ in this input alone and in which the responder showed different states, or equal ones.
 
     Attributes:
         explanations: float32 (R, H, K, 15).
@@ -69,7 +79,7 @@ def evidence_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Evid
     shown = torch.from_numpy(np.ascontiguousarray(trace.responders.T))
     before = torch.cat([shown[:, :1], shown[:, :-1]], 1)  # a new board has rested for long
     moments = torch.as_tensor(after)
-    earlier = Earlier(found.contexts, found.own, before)
+    earlier = Earlier(found, before)
     counted = _of_explanations(earlier, found, shown, before)
     return Evidence(counted[:, :, moments], _of_inputs(earlier, found, shown)[:, :, moments])
 
@@ -78,13 +88,13 @@ class Earlier:
     """Which earlier moments had equal contexts; M moments, H explanations, R responders.
 
     Args:
-        contexts: int (M, H).
-        own: bool (H,), of `Explanations`.
         before: (R, M), the responders' states before each action.
+        start: nothing is known of moments before it.
     """
 
-    def __init__(self, contexts: np.ndarray, own: np.ndarray, before: Tensor):
-        each = torch.from_numpy(np.ascontiguousarray(contexts.T))
+    def __init__(self, found: Explanations, before: Tensor, start: int = 0):
+        each, own = torch.from_numpy(np.ascontiguousarray(found.contexts[start:].T)), found.own
+        before = before[:, start:]
         count = each.shape[1]
         steps = torch.arange(count)
         self.past = steps[:, None] > steps
@@ -95,6 +105,7 @@ class Earlier:
         self._rows = [torch.from_numpy(np.flatnonzero(which)) for which in (~own, own)]
         free, bound = (self.same[rows] & self.past for rows in self._rows)
         self._free, self._bound = free.float(), (bound & self.alike[:, None]).float()
+        self.lucky = torch.from_numpy(np.flatnonzero(found.memory == UNRELIABLE))
 
     def sum(self, numbers: Tensor, recent: bool = False) -> Tensor:
         """Over earlier moments of equal context, (R, H, M, N) from (R, M, N) or (R, H, M, N)."""
@@ -110,7 +121,7 @@ class Earlier:
 
 
 def log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Of what was shown, before it was: by sure contexts, unsure ones, and where either is found out, (R, H, M) each.
+    """Of what was shown, before it was: columns 0 to 2 of `Evidence`, of each moment alone, (R, H, M) each.
 
     Args:
         shown: int (R, M).
@@ -121,7 +132,31 @@ def log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[
     # log probability of what each has seen in this context
     known = earlier.sum(torch.stack([sure, unsure], -1)).unbind(-1)
     either = _log_sum(known[0] + sure, known[1] + unsure) - _log_sum(*known)
+    either.index_copy_(1, earlier.lucky, _unless_it_fails(earlier, shown))
     return sure, unsure, either
+
+
+def _unless_it_fails(earlier: Earlier, shown: Tensor) -> Tensor:
+    """Log probability of each state of what may fail, before it showed, (R, U, M)."""
+    logs = torch.from_numpy(attempts(shown.numpy())).float()  # (R, M, S)
+    same = (earlier.same[earlier.lucky] & earlier.past).float()
+    known = torch.einsum("uij,rjs->ruis", same, logs)
+    ways = (shown.cummax(1).values + 1).clamp(min=2)[:, None, :, None]
+    known = known.masked_fill(torch.arange(STATES) >= ways, -torch.inf)
+    return torch.logsumexp(known + logs[:, None], -1) - torch.logsumexp(known, -1)
+
+
+def _together(shown: Tensor, before: Tensor) -> Tensor:
+    """Log probability of all changes of each responder until each moment, if some other one's changes tell it, (R, M);
+    there has to be another one."""
+    changes = shown != before
+    alike = changes[:, :, None] == changes[:, None]  # (R, M, M)
+    past = torch.ones(alike.shape[1:]).tril(-1)
+    same = alike.float() * past
+    total, right = same.sum(-1), torch.einsum("oij,rij->roi", same, alike.float())
+    logs = torch.log((right + SURE) / (total + 2 * SURE)).cumsum(-1)  # (R, other R, M)
+    others = ~torch.eye(len(shown), dtype=torch.bool)[..., None]
+    return torch.logsumexp(logs.masked_fill(~others, -torch.inf), 1) - math.log(len(shown) - 1)
 
 
 def _log_sum(one: Tensor, other: Tensor) -> Tensor:
@@ -151,8 +186,11 @@ def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, befor
     columns = [one / SCALE for one in sums]
     columns += [torch.log1p(one.float().cumsum(-1)) for one in counted]
     columns += [_lately(logs[0]) / SCALE, _lately(afresh) / SCALE, torch.log1p(_lately(never.float()))]
-    every = _if_every_input_matters(found, sums[0], shown)
-    columns.append(torch.where(earlier.own[:, None], sums[2], every) / SCALE)
+    every = torch.where(earlier.own[:, None], sums[2], _if_every_input_matters(found, sums[0], shown))
+    if len(shown) > 1:
+        [alone] = np.flatnonzero(found.own & ~found.inputs.any(1))
+        every[:, alone] = _together(shown, before)
+    columns.append(every / SCALE)
     return torch.stack(columns, -1)
 
 

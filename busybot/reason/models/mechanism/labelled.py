@@ -55,7 +55,7 @@ class LabelledTrace:
         """See `explanation_graph`; with what is true of the board, or else with what explanations foretold."""
         if self.parents is None or self.changed is None:
             return self._foretold(after, world)
-        steps = np.asarray(after) - 1
+        steps = np.maximum(np.asarray(after) - 1, 0)
         odds, _ = changes_of(self.trace, explanations_of(self.trace))
         graph = explanation_graph(self.trace, after, world, parents=self.parents[steps], odds=odds)
         graph["responder"].changed = torch.from_numpy(self.changed[steps].T.copy())

@@ -12,7 +12,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from busybot.reason.models.mechanism.completion import completed
-from busybot.reason.models.mechanism.contexts import DELAYS, LONGEST, MEMORIES, STATES, SURE, UNSURE, WAYS
+from busybot.reason.models.mechanism.contexts import (
+    ATTEMPTS,
+    DELAYS,
+    LONGEST,
+    MEMORIES,
+    RESTED,
+    STATES,
+    SURE,
+    UNSURE,
+    WAYS,
+)
 
 KEPT = 8
 """Explanations of a responder that are kept."""
@@ -73,6 +83,8 @@ class _Law:
         sizes: number of states of each input.
         weight: log probability.
         counts: how often each state followed a context.
+        goals: of what may fail: how well each state agrees with being where it goes in a context, see
+            `contexts.attempts`.
     """
 
     inputs: tuple[int, ...]
@@ -83,6 +95,7 @@ class _Law:
     own: bool
     weight: float
     counts: dict[tuple[int, ...], list[int]] = field(default_factory=dict)
+    goals: dict[tuple[int, ...], np.ndarray] = field(default_factory=dict)
     _unmet: dict[tuple[int, ...], np.ndarray] | None = None
 
     @staticmethod
@@ -108,34 +121,40 @@ class _Law:
         return (*told, before) if self.own else told
 
     def met(self, context: tuple[int, ...]) -> int | None:
-        """The state that followed mostly, None if the context was never met; see `contexts.meant`."""
-        if (counts := self.counts.get(context)) is None:
-            return None
-        if self.own and self.inputs:  # what failed left all as it was
-            changed = [0 if state == context[-1] else count for state, count in enumerate(counts)]
-            counts = changed if any(changed) else counts
-        return counts.index(max(counts))
+        """The state that followed mostly, of what may fail the one where it goes; None if the context was never met."""
+        if self.fails:
+            told = self.goals.get(context[:-1])
+            return None if told is None else int(told.argmax())
+        counts = self.counts.get(context)
+        return None if counts is None else counts.index(max(counts))
+
+    @property
+    def fails(self) -> bool:
+        """Whether it may fail to go where its inputs say."""
+        return self.own and bool(self.inputs)
 
     def follows(self, context: tuple[int, ...]) -> int | None:
         """The state that follows, also if the context was never met; None where that is open."""
         if (state := self.met(context)) is not None or self.ways or not self.inputs:
             return state
         if self._unmet is None:
-            met: dict[tuple[int, ...], np.ndarray] = {}
-            for one, followed in self.counts.items():
-                inputs = one[: len(self.inputs)]
-                met[inputs] = met.get(inputs, 0) + np.array(followed)
-            known = {inputs: int(followed.argmax()) for inputs, followed in met.items()}
+            known = {
+                inputs: int(np.argmax(told)) for inputs, told in (self.goals if self.fails else self.counts).items()
+            }
             states = 1 + max(max(known.values()), 1)
             self._unmet = completed(known, self.sizes, states)
         shares = self._unmet.get(context[: len(self.inputs)])
         return int(shares.argmax()) if shares is not None and shares.max() > 0.5 else None
 
-    def learn(self, context: tuple[int, ...], state: int, ways: int) -> None:
+    def learn(self, context: tuple[int, ...], state: int, ways: int, rested: bool) -> None:
+        """That a state followed a context; or that it has rested for long."""
         counts, few = self.counts.setdefault(context, [0] * STATES), UNSURE if self.own else SURE
         self._unmet = None
         self.weight += float(np.log((counts[state] + few) / (sum(counts) + few * ways)))
         counts[state] += 1
+        if self.fails:
+            told = RESTED[state] if rested else ATTEMPTS[context[-1], state]
+            self.goals[context[:-1]] = self.goals.get(context[:-1], 0.0) + told
 
 
 class Laws:
@@ -175,7 +194,7 @@ class Laws:
     def begin(self, links: Sequence[int], shown: Sequence[int]) -> Moment:
         """A new board as it stands; that it has stood so for long is learned, too."""
         moment = Moment.new(links, shown)
-        self._count(moment, moment.shown, moment.shown)
+        self._count(moment, moment.shown, moment.shown, rested=True)
         return moment
 
     def learn(self, moment: Moment, links: Links, shown: tuple[int, ...]) -> Moment:
@@ -184,10 +203,10 @@ class Laws:
         self._count(after, moment.shown, shown)
         return replace(after, shown=shown)
 
-    def _count(self, after: Moment, before: tuple[int, ...], shown: tuple[int, ...]) -> None:
+    def _count(self, after: Moment, before: tuple[int, ...], shown: tuple[int, ...], rested: bool = False) -> None:
         for laws, own, state, ways in zip(self._laws, before, shown, self._ways, strict=True):
             for law in laws:
-                law.learn(law.context(after, own), state, ways)
+                law.learn(law.context(after, own), state, ways, rested)
 
     def best(self) -> list[_Law]:
         """The weightiest law of each responder."""

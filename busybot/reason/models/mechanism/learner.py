@@ -145,7 +145,7 @@ class MechanismLearner(Learner):
         scale: what to claim is hardest to tell when little was seen."""
         if number not in self._graphs:
             board, rng = self.boards[number], generator(self.seed, "train", number, "reason/mechanism/moments")
-            drawn = (board.actions + 1) ** rng.random(KNOWN)
+            drawn = (board.actions + 1) ** rng.random(KNOWN) - 0.5
             graph = self.graph(board, [int(each) for each in drawn])
             for kept, names in _COUNTED.items():
                 for name in names:

@@ -153,12 +153,13 @@ class MechanismNet(nn.Module):
         self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width))
         self.rough = nn.Linear(width, 1)
         self.sharpness = nn.Parameter(torch.tensor(0.6 * SHARP))
+        self.straight = nn.Linear(EVIDENCE, 1, bias=False)
         self.witnesses = nn.Linear(WITNESSES, 3 * width)
         self.candidate = mlp(2 * width + 2, width, width)
         self.board = mlp(width, width, width)
         self.final = mlp(4 * width, width, 1)
         self.world = nn.Linear(len(config.worlds) + 1, width, bias=False)
-        self.change = mlp(2 * width + 6, width, 1)
+        self.change, self.odds = mlp(2 * width + 6, width, 1), nn.Linear(6, 1, bias=False)
         self.gather = Gather()
 
     def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor, Tensor | None]:
@@ -175,7 +176,8 @@ class MechanismNet(nn.Module):
         of_board = graph["responder", "lies on", "board"].edge_index[1]
         known = self.kind.weight.T[node.kind] + self.world.weight.T[graph["board"].world[of_board][owner]]
         token = self.token(self.evidence(node.evidence) + known[:, None] + mattering)
-        first = self._shares(self.rough(token)[..., 0] + self.sharpness * node.evidence[..., 0], node, owner)
+        rough = (self.rough(token) + self.straight(node.evidence))[..., 0]
+        first = self._shares(rough + self.sharpness * node.evidence[..., 0], node, owner)
         weight = first.exp()
         summary = scatter(weight[..., None] * token, owner, dim_size=responders, reduce="sum")  # (R, K, width)
         boards = graph["board"].num_nodes
@@ -192,7 +194,8 @@ class MechanismNet(nn.Module):
         if self.config.changes and "odds" in graph["responder"]:
             odds = graph["responder"].odds.clamp(max=CERTAIN)
             rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
-            change = self.change(torch.cat([around, odds / SHARP, rivals / SHARP], -1))[..., 0]
+            told = torch.cat([odds, rivals], -1) / SHARP
+            change = (self.change(torch.cat([around, told], -1)) + self.odds(told))[..., 0]
         return self._shares(logits, node, owner), first, change
 
     def _shares(self, logits: Tensor, node: HeteroData, owner: Tensor) -> Tensor:

@@ -19,12 +19,14 @@ from busybot.reason.models.mechanism.completion import completed
 from busybot.reason.models.mechanism.contexts import (
     MEMORIES,
     STATES,
+    UNRELIABLE,
     Explanations,
     Trace,
+    attempts,
     contexts_of,
     explanations_of,
     followed,
-    meant,
+    goals,
 )
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
@@ -86,10 +88,11 @@ class _Understood:
                 an explanation to which nothing is different foretells what was seen.
         """
         counts, shown = followed(self.trace, self.found, contexts, before), self.trace.responders
-        counts = meant(self.found, counts, before)
-        total = counts.sum(2, keepdims=True)
-        likely = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), np.eye(STATES)[before][:, None])
-        asked = (total[..., 0] == 0) & self._completing
+        total, stays = counts.sum(2, keepdims=True), np.eye(STATES)[before][:, None]
+        likely, met = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), stays), total[..., 0] > 0
+        told, known = goals(self.trace, self.found, contexts)
+        likely[:, self._lucky], met[:, self._lucky] = np.where(known[..., None], told, stays), known
+        asked = ~met & self._completing
         for responder, row in zip(*np.nonzero(asked), strict=True):
             context = int(np.broadcast_to(contexts, asked.shape)[responder, row])
             told = self._completed(responder, row).get(context)
@@ -98,8 +101,22 @@ class _Understood:
         if at is not None:
             same = (contexts == self.found.contexts[at]) & (~self.found.own | (before == shown[at - 1])[:, None])
             likely = np.where(same[..., None], np.eye(STATES)[shown[at]][:, None], likely)
-        known = np.arange(STATES) <= shown.max(0)[:, None]
-        return np.asarray((np.einsum("rh,rhs->rs", self.shares[..., -1], likely) * known).argmax(1))
+            likely = np.where(self._failed(at)[..., None], stays, likely)
+        there = np.arange(STATES) <= shown.max(0)[:, None]
+        return np.asarray((np.einsum("rh,rhs->rs", self.shares[..., -1], likely) * there).argmax(1))
+
+    @cached_property
+    def _lucky(self) -> np.ndarray:
+        """int (U,), the explanations of what may fail."""
+        return np.flatnonzero(self.found.memory == UNRELIABLE)
+
+    def _failed(self, action: int) -> np.ndarray:
+        """bool (R, H), by which explanations an action failed to move a responder, from 1."""
+        (before, after), told = self.trace.responders[action - 1 : action + 1], np.zeros(self.shares.shape[:2], bool)
+        told[:, self._lucky] = (
+            goals(self.trace, self.found, self.found.contexts[action])[0].argmax(-1) != after[:, None]
+        )
+        return told & (after == before)[:, None]
 
     def _completed(self, responder: int, row: int) -> dict[int, np.ndarray]:
         """What an explanation must say of contexts that were never met, float (STATES,) by context."""
@@ -107,9 +124,10 @@ class _Understood:
             trace, inputs = self.trace, np.flatnonzero(self.found.inputs[row])
             sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])[inputs]
             contexts, shown = self.found.contexts[:, row], trace.responders[:, responder]
+            followed = attempts(shown) if row in self._lucky else np.eye(STATES)[shown]
             places = STATES ** np.arange(len(inputs))
             known = {
-                tuple((context // places % STATES).tolist()): int(np.bincount(shown[contexts == context]).argmax())
+                tuple((context // places % STATES).tolist()): int(followed[contexts == context].sum(0).argmax())
                 for context in set(contexts.tolist())
             }
             told = completed(known, sizes.tolist(), STATES if shown.max() > 1 else 2)

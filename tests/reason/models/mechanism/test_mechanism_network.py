@@ -13,9 +13,12 @@ from busybot.objects.resolve import find
 from busybot.reason.models.mechanism import learner
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import (
+    LUCK,
     MEMORIES,
+    MISTAKE,
     STATES,
     SURE,
+    UNRELIABLE,
     UNSURE,
     Explanations,
     Trace,
@@ -85,6 +88,21 @@ def log_share(states: np.ndarray, alike: np.ndarray, moment: int, few: float, wa
     return math.log((same + few) / (total + few * (ways or max(2, states[: moment + 1].max() + 1))))
 
 
+def log_luck(states: np.ndarray, moments: list[int], goals: int) -> float:
+    """Log probability of what shows at these moments, if one of so many goals is reached unless that fails."""
+    told = []
+    for goal in range(goals):
+        shares = []
+        for moment in moments:
+            before, now = states[max(moment - 1, 0)], states[moment]
+            if moment == 0 or before == goal:
+                shares.append(1 - MISTAKE if now == goal else MISTAKE)
+            else:
+                shares.append(LUCK if now == goal else 1 - LUCK if now == before else MISTAKE)
+        told.append(math.prod(shares))
+    return math.log(sum(told) / goals)
+
+
 def test_what_is_counted_is_what_brute_force_counts(gates: list[LabelledTrace]) -> None:
     trace = gates[0].trace.first(18)
     found, told = counted(trace, 18)
@@ -104,6 +122,10 @@ def test_what_is_counted_is_what_brute_force_counts(gates: list[LabelledTrace]) 
             one, other = known.get(context, (0.0, 0.0))
             known[context] = (one + sure, other + unsure)
             either = np.logaddexp(*known[context]) - np.logaddexp(one, other)
+            if found.memory[row] == UNRELIABLE:
+                equal = np.flatnonzero(found.contexts[:moment, row] == found.contexts[moment, row]).tolist()
+                ways = max(2, states[: moment + 1].max() + 1)
+                either = log_luck(states, [*equal, moment], ways) - log_luck(states, equal, ways)
             logs[:3] += [sure, unsure, either]
             if moment > 18 - RECENT:
                 near = alike & (np.arange(moment) >= moment - RECENT)
@@ -114,6 +136,23 @@ def test_what_is_counted_is_what_brute_force_counts(gates: list[LabelledTrace]) 
         np.testing.assert_allclose(columns, logs / 5, atol=1e-4)
         assert {name: round(float(told[responder, row, COLUMNS[name]])) for name in kinds} == kinds
         assert round(float(told[responder, row, COLUMNS["actions"]])) == 19
+
+
+def test_what_fails_by_luck_is_told_from_what_moves_by_itself_and_from_what_moves_with_another_one() -> None:
+    rng, links = np.random.default_rng(3), walk(3, 40)
+    unreliable, strikes = np.zeros(41, int), np.cumsum(rng.random(41) < 0.2) % 2
+    for action in range(1, 41):
+        unreliable[action] = links[action, 1] if rng.random() < LUCK else unreliable[action - 1]
+    strikes -= strikes[0]
+    trace = Trace(links, np.stack([unreliable, abs(strikes), 1 - abs(strikes)], axis=1), (2, 2, 2))
+    found = explanations_of(trace)
+    told = evidence_of(trace, found, [40]).explanations[:, :, 0, [2, 14]]
+    fails, alone = explaining(found, (1,), "own and now"), explaining(found, (), "own")
+    others = np.setdiff1d(np.flatnonzero(found.inputs.sum(1) < 2), fails)
+    assert told[0, fails, 0] > told[0, others, 0].max() + 1
+    assert told[0, fails, 1] == told[0, fails, 0]
+    assert told[1:, alone, 1].min() > told[1:, alone, 0].max() + 1, "they strike together"
+    assert told[0, alone, 1] < told[0, alone, 0] + 0.5
 
 
 def test_functions_that_do_without_an_input_are_left_out() -> None:

@@ -3,66 +3,163 @@
 What a responder showed is either explained by one explanation throughout, or by one until some action and another one,
 which knows nothing of what was before, from then on. Both are weighed by the probability that explanations gave to what
 came, before it came (Adams & MacKay, Bayesian online changepoint detection, 2007, with one change at most). How seldom
-changes are, and what is luck, the network learns (`networks`). Cost: that of the evidence for every action at which the
-change may have come.
+changes are, and what is luck, the network learns (`networks`).
+
+What was counted from one moment until another is counted for all first moments at once: S of them, on M moments of one
+responder, by H explanations. Cost: H M S numbers, of each responder after the other.
 """
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
-from torch.nn.functional import one_hot
 
-from busybot.reason.models.mechanism.contexts import MEMORIES, STATES, Explanations, Trace
-from busybot.reason.models.mechanism.evidence import Earlier, log_probabilities
+from busybot.reason.models.mechanism.contexts import (
+    ATTEMPTS,
+    MEMORIES,
+    RESTED,
+    STATES,
+    SURE,
+    UNRELIABLE,
+    UNSURE,
+    Explanations,
+    Trace,
+)
 
 NOTHING = -20.0
 """Log odds where nothing can have changed."""
 _NOW = [MEMORIES.index(name) for name in ("none", "late 0")]
+CHANGED = 0.1
+"""Share of recordings in which a responder gets another mechanism, before the network says how many there are."""
 EARLIEST = 8
 """What was seen of a mechanism for fewer actions is not taken for another one."""
 
 
-def changes_of(trace: Trace, found: Explanations) -> tuple[np.ndarray, np.ndarray]:
-    """What speaks for a change of R responders' mechanisms, and where it lies.
+@dataclass(frozen=True)
+class Changes:
+    """What speaks for changes of R responders' mechanisms after each of K numbers of actions.
 
-    Returns:
-        float32 (T + 1, R, 3), log odds on the new board and after each action, if changed and unchanged mechanisms were
-        as frequent: of all explanations, of those without luck, and of one or two links as they are now; int (R,), the
-        first action after which it showed what the new one makes of it, if there is one.
+    Attributes:
+        odds: float32 (K, R, 3), log odds, if changed and unchanged mechanisms were as frequent: of all explanations, of
+            those without luck, and of one or two links as they are now.
+        places: int (R,), the first action after which it showed what the new one makes of it, if there is one; of all
+            actions.
+        now: float32 (R, H, K), log probability of what was shown if each of H explanations explains it now, be it from
+            the start on or since a change; one recording in `1 / CHANGED` has one.
     """
-    shown = torch.from_numpy(np.ascontiguousarray(trace.responders.T))
-    before = torch.cat([shown[:, :1], shown[:, :-1]], 1)
-    prior = _prior(trace, found)
-    moments = shown.shape[1]
-    now = np.isin(found.memory, _NOW) & (found.inputs.sum(1) <= 2) & ~found.inputs[:, -len(shown) :].any(1)
-    kinds = [torch.from_numpy(np.flatnonzero(which)) for which in (np.ones_like(now), ~found.own, now)]
-    first = _explained(found, shown, before, 0, prior, kinds)  # (R, M, 3)
-    later = torch.full((len(shown), moments, moments, 3), -torch.inf)  # by the moment of the change, and until when
-    for start in range(EARLIEST, moments):
-        later[:, start, start:] = first[:, start - 1, None] + _explained(found, shown, before, start, prior, kinds)
-    either = torch.logsumexp(later, 1) - torch.arange(moments).clamp(min=1).log()[:, None]
-    odds = (either - first).clamp(min=NOTHING)
-    return odds.transpose(0, 1).numpy(), later[:, :, -1, 0].argmax(1).numpy()
+
+    odds: np.ndarray
+    places: np.ndarray
+    now: np.ndarray
 
 
-def _prior(trace: Trace, found: Explanations) -> Tensor:
-    """Log probability of each explanation, (R, H): all that remember the same of equally many inputs share one."""
+def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Changes:
+    """See `Changes`."""
+    moments, responders = trace.responders.shape
+    counted, asked = _Counted(found, moments), torch.as_tensor(list(after))
+    kinds = _kinds(found, trace.links.shape[1])
+    odds = torch.full((len(asked), responders, len(kinds)), NOTHING)
+    places, now = np.zeros(responders, int), torch.empty(responders, len(found.own), len(asked))
+    last = torch.cat([asked, torch.tensor([moments - 1])])
+    for number, own in enumerate(torch.from_numpy(trace.responders.T.copy())):
+        logs = counted.explained(own).cumsum(1)  # (H, M, S)
+        now[number] = logs[:, asked, 0]
+        if logs.shape[2] == 1:
+            continue
+        prior = _prior(found, trace.links.shape[1] + number)
+        until = torch.logsumexp(logs[..., 0] + prior[:, None], 0)[counted.starts[1:] - 1]  # (S - 1,)
+        logs, early = logs[:, last], counted.before[last]
+        told = torch.stack([_sums(logs, prior, of) for of in kinds], -1)  # (K + 1, S, kinds)
+        later = (told[:, 1:] + until[:, None]).masked_fill(early[:, 1:, None], -torch.inf)
+        few = last.clamp(min=1).log()
+        odds[:, number] = (torch.logsumexp(later, 1) - few[:, None] - told[:, 0]).clamp(min=NOTHING)[:-1]
+        places[number] = counted.starts[1 + int(later[-1, :, 0].argmax())]
+        since = torch.logsumexp((logs[..., 1:] + until).masked_fill(early[:, 1:], -torch.inf), -1) - few  # (H, K + 1)
+        now[number] = torch.logaddexp(now[number] + math.log(1 - CHANGED), since[:, :-1] + math.log(CHANGED))
+    return Changes(odds.numpy(), places, now.numpy())
+
+
+def _sums(logs: Tensor, prior: Tensor, of: Tensor) -> Tensor:
+    """Log probability by some explanations together."""
+    return torch.logsumexp((logs + prior[:, None, None]).index_select(0, of), 0)
+
+
+def _kinds(found: Explanations, links: int) -> list[Tensor]:
+    """Explanations whose odds are told: all, those without luck, and one or two links as they are now."""
+    now = np.isin(found.memory, _NOW) & (found.inputs.sum(1) <= 2) & ~found.inputs[:, links:].any(1)
+    return [torch.from_numpy(np.flatnonzero(which)) for which in (np.ones_like(now), ~found.own, now)]
+
+
+def _prior(found: Explanations, itself: int) -> Tensor:
+    """Log probability of each explanation, (H,): all that remember the same of equally many inputs share one."""
     kinds = found.memory * (found.inputs.shape[1] + 1) + found.inputs.sum(1)
     _, which, counts = np.unique(kinds, return_inverse=True, return_counts=True)
-    share = torch.from_numpy(-np.log(counts[which.ravel()] * len(counts))).float()
-    itself = torch.from_numpy(found.inputs[:, trace.links.shape[1] :].T.copy())
-    return torch.where(itself, -torch.inf, share)
+    share = -np.log(counts[which.ravel()] * len(counts))
+    return torch.from_numpy(np.where(found.inputs[:, itself], -np.inf, share)).float()
 
 
-def _explained(
-    found: Explanations, shown: Tensor, before: Tensor, start: int, prior: Tensor, kinds: Sequence[Tensor]
-) -> Tensor:
-    """Log probability of all that was shown from a moment on, until each later one, by these kinds of explanations,
-    (R, M - start, kinds)."""
-    earlier, own = Earlier(found, before, start), shown[:, start:]
-    sure, _, either = log_probabilities(earlier, own, earlier.sum(one_hot(own, STATES).float()))
-    told = torch.where(earlier.own[:, None], either, sure)  # what has no luck never shows anything else
-    logs = told.cumsum(-1) + prior[..., None]
-    return torch.stack([torch.logsumexp(logs.index_select(1, of), 1) for of in kinds], -1)
+class _Counted:
+    """What was counted since each of S first moments: the new board, and those after which a change may have come.
+
+    Attributes:
+        starts: int (S,).
+        before: bool (M, S), whether a moment lies before the first one.
+    """
+
+    def __init__(self, found: Explanations, moments: int):
+        steps = torch.arange(moments)
+        self.starts = torch.cat([steps[:1], steps[EARLIEST:]])
+        self.before, past = steps[:, None] < self.starts, steps[:, None] > steps
+        self._since_first = (~self.before).float()
+        contexts = torch.from_numpy(np.ascontiguousarray(found.contexts.T))
+        same = (contexts[:, :, None] == contexts[:, None]) & past  # (H, M, M)
+        lucky = found.memory == UNRELIABLE
+        self._rows = [torch.from_numpy(np.flatnonzero(which)) for which in (~found.own, lucky, found.own & ~lucky)]
+        self._free, self._lucky, self._alone = (same.index_select(0, rows).float() for rows in self._rows)
+        self._total = self._since(self._free)
+
+    def _since(self, numbers: Tensor) -> Tensor:
+        """Sums over the moments from each first one on, (..., M, S) from (..., M, M)."""
+        return numbers @ self._since_first
+
+    def explained(self, shown: Tensor) -> Tensor:
+        """Log probability of each state of a responder, before it showed, by what is known since each first moment,
+        (H, M, S); 0 before that. The estimators are those of `evidence`.
+
+        Args:
+            shown: int (M,).
+        """
+        agrees = (shown[:, None] == shown).float()
+        seen = torch.where(self.before, -1, shown[:, None]).cummax(0).values
+        ways = (seen + 1).clamp(min=2)
+        told = shown.new_empty((sum(map(len, self._rows)), *ways.shape), dtype=torch.float32)
+        told[self._rows[0]] = torch.log((self._since(self._free * agrees) + SURE) / (self._total + SURE * ways))
+        told[self._rows[1]] = self._unless_it_fails(shown, ways)
+        told[self._rows[2]] = self._by_itself(shown, agrees, ways)
+        return told.masked_fill_(self.before, 0.0)
+
+    def _unless_it_fails(self, shown: Tensor, ways: Tensor) -> Tensor:
+        """Of what goes where its context says, unless that fails."""
+        before = torch.cat([shown[:1], shown[:-1]])
+        going = torch.from_numpy(ATTEMPTS).float()[before, shown]  # (M, goals)
+        at_rest = torch.from_numpy(RESTED).float()[shown]
+        first = torch.arange(len(shown))[:, None] == self.starts
+        known, shows = [], []
+        for goal in range(min(STATES, int(ways.max()))):
+            found = self._since(self._lucky * going[:, goal])
+            found += self._lucky[..., self.starts] * (at_rest - going)[self.starts, goal]  # a first one has rested
+            known.append(found.masked_fill(goal >= ways, -torch.inf))
+            shows.append(known[-1] + torch.where(first, at_rest[:, None, goal], going[:, None, goal]))
+        return torch.logsumexp(torch.stack(shows), 0) - torch.logsumexp(torch.stack(known), 0)
+
+    def _by_itself(self, shown: Tensor, agrees: Tensor, ways: Tensor) -> Tensor:
+        """Of what remembers itself alone, where it is found out whether that is sure."""
+        before = torch.cat([shown[:1], shown[:-1]])
+        same = self._alone * (before[:, None] == before)
+        right, total = self._since(same * agrees), self._since(same)
+        logs = [torch.log((right + few) / (total + few * ways)) for few in (SURE, UNSURE)]
+        known = [same @ one.masked_fill(self.before, 0.0) for one in logs]
+        return torch.logaddexp(known[0] + logs[0], known[1] + logs[1]) - torch.logaddexp(*known)

@@ -19,9 +19,8 @@ from busybot.boards.worlds import links_of
 from busybot.common.rng import generator
 from busybot.episodes.episode import Episode
 from busybot.objects.library import Library
-from busybot.reason.models.mechanism.changes import changes_of
 from busybot.reason.models.mechanism.config import Blur
-from busybot.reason.models.mechanism.contexts import Trace, explanations_of
+from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.evidence import EITHER, SCALE
 from busybot.reason.models.mechanism.networks import explanation_graph
 from busybot.reason.models.mechanism.perception import Perceived
@@ -56,8 +55,7 @@ class LabelledTrace:
         if self.parents is None or self.changed is None:
             return self._foretold(after, world)
         steps = np.maximum(np.asarray(after) - 1, 0)
-        odds, _ = changes_of(self.trace, explanations_of(self.trace))
-        graph = explanation_graph(self.trace, after, world, parents=self.parents[steps], odds=odds)
+        graph = explanation_graph(self.trace, after, world, parents=self.parents[steps])
         graph["responder"].changed = torch.from_numpy(self.changed[steps].T.copy())
         return graph
 

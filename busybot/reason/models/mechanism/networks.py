@@ -18,9 +18,10 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from busybot.reason.models.mechanism.changes import Changes, changes_of
 from busybot.reason.models.mechanism.config import MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, Trace, explanations_of, layout
-from busybot.reason.models.mechanism.evidence import EVIDENCE, WITNESSES, evidence_of
+from busybot.reason.models.mechanism.evidence import EVIDENCE, SCALE, WITNESSES, evidence_of
 from busybot.reason.models.message_passing import GraphModule
 from busybot.reason.pyg import HeteroData, scatter
 
@@ -37,18 +38,18 @@ def explanation_graph(
     after: Sequence[int],
     world: int = 0,
     parents: np.ndarray | None = None,
-    odds: np.ndarray | None = None,
+    changes: Changes | None = None,
 ) -> HeteroData:
     """One board after so many actions each of K moments; R responders, H explanations, I = L + R inputs.
 
     | nodes and edges | attribute | shape | meaning |
     |---|---|---|---|
-    | `explanation` | `evidence` | float32 (R * H, K, 15) | `Evidence.explanations` |
+    | `explanation` | `evidence` | float32 (R * H, K, 16) | `Evidence.explanations`, and `Changes.now` / `SCALE` |
     | | `kind` | int64 (R * H,) | memory and number of inputs, see `KINDS` |
     | | `possible` | bool (R * H,) | False where it reads its own responder |
     | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
     | `candidate` | `input` | int64 (R * I,) | number of the input, in all boards of a batch |
-    | `responder` | `odds` | float32 (R, K, 3) | what speaks for a change of its mechanism; with `odds` only |
+    | `responder` | `odds` | float32 (R, K, 3) | what speaks for a change of its mechanism, of `Changes` |
     | `board` | `world` | int64 (1,) | which world is told, 0 for none |
     | `responder`, `lies on`, `board` | `edge_index` | int64 (2, R) | |
     | `explanation`, `reads`, `candidate` | `edge_index` | int64 (2, R * E) | |
@@ -59,7 +60,7 @@ def explanation_graph(
     Args:
         world: number of the world that is told, see `world_number`.
         parents: bool (K, I, R), the true parents at each moment.
-        odds: float32 (T + 1, R, 3), of `changes_of`.
+        changes: of `changes_of` after as many actions each, if they are known already.
     """
     found, responders = explanations_of(trace), trace.responders.shape[1]
     graph = HeteroData()
@@ -67,10 +68,13 @@ def explanation_graph(
         for name, value in values.items():
             graph[kept][name] = value
     node, reads = graph["explanation"], graph["explanation", "reads", "candidate"]
-    evidence = evidence_of(trace, found, after)
-    node.evidence, reads.witnesses = evidence.explanations.flatten(0, 1), evidence.inputs.flatten(0, 1)
-    if odds is not None:
-        graph["responder"].odds = torch.from_numpy(odds[np.asarray(after)].transpose(1, 0, 2).copy())
+    evidence, changes = evidence_of(trace, found, after), changes or changes_of(trace, found, after)
+    now = torch.from_numpy(changes.now)[..., None] / SCALE
+    node.evidence, reads.witnesses = (
+        torch.cat([evidence.explanations, now], -1).flatten(0, 1),
+        evidence.inputs.flatten(0, 1),
+    )
+    graph["responder"].odds = torch.from_numpy(changes.odds.transpose(1, 0, 2).copy())
     if parents is not None:
         right = (found.inputs[None, :, :, None] == parents[:, None]).all(2)  # (K, H, R)
         node.right = torch.from_numpy(right.transpose(2, 1, 0).reshape(responders * len(found.own), -1).copy())
@@ -142,18 +146,18 @@ class MechanismNet(nn.Module):
     Shapes:
         input: a batch of `explanation_graph`.
         output: (X, K); the same before messages were passed, which training holds near the truth, too; (R, K), log odds
-            that another mechanism than at first decides a responder, None where nothing is known of changes.
+            that another mechanism than at first decides a responder, None if it does not say so.
     """
 
     def __init__(self, config: MechanismNetConfig):
         super().__init__()
         self.config, width = config, config.width
         self.kind = nn.Linear(KINDS, width, bias=False)
-        self.evidence = nn.Linear(EVIDENCE, width)
+        self.evidence = nn.Linear(EVIDENCE + 1, width)
         self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width))
         self.rough = nn.Linear(width, 1)
         self.sharpness = nn.Parameter(torch.tensor(0.6 * SHARP))
-        self.straight = nn.Linear(EVIDENCE, 1, bias=False)
+        self.straight = nn.Linear(EVIDENCE + 1, 1, bias=False)
         self.witnesses = nn.Linear(WITNESSES, 3 * width)
         self.candidate = mlp(2 * width + 2, width, width)
         self.board = mlp(width, width, width)
@@ -191,7 +195,7 @@ class MechanismNet(nn.Module):
         around = torch.cat([summary, board], -1)
         logits = first + self.final(torch.cat([token, share[:, None, None] * said, around[owner]], -1))[..., 0]
         change = None
-        if self.config.changes and "odds" in graph["responder"]:
+        if self.config.changes:
             odds = graph["responder"].odds.clamp(max=CERTAIN)
             rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
             told = torch.cat([odds, rivals], -1) / SHARP

@@ -90,8 +90,8 @@ class _Understood:
         counts, shown = followed(self.trace, self.found, contexts, before), self.trace.responders
         total, stays = counts.sum(2, keepdims=True), np.eye(STATES)[before][:, None]
         likely, met = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), stays), total[..., 0] > 0
-        told, known = goals(self.trace, self.found, contexts)
-        likely[:, self._lucky], met[:, self._lucky] = np.where(known[..., None], told, stays), known
+        going, known = goals(self.trace, self.found, contexts)
+        likely[:, self._lucky], met[:, self._lucky] = np.where(known[..., None], going, stays), known
         asked = ~met & self._completing
         for responder, row in zip(*np.nonzero(asked), strict=True):
             context = int(np.broadcast_to(contexts, asked.shape)[responder, row])
@@ -174,7 +174,7 @@ class MechanismReasoner:
         if believed is not None:
             changed, changed_at = np.zeros((seen.steps, objects)), np.full(objects, -1)
             changed[:, known.perceived.responders] = believed[:, 1:].T
-            changed_at[known.perceived.responders] = np.where(believed[:, -1] > 0.5, study.changes[1] - 1, -1)
+            changed_at[known.perceived.responders] = np.where(believed[:, -1] > 0.5, study.changes.places - 1, -1)
         after = slice(1, None) if moments > 1 else slice(None)
         return InferredGraph(
             self.name,
@@ -262,19 +262,18 @@ class MechanismReasoner:
         return seen.once((self, "understood"), understood)
 
     def explain(
-        self, trace: Trace, after: Sequence[int], world: str = "", odds: np.ndarray | None = None
+        self, trace: Trace, after: Sequence[int], world: str = ""
     ) -> tuple[Explanations, np.ndarray, np.ndarray | None]:
         """What explains a trace after so many actions each.
 
         Args:
             world: that is told.
-            odds: of `changes_of`.
 
         Returns:
-            The explanations; how probable each is, float (R, H, K); and, with odds, how probable it is that another
-            mechanism than at first decides each responder, float (R, K), None if the network does not say so.
+            The explanations; how probable each is, float (R, H, K); and how probable it is that another mechanism than
+            at first decides each responder, float (R, K), None if the network does not say so.
         """
-        return explanations_of(trace), *self._weighed(explanation_graph(trace, after, odds=odds), world)
+        return explanations_of(trace), *self._weighed(explanation_graph(trace, after), world)
 
     @torch.no_grad()
     def _weighed(self, graph: HeteroData, world: str) -> tuple[np.ndarray, np.ndarray | None]:

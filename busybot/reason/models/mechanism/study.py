@@ -3,13 +3,10 @@
 Evaluators ask several models of one board, and each of them several things: none of them looks or counts again.
 """
 
-from collections.abc import Sequence
 from functools import cached_property
 
-import numpy as np
-
 from busybot.reason.inputs.sequence import BoardSequence
-from busybot.reason.models.mechanism.changes import changes_of
+from busybot.reason.models.mechanism.changes import Changes, changes_of
 from busybot.reason.models.mechanism.contexts import Explanations, explanations_of
 from busybot.reason.models.mechanism.networks import explanation_graph
 from busybot.reason.models.mechanism.perception import perceive
@@ -32,22 +29,19 @@ class Study:
         return explanations_of(self.perceived.trace)
 
     @cached_property
-    def changes(self) -> tuple[np.ndarray, np.ndarray]:
-        """See `changes_of`."""
-        return changes_of(self.perceived.trace, self.found)
+    def changes(self) -> Changes:
+        """What speaks for changed mechanisms on the new board and after each action."""
+        return changes_of(self.perceived.trace, self.found, range(self._steps + 1))
 
     @cached_property
     def after_each(self) -> HeteroData:
-        """What was counted on the new board and after each action, with what speaks for changes."""
-        return self._counted(range(self._steps + 1), self.changes[0])
+        """What was counted on the new board and after each action."""
+        return explanation_graph(self.perceived.trace, range(self._steps + 1), changes=self.changes)
 
     @cached_property
     def at_the_end(self) -> HeteroData:
         """What was counted after the last action."""
-        return self._counted([self._steps])
-
-    def _counted(self, after: Sequence[int], odds: np.ndarray | None = None) -> HeteroData:
-        return explanation_graph(self.perceived.trace, after, odds=odds)
+        return explanation_graph(self.perceived.trace, [self._steps])
 
 
 def study_of(seen: BoardSequence, encoder: str) -> Study:

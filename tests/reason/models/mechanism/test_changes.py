@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from busybot.reason.models.mechanism.changes import NOTHING, changes_of
-from busybot.reason.models.mechanism.contexts import Trace, explanations_of
+from busybot.reason.models.mechanism.contexts import MEMORIES, Trace, explanations_of
 
 ENOUGH = 3.0
 """Log odds that speak for a change where one in twenty responders changes."""
@@ -22,13 +22,21 @@ def test_another_mechanism_is_noticed_and_placed(seed: int) -> None:
     late = np.arange(41) > 22  # from action 22 on, numbered from 0
     old, new = links[:, 0], links[:, 1] | links[:, 2]
     shown = np.stack([np.where(late, new, old), links[:, 0] & links[:, 1], np.zeros(41, int)], axis=1)
-    told, first = changes_of(Trace(links, shown, (2, 2, 2)), explanations_of(Trace(links, shown, (2, 2, 2))))
+    trace = Trace(links, shown, (2, 2, 2))
+    found = explanations_of(trace)
+    changes = changes_of(trace, found, range(41))
+    told, first = changes.odds, changes.places
     showed = int(np.flatnonzero(late & (old != new))[0])
     assert told.shape == (41, 3, 3)
     told = told[..., 0]
     assert told[:showed].max() < ENOUGH, "nobody can know before it shows"
     assert told[showed : showed + 11, 0].max() > ENOUGH and told[-1, 0] > ENOUGH and 21 <= first[0] <= showed
     assert told[:, 1:].max() < ENOUGH
+    shares = changes.now[0, :, [20, 40]]
+    alone, either = (found.inputs == row for row in ([1, 0, 0, 0, 0, 0], [0, 1, 1, 0, 0, 0]))
+    now = found.memory == MEMORIES.index("late 0")
+    was, became = (int(np.flatnonzero(rows.all(1) & now)[0]) for rows in (alone, either))
+    assert shares[0, was] > shares[0, became] + 2 and shares[1, became] > shares[1, was] + 2
 
 
 def test_what_shows_by_luck_is_no_other_mechanism() -> None:
@@ -36,10 +44,11 @@ def test_what_shows_by_luck_is_no_other_mechanism() -> None:
     shown = np.zeros((41, 1), int)
     for action in range(1, 41):  # it catches up with its link in three of four actions
         shown[action] = links[action, 0] if rng.random() < 0.75 else shown[action - 1]
-    told, _ = changes_of(Trace(links, shown, (2, 2, 2)), explanations_of(Trace(links, shown, (2, 2, 2))))
+    told = changes_of(Trace(links, shown, (2, 2, 2)), explanations_of(Trace(links, shown, (2, 2, 2))), range(41)).odds
     assert told[..., 0].max() < ENOUGH < told[..., 1:].max((0, 1)).min(), "who knows of no luck takes it for a change"
 
 
 def test_without_actions_nothing_is_said() -> None:
     trace = Trace(np.zeros((1, 2), int), np.zeros((1, 1), int), (2, 2))
-    assert changes_of(trace, explanations_of(trace))[0].tolist() == [[[NOTHING] * 3]]
+    changes = changes_of(trace, explanations_of(trace), [0])
+    assert changes.odds.tolist() == [[[NOTHING] * 3]] and np.isfinite(changes.now).all()

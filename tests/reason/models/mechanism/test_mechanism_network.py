@@ -212,7 +212,7 @@ def test_probabilities_are_those_of_one_explanation_each_and_of_no_responder_by_
         sums = torch.zeros(graph["responder"].num_nodes, 2).index_add(0, owner, shares.exp())
         assert torch.allclose(sums, torch.ones_like(sums), atol=1e-5)
     assert final.exp()[~graph["explanation"].possible].max() < 1e-6
-    assert graph["explanation"].evidence.shape[1:] == (2, EVIDENCE)
+    assert graph["explanation"].evidence.shape[1:] == (2, EVIDENCE + 1)
     assert graph["explanation", "reads", "candidate"].witnesses.shape[1:] == (2, WITNESSES)
     alone = explanation_graph(gates[1].trace, [3, 20])
     told = parents_of(net(Batch.from_data_list([alone]))[0], alone)
@@ -222,8 +222,9 @@ def test_probabilities_are_those_of_one_explanation_each_and_of_no_responder_by_
 def test_what_is_all_but_certain_stays_a_number(gates: list[LabelledTrace]) -> None:
     """Hundreds of actions make log odds of changes whose exponentials are none."""
     trace = gates[0].trace
-    odds = np.full((len(trace.links), trace.responders.shape[1], 3), 300, np.float32)
-    change = MechanismNet(MechanismNetConfig())(Batch.from_data_list([explanation_graph(trace, [30], odds=odds)]))[2]
+    graph = explanation_graph(trace, [30])
+    graph["responder"].odds = torch.full((trace.responders.shape[1], 1, 3), 300.0)
+    change = MechanismNet(MechanismNetConfig())(Batch.from_data_list([graph]))[2]
     assert change is not None and bool(change.isfinite().all())
 
 

@@ -59,7 +59,7 @@ showed, if each context has one state where the responder goes, unless it fails 
     | 11 | column 0 of the last `RECENT` actions |
     | 12 | the same, if nothing but these actions is known |
     | 13 | column 4 of the last `RECENT` actions |
-    | 14 | column 0 if every input is to matter; of what may fail column 2; of what moves by itself column 0 if it \
+    | 14 | column 0, of what may fail column 2, if every input is to matter; of what moves by itself column 0 if it \
 changes when some other responder does |
 
     Columns 3 to 10 and 13 are log(1 + number). Columns of inputs, as log(1 + number): pairs of moments whose contexts
@@ -105,7 +105,6 @@ class Earlier:
         self._rows = [torch.from_numpy(np.flatnonzero(which)) for which in (~own, own)]
         free, bound = (self.same[rows] & self.past for rows in self._rows)
         self._free, self._bound = free.float(), (bound & self.alike[:, None]).float()
-        self.lucky = torch.from_numpy(np.flatnonzero(found.memory == UNRELIABLE))
 
     def sum(self, numbers: Tensor, recent: bool = False) -> Tensor:
         """Over earlier moments of equal context, (R, H, M, N) from (R, M, N) or (R, H, M, N)."""
@@ -121,7 +120,7 @@ class Earlier:
 
 
 def log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Of what was shown, before it was: columns 0 to 2 of `Evidence`, of each moment alone, (R, H, M) each.
+    """Of what was shown, before it was: by sure contexts, unsure ones, and where either is found out, (R, H, M) each.
 
     Args:
         shown: int (R, M).
@@ -132,14 +131,14 @@ def log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[
     # log probability of what each has seen in this context
     known = earlier.sum(torch.stack([sure, unsure], -1)).unbind(-1)
     either = _log_sum(known[0] + sure, known[1] + unsure) - _log_sum(*known)
-    either.index_copy_(1, earlier.lucky, _unless_it_fails(earlier, shown))
     return sure, unsure, either
 
 
 def _unless_it_fails(earlier: Earlier, shown: Tensor) -> Tensor:
-    """Log probability of each state of what may fail, before it showed, (R, U, M)."""
+    """Log probability of each state, before it showed, of what goes where its inputs say unless that fails, (R, O, M)
+    for the explanations that remember the responder's own state."""
     logs = torch.from_numpy(attempts(shown.numpy())).float()  # (R, M, S)
-    same = (earlier.same[earlier.lucky] & earlier.past).float()
+    same = (earlier.same[earlier.own] & earlier.past).float()
     known = torch.einsum("uij,rjs->ruis", same, logs)
     ways = (shown.cummax(1).values + 1).clamp(min=2)[:, None, :, None]
     known = known.masked_fill(torch.arange(STATES) >= ways, -torch.inf)
@@ -174,7 +173,9 @@ def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, befor
     """(R, H, M, 15)."""
     states = one_hot(shown, STATES).float()
     follow, lately = earlier.sum(states), earlier.sum(states, recent=True)
-    logs = log_probabilities(earlier, shown, follow)
+    logs, failing = log_probabilities(earlier, shown, follow), _unless_it_fails(earlier, shown)
+    driven = torch.from_numpy(found.memory == UNRELIABLE)
+    logs[2][:, driven] = failing[:, driven[earlier.own]]
     afresh = torch.log((_right(lately, shown) + SURE) / (lately.sum(-1) + SURE * STATES))
     total, agreed, changed = follow.sum(-1), _right(follow, shown), (shown != before)[:, None].expand(follow.shape[:3])
     fresh, never, always = total == 0, (total > 0) & (agreed == 0), (total > 0) & (agreed == total)
@@ -186,7 +187,9 @@ def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, befor
     columns = [one / SCALE for one in sums]
     columns += [torch.log1p(one.float().cumsum(-1)) for one in counted]
     columns += [_lately(logs[0]) / SCALE, _lately(afresh) / SCALE, torch.log1p(_lately(never.float()))]
-    every = torch.where(earlier.own[:, None], sums[2], _if_every_input_matters(found, sums[0], shown))
+    every = sums[0].clone()
+    every[:, earlier.own] = failing.cumsum(-1)
+    every = _if_every_input_matters(found, every, shown)
     if len(shown) > 1:
         [alone] = np.flatnonzero(found.own & ~found.inputs.any(1))
         every[:, alone] = _together(shown, before)

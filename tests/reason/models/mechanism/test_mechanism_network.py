@@ -150,7 +150,8 @@ def test_what_fails_by_luck_is_told_from_what_moves_by_itself_and_from_what_move
     fails, alone = explaining(found, (1,), "own and now"), explaining(found, (), "own")
     others = np.setdiff1d(np.flatnonzero(found.inputs.sum(1) < 2), fails)
     assert told[0, fails, 0] > told[0, others, 0].max() + 1
-    assert told[0, fails, 1] == told[0, fails, 0]
+    half = math.log(2) / 5  # of four functions of a link two depend on it
+    assert float(told[0, fails, 1] - told[0, fails, 0]) == pytest.approx(half, abs=0.01)
     assert told[1:, alone, 1].min() > told[1:, alone, 0].max() + 1, "they strike together"
     assert told[0, alone, 1] < told[0, alone, 0] + 0.5
 

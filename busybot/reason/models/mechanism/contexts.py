@@ -249,7 +249,7 @@ def goals(trace: Trace, found: Explanations, contexts: np.ndarray) -> tuple[np.n
     of_luck = found.memory == UNRELIABLE
     equal = contexts[..., of_luck, None] == found.contexts.T[of_luck]  # (U, T + 1) or (R, U, T + 1)
     logs = equal.astype(float) @ attempts(trace.responders.T)
-    logs = np.where(np.arange(STATES) <= trace.responders.max(0)[:, None, None], logs, -np.inf)
+    logs = np.where(np.arange(STATES) <= np.maximum(trace.responders.max(0), 1)[:, None, None], logs, -np.inf)
     shares = np.exp(logs - logs.max(-1, keepdims=True))
     return shares / shares.sum(-1, keepdims=True), np.broadcast_to(equal.any(-1), shares.shape[:-1])
 

@@ -2,23 +2,27 @@
 
 The outcome of an action is foretold by every explanation; where those that are still probable disagree, or none has met
 the situation, seeing it tells most. That is the mutual information between the outcome and what explains it, which is
-an explanation and how often which state follows its contexts (Houlsby & others, Bayesian active learning by
-disagreement, 2011). Responders are added up, as if each had its own outcome independently of the others.
+an explanation and how often which state follows its contexts, or where they make a responder go that may fail to
+(Houlsby & others, Bayesian active learning by disagreement, 2011). Responders are added up, as if each had its own
+outcome independently of the others.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import digamma
+from scipy.special import digamma, entr
 
 from busybot.reason.models.mechanism.contexts import (
+    ATTEMPTS,
     STATES,
     SURE,
+    UNRELIABLE,
     UNSURE,
     Explanations,
     Trace,
     contexts_of,
     followed,
+    goals,
 )
 
 
@@ -35,10 +39,20 @@ def expected_information(
     before = trace.responders[-1]
     ways = np.maximum(trace.responders.max(0) + 1, 2)  # states that each responder is known to have
     few = np.where(found.own, UNSURE, SURE)[:, None] * (np.arange(STATES) < ways[:, None, None])  # (R, H, S)
+    lucky = found.memory == UNRELIABLE
+    tries = np.exp(ATTEMPTS[before]) * (np.arange(STATES) < ways[:, None])[..., None]  # (R, after, goals)
+    tries /= tries.sum(1, keepdims=True)
+    open_ = entr(tries).sum(1)
     told = []
     for links in moves:
         [contexts] = contexts_of(trace.longer(links, before), 1)
-        told.append(_information(followed(trace, found, contexts, before) + few, shares))
+        likely, inner = _foretold(followed(trace, found, contexts, before) + few)
+        going, _ = goals(trace, found, contexts)
+        likely[:, lucky], inner[:, lucky] = (
+            np.einsum("rug,rag->rua", going, tries),
+            np.einsum("rug,rg->ru", going, open_),
+        )
+        told.append(_information(likely, inner, shares))
     return np.array(told)
 
 
@@ -67,16 +81,26 @@ def certainty(found: Explanations, shares: np.ndarray) -> float:
     return float(of_sets.max(1).prod())
 
 
-def _information(counts: np.ndarray, shares: np.ndarray) -> float:
-    """Of one outcome, over all responders.
+def _foretold(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How probable each state is, and how open that stays if its probability were known.
 
     Args:
         counts: (R, H, S), of a Dirichlet distribution of what follows; zeros where a state cannot.
-        shares: (R, H).
+
+    Returns:
+        float (R, H, S); expected entropy, float (R, H).
     """
     total = counts.sum(-1, keepdims=True)
     likely = counts / total
+    return likely, digamma(total[..., 0] + 1) - (likely * digamma(counts + 1)).sum(-1)
+
+
+def _information(likely: np.ndarray, inner: np.ndarray, shares: np.ndarray) -> float:
+    """Of one outcome, over all responders.
+
+    Args:
+        likely, inner: of `_foretold`.
+        shares: (R, H).
+    """
     mean = np.einsum("rh,rhs->rs", shares, likely)
-    inner = digamma(total[..., 0] + 1) - (likely * digamma(counts + 1)).sum(-1)  # expected entropy
-    entropy = -np.sum(mean * np.log(np.where(mean > 0, mean, 1)), -1)
-    return float((entropy - (shares * inner).sum(-1)).sum())
+    return float((entr(mean).sum(-1) - (shares * inner).sum(-1)).sum())

@@ -3,7 +3,7 @@
 import numpy as np
 
 from busybot.boards.mechanisms.gate import Gate
-from busybot.reason.models.mechanism.contexts import MEMORIES, Explanations, Trace, explanations_of
+from busybot.reason.models.mechanism.contexts import MEMORIES, UNRELIABLE, Explanations, Trace, explanations_of
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
@@ -36,6 +36,17 @@ def test_what_would_tell_two_explanations_apart_is_worth_most() -> None:
     assert sure.max() < 0.05
 
 
+def test_where_what_may_fail_goes_is_known_soon_and_its_failing_tells_little() -> None:
+    """The responder went up with the link and down with it: trying the other link tells more than doing so again."""
+    links, shown = np.array([[0, 0], [1, 0], [0, 0], [1, 0], [0, 0]]), np.array([[0], [1], [1], [1], [0]])
+    trace = Trace(links, shown, (2, 2))
+    found = explanations_of(trace)
+    of_luck = found.memory == UNRELIABLE
+    shares = sum(of_luck & (found.inputs == row).all(1) for row in ([1, 0, 0], [1, 1, 0])) / 2
+    again, other = expected_information(trace, found, shares[None], [(1, 0), (1, 1)])
+    assert 0 <= again < 0.05 and 3 * again < other
+
+
 def test_a_link_that_does_not_give_is_believed_again_when_things_stand_otherwise() -> None:
     links = np.array([[0, 0], [0, 0], [0, 0], [1, 0], [1, 1]])
     trace = Trace(links, np.array([[0], [0], [0], [1], [1]]), (2, 2))
@@ -61,7 +72,7 @@ def test_the_shipped_model_becomes_sure_of_a_gate_and_wants_to_see_what_it_has_n
     trace = Trace(links, shown, (2, 2))
     found, shares, _ = reasoner.explain(trace, range(31))
     sure = [certainty(found, shares[..., after]) for after in (0, 3, 30)]
-    assert sure[0] < 0.9 < sure[-1]  # no board of the training has one responder, nor is one judged before any action
+    assert sure[0] < 0.9 < sure[-1]  # no board of the training has one responder
     early = trace.first(1)
     known = explanations_of(early)
     flipped = early.links[-1].copy()

@@ -10,6 +10,8 @@ from itertools import product
 
 import numpy as np
 
+from busybot.reason.models.mechanism.contexts import LONGEST
+
 BOTH_WAYS = 0.25
 """A function in which an input works one way here and the other way there, as in an exclusive or, is so much less
 likely than one in which each works one way."""
@@ -48,6 +50,21 @@ def completed(
     weights = np.where(_one_way(tables[..., np.all(matter, axis=0)]), 1.0, BOTH_WAYS)
     shares = np.einsum("f,fus->us", weights, np.eye(states)[left]) / weights.sum()
     return dict(zip(unmet, shares, strict=True))
+
+
+def lasting(known: Mapping[tuple[int, ...], int], states: int) -> dict[tuple[int, ...], np.ndarray]:
+    """As `completed`, of situations that tell since how many actions something is so, up to `LONGEST`: one state
+    follows for some actions, another one later."""
+    ways = [
+        [first] * actions + [then] * (LONGEST + 1 - actions)
+        for actions in range(1, LONGEST + 1)
+        for first in range(states)
+        for then in range(states)
+        if first != then
+    ]
+    left = np.array([way for way in ways if all(way[one] == state for (one,), state in known.items())])
+    unmet = [one for one in range(LONGEST + 1) if (one,) not in known]
+    return {(one,): np.bincount(left[:, one], minlength=states) / len(left) for one in unmet} if len(left) else {}
 
 
 def _one_way(tables: np.ndarray) -> np.ndarray:

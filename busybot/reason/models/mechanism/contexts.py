@@ -35,7 +35,7 @@ link is pressed up when it comes to rest in its highest state, down in its lowes
 UNRELIABLE = MEMORIES.index("own and now")
 _OF_PRESSES = [number for number, name in enumerate(MEMORIES) if name.startswith(("odd", "last"))]
 _LAST = [number for number, name in enumerate(MEMORIES) if name.startswith("last")]
-_SINCE = [number for number, name in enumerate(MEMORIES) if name.startswith("since")]
+SINCE = [number for number, name in enumerate(MEMORIES) if name.startswith("since")]
 SURE, UNSURE = 0.03, 0.4
 """Pseudo-counts of the estimators: of what is determined, and of what has a luck of its own."""
 LUCK, MISTAKE = 0.8, 0.01
@@ -142,7 +142,7 @@ def layout(links: int, responders: int) -> Layout:
     memory = np.array([MEMORIES.index(name) for name in names])
     reads = np.array(np.nonzero(told))
     own = np.array([name.startswith("own") for name in names])
-    since, last = (np.flatnonzero(np.isin(memory, which)) for which in (_SINCE, _LAST))
+    since, last = (np.flatnonzero(np.isin(memory, which)) for which in (SINCE, _LAST))
     return Layout(told, memory, own, reads, *_fewer(told, names, reads), places, weights, since, last)
 
 
@@ -181,7 +181,7 @@ def explanations_of(trace: Trace) -> Explanations:
     sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])
     met = np.where(known.inputs, sizes, 1).prod(1)
     met = np.where(np.isin(known.memory, _OF_PRESSES), 2, met)
-    met = np.where(np.isin(known.memory, _SINCE), LONGEST + 1, met)
+    met = np.where(np.isin(known.memory, SINCE), LONGEST + 1, met)
     return Explanations(
         known.inputs, known.memory, contexts_of(trace), known.own, known.reads, known.fewer, known.parts, known.signs,
         met,

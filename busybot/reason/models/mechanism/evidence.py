@@ -15,6 +15,9 @@ from torch import Tensor
 from torch.nn.functional import one_hot
 
 from busybot.reason.models.mechanism.contexts import (
+    LONGEST,
+    RESTED,
+    SINCE,
     STATES,
     SURE,
     UNRELIABLE,
@@ -59,8 +62,9 @@ showed, if each context has one state where the responder goes, unless it fails 
     | 11 | column 0 of the last `RECENT` actions |
     | 12 | the same, if nothing but these actions is known |
     | 13 | column 4 of the last `RECENT` actions |
-    | 14 | column 0, of what may fail column 2, if every input is to matter; of what moves by itself column 0 if it \
-changes when some other responder does |
+    | 14 | column 0, of what may fail column 2, if every input is to matter; of what remembers since when a link was \
+pressed, if it shows one state for so many actions and then another one; of what moves by itself, if it changes when \
+some other responder does |
 
     Columns 3 to 10 and 13 are log(1 + number). Columns of inputs, as log(1 + number): pairs of moments whose contexts
     differ in this input alone and in which the responder showed different states, or equal ones.
@@ -190,11 +194,32 @@ def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, befor
     every = sums[0].clone()
     every[:, earlier.own] = failing.cumsum(-1)
     every = _if_every_input_matters(found, every, shown)
+    lasting = np.isin(found.memory, SINCE)
+    every[:, torch.from_numpy(lasting)] = _if_it_lasts(found.contexts[:, lasting], shown)
     if len(shown) > 1:
         [alone] = np.flatnonzero(found.own & ~found.inputs.any(1))
         every[:, alone] = _together(shown, before)
     columns.append(every / SCALE)
     return torch.stack(columns, -1)
+
+
+def _if_it_lasts(since: np.ndarray, shown: Tensor) -> Tensor:
+    """Log probability of what was shown, (R, N, M), if it shows one state for some actions since a press, one to
+    `LONGEST`, and another one later.
+
+    Args:
+        since: int (M, N), contexts.
+    """
+    longest = torch.arange(1, LONGEST + 1)
+    on = (torch.from_numpy(since.T.copy())[:, None] < longest[:, None]).float()[..., None]  # (N, actions, M, 1)
+    agrees = torch.from_numpy(RESTED).float()[shown][:, None, None]  # (R, 1, 1, M, states)
+    first, then = (on * agrees).cumsum(-2), ((1 - on) * agrees).cumsum(-2)
+    ways = (shown.cummax(1).values + 1).clamp(min=2)[:, None, None, :, None, None]
+    state = torch.arange(STATES)
+    there = (state[:, None] != state) & (state[:, None] < ways) & (state < ways)
+    logs = (first[..., :, None] + then[..., None, :]).masked_fill(~there, -torch.inf)  # (R, N, actions, M, S, S)
+    ways = ways[:, :, 0, :, 0, 0]
+    return torch.logsumexp(logs, (2, 4, 5)) - (len(longest) * ways * (ways - 1)).log()
 
 
 def _if_every_input_matters(found: Explanations, logs: Tensor, shown: Tensor) -> Tensor:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from busybot.reason.models.mechanism.completion import completed
+from busybot.reason.models.mechanism.completion import completed, lasting
 from busybot.reason.models.mechanism.contexts import (
     ATTEMPTS,
     DELAYS,
@@ -135,14 +135,15 @@ class _Law:
 
     def follows(self, context: tuple[int, ...]) -> int | None:
         """The state that follows, also if the context was never met; None where that is open."""
-        if (state := self.met(context)) is not None or self.ways or not self.inputs:
+        if (state := self.met(context)) is not None or (self.ways and self.what != "since") or not self.inputs:
             return state
         if self._unmet is None:
             known = {
                 inputs: int(np.argmax(told)) for inputs, told in (self.goals if self.fails else self.counts).items()
             }
             states = 1 + max(max(known.values()), 1)
-            self._unmet = completed(known, self.sizes, states)
+            lasts = self.what == "since"
+            self._unmet = lasting(known, states) if lasts else completed(known, self.sizes, states)
         shares = self._unmet.get(context[: len(self.inputs)])
         return int(shares.argmax()) if shares is not None and shares.max() > 0.5 else None
 

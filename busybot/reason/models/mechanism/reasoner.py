@@ -15,9 +15,11 @@ import torch
 
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks
-from busybot.reason.models.mechanism.completion import completed
+from busybot.reason.models.mechanism.completion import completed, lasting
 from busybot.reason.models.mechanism.contexts import (
+    LONGEST,
     MEMORIES,
+    SINCE,
     STATES,
     UNRELIABLE,
     Explanations,
@@ -48,7 +50,7 @@ KINDS = {
 
 LIKELY = 0.02
 """Less probable explanations are not asked about what they never met."""
-_STATES_OF_INPUTS = [number for number, name in enumerate(MEMORIES) if name.startswith(("late", "own and now"))]
+_COMPLETED = [number for number, name in enumerate(MEMORIES) if name.startswith(("late", "own and now", "since"))]
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class _Understood:
     @cached_property
     def _completing(self) -> np.ndarray:
         """bool (R, H), which explanations are asked about what they never met."""
-        return np.asarray((self.shares[..., -1] > LIKELY) & np.isin(self.found.memory, _STATES_OF_INPUTS))
+        return np.asarray((self.shares[..., -1] > LIKELY) & np.isin(self.found.memory, _COMPLETED))
 
     def following(self, contexts: np.ndarray, before: np.ndarray, at: int | None = None) -> np.ndarray:
         """The likeliest states after an action, int (R,).
@@ -125,12 +127,15 @@ class _Understood:
             sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])[inputs]
             contexts, shown = self.found.contexts[:, row], trace.responders[:, responder]
             followed = attempts(shown) if row in self._lucky else np.eye(STATES)[shown]
-            places = STATES ** np.arange(len(inputs))
+            lasts = self.found.memory[row] in SINCE
+            each = LONGEST + 1 if lasts else STATES
+            places = each ** np.arange(len(inputs))
+            states = STATES if shown.max() > 1 else 2
             known = {
-                tuple((context // places % STATES).tolist()): int(followed[contexts == context].sum(0).argmax())
+                tuple((context // places % each).tolist()): int(followed[contexts == context].sum(0).argmax())
                 for context in set(contexts.tolist())
             }
-            told = completed(known, sizes.tolist(), STATES if shown.max() > 1 else 2)
+            told = lasting(known, states) if lasts else completed(known, sizes.tolist(), states)
             self._unmet[responder, row] = {
                 int(np.array(one) @ places): np.pad(shares, (0, STATES - len(shares))) for one, shares in told.items()
             }

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from busybot.reason.models.mechanism.completion import BOTH_WAYS, completed
+from busybot.reason.models.mechanism.completion import BOTH_WAYS, completed, lasting
 
 
 def test_the_last_situation_is_what_makes_every_input_matter() -> None:
@@ -20,6 +20,13 @@ def test_shares_are_those_of_the_functions_that_are_left() -> None:
     five = 4 + BOTH_WAYS
     np.testing.assert_allclose(left[0, 1], [2 / five, (2 + BOTH_WAYS) / five])
     np.testing.assert_allclose(left[1, 1], [(2 + BOTH_WAYS) / five, 2 / five])
+
+
+def test_what_lasts_for_some_actions_ends_once() -> None:
+    """On since the press and one action later, off three actions after it; before any press as long after."""
+    told = lasting({(0,): 1, (1,): 1, (3,): 0}, 2)
+    assert {since: shares.tolist() for (since,), shares in told.items()} == {2: [0.5, 0.5], 4: [1, 0], 5: [1, 0]}
+    assert lasting({(0,): 1, (1,): 0, (2,): 1}, 2) == {}, "it does not last"
 
 
 def test_nothing_is_told_where_all_was_met_or_nothing_fits_or_too_much_does() -> None:

@@ -156,6 +156,26 @@ def test_what_fails_by_luck_is_told_from_what_moves_by_itself_and_from_what_move
     assert told[0, alone, 1] < told[0, alone, 0] + 0.5
 
 
+def test_what_lasts_is_weighed_by_how_long() -> None:
+    links = walk(3, 12)
+    pressed = np.diff(links[:, 0], prepend=0) > 0
+    since = [next((k for k in range(m + 1) if pressed[m - k]), 99) for m in range(13)]
+    trace = Trace(links, np.array([[int(k < 2)] for k in since]), (2, 2, 2))
+    found = explanations_of(trace)
+    told = 5 * evidence_of(trace, found, [12]).explanations[0, :, 0, [0, 14]]
+    row = explaining(found, (0,), "since press up")
+    assert found.contexts[:, row].tolist() == [min(k, 5) for k in since]
+    shares = []
+    for actions, first in product(range(1, 6), (0, 1)):
+        right = sum(
+            (first if min(k, 5) < actions else 1 - first) == state
+            for k, state in zip(since, trace.responders[:, 0], strict=True)
+        )
+        shares.append((1 - MISTAKE) ** right * MISTAKE ** (13 - right))
+    assert float(told[row, 1]) == pytest.approx(math.log(sum(shares) / 10), abs=1e-4)
+    assert told[row, 1] > told[row, 0] and told[row, 1] > told[found.memory == MEMORIES.index("late 0")].max()
+
+
 def test_functions_that_do_without_an_input_are_left_out() -> None:
     links = walk(3, 12)
     trace = Trace(links, links[:, :1] & links[:, 1:2], (2, 2, 2))

@@ -9,7 +9,6 @@ What was counted from one moment until another is counted for all first moments 
 responder, by H explanations. Cost: H M S numbers, of each responder after the other.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -32,8 +31,6 @@ from busybot.reason.models.mechanism.contexts import (
 NOTHING = -20.0
 """Log odds where nothing can have changed."""
 _NOW = [MEMORIES.index(name) for name in ("none", "late 0")]
-CHANGED = 0.1
-"""Share of recordings in which a responder gets another mechanism, before the network says how many there are."""
 EARLIEST = 8
 """What was seen of a mechanism for fewer actions is not taken for another one."""
 
@@ -47,13 +44,14 @@ class Changes:
             those without luck, and of one or two links as they are now.
         places: int (R,), the first action after which it showed what the new one makes of it, if there is one; of all
             actions.
-        now: float32 (R, H, K), log probability of what was shown if each of H explanations explains it now, be it from
-            the start on or since a change; one recording in `1 / CHANGED` has one.
+        since: float32 (R, H, K), how probable each of H explanations makes what was shown if it explains it since a
+            change, whenever that was, and any other one before: log probability, less that of the best one; 0 where
+            nothing can have changed.
     """
 
     odds: np.ndarray
     places: np.ndarray
-    now: np.ndarray
+    since: np.ndarray
 
 
 def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Changes:
@@ -62,13 +60,12 @@ def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Chang
     counted, asked = _Counted(found, moments), torch.as_tensor(list(after))
     kinds = _kinds(found, trace.links.shape[1])
     odds = torch.full((len(asked), responders, len(kinds)), NOTHING)
-    places, now = np.zeros(responders, int), torch.empty(responders, len(found.own), len(asked))
+    places, anew = np.zeros(responders, int), torch.zeros(responders, len(found.own), len(asked))
     last = torch.cat([asked, torch.tensor([moments - 1])])
     for number, own in enumerate(torch.from_numpy(trace.responders.T.copy())):
         logs = counted.explained(own).cumsum(1)  # (H, M, S)
-        now[number] = logs[:, asked, 0]
         if logs.shape[2] == 1:
-            continue
+            break
         prior = _prior(found, trace.links.shape[1] + number)
         until = torch.logsumexp(logs[..., 0] + prior[:, None], 0)[counted.starts[1:] - 1]  # (S - 1,)
         logs, early = logs[:, last], counted.before[last]
@@ -77,9 +74,10 @@ def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Chang
         few = last.clamp(min=1).log()
         odds[:, number] = (torch.logsumexp(later, 1) - few[:, None] - told[:, 0]).clamp(min=NOTHING)[:-1]
         places[number] = counted.starts[1 + int(later[-1, :, 0].argmax())]
-        since = torch.logsumexp((logs[..., 1:] + until).masked_fill(early[:, 1:], -torch.inf), -1) - few  # (H, K + 1)
-        now[number] = torch.logaddexp(now[number] + math.log(1 - CHANGED), since[:, :-1] + math.log(CHANGED))
-    return Changes(odds.numpy(), places, now.numpy())
+        since = torch.logsumexp((logs[..., 1:] + until).masked_fill(early[:, 1:], -torch.inf), -1)[:, :-1]  # (H, K)
+        best = since.max(0).values
+        anew[number] = torch.where(best.isfinite(), since - best, 0.0)
+    return Changes(odds.numpy(), places, anew.numpy())
 
 
 def _sums(logs: Tensor, prior: Tensor, of: Tensor) -> Tensor:

@@ -5,7 +5,8 @@ A graph of three kinds of nodes. An *explanation* of a responder (`contexts`) kn
 rounds of messages along them: candidates gather what their explanations say, weighted by how good they look, and hear
 how much other responders seem to need the same input; explanations gather what their candidates say, and hear how all
 responders of the board behave: where none has luck, or all come late, this one will not be otherwise. A softmax over
-the explanations of a responder ends it.
+the explanations of a responder ends it: one of what explains it throughout, and one of what may explain it since a
+change, weighed by how probable it is that its mechanism changed.
 
 Letters: X explanations and C candidates of R responders of all boards, K moments.
 """
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import logsigmoid
 
 from busybot.reason.models.mechanism.changes import Changes, changes_of
 from busybot.reason.models.mechanism.config import MechanismNetConfig
@@ -44,7 +46,7 @@ def explanation_graph(
 
     | nodes and edges | attribute | shape | meaning |
     |---|---|---|---|
-    | `explanation` | `evidence` | float32 (R * H, K, 16) | `Evidence.explanations`, and `Changes.now` / `SCALE` |
+    | `explanation` | `evidence` | float32 (R * H, K, 16) | `Evidence.explanations`, and `Changes.since` / `SCALE` |
     | | `kind` | int64 (R * H,) | memory and number of inputs, see `KINDS` |
     | | `possible` | bool (R * H,) | False where it reads its own responder |
     | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
@@ -69,9 +71,9 @@ def explanation_graph(
             graph[kept][name] = value
     node, reads = graph["explanation"], graph["explanation", "reads", "candidate"]
     evidence, changes = evidence_of(trace, found, after), changes or changes_of(trace, found, after)
-    now = torch.from_numpy(changes.now)[..., None] / SCALE
+    since = torch.from_numpy(changes.since)[..., None] / SCALE
     node.evidence, reads.witnesses = (
-        torch.cat([evidence.explanations, now], -1).flatten(0, 1),
+        torch.cat([evidence.explanations, since], -1).flatten(0, 1),
         evidence.inputs.flatten(0, 1),
     )
     graph["responder"].odds = torch.from_numpy(changes.odds.transpose(1, 0, 2).copy())
@@ -164,6 +166,7 @@ class MechanismNet(nn.Module):
         self.final = mlp(4 * width, width, 1)
         self.world = nn.Linear(len(config.worlds) + 1, width, bias=False)
         self.change, self.odds = mlp(2 * width + 6, width, 1), nn.Linear(6, 1, bias=False)
+        self.anew = nn.Linear(width, 1)
         self.gather = Gather()
 
     def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor, Tensor | None]:
@@ -194,13 +197,15 @@ class MechanismNet(nn.Module):
         said = self.gather(edges.edge_index.flip(0), told, back, needed.new_ones(1, 1), (candidates, explanations))
         around = torch.cat([summary, board], -1)
         logits = first + self.final(torch.cat([token, share[:, None, None] * said, around[owner]], -1))[..., 0]
-        change = None
+        shares, change = self._shares(logits, node, owner), None
         if self.config.changes:
             odds = graph["responder"].odds.clamp(max=CERTAIN)
             rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
             told = torch.cat([odds, rivals], -1) / SHARP
             change = (self.change(torch.cat([around, told], -1)) + self.odds(told))[..., 0]
-        return self._shares(logits, node, owner), first, change
+            anew = self._shares(self.anew(token)[..., 0] + self.sharpness * node.evidence[..., -1], node, owner)
+            shares = torch.logaddexp(shares + logsigmoid(-change)[owner], anew + logsigmoid(change)[owner])
+        return shares, first, change
 
     def _shares(self, logits: Tensor, node: HeteroData, owner: Tensor) -> Tensor:
         """Log softmax over the explanations of each responder."""

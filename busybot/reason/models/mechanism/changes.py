@@ -31,6 +31,8 @@ from busybot.reason.models.mechanism.contexts import (
 NOTHING = -20.0
 """Log odds where nothing can have changed."""
 _NOW = [MEMORIES.index(name) for name in ("none", "late 0")]
+KINDS = ("all", "without luck", "one or two links as they are now")
+"""Explanations whose odds are told."""
 EARLIEST = 8
 """What was seen of a mechanism for fewer actions is not taken for another one."""
 
@@ -40,8 +42,8 @@ class Changes:
     """What speaks for changes of R responders' mechanisms after each of K numbers of actions.
 
     Attributes:
-        odds: float32 (K, R, 3), log odds, if changed and unchanged mechanisms were as frequent: of all explanations, of
-            those without luck, and of one or two links as they are now.
+        odds: float32 (K, R, 3), log odds, if changed and unchanged mechanisms were as frequent, by explanations of each
+            of `KINDS`.
         places: int (R,), the first action after which it showed what the new one makes of it, if there is one; of all
             actions.
         since: float32 (R, H, K), how probable each of H explanations makes what was shown if it explains it since a
@@ -56,37 +58,29 @@ class Changes:
 
 def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Changes:
     """See `Changes`."""
-    moments, responders = trace.responders.shape
-    counted, asked = _Counted(found, moments), torch.as_tensor(list(after))
-    kinds = _kinds(found, trace.links.shape[1])
-    odds = torch.full((len(asked), responders, len(kinds)), NOTHING)
-    places, anew = np.zeros(responders, int), torch.zeros(responders, len(found.own), len(asked))
-    last = torch.cat([asked, torch.tensor([moments - 1])])
-    for number, own in enumerate(torch.from_numpy(trace.responders.T.copy())):
-        logs = counted.explained(own).cumsum(1)  # (H, M, S)
-        if logs.shape[2] == 1:
-            break
-        prior = _prior(found, trace.links.shape[1] + number)
-        until = torch.logsumexp(logs[..., 0] + prior[:, None], 0)[counted.starts[1:] - 1]  # (S - 1,)
-        logs, early = logs[:, last], counted.before[last]
-        told = torch.stack([_sums(logs, prior, of) for of in kinds], -1)  # (K + 1, S, kinds)
-        later = (told[:, 1:] + until[:, None]).masked_fill(early[:, 1:, None], -torch.inf)
-        few = last.clamp(min=1).log()
-        odds[:, number] = (torch.logsumexp(later, 1) - few[:, None] - told[:, 0]).clamp(min=NOTHING)[:-1]
-        places[number] = counted.starts[1 + int(later[-1, :, 0].argmax())]
-        since = torch.logsumexp((logs[..., 1:] + until).masked_fill(early[:, 1:], -torch.inf), -1)[:, :-1]  # (H, K)
-        best = since.max(0).values
-        anew[number] = torch.where(best.isfinite(), since - best, 0.0)
-    return Changes(odds.numpy(), places, anew.numpy())
-
-
-def _sums(logs: Tensor, prior: Tensor, of: Tensor) -> Tensor:
-    """Log probability by some explanations together."""
-    return torch.logsumexp((logs + prior[:, None, None]).index_select(0, of), 0)
+    (moments, responders), links = trace.responders.shape, trace.links.shape[1]
+    asked = torch.as_tensor([*after, moments - 1])  # and at the end, which tells places
+    odds = torch.full((responders, len(asked), len(KINDS)), NOTHING)
+    since, places = torch.zeros(responders, len(found.own), len(asked)), torch.zeros(responders, dtype=torch.int64)
+    counted, kinds = _Counted(found, moments), _kinds(found, links)
+    for number, own in enumerate(torch.from_numpy(trace.responders.T.copy()) if moments > EARLIEST else ()):
+        logs, prior = counted.explained(own).cumsum(1), _prior(found, links + number)  # (H, M, S)
+        before = torch.logsumexp(logs[..., 0] + prior[:, None], 0)[counted.starts[1:] - 1]  # (S - 1,)
+        logs = logs[:, asked]
+        logs[..., 1:] += before.masked_fill(counted.before[asked, 1:], -torch.inf)
+        told = [torch.logsumexp((logs + prior[:, None, None])[of], 0) for of in kinds]
+        first, later = torch.stack(told, -1).split([1, len(before)], 1)  # (K + 1, 1, kinds), (K + 1, S - 1, kinds)
+        either = torch.logsumexp(later, 1) - asked.clamp(min=1).log()[:, None]
+        odds[number] = (either - first[:, 0]).clamp(min=NOTHING)
+        places[number] = counted.starts[1:][later[-1, :, 0].argmax()]
+        anew = torch.logsumexp(logs[..., 1:], -1)
+        best = anew.max(0).values
+        since[number] = torch.where(best.isfinite(), anew - best, 0.0)
+    return Changes(odds[:, :-1].transpose(0, 1).numpy(), places.numpy(), since[..., :-1].numpy())
 
 
 def _kinds(found: Explanations, links: int) -> list[Tensor]:
-    """Explanations whose odds are told: all, those without luck, and one or two links as they are now."""
+    """Explanations of each of `KINDS`."""
     now = np.isin(found.memory, _NOW) & (found.inputs.sum(1) <= 2) & ~found.inputs[:, links:].any(1)
     return [torch.from_numpy(np.flatnonzero(which)) for which in (np.ones_like(now), ~found.own, now)]
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from busybot.boards.mechanisms.base import Mechanism
+from busybot.boards.mechanisms.chance import Unreliable
 from busybot.boards.mechanisms.delay import Delay
 from busybot.boards.mechanisms.gate import Gate
 from busybot.boards.mechanisms.latch import Latch
@@ -63,6 +64,31 @@ def test_what_was_watched_follows_from_the_right_law(memory: str) -> None:
         [told] = (laws.expected(moment, [tuple(states)])[-1].shown,)
         assert told == tuple(right)
         moment = laws.learn(moment, tuple(states), tuple(right))
+
+
+def test_where_what_may_fail_goes_is_learned_from_its_failures_too() -> None:
+    """An AND that fails in half of the actions: where luck is given it is one, whatever shows before."""
+    mechanism, rng = Unreliable(sizes=(2, 2), table=AND.table, probability=0.5), np.random.default_rng(2)
+    links, _ = watched(AND, 40)
+    shown, memory = [0], (0,)
+    for row in links[1:]:
+        state, memory = mechanism.step(tuple(row.tolist()), memory, rng)
+        shown.append(state)
+    assert shown != (links.min(1)).tolist(), "it failed"
+    laws = laws_of("own and now", mechanism, links, np.array(shown)[:, None])
+    for way in product((0, 1), repeat=2):
+        for before in (0, 1):
+            [told] = laws.expected(Moment.new((0, 0), (before,)), [way])[-1].shown
+            assert told == min(way)
+
+
+def test_what_lasts_ends_when_it_must_if_nobody_looked() -> None:
+    """Pressed at the end of what was watched: on for two actions, as before, or for three; off by the fourth."""
+    timer = CASES["since press up"]
+    links = np.array([[0, 0], [1, 0], [1, 1], [1, 0], [0, 0]])
+    laws = laws_of("since press up", timer, links, np.array([[1], [0], [0], [1], [1]]))
+    moments = laws.expected(Moment.new((0, 0), (1,)), [(1, 0), (1, 1), (1, 0), (1, 1), (1, 0), (1, 1)])
+    assert [moment.shown[0] for moment in moments] == [1, 0, 0, 1, 1, 1, 1]
 
 
 @pytest.mark.parametrize("memory", CASES)

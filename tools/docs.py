@@ -86,15 +86,19 @@ PAGES: dict[str, dict[str, Part]] = {
         "further-gates": gate_tables.further_gates,
         "worlds": world_tables.worlds,
         "rewirings": world_tables.rewirings,
+        "ablations": world_tables.ablations,
+    },
+    "docs/results/worlds-acting.md": {
         "exploring": world_tables.exploring,
         "curiosity": world_tables.curiosity,
         "world-plans": world_tables.world_plans,
-        "shortcuts": world_tables.shortcuts,
-        "orientation": world_tables.orientation,
+    },
+    "docs/results/worlds-bounds.md": {
         "bounds-symbolic": world_tables.bounds_symbolic,
         "bounds-worlds": world_tables.bounds_worlds,
         "mechanisms": world_tables.mechanisms,
-        "ablations": world_tables.ablations,
+        "orientation": world_tables.orientation,
+        "shortcuts": world_tables.shortcuts,
     },
     "docs/results/plan.md": {
         "decision-time": speed_tables.decision_time,

@@ -198,17 +198,20 @@ def contexts_of(trace: Trace, moments: int | None = None) -> np.ndarray:
     return np.asarray(contexts)
 
 
-def followed(trace: Trace, found: Explanations, contexts: np.ndarray, before: np.ndarray) -> np.ndarray:
+def followed(
+    trace: Trace, found: Explanations, contexts: np.ndarray, before: np.ndarray, of: np.ndarray | None = None
+) -> np.ndarray:
     """How often each state followed what was the same, float (R, H, STATES).
 
     Args:
         contexts: int (H,) or (R, H), after an action; what `own` adds is left out.
         before: int (R,), the responders' states before it.
+        of: bool (R, T + 1), the moments that count; all by default.
     """
     shown = trace.responders
     earlier = np.concatenate([shown[:1], shown[:-1]])
     equal = (contexts[..., None] == found.contexts.T).astype(float)  # (H, T + 1) or (R, H, T + 1)
-    states = np.eye(STATES)[shown.T]  # (R, T + 1, S)
+    states = np.eye(STATES)[shown.T] * (1 if of is None else of[..., None])  # (R, T + 1, S)
     alike = states * (earlier == before).T[..., None]
     return np.where(found.own[:, None], equal @ alike, equal @ states)
 
@@ -237,17 +240,21 @@ def attempts(shown: np.ndarray) -> np.ndarray:
     return np.concatenate([RESTED[shown[..., :1]], later], axis=-2)
 
 
-def goals(trace: Trace, found: Explanations, contexts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def goals(
+    trace: Trace, found: Explanations, contexts: np.ndarray, of: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Where what may fail is to go: of the explanations that say so, U of them.
 
     Args:
-        contexts: int (H,) or (R, H), after an action; what `own` adds is left out.
+        contexts, of: as of `followed`.
 
     Returns:
         float (R, U, STATES), how probable each state is; bool (R, U), whether the context was met.
     """
     of_luck = found.memory == UNRELIABLE
     equal = contexts[..., of_luck, None] == found.contexts.T[of_luck]  # (U, T + 1) or (R, U, T + 1)
+    if of is not None:
+        equal = equal & of[:, None]
     logs = equal.astype(float) @ attempts(trace.responders.T)
     logs = np.where(np.arange(STATES) <= np.maximum(trace.responders.max(0), 1)[:, None, None], logs, -np.inf)
     shares = np.exp(logs - logs.max(-1, keepdims=True))

@@ -138,14 +138,17 @@ class _Law:
         if (state := self.met(context)) is not None or (self.ways and self.what != "since") or not self.inputs:
             return state
         if self._unmet is None:
-            known = {
-                inputs: int(np.argmax(told)) for inputs, told in (self.goals if self.fails else self.counts).items()
-            }
-            states = 1 + max(max(known.values()), 1)
+            followed = self.goals if self.fails else self.counts
+            known = {inputs: int(np.argmax(told)) for inputs, told in followed.items()}
+            states = 1 + max([1, *known.values()])
             lasts = self.what == "since"
             self._unmet = lasting(known, states) if lasts else completed(known, self.sizes, states)
         shares = self._unmet.get(context[: len(self.inputs)])
         return int(shares.argmax()) if shares is not None and shares.max() > 0.5 else None
+
+    def forget(self) -> None:
+        """What was learned."""
+        self.counts, self.goals, self._unmet = {}, {}, None
 
     def learn(self, context: tuple[int, ...], state: int, ways: int, rested: bool) -> None:
         """That a state followed a context; or that it has rested for long."""
@@ -167,6 +170,7 @@ class Laws:
         memory: int (H,), which of `MEMORIES`.
         shares: float (R, H), probability of each explanation.
         links, responders: int (T + 1, L), (T + 1, R), what was seen.
+        since: int (R,), the moment from which on these explanations hold of each responder; the first one by default.
     """
 
     def __init__(
@@ -177,6 +181,7 @@ class Laws:
         shares: np.ndarray,
         links: np.ndarray,
         responders: np.ndarray,
+        since: np.ndarray | None = None,
     ):
         self.sizes, self._ways = tuple(sizes), [max(2, int(column.max()) + 1) for column in responders.T]
         of_inputs = (*self.sizes, *self._ways)
@@ -186,8 +191,11 @@ class Laws:
         ]
         weights = [[law.weight for law in laws] for laws in self._laws]
         moment = self.begin(links[0], responders[0])
-        for states, shown in zip(links[1:].tolist(), responders[1:].tolist(), strict=True):
-            moment = self.learn(moment, tuple(states), tuple(shown))
+        for step in range(1, len(links)):
+            for number in np.flatnonzero(since == step) if since is not None else ():
+                for law in self._laws[number]:
+                    law.forget()
+            moment = self.learn(moment, tuple(links[step].tolist()), tuple(responders[step].tolist()))
         for laws, known in zip(self._laws, weights, strict=True):  # the network has weighed this evidence
             for law, weight in zip(laws, known, strict=True):
                 law.weight = weight

@@ -48,6 +48,8 @@ KINDS = {
 }
 """Kinds of mechanisms (`boards.mechanisms`) by what is remembered; what remembers nothing is named by its inputs."""
 
+CHANGED = 0.5
+"""A mechanism that is more probably another one than at first is taken for another one."""
 LIKELY = 0.02
 """Less probable explanations are not asked about what they never met."""
 _COMPLETED = [number for number, name in enumerate(MEMORIES) if name.startswith(("late", "own and now", "since"))]
@@ -59,11 +61,13 @@ class _Understood:
 
     Attributes:
         shares: float (R, H, K), probability of each explanation after so many actions each.
+        since: int (R,), the moment from which on the mechanism that each responder has at the end decides it.
     """
 
     perceived: Perceived
     found: Explanations
     shares: np.ndarray
+    since: np.ndarray
     _unmet: dict[tuple[int, int], dict[int, np.ndarray]] = field(default_factory=dict)
 
     @property
@@ -73,7 +77,8 @@ class _Understood:
     @property
     def laws(self) -> Laws:
         found, trace = self.found, self.trace
-        return Laws(trace.sizes, found.inputs, found.memory, self.shares[..., -1], trace.links, trace.responders)
+        shares = self.shares[..., -1]
+        return Laws(trace.sizes, found.inputs, found.memory, shares, trace.links, trace.responders, self.since)
 
     @cached_property
     def _completing(self) -> np.ndarray:
@@ -89,10 +94,11 @@ class _Understood:
             at: in place of which action of the recording this one is taken, from 1: what luck did then it does now, so
                 an explanation to which nothing is different foretells what was seen.
         """
-        counts, shown = followed(self.trace, self.found, contexts, before), self.trace.responders
+        shown, of = self.trace.responders, self._of(at)
+        counts = followed(self.trace, self.found, contexts, before, of)
         total, stays = counts.sum(2, keepdims=True), np.eye(STATES)[before][:, None]
         likely, met = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), stays), total[..., 0] > 0
-        going, known = goals(self.trace, self.found, contexts)
+        going, known = goals(self.trace, self.found, contexts, of)
         likely[:, self._lucky], met[:, self._lucky] = np.where(known[..., None], going, stays), known
         asked = ~met & self._completing
         for responder, row in zip(*np.nonzero(asked), strict=True):
@@ -112,11 +118,16 @@ class _Understood:
         """int (U,), the explanations of what may fail."""
         return np.flatnonzero(self.found.memory == UNRELIABLE)
 
+    def _of(self, at: int | None) -> np.ndarray:
+        """bool (R, T + 1), the moments at which the mechanism decided a responder that did at that one, or at the end."""
+        late = np.arange(len(self.trace.links)) >= self.since[:, None]
+        return late if at is None else late == late[:, at, None]
+
     def _failed(self, action: int) -> np.ndarray:
         """bool (R, H), by which explanations an action failed to move a responder, from 1."""
         (before, after), told = self.trace.responders[action - 1 : action + 1], np.zeros(self.shares.shape[:2], bool)
         told[:, self._lucky] = (
-            goals(self.trace, self.found, self.found.contexts[action])[0].argmax(-1) != after[:, None]
+            goals(self.trace, self.found, self.found.contexts[action], self._of(action))[0].argmax(-1) != after[:, None]
         )
         return told & (after == before)[:, None]
 
@@ -126,13 +137,14 @@ class _Understood:
             trace, inputs = self.trace, np.flatnonzero(self.found.inputs[row])
             sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])[inputs]
             contexts, shown = self.found.contexts[:, row], trace.responders[:, responder]
-            followed = attempts(shown) if row in self._lucky else np.eye(STATES)[shown]
+            tells = attempts(shown) if row in self._lucky else np.eye(STATES)[shown]
+            contexts, tells = contexts[self.since[responder] :], tells[self.since[responder] :]
             lasts = self.found.memory[row] in SINCE
             each = LONGEST + 1 if lasts else STATES
             places = each ** np.arange(len(inputs))
             states = STATES if shown.max() > 1 else 2
             known = {
-                tuple((context // places % each).tolist()): int(followed[contexts == context].sum(0).argmax())
+                tuple((context // places % each).tolist()): int(tells[contexts == context].sum(0).argmax())
                 for context in set(contexts.tolist())
             }
             told = lasting(known, states) if lasts else completed(known, sizes.tolist(), states)
@@ -140,6 +152,16 @@ class _Understood:
                 int(np.array(one) @ places): np.pad(shares, (0, STATES - len(shares))) for one, shares in told.items()
             }
         return self._unmet[responder, row]
+
+
+def _began(places: np.ndarray, changed: np.ndarray | None) -> np.ndarray:
+    """When the mechanisms began that decide responders at the end, int (R,).
+
+    Args:
+        places: int (R,), where changes lie.
+        changed: float (R, K), how probable they are; None if nobody says.
+    """
+    return np.zeros_like(places) if changed is None else np.where(changed[:, -1] > CHANGED, places, 0)
 
 
 class MechanismReasoner:
@@ -162,7 +184,7 @@ class MechanismReasoner:
         """
         study = study_of(seen, self.encoder)
         shares, believed = self._weighed(study.after_each, seen.world)
-        known = _Understood(study.perceived, study.found, shares)
+        known = _Understood(study.perceived, study.found, shares, _began(study.changes.places, believed))
         links, objects = known.perceived.links, len(seen.triggers)
         owners = np.concatenate([links.owners, known.perceived.responders]).astype(int)
         of_objects = np.zeros((len(known.found.inputs), objects), bool)
@@ -179,7 +201,7 @@ class MechanismReasoner:
         if believed is not None:
             changed, changed_at = np.zeros((seen.steps, objects)), np.full(objects, -1)
             changed[:, known.perceived.responders] = believed[:, 1:].T
-            changed_at[known.perceived.responders] = np.where(believed[:, -1] > 0.5, study.changes.places - 1, -1)
+            changed_at[known.perceived.responders] = np.where(known.since, known.since - 1, -1)
         after = slice(1, None) if moments > 1 else slice(None)
         return InferredGraph(
             self.name,
@@ -261,8 +283,9 @@ class MechanismReasoner:
 
         def understood() -> _Understood:
             study = study_of(seen, self.encoder)
-            shares, _ = self._weighed(study.at_the_end, seen.world)
-            return _Understood(study.perceived, study.found, shares)
+            shares, believed = self._weighed(study.at_the_end, seen.world)
+            began = _began(study.at_the_end["responder"].place.numpy(), believed)
+            return _Understood(study.perceived, study.found, shares, began)
 
         return seen.once((self, "understood"), understood)
 

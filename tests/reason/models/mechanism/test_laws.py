@@ -82,6 +82,17 @@ def test_where_what_may_fail_goes_is_learned_from_its_failures_too() -> None:
             assert told == min(way)
 
 
+def test_what_came_before_a_change_is_forgotten() -> None:
+    links, _ = watched(AND, 60)
+    shown = np.where(np.arange(61) < 40, links.min(1), links.max(1))[:, None]
+    inputs = np.array([[True, True, False]])
+    told = [np.array([MEMORIES.index("late 0")]), np.ones((1, 1)), links, shown]
+    both, later = Laws((2, 2), inputs, *told), Laws((2, 2), inputs, *told, since=np.array([40]))
+    for way in product((0, 1), repeat=2):
+        assert later.expected(Moment.new((0, 0), (0,)), [way])[-1].shown == (max(way),)
+    assert both.expected(Moment.new((0, 0), (0,)), [(0, 1)])[-1].shown == (0,)
+
+
 def test_what_lasts_ends_when_it_must_if_nobody_looked() -> None:
     """Pressed at the end of what was watched: on for two actions, as before, or for three; off by the fourth."""
     timer = CASES["since press up"]

@@ -279,4 +279,6 @@ def test_what_may_fail_goes_where_it_was_seen_going_or_staying() -> None:
     resting, _ = goals(trace, found, found.contexts[0])
     always = np.array([(1 - MISTAKE) ** 3, MISTAKE * failed])
     np.testing.assert_allclose(resting[0, place], [*always / always.sum(), 0], atol=1e-9)
+    late = goals(trace, found, found.contexts[-1], np.arange(6)[None] >= 5)[0][0, place]
+    np.testing.assert_allclose(late, [MISTAKE / (MISTAKE + LUCK), LUCK / (MISTAKE + LUCK), 0])
     assert met[0, place] and not goals(trace, found, found.contexts[-1] + 100)[1].any()

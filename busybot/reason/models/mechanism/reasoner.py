@@ -119,7 +119,7 @@ class _Understood:
         return np.flatnonzero(self.found.memory == UNRELIABLE)
 
     def _of(self, at: int | None) -> np.ndarray:
-        """bool (R, T + 1), the moments at which the mechanism decided a responder that did at that one, or at the end."""
+        """bool (R, T + 1), moments at which that mechanism decided a responder which did at this one, or at the end."""
         late = np.arange(len(self.trace.links)) >= self.since[:, None]
         return late if at is None else late == late[:, at, None]
 

@@ -6,7 +6,7 @@ came, before it came (Adams & MacKay, Bayesian online changepoint detection, 200
 changes are, and what is luck, the network learns (`networks`).
 
 What was counted from one moment until another is counted for all first moments at once: S of them, on M moments of one
-responder, by H explanations. Cost: H M S numbers, of each responder after the other.
+responder, by H explanations. H M S numbers are kept at once, of each responder after the other.
 """
 
 from collections.abc import Sequence
@@ -47,13 +47,17 @@ class Changes:
         places: int (R,), the first action after which it showed what the new one makes of it, if there is one; of all
             actions.
         since: float32 (R, H, K), how probable each of H explanations makes what was shown if it explains it since a
-            change, whenever that was, and any other one before: log probability, less that of the best one; 0 where
-            nothing can have changed.
+            change, whenever that was, and any other one before: log probability, less that of the best one that there
+            can be; 0 where nothing can have changed.
     """
 
     odds: np.ndarray
     places: np.ndarray
     since: np.ndarray
+
+    def at(self, which: slice) -> "Changes":
+        """After some of these numbers of actions."""
+        return Changes(self.odds[which], self.places, self.since[..., which])
 
 
 def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Changes:
@@ -65,18 +69,22 @@ def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Chang
     counted, kinds = _Counted(found, moments), _kinds(found, links)
     for number, own in enumerate(torch.from_numpy(trace.responders.T.copy()) if moments > EARLIEST else ()):
         logs, prior = counted.explained(own).cumsum(1), _prior(found, links + number)  # (H, M, S)
-        before = torch.logsumexp(logs[..., 0] + prior[:, None], 0)[counted.starts[1:] - 1]  # (S - 1,)
-        logs = logs[:, asked]
-        logs[..., 1:] += before.masked_fill(counted.before[asked, 1:], -torch.inf)
-        told = [torch.logsumexp((logs + prior[:, None, None])[of], 0) for of in kinds]
-        first, later = torch.stack(told, -1).split([1, len(before)], 1)  # (K + 1, 1, kinds), (K + 1, S - 1, kinds)
-        either = torch.logsumexp(later, 1) - asked.clamp(min=1).log()[:, None]
-        odds[number] = (either - first[:, 0]).clamp(min=NOTHING)
-        places[number] = counted.starts[1:][later[-1, :, 0].argmax()]
-        anew = torch.logsumexp(logs[..., 1:], -1)
-        best = anew.max(0).values
-        since[number] = torch.where(best.isfinite(), anew - best, 0.0)
-    return Changes(odds[:, :-1].transpose(0, 1).numpy(), places.numpy(), since[..., :-1].numpy())
+        whole, anew = (
+            logs[..., 0] + prior[:, None],
+            logs[:, asked, 1:].masked_fill_(counted.before[asked, 1:], -torch.inf),
+        )
+        for kind, of in reversed(list(enumerate(kinds))):
+            until = torch.logsumexp(whole[of], 0)  # (M,)
+            later = (
+                torch.logsumexp(anew[of] + prior[of, None, None], 0) + until[counted.starts[1:] - 1]
+            )  # (K + 1, S - 1)
+            either = torch.logsumexp(later, 1) - asked.clamp(min=1).log()
+            odds[number, :, kind] = (either - until[asked]).clamp(min=NOTHING)
+        places[number] = counted.starts[1:][later[-1].argmax()]
+        either = torch.logsumexp(anew + until[counted.starts[1:] - 1], -1)  # (H, K + 1)
+        best = either[prior.isfinite()].max(0).values
+        since[number] = torch.where(best.isfinite(), either - best, 0.0)
+    return Changes(odds.transpose(0, 1).numpy(), places.numpy(), since.numpy()).at(slice(-1))
 
 
 def _kinds(found: Explanations, links: int) -> list[Tensor]:

@@ -64,7 +64,7 @@ showed, if each context has one state where the responder goes, unless it fails 
     | 13 | column 4 of the last `RECENT` actions |
     | 14 | column 0, of what may fail column 2, if every input is to matter; of what remembers since when a link was \
 pressed, if it shows one state for so many actions and then another one; of what moves by itself, if it changes when \
-some other responder does |
+some other responder does (column 2 if there is none) |
 
     Columns 3 to 10 and 13 are log(1 + number). Columns of inputs, as log(1 + number): pairs of moments whose contexts
     differ in this input alone and in which the responder showed different states, or equal ones.
@@ -93,12 +93,10 @@ class Earlier:
 
     Args:
         before: (R, M), the responders' states before each action.
-        start: nothing is known of moments before it.
     """
 
-    def __init__(self, found: Explanations, before: Tensor, start: int = 0):
-        each, own = torch.from_numpy(np.ascontiguousarray(found.contexts[start:].T)), found.own
-        before = before[:, start:]
+    def __init__(self, found: Explanations, before: Tensor):
+        each, own = torch.from_numpy(np.ascontiguousarray(found.contexts.T)), found.own
         count = each.shape[1]
         steps = torch.arange(count)
         self.past = steps[:, None] > steps
@@ -134,7 +132,7 @@ def log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[
     sure, unsure = (torch.log((right + few) / (total + few * ways)) for few in (SURE, UNSURE))
     # log probability of what each has seen in this context
     known = earlier.sum(torch.stack([sure, unsure], -1)).unbind(-1)
-    either = _log_sum(known[0] + sure, known[1] + unsure) - _log_sum(*known)
+    either = torch.logaddexp(known[0] + sure, known[1] + unsure) - torch.logaddexp(*known)
     return sure, unsure, either
 
 
@@ -157,15 +155,11 @@ def _together(shown: Tensor, before: Tensor) -> Tensor:
     past = torch.ones(alike.shape[1:]).tril(-1)
     same = alike.float() * past
     total, right = same.sum(-1), torch.einsum("oij,rij->roi", same, alike.float())
-    logs = torch.log((right + SURE) / (total + 2 * SURE)).cumsum(-1)  # (R, other R, M)
+    logs = torch.log((right + SURE) / (total + 2 * SURE))  # (R, other R, M)
+    ways = (shown.cummax(1).values + 1).clamp(min=2)
+    logs = (logs - (changes * (ways - 1).log())[:, None]).cumsum(-1)  # it may have changed to any other state
     others = ~torch.eye(len(shown), dtype=torch.bool)[..., None]
     return torch.logsumexp(logs.masked_fill(~others, -torch.inf), 1) - math.log(len(shown) - 1)
-
-
-def _log_sum(one: Tensor, other: Tensor) -> Tensor:
-    """Log of the sum of two exponentials."""
-    top = torch.maximum(one, other)
-    return ((one - top).exp() + (other - top).exp()).log() + top
 
 
 def _right(follow: Tensor, shown: Tensor) -> Tensor:
@@ -196,9 +190,8 @@ def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, befor
     every = _if_every_input_matters(found, every, shown)
     lasting = np.isin(found.memory, SINCE)
     every[:, torch.from_numpy(lasting)] = _if_it_lasts(found.contexts[:, lasting], shown)
-    if len(shown) > 1:
-        [alone] = np.flatnonzero(found.own & ~found.inputs.any(1))
-        every[:, alone] = _together(shown, before)
+    [alone] = np.flatnonzero(found.own & ~found.inputs.any(1))
+    every[:, alone] = _together(shown, before) if len(shown) > 1 else sums[2][:, alone]
     columns.append(every / SCALE)
     return torch.stack(columns, -1)
 

@@ -66,6 +66,7 @@ class LabelledTrace:
         logs = SCALE * node.evidence[..., EITHER]
         node.later = logs[:, -1:] - logs[:, :-1]
         node.evidence, reads.witnesses = node.evidence[:, :-1], reads.witnesses[:, :-1]
+        graph["responder"].odds = graph["responder"].odds[:, :-1]
         return graph
 
 

@@ -52,7 +52,6 @@ def explanation_graph(
     | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
     | `candidate` | `input` | int64 (R * I,) | number of the input, in all boards of a batch |
     | `responder` | `odds` | float32 (R, K, 3) | what speaks for a change of its mechanism, of `Changes` |
-    | | `place` | int64 (R,) | where the change lies, if there is one |
     | `board` | `world` | int64 (1,) | which world is told, 0 for none |
     | `responder`, `lies on`, `board` | `edge_index` | int64 (2, R) | |
     | `explanation`, `reads`, `candidate` | `edge_index` | int64 (2, R * E) | |
@@ -78,7 +77,6 @@ def explanation_graph(
         evidence.inputs.flatten(0, 1),
     )
     graph["responder"].odds = torch.from_numpy(changes.odds.transpose(1, 0, 2).copy())
-    graph["responder"].place = torch.from_numpy(changes.places)
     if parents is not None:
         right = (found.inputs[None, :, :, None] == parents[:, None]).all(2)  # (K, H, R)
         node.right = torch.from_numpy(right.transpose(2, 1, 0).reshape(responders * len(found.own), -1).copy())

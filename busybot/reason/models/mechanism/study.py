@@ -41,7 +41,7 @@ class Study:
     @cached_property
     def at_the_end(self) -> HeteroData:
         """What was counted after the last action."""
-        return explanation_graph(self.perceived.trace, [self._steps])
+        return explanation_graph(self.perceived.trace, [self._steps], changes=self.changes.at(slice(-1, None)))
 
 
 def study_of(seen: BoardSequence, encoder: str) -> Study:

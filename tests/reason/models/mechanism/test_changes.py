@@ -40,6 +40,15 @@ def test_another_mechanism_is_noticed_and_placed(seed: int) -> None:
     assert shares[became] > shares[was] + 2 and shares.max() == 0
 
 
+def test_each_kind_of_explanation_is_compared_with_itself() -> None:
+    """A toggle that never changes: links as they are now cannot explain it, before any moment or after."""
+    links = walk(40, 3)
+    pressed = (np.diff(links[:, 0], prepend=0) > 0).cumsum() % 2
+    trace = Trace(links, pressed[:, None], (2, 2, 2))
+    now = changes_of(trace, explanations_of(trace), range(41))
+    assert now.odds[..., 0].max() < 0 and np.median(now.odds[10:, 0, 2]) < ENOUGH
+
+
 def test_what_shows_by_luck_is_no_other_mechanism() -> None:
     links, rng = walk(40, 7), np.random.default_rng(7)
     shown = np.zeros((41, 1), int)

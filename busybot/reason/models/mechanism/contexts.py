@@ -224,7 +224,7 @@ def _attempts() -> np.ndarray:
 
 
 ATTEMPTS = _attempts()
-"""Log probability of a state, of what may fail, float (before, after, goal)."""
+"""About the log probability of a state, of what may fail, float (before, after, goal)."""
 RESTED = np.log(np.where(np.eye(STATES, dtype=bool), 1 - MISTAKE, MISTAKE))
 """The same of what has rested for long, (state, goal)."""
 

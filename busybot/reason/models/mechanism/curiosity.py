@@ -27,7 +27,11 @@ from busybot.reason.models.mechanism.contexts import (
 
 
 def expected_information(
-    trace: Trace, found: Explanations, shares: np.ndarray, moves: Sequence[Sequence[int]]
+    trace: Trace,
+    found: Explanations,
+    shares: np.ndarray,
+    moves: Sequence[Sequence[int]],
+    of: np.ndarray | None = None,
 ) -> np.ndarray:
     """Of each move, in nats, float (M,).
 
@@ -35,6 +39,7 @@ def expected_information(
         found: explanations of the trace.
         shares: float (R, H), the probability of each.
         moves: states in which each would leave the links.
+        of: bool (R, T + 1), the moments that tell of these explanations; all by default.
     """
     before = trace.responders[-1]
     ways = np.maximum(trace.responders.max(0) + 1, 2)  # states that each responder is known to have
@@ -46,8 +51,8 @@ def expected_information(
     told = []
     for links in moves:
         [contexts] = contexts_of(trace.longer(links, before), 1)
-        likely, inner = _foretold(followed(trace, found, contexts, before) + few)
-        going, _ = goals(trace, found, contexts)
+        likely, inner = _foretold(followed(trace, found, contexts, before, of) + few)
+        going, _ = goals(trace, found, contexts, of)
         likely[:, lucky], inner[:, lucky] = (
             np.einsum("rug,rag->rua", going, tries),
             np.einsum("rug,rg->ru", going, open_),

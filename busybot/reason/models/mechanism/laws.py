@@ -1,8 +1,9 @@
 """What a board does, by the likeliest explanations of a recording: simulated action by action, and learned further.
 
 Each responder has several explanations at once, which lose weight when something else happens than they foretold (by
-the estimator of `evidence.evidence_of`). What follows is what followed most often in the context of the weightiest one;
-a context that was never met says what it must if every input is to matter (`completion`), or nothing.
+the estimator of `evidence.evidence_of`). What follows is what followed most often in the context of the weightiest one,
+or where that makes go what may fail; a context that was never met says what it must if every input is to matter
+(`completion`), or nothing.
 """
 
 from collections import deque
@@ -146,10 +147,6 @@ class _Law:
         shares = self._unmet.get(context[: len(self.inputs)])
         return int(shares.argmax()) if shares is not None and shares.max() > 0.5 else None
 
-    def forget(self) -> None:
-        """What was learned."""
-        self.counts, self.goals, self._unmet = {}, {}, None
-
     def learn(self, context: tuple[int, ...], state: int, ways: int, rested: bool) -> None:
         """That a state followed a context; or that it has rested for long."""
         counts, few = self.counts.setdefault(context, [0] * STATES), UNSURE if self.own else SURE
@@ -170,7 +167,7 @@ class Laws:
         memory: int (H,), which of `MEMORIES`.
         shares: float (R, H), probability of each explanation.
         links, responders: int (T + 1, L), (T + 1, R), what was seen.
-        since: int (R,), the moment from which on these explanations hold of each responder; the first one by default.
+        of: bool (R, T + 1), the moments that tell of these explanations; all by default.
     """
 
     def __init__(
@@ -181,7 +178,7 @@ class Laws:
         shares: np.ndarray,
         links: np.ndarray,
         responders: np.ndarray,
-        since: np.ndarray | None = None,
+        of: np.ndarray | None = None,
     ):
         self.sizes, self._ways = tuple(sizes), [max(2, int(column.max()) + 1) for column in responders.T]
         of_inputs = (*self.sizes, *self._ways)
@@ -190,32 +187,42 @@ class Laws:
             for own in shares
         ]
         weights = [[law.weight for law in laws] for laws in self._laws]
-        moment = self.begin(links[0], responders[0])
+        moment = self.begin(links[0], responders[0], None if of is None else of[:, 0])
         for step in range(1, len(links)):
-            for number in np.flatnonzero(since == step) if since is not None else ():
-                for law in self._laws[number]:
-                    law.forget()
-            moment = self.learn(moment, tuple(links[step].tolist()), tuple(responders[step].tolist()))
+            told = None if of is None else of[:, step]
+            moment = self.learn(moment, tuple(links[step].tolist()), tuple(responders[step].tolist()), told)
         for laws, known in zip(self._laws, weights, strict=True):  # the network has weighed this evidence
             for law, weight in zip(laws, known, strict=True):
                 law.weight = weight
 
-    def begin(self, links: Sequence[int], shown: Sequence[int]) -> Moment:
-        """A new board as it stands; that it has stood so for long is learned, too."""
+    def begin(self, links: Sequence[int], shown: Sequence[int], told: np.ndarray | None = None) -> Moment:
+        """A new board as it stands; that it has stood so for long is learned, too.
+
+        Args:
+            told: bool (R,), of which responders anything is learned; all by default.
+        """
         moment = Moment.new(links, shown)
-        self._count(moment, moment.shown, moment.shown, rested=True)
+        self._count(moment, moment.shown, moment.shown, told, rested=True)
         return moment
 
-    def learn(self, moment: Moment, links: Links, shown: tuple[int, ...]) -> Moment:
-        """After an action that left links and responders so."""
+    def learn(self, moment: Moment, links: Links, shown: tuple[int, ...], told: np.ndarray | None = None) -> Moment:
+        """After an action that left links and responders so; `told` as in `begin`."""
         after = moment.acted(links, self.sizes)
-        self._count(after, moment.shown, shown)
+        self._count(after, moment.shown, shown, told)
         return replace(after, shown=shown)
 
-    def _count(self, after: Moment, before: tuple[int, ...], shown: tuple[int, ...], rested: bool = False) -> None:
-        for laws, own, state, ways in zip(self._laws, before, shown, self._ways, strict=True):
-            for law in laws:
-                law.learn(law.context(after, own), state, ways, rested)
+    def _count(
+        self,
+        after: Moment,
+        before: tuple[int, ...],
+        shown: tuple[int, ...],
+        told: np.ndarray | None,
+        rested: bool = False,
+    ) -> None:
+        for number, laws in enumerate(self._laws):
+            for law in laws if told is None or told[number] else ():
+                own, ways = before[number], self._ways[number]
+                law.learn(law.context(after, own), shown[number], ways, rested)
 
     def best(self) -> list[_Law]:
         """The weightiest law of each responder."""

@@ -37,11 +37,13 @@ class Past:
     """What explained a recording; T actions, L links, R responders, H explanations.
 
     Attributes:
+        of: bool (R, T + 1), the moments that tell of these explanations.
         shares: float (R, H), probability of each explanation.
     """
 
     perceived: Perceived
     found: Explanations
+    of: np.ndarray
     shares: np.ndarray
 
     def standing(self, shown: np.ndarray, action: np.ndarray, acted: int) -> np.ndarray:
@@ -72,7 +74,7 @@ class Past:
                 continue
             weights = STATES ** np.arange(len(inputs))
             equal = trace.links[:, inputs] @ weights == (ways[:, inputs] @ weights)[:, None]  # (ways, T + 1)
-            counts = equal @ np.eye(STATES)[trace.responders[:, responder]]
+            counts = equal[:, self.of[responder]] @ np.eye(STATES)[trace.responders[self.of[responder], responder]]
             share = (counts[:, shown[responder]] + RARE) / (counts.sum(1) + STATES * RARE)
             told += np.where(counts.sum(1) > 0, np.log(share), -np.log(2))
         return told
@@ -106,5 +108,5 @@ class Past:
         """Of each context from `LEAST` on, whether it was met, bool (P, V), and what each responder mostly showed in
         it, int (P, V, R)."""
         equal = self.found.contexts[:, self._presses, None] == np.arange(LEAST, LONGEST + 1)  # (T + 1, P, V)
-        shown = np.eye(STATES)[self.perceived.trace.responders]
+        shown = np.eye(STATES)[self.perceived.trace.responders] * self.of.T[..., None]
         return equal.any(0), np.tensordot(equal.astype(float), shown, (0, 0)).argmax(-1)

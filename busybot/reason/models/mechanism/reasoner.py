@@ -57,33 +57,36 @@ _COMPLETED = [number for number, name in enumerate(MEMORIES) if name.startswith(
 
 @dataclass(frozen=True)
 class _Understood:
-    """A recording and what explains it; R responders, H explanations, K moments.
+    """A recording of T actions and what explains it; R responders, H explanations.
 
     Attributes:
-        shares: float (R, H, K), probability of each explanation after so many actions each.
-        since: int (R,), the moment from which on the mechanism that each responder has at the end decides it.
+        shares: float (R, H), probability of each explanation at the end.
+        since: int (R,), the moment from which on the mechanism that a responder has at the end decides it.
+        early: float (R, H), probability of each explanation before that; the same where there is no such time.
     """
 
     perceived: Perceived
     found: Explanations
     shares: np.ndarray
     since: np.ndarray
-    _unmet: dict[tuple[int, int], dict[int, np.ndarray]] = field(default_factory=dict)
+    early: np.ndarray
+    _unmet: dict[tuple[int, int, bool], dict[int, np.ndarray]] = field(default_factory=dict)
 
     @property
     def trace(self) -> Trace:
         return self.perceived.trace
 
-    @property
-    def laws(self) -> Laws:
-        found, trace = self.found, self.trace
-        shares = self.shares[..., -1]
-        return Laws(trace.sizes, found.inputs, found.memory, shares, trace.links, trace.responders, self.since)
+    def at(self, moment: int = -1) -> tuple[np.ndarray, np.ndarray]:
+        """What is known of the mechanisms that decided responders at a moment, the end by default: bool (R, T + 1), the
+        moments at which these did; float (R, H), the probability of each explanation then."""
+        late = np.arange(len(self.trace.links)) >= self.since[:, None]
+        then = late[:, moment, None]
+        return late == then, np.where(then, self.shares, self.early)
 
-    @cached_property
-    def _completing(self) -> np.ndarray:
-        """bool (R, H), which explanations are asked about what they never met."""
-        return np.asarray((self.shares[..., -1] > LIKELY) & np.isin(self.found.memory, _COMPLETED))
+    def laws(self, moment: int = -1) -> Laws:
+        """What the board did at a moment, the end by default."""
+        found, trace, (of, shares) = self.found, self.trace, self.at(moment)
+        return Laws(trace.sizes, found.inputs, found.memory, shares, trace.links, trace.responders, of)
 
     def following(self, contexts: np.ndarray, before: np.ndarray, at: int | None = None) -> np.ndarray:
         """The likeliest states after an action, int (R,).
@@ -94,51 +97,49 @@ class _Understood:
             at: in place of which action of the recording this one is taken, from 1: what luck did then it does now, so
                 an explanation to which nothing is different foretells what was seen.
         """
-        shown, of = self.trace.responders, self._of(at)
+        shown, (of, shares) = self.trace.responders, self.at(-1 if at is None else at)
         counts = followed(self.trace, self.found, contexts, before, of)
         total, stays = counts.sum(2, keepdims=True), np.eye(STATES)[before][:, None]
         likely, met = np.where(total > 0, (counts + RARE) / (total + STATES * RARE), stays), total[..., 0] > 0
         going, known = goals(self.trace, self.found, contexts, of)
         likely[:, self._lucky], met[:, self._lucky] = np.where(known[..., None], going, stays), known
-        asked = ~met & self._completing
-        for responder, row in zip(*np.nonzero(asked), strict=True):
-            context = int(np.broadcast_to(contexts, asked.shape)[responder, row])
-            told = self._completed(responder, row).get(context)
+        for responder, row in zip(*np.nonzero(~met & (shares > LIKELY) & self._completing), strict=True):
+            context = int(np.broadcast_to(contexts, met.shape)[responder, row])
+            told = self._completed(responder, row, of[responder]).get(context)
             if told is not None and told.max() > 0.5:
                 likely[responder, row] = told
         if at is not None:
             same = (contexts == self.found.contexts[at]) & (~self.found.own | (before == shown[at - 1])[:, None])
             likely = np.where(same[..., None], np.eye(STATES)[shown[at]][:, None], likely)
-            likely = np.where(self._failed(at)[..., None], stays, likely)
+            likely = np.where(self._failed(at, of)[..., None], stays, likely)
         there = np.arange(STATES) <= shown.max(0)[:, None]
-        return np.asarray((np.einsum("rh,rhs->rs", self.shares[..., -1], likely) * there).argmax(1))
+        return np.asarray((np.einsum("rh,rhs->rs", shares, likely) * there).argmax(1))
+
+    @cached_property
+    def _completing(self) -> np.ndarray:
+        """bool (H,), which explanations say something of what they never met."""
+        return np.isin(self.found.memory, _COMPLETED)
 
     @cached_property
     def _lucky(self) -> np.ndarray:
         """int (U,), the explanations of what may fail."""
         return np.flatnonzero(self.found.memory == UNRELIABLE)
 
-    def _of(self, at: int | None) -> np.ndarray:
-        """bool (R, T + 1), moments at which that mechanism decided a responder which did at this one, or at the end."""
-        late = np.arange(len(self.trace.links)) >= self.since[:, None]
-        return late if at is None else late == late[:, at, None]
-
-    def _failed(self, action: int) -> np.ndarray:
+    def _failed(self, action: int, of: np.ndarray) -> np.ndarray:
         """bool (R, H), by which explanations an action failed to move a responder, from 1."""
-        (before, after), told = self.trace.responders[action - 1 : action + 1], np.zeros(self.shares.shape[:2], bool)
-        told[:, self._lucky] = (
-            goals(self.trace, self.found, self.found.contexts[action], self._of(action))[0].argmax(-1) != after[:, None]
-        )
-        return told & (after == before)[:, None]
+        before, after = self.trace.responders[action - 1 : action + 1]
+        going, _ = goals(self.trace, self.found, self.found.contexts[action], of)
+        told = np.zeros(self.shares.shape, bool)
+        told[:, self._lucky] = (going.argmax(-1) != after[:, None]) & (after == before)[:, None]
+        return told
 
-    def _completed(self, responder: int, row: int) -> dict[int, np.ndarray]:
-        """What an explanation must say of contexts that were never met, float (STATES,) by context."""
-        if (responder, row) not in self._unmet:
+    def _completed(self, responder: int, row: int, of: np.ndarray) -> dict[int, np.ndarray]:
+        """What an explanation must say of contexts that were never met at these moments, float (STATES,) by context."""
+        if (key := (responder, row, bool(of[-1]))) not in self._unmet:
             trace, inputs = self.trace, np.flatnonzero(self.found.inputs[row])
             sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])[inputs]
-            contexts, shown = self.found.contexts[:, row], trace.responders[:, responder]
-            tells = attempts(shown) if row in self._lucky else np.eye(STATES)[shown]
-            contexts, tells = contexts[self.since[responder] :], tells[self.since[responder] :]
+            contexts, shown = self.found.contexts[of, row], trace.responders[:, responder]
+            tells = (attempts(shown) if row in self._lucky else np.eye(STATES)[shown])[of]
             lasts = self.found.memory[row] in SINCE
             each = LONGEST + 1 if lasts else STATES
             places = each ** np.arange(len(inputs))
@@ -148,20 +149,10 @@ class _Understood:
                 for context in set(contexts.tolist())
             }
             told = lasting(known, states) if lasts else completed(known, sizes.tolist(), states)
-            self._unmet[responder, row] = {
+            self._unmet[key] = {
                 int(np.array(one) @ places): np.pad(shares, (0, STATES - len(shares))) for one, shares in told.items()
             }
-        return self._unmet[responder, row]
-
-
-def _began(places: np.ndarray, changed: np.ndarray | None) -> np.ndarray:
-    """When the mechanisms began that decide responders at the end, int (R,).
-
-    Args:
-        places: int (R,), where changes lie.
-        changed: float (R, K), how probable they are; None if nobody says.
-    """
-    return np.zeros_like(places) if changed is None else np.where(changed[:, -1] > CHANGED, places, 0)
+        return self._unmet[key]
 
 
 class MechanismReasoner:
@@ -182,20 +173,19 @@ class MechanismReasoner:
         What counts as one link, and as one look, is found in all pictures of `seen`: rows of earlier steps have their
         evidence alone from the actions until then. Kinds and lags are those of the end.
         """
-        study = study_of(seen, self.encoder)
-        shares, believed = self._weighed(study.after_each, seen.world)
-        known = _Understood(study.perceived, study.found, shares, _began(study.changes.places, believed))
+        shares, believed = self._weighed(study_of(seen, self.encoder).after_each, seen.world)
+        known = self._understand(seen)
         links, objects = known.perceived.links, len(seen.triggers)
         owners = np.concatenate([links.owners, known.perceived.responders]).astype(int)
         of_objects = np.zeros((len(known.found.inputs), objects), bool)
         for row, inputs in zip(of_objects, known.found.inputs, strict=True):
             row[owners[inputs]] = True
-        moments = known.shares.shape[2]
+        moments = shares.shape[2]
         pairs = np.zeros((moments, objects, objects))
-        pairs[:, :, known.perceived.responders] = np.einsum("rhk,hi->kir", known.shares, of_objects)
+        pairs[:, :, known.perceived.responders] = np.einsum("rhk,hi->kir", shares, of_objects)
         single = np.zeros((moments, len(links.owners), objects))
         own = known.found.inputs[:, : len(links.owners)]
-        single[:, :, known.perceived.responders] = np.einsum("rhk,hi->kir", known.shares, own)
+        single[:, :, known.perceived.responders] = np.einsum("rhk,hi->kir", shares, own)
         kinds, lags = self._named(known, objects)
         changed = changed_at = None
         if believed is not None:
@@ -218,7 +208,7 @@ class MechanismReasoner:
     def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """What follows each action by itself; how links stand then is told by `present`."""
         known, told = self._understand(seen), []
-        past = Past(known.perceived, known.found, known.shares[..., -1])
+        past = Past(known.perceived, known.found, *known.at())
         for looks, action, owner in zip(current, actions, acted, strict=True):
             before = known.perceived.states_of(looks)
             links = past.standing(before, action, int(owner))
@@ -259,7 +249,8 @@ class MechanismReasoner:
             for action, owner in zip(actions, acted.tolist(), strict=True)
         ]
         distinct = list(dict.fromkeys(moves))
-        told = expected_information(trace, known.found, known.shares[..., -1], distinct)
+        of, shares = known.at()
+        told = expected_information(trace, known.found, shares, distinct, of)
         for number, move in enumerate(distinct):
             for link in np.flatnonzero(trace.links[-1] != move):
                 told[number] *= patience(trace, clusters, int(link))
@@ -271,21 +262,28 @@ class MechanismReasoner:
         there = np.flatnonzero(seen.triggers & seen.positions.any(1))
         if not len(there) or not np.isin(there, known.perceived.links.owners).all():
             return 0.0
-        return certainty(known.found, known.shares[..., -1])
+        return certainty(known.found, known.shares)
 
     def laws(self, seen: BoardSequence) -> tuple[Perceived, Laws]:
-        """What pictures show of a board, and what it does, to plan with."""
+        """What pictures show of a board, and what it does, to plan with: as it did at first, for a task begins on a new
+        board, on which nothing was exchanged yet."""
         known = self._understand(seen)
-        return known.perceived, known.laws
+        return known.perceived, known.laws(0)
 
     def _understand(self, seen: BoardSequence) -> _Understood:
         """What was understood is remembered: evaluators ask several things of one recording."""
 
         def understood() -> _Understood:
             study = study_of(seen, self.encoder)
-            shares, believed = self._weighed(study.at_the_end, seen.world)
-            began = _began(study.at_the_end["responder"].place.numpy(), believed)
-            return _Understood(study.perceived, study.found, shares, began)
+            shares, changed = self._weighed(study.at_the_end, seen.world)
+            shares, since = shares[..., 0], np.zeros(len(shares), int)
+            if changed is not None:
+                since = np.where(changed[:, 0] > CHANGED, study.changes.places, 0)
+            early = shares
+            if since.any():
+                each, _ = self._weighed(study.after_each, seen.world)
+                early = np.where(since[:, None] > 0, each[np.arange(len(since)), :, since - 1], shares)
+            return _Understood(study.perceived, study.found, shares, since, early)
 
         return seen.once((self, "understood"), understood)
 
@@ -314,7 +312,7 @@ class MechanismReasoner:
 
     def _in_words(self, known: _Understood, objects: int) -> tuple[str, ...]:
         """What decides each object; links of a trigger that has several are counted."""
-        owners, laws = known.perceived.links.owners.tolist(), known.laws
+        owners, laws = known.perceived.links.owners.tolist(), known.laws()
         names = [
             f"object {owner}" + (f" (link {owners[:k].count(owner) + 1})" if owners.count(owner) > 1 else "")
             for k, owner in enumerate(owners)
@@ -328,7 +326,7 @@ class MechanismReasoner:
     def _named(self, known: _Understood, objects: int) -> tuple[tuple[str, ...], np.ndarray]:
         kinds, lags = [""] * objects, np.full(objects, -1)
         count = len(known.perceived.links.owners)
-        for index, shares in zip(known.perceived.responders, known.shares[..., -1], strict=True):
+        for index, shares in zip(known.perceived.responders, known.shares, strict=True):
             best = int(shares.argmax())
             inputs, memory = known.found.inputs[best], MEMORIES[known.found.memory[best]]
             late = int(memory.split()[1]) if memory.startswith("late") else 0

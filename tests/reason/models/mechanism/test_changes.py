@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+import torch
 
-from busybot.reason.models.mechanism.changes import NOTHING, changes_of
+from busybot.reason.models.mechanism.changes import NOTHING, _Counted, changes_of
 from busybot.reason.models.mechanism.contexts import MEMORIES, Trace, explanations_of
+from busybot.reason.models.mechanism.evidence import SCALE, evidence_of
 
 ENOUGH = 3.0
 """Log odds that speak for a change where one in twenty responders changes."""
@@ -62,3 +64,15 @@ def test_without_actions_nothing_is_said() -> None:
     trace = Trace(np.zeros((1, 2), int), np.zeros((1, 1), int), (2, 2))
     changes = changes_of(trace, explanations_of(trace), [0])
     assert changes.odds.tolist() == [[[NOTHING] * 3]] and not changes.since.any()
+
+
+def test_since_the_new_board_it_is_what_the_evidence_says() -> None:
+    links, rng = walk(30, 5), np.random.default_rng(5)
+    shown = np.stack([links[:, 0], np.maximum.accumulate(rng.integers(3, size=31))], axis=1)
+    trace = Trace(links, shown, (2, 2, 2))
+    found = explanations_of(trace)
+    told = SCALE * evidence_of(trace, found, range(31)).explanations
+    for number in range(2):
+        logs = _Counted(found, 31).explained(torch.from_numpy(shown[:, number]))[..., 0].cumsum(1)
+        right = torch.where(torch.from_numpy(found.own)[:, None], told[number, ..., 2], told[number, ..., 0])
+        assert torch.allclose(logs, right, atol=1e-4)

@@ -82,24 +82,28 @@ def test_where_what_may_fail_goes_is_learned_from_its_failures_too() -> None:
             assert told == min(way)
 
 
-def test_what_came_before_a_change_is_forgotten() -> None:
+def test_a_mechanism_is_learned_from_the_moments_that_tell_of_it() -> None:
     links, _ = watched(AND, 60)
     shown = np.where(np.arange(61) < 40, links.min(1), links.max(1))[:, None]
     inputs = np.array([[True, True, False]])
     told = [np.array([MEMORIES.index("late 0")]), np.ones((1, 1)), links, shown]
-    both, later = Laws((2, 2), inputs, *told), Laws((2, 2), inputs, *told, since=np.array([40]))
+    late = np.arange(61)[None] >= 40
+    both, first, later = (Laws((2, 2), inputs, *told, of=of) for of in (None, ~late, late))
     for way in product((0, 1), repeat=2):
+        assert first.expected(Moment.new((0, 0), (0,)), [way])[-1].shown == (min(way),)
         assert later.expected(Moment.new((0, 0), (0,)), [way])[-1].shown == (max(way),)
     assert both.expected(Moment.new((0, 0), (0,)), [(0, 1)])[-1].shown == (0,)
 
 
 def test_what_lasts_ends_when_it_must_if_nobody_looked() -> None:
-    """Pressed at the end of what was watched: on for two actions, as before, or for three; off by the fourth."""
-    timer = CASES["since press up"]
-    links = np.array([[0, 0], [1, 0], [1, 1], [1, 0], [0, 0]])
-    laws = laws_of("since press up", timer, links, np.array([[1], [0], [0], [1], [1]]))
-    moments = laws.expected(Moment.new((0, 0), (1,)), [(1, 0), (1, 1), (1, 0), (1, 1), (1, 0), (1, 1)])
-    assert [moment.shown[0] for moment in moments] == [1, 0, 0, 1, 1, 1, 1]
+    """It went out with the press and burned again two actions later; nobody looked in between: it may have burned one
+    action after the press, but not four or five."""
+    told = [np.array([MEMORIES.index("since press up")]), np.ones((1, 1))]
+    links, shown = np.array([[0], [1], [1], [1], [0]]), np.array([[1], [0], [0], [1], [1]])
+    of = np.array([[True, True, False, True, False]])
+    laws = Laws((2,), np.array([[True, False]]), *told, links, shown, of)
+    unmet = [_Law.follows(laws.best()[0], (since,)) for since in range(6)]
+    assert unmet == [0, None, 1, 1, 1, 1]
 
 
 @pytest.mark.parametrize("memory", CASES)

@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import replace
+from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,13 +24,15 @@ from busybot.reason.models.mechanism.contexts import (
     STATES,
     UNRELIABLE,
     Trace,
+    contexts_of,
     explanations_of,
     goals,
 )
 from busybot.reason.models.mechanism.labelled import LabelledTrace, as_pictured, draw_boards, labelled
+from busybot.reason.models.mechanism.laws import Moment
 from busybot.reason.models.mechanism.networks import MechanismNet
 from busybot.reason.models.mechanism.perception import perceive
-from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+from busybot.reason.models.mechanism.reasoner import MechanismReasoner, _Understood
 from tests.reason.worlds import SWITCHES, play, relation
 from tests.reason.worlds import sequence_of as symbolic_sequence
 
@@ -282,3 +286,39 @@ def test_what_may_fail_goes_where_it_was_seen_going_or_staying() -> None:
     late = goals(trace, found, found.contexts[-1], np.arange(6)[None] >= 5)[0][0, place]
     np.testing.assert_allclose(late, [MISTAKE / (MISTAKE + LUCK), LUCK / (MISTAKE + LUCK), 0])
     assert met[0, place] and not goals(trace, found, found.contexts[-1] + 100)[1].any()
+
+
+def exchanged(first: np.ndarray, then: np.ndarray, links: np.ndarray, since: int, memory: str) -> _Understood:
+    """One responder, which two links decide; another function of them from a moment on."""
+    shown = np.where(np.arange(len(links)) < since, first, then)[:, None]
+    trace = Trace(links, shown, (2, 2))
+    found = explanations_of(trace)
+    [row] = np.flatnonzero((found.inputs == [True, True, False]).all(1) & (found.memory == MEMORIES.index(memory)))
+    shares = np.eye(len(found.own))[[row]]
+    return _Understood(SimpleNamespace(trace=trace), found, shares, np.array([since]), shares)  # type: ignore[arg-type]
+
+
+def test_each_mechanism_of_a_responder_is_told_by_its_own_time() -> None:
+    """An AND that was never seen to burn becomes an OR that was never seen dark."""
+    links = np.array([[0, 0], [0, 1], [0, 0], [1, 0], [1, 1], [0, 1], [1, 1], [1, 0]])
+    known = exchanged(links.min(1), links.max(1), links, 4, "late 0")
+    for moment, right in ((2, [0, 0, 0, 1]), (-1, [0, 1, 1, 1])):
+        of, _ = known.at(moment)
+        assert of.tolist() == [[(step >= 4) == (moment == -1) for step in range(8)]]
+        laws = known.laws(moment)
+        for way, state in zip(product((0, 1), repeat=2), right, strict=True):
+            [contexts] = contexts_of(known.trace.longer(way, known.trace.responders[-1]), 1)
+            told = known.following(contexts, np.array([1 - state]), None if moment < 0 else moment)
+            if moment < 0 or tuple(links[moment]) != way:
+                assert told.tolist() == [state], (moment, way)
+            assert laws.expected(Moment.new((0, 0), (1 - state,)), [way])[-1].shown == (state,)
+
+
+def test_what_failed_would_have_failed() -> None:
+    """It went up at the second try; asked about the first one with the other link moved too, it stays."""
+    links = np.array([[0, 0], [1, 0], [1, 1], [1, 1], [1, 1], [0, 1]])
+    known = exchanged(np.array([0, 0, 0, 1, 1, 1]), np.zeros(6, int), links, 6, "own and now")
+    [both] = contexts_of(known.trace.first(1).longer([1, 1], np.array([0])), 1)
+    assert known.following(both, np.array([0])).tolist() == [1], "where luck is given"
+    assert known.following(both, np.array([0]), 2).tolist() == [0], "it failed then"
+    assert known.following(both, np.array([0]), 3).tolist() == [1]

@@ -25,7 +25,7 @@ def past(links: np.ndarray, shown: np.ndarray, inputs: list[int], memory: str) -
     pushes = np.array([push(0, UP if late > early else DOWN) for early, late in pairwise(links[:, 0])])
     acted = np.zeros(len(pushes), int)
     perceived = Perceived(trace, seen, np.array([1]), (np.zeros((2, 256), np.float32),), pushes, acted)
-    return Past(perceived, found, shares)
+    return Past(perceived, found, np.ones((1, len(links)), bool), shares)
 
 
 def push(place: float, way: np.ndarray) -> np.ndarray:

@@ -165,6 +165,7 @@ class MechanismNet(nn.Module):
         self.board = mlp(width, width, width)
         self.final = mlp(4 * width, width, 1)
         self.world = nn.Linear(len(config.worlds) + 1, width, bias=False)
+        self.prior = nn.Linear(KINDS, len(config.worlds) + 1, bias=False)
         self.change, self.odds = mlp(2 * width + 6, width, 1), nn.Linear(6, 1, bias=False)
         self.anew = nn.Linear(width, 1)
         self.gather = Gather()
@@ -181,9 +182,11 @@ class MechanismNet(nn.Module):
         matters, there, back = self.witnesses(edges.witnesses).chunk(3, -1)
         mattering = scatter(matters.relu(), source, dim_size=explanations, reduce="sum")
         of_board = graph["responder", "lies on", "board"].edge_index[1]
-        known = self.kind.weight.T[node.kind] + self.world.weight.T[graph["board"].world[of_board][owner]]
+        world = graph["board"].world[of_board][owner]
+        known = self.kind.weight.T[node.kind] + self.world.weight.T[world]
+        prior = SHARP * self.prior.weight[world, node.kind][:, None]
         token = self.token(self.evidence(node.evidence) + known[:, None] + mattering)
-        rough = (self.rough(token) + self.straight(node.evidence))[..., 0]
+        rough = prior + (self.rough(token) + self.straight(node.evidence))[..., 0]
         first = self._shares(rough + self.sharpness * node.evidence[..., 0], node, owner)
         weight = first.exp()
         summary = scatter(weight[..., None] * token, owner, dim_size=responders, reduce="sum")  # (R, K, width)
@@ -203,7 +206,8 @@ class MechanismNet(nn.Module):
             rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
             told = torch.cat([odds, rivals], -1) / SHARP
             change = (self.change(torch.cat([around, told], -1)) + self.odds(told))[..., 0]
-            anew = self._shares(self.anew(token)[..., 0] + self.sharpness * node.evidence[..., -1], node, owner)
+            anew = prior + self.anew(token)[..., 0] + self.sharpness * node.evidence[..., -1]
+            anew = self._shares(anew, node, owner)
             shares = torch.logaddexp(shares + logsigmoid(-change)[owner], anew + logsigmoid(change)[owner])
         return shares, first, change
 

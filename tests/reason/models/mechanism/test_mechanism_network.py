@@ -240,6 +240,22 @@ def test_probabilities_are_those_of_one_explanation_each_and_of_no_responder_by_
     assert torch.allclose(told, parents_of(final, graph)[-len(told) :], atol=1e-5), "a batch changes nothing"
 
 
+def test_what_a_world_makes_probable_is_so_where_it_is_told_alone(gates: list[LabelledTrace]) -> None:
+    net = MechanismNet(MechanismNetConfig(worlds=("gates", "time")))
+    of_pairs = MEMORIES.index("late 0") + 2 * len(MEMORIES)
+
+    def share(world: int) -> float:
+        graph = Batch.from_data_list([explanation_graph(gates[0].trace, [3], world)])
+        shares = net(graph)[0].exp()[graph["explanation"].kind == of_pairs]
+        return float(shares.detach().sum())
+
+    before = [share(world) for world in range(3)]
+    with torch.no_grad():
+        net.prior.weight[1, of_pairs] += 1
+    after = [share(world) for world in range(3)]
+    assert after[1] > before[1] + 0.1 and [after[0], after[2]] == [before[0], before[2]]
+
+
 def test_what_is_all_but_certain_stays_a_number(gates: list[LabelledTrace]) -> None:
     """Hundreds of actions make log odds of changes whose exponentials are none."""
     trace = gates[0].trace

@@ -1,7 +1,7 @@
 """Plans through the mechanisms that a `mechanism` model has understood: the agent for worlds whose causes are hard.
 
-1. The laws of the board are those of the model after the recorded interactions (`MechanismReasoner.laws`). What the
-   agent sees of its own actions teaches them further.
+1. The laws of the board are those that it had at first, of the model after the recorded interactions
+   (`MechanismReasoner.laws`). What the agent sees of its own actions teaches them further.
 2. The shortest way to a board that looks as in the goal is searched through them, action by action: several links may
    have to be moved for one responder, some in a certain order, or back again, and an action may be waiting.
 3. Where no known effect leads on, the shortest way to a situation that was never met is taken, in the hope that it

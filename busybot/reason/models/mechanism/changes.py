@@ -33,6 +33,7 @@ NOTHING = -20.0
 _NOW = [MEMORIES.index(name) for name in ("none", "late 0")]
 KINDS = ("all", "without luck", "one or two links as they are now")
 """Explanations whose odds are told."""
+ALL = 0
 EARLIEST = 8
 """What was seen of a mechanism for fewer actions is not taken for another one."""
 
@@ -69,21 +70,18 @@ def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Chang
     counted, kinds = _Counted(found, moments), _kinds(found, links)
     for number, own in enumerate(torch.from_numpy(trace.responders.T.copy()) if moments > EARLIEST else ()):
         logs, prior = counted.explained(own).cumsum(1), _prior(found, links + number)  # (H, M, S)
-        whole, anew = (
-            logs[..., 0] + prior[:, None],
-            logs[:, asked, 1:].masked_fill_(counted.before[asked, 1:], -torch.inf),
-        )
-        for kind, of in reversed(list(enumerate(kinds))):
-            until = torch.logsumexp(whole[of], 0)  # (M,)
-            later = (
-                torch.logsumexp(anew[of] + prior[of, None, None], 0) + until[counted.starts[1:] - 1]
-            )  # (K + 1, S - 1)
-            either = torch.logsumexp(later, 1) - asked.clamp(min=1).log()
-            odds[number, :, kind] = (either - until[asked]).clamp(min=NOTHING)
-        places[number] = counted.starts[1:][later[-1].argmax()]
-        either = torch.logsumexp(anew + until[counted.starts[1:] - 1], -1)  # (H, K + 1)
-        best = either[prior.isfinite()].max(0).values
-        since[number] = torch.where(best.isfinite(), either - best, 0.0)
+        logs[:, :, 1:].masked_fill_(counted.before[:, 1:], -torch.inf)
+        starts, whole, anew = counted.starts[1:] - 1, logs[..., 0] + prior[:, None], logs[:, asked, 1:]
+        for kind, of in enumerate(kinds):
+            until, since_then = torch.logsumexp(whole[of], 0), anew[of] + prior[of, None, None]
+            later = torch.logsumexp(since_then, 0) + until[starts]  # (K + 1, S - 1)
+            odds[number, :, kind] = torch.logsumexp(later, 1) - asked.clamp(min=1).log() - until[asked]
+            if kind == ALL:
+                places[number] = counted.starts[1:][later[-1].argmax()]
+                explained = torch.logsumexp(anew + until[starts], -1)  # (H, K + 1)
+        best = explained[prior.isfinite()].max(0).values
+        since[number] = torch.where(best.isfinite(), explained - best, 0.0)
+    odds.clamp_(min=NOTHING)
     return Changes(odds.transpose(0, 1).numpy(), places.numpy(), since.numpy()).at(slice(-1))
 
 

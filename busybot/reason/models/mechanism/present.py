@@ -90,7 +90,7 @@ class Past:
         contexts = np.tile(after, (len(shown), 1))
         odd, pressed = np.isin(self.found.memory[self._presses], _ODD), (rested != after)[self._presses]
         met, usual = self._usual
-        fitting = met[..., None] & (usual == shown)  # (P, V, R)
+        fitting = met & (usual == shown)  # (P, V, R)
         rests = fitting[np.arange(len(odd)), rested[self._presses] - LEAST]
         latest = fitting.shape[1] - 1 - fitting[:, ::-1].argmax(1) + LEAST
         told = np.where((odd & pressed)[:, None], latest ^ 1, latest)
@@ -109,4 +109,5 @@ class Past:
         it, int (P, V, R)."""
         equal = self.found.contexts[:, self._presses, None] == np.arange(LEAST, LONGEST + 1)  # (T + 1, P, V)
         shown = np.eye(STATES)[self.perceived.trace.responders] * self.of.T[..., None]
-        return equal.any(0), np.tensordot(equal.astype(float), shown, (0, 0)).argmax(-1)
+        counts = np.tensordot(equal.astype(float), shown, (0, 0))  # (P, V, R, S)
+        return counts.sum(-1) > 0, counts.argmax(-1)

@@ -1,8 +1,8 @@
 """The `mechanism` model as a reasoner: parents of every responder, and what it shows next.
 
 What a responder shows after an action is what it showed in equal contexts, over all explanations, each with its
-probability. In a context that was never seen it shows what it must if each input is to matter (`completion`); where
-that is open, nothing changes.
+probability, as long as the same mechanism decided it. In a context that was never seen it shows what it must if each
+input is to matter (`completion`); where that is open, nothing changes.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ import torch
 
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks
+from busybot.reason.models.mechanism.changes import EARLIEST
 from busybot.reason.models.mechanism.completion import completed, lasting
 from busybot.reason.models.mechanism.contexts import (
     LONGEST,
@@ -61,7 +62,8 @@ class _Understood:
 
     Attributes:
         shares: float (R, H), probability of each explanation at the end.
-        since: int (R,), the moment from which on the mechanism that a responder has at the end decides it.
+        since: int (R,), the moment from which on the mechanism that a responder has at the end decides it; 0 is the
+            new board.
         early: float (R, H), probability of each explanation before that; the same where there is no such time.
     """
 
@@ -78,10 +80,12 @@ class _Understood:
 
     def at(self, moment: int = -1) -> tuple[np.ndarray, np.ndarray]:
         """What is known of the mechanisms that decided responders at a moment, the end by default: bool (R, T + 1), the
-        moments at which these did; float (R, H), the probability of each explanation then."""
+        moments that tell of them, at which these did, or all as long as few are since a change; float (R, H), the
+        probability of each explanation then."""
         late = np.arange(len(self.trace.links)) >= self.since[:, None]
         then = late[:, moment, None]
-        return late == then, np.where(then, self.shares, self.early)
+        few = then & (late.sum(1, keepdims=True) < EARLIEST)
+        return (late == then) | few, np.where(then, self.shares, self.early)
 
     def laws(self, moment: int = -1) -> Laws:
         """What the board did at a moment, the end by default."""
@@ -173,7 +177,7 @@ class MechanismReasoner:
         What counts as one link, and as one look, is found in all pictures of `seen`: rows of earlier steps have their
         evidence alone from the actions until then. Kinds and lags are those of the end.
         """
-        shares, believed = self._weighed(study_of(seen, self.encoder).after_each, seen.world)
+        shares, believed = self._after_each(seen)
         known = self._understand(seen)
         links, objects = known.perceived.links, len(seen.triggers)
         owners = np.concatenate([links.owners, known.perceived.responders]).astype(int)
@@ -270,6 +274,12 @@ class MechanismReasoner:
         known = self._understand(seen)
         return known.perceived, known.laws(0)
 
+    def _after_each(self, seen: BoardSequence) -> tuple[np.ndarray, np.ndarray | None]:
+        """As `_weighed`, on the new board and after each action."""
+        return seen.once(
+            (self, "after each"), lambda: self._weighed(study_of(seen, self.encoder).after_each, seen.world)
+        )
+
     def _understand(self, seen: BoardSequence) -> _Understood:
         """What was understood is remembered: evaluators ask several things of one recording."""
 
@@ -281,7 +291,7 @@ class MechanismReasoner:
                 since = np.where(changed[:, 0] > CHANGED, study.changes.places, 0)
             early = shares
             if since.any():
-                each, _ = self._weighed(study.after_each, seen.world)
+                each, _ = self._after_each(seen)
                 early = np.where(since[:, None] > 0, each[np.arange(len(since)), :, since - 1], shares)
             return _Understood(study.perceived, study.found, shares, since, early)
 

@@ -295,16 +295,19 @@ def exchanged(first: np.ndarray, then: np.ndarray, links: np.ndarray, since: int
     found = explanations_of(trace)
     [row] = np.flatnonzero((found.inputs == [True, True, False]).all(1) & (found.memory == MEMORIES.index(memory)))
     shares = np.eye(len(found.own))[[row]]
-    return _Understood(SimpleNamespace(trace=trace), found, shares, np.array([since]), shares)  # type: ignore[arg-type]
+    return _Understood(SimpleNamespace(trace=trace), found, shares, np.array([since]), shares * 0.9)  # type: ignore[arg-type]
 
 
 def test_each_mechanism_of_a_responder_is_told_by_its_own_time() -> None:
     """An AND that was never seen to burn becomes an OR that was never seen dark."""
-    links = np.array([[0, 0], [0, 1], [0, 0], [1, 0], [1, 1], [0, 1], [1, 1], [1, 0]])
+    links = np.array([[0, 0], [0, 1], [0, 0], [1, 0], *[[1, 1], [0, 1], [1, 1], [1, 0]] * 2])
     known = exchanged(links.min(1), links.max(1), links, 4, "late 0")
+    short = exchanged(links[:11].min(1), links[:11].max(1), links[:11], 4, "late 0")
+    assert short.at()[0].all() and not short.at(0)[0][:, 4:].any(), "few actions since tell too little alone"
     for moment, right in ((2, [0, 0, 0, 1]), (-1, [0, 1, 1, 1])):
-        of, _ = known.at(moment)
-        assert of.tolist() == [[(step >= 4) == (moment == -1) for step in range(8)]]
+        of, shares = known.at(moment)
+        assert of.tolist() == [[(step >= 4) == (moment == -1) for step in range(12)]]
+        assert shares.max() == (1 if moment == -1 else 0.9)
         laws = known.laws(moment)
         for way, state in zip(product((0, 1), repeat=2), right, strict=True):
             [contexts] = contexts_of(known.trace.longer(way, known.trace.responders[-1]), 1)

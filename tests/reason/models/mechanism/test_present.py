@@ -1,5 +1,6 @@
 """How a board stands that was not watched for a while."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -39,6 +40,17 @@ def test_links_stand_as_the_action_and_the_responders_tell() -> None:
     assert known.standing(np.array([0]), push(0, UP), 0).tolist() == [0, 0], "as they were"
     assert known.standing(np.array([0]), push(0, DOWN), 0).tolist() == [1, 0], "it is pushed to where it is not"
     assert known.standing(np.array([0]), push(9, UP), -1).tolist() == [0, 0], "nothing was taken hold of"
+
+
+def test_contexts_that_only_another_mechanism_met_are_not_known() -> None:
+    """Parity 0 was met before the change alone: what shows 0 since is parity 1."""
+    links = np.array([(0, 0), (0, 1), (1, 1), (0, 1)])
+    known = past(links, np.array([0, 0, 0, 0]), [0], "odd presses up")
+    late = replace(known, of=np.array([[False, False, True, True]]))
+    [number] = np.flatnonzero(known.shares[0])
+    rested = np.zeros(known.shares.shape[1], int)
+    assert known.remembered(rested, rested, np.array([0]))[0, number] == 0
+    assert late.remembered(rested, rested, np.array([0]))[0, number] == 1
 
 
 def test_a_toggle_is_what_it_shows() -> None:

@@ -203,8 +203,8 @@ def _together(moves: list[Move], contacts: np.ndarray | None) -> list[list[Move]
         apart = (1 - PLACES) * apart + PLACES * np.minimum(away / NEAR, 1)
         np.fill_diagonal(apart, 0)
     labels = fcluster(linkage(squareform(apart, checks=False), "average"), TOGETHER, "distance")
-    # links of still cameras keep the order that they have had; noise must not decide it
-    order = sorted(set(labels)) if contacts is None else dict.fromkeys(labels.tolist())
+    # in the order in which they moved first: that of the labels depends on the processor
+    order = dict.fromkeys(labels.tolist())
     return [[move for move, label in zip(moves, labels, strict=True) if label == each] for each in order]
 
 

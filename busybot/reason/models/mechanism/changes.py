@@ -17,7 +17,6 @@ import torch
 from torch import Tensor
 
 from busybot.reason.models.mechanism.contexts import (
-    ATTEMPTS,
     MEMORIES,
     RESTED,
     STATES,
@@ -26,14 +25,15 @@ from busybot.reason.models.mechanism.contexts import (
     UNSURE,
     Explanations,
     Trace,
+    attempts,
 )
+from busybot.reason.models.mechanism.evidence import estimated
 
 NOTHING = -20.0
 """Log odds where nothing can have changed."""
 _NOW = [MEMORIES.index(name) for name in ("none", "late 0")]
 KINDS = ("all", "without luck", "one or two links as they are now")
 """Explanations whose odds are told."""
-ALL = 0
 EARLIEST = 8
 """What was seen of a mechanism for fewer actions is not taken for another one."""
 
@@ -56,10 +56,6 @@ class Changes:
     places: np.ndarray
     since: np.ndarray
 
-    def at(self, which: slice) -> "Changes":
-        """After some of these numbers of actions."""
-        return Changes(self.odds[which], self.places, self.since[..., which])
-
 
 def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Changes:
     """See `Changes`."""
@@ -71,18 +67,18 @@ def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Chang
     for number, own in enumerate(torch.from_numpy(trace.responders.T.copy()) if moments > EARLIEST else ()):
         logs, prior = counted.explained(own).cumsum(1), _prior(found, links + number)  # (H, M, S)
         logs[:, :, 1:].masked_fill_(counted.before[:, 1:], -torch.inf)
-        starts, whole, anew = counted.starts[1:] - 1, logs[..., 0] + prior[:, None], logs[:, asked, 1:]
+        starts, whole, anew = counted.starts[1:], logs[..., 0] + prior[:, None], logs[:, asked, 1:]
         for kind, of in enumerate(kinds):
-            until, since_then = torch.logsumexp(whole[of], 0), anew[of] + prior[of, None, None]
-            later = torch.logsumexp(since_then, 0) + until[starts]  # (K + 1, S - 1)
+            until = torch.logsumexp(whole[of], 0)  # (M,)
+            later = torch.logsumexp(anew[of] + prior[of, None, None], 0) + until[starts - 1]  # (K + 1, S - 1)
             odds[number, :, kind] = torch.logsumexp(later, 1) - asked.clamp(min=1).log() - until[asked]
-            if kind == ALL:
-                places[number] = counted.starts[1:][later[-1].argmax()]
-                explained = torch.logsumexp(anew + until[starts], -1)  # (H, K + 1)
+        either = anew + torch.logsumexp(whole, 0)[starts - 1]  # (H, K + 1, S - 1)
+        places[number] = starts[torch.logsumexp(either[:, -1] + prior[:, None], 0).argmax()]
+        explained = torch.logsumexp(either, -1)
         best = explained[prior.isfinite()].max(0).values
         since[number] = torch.where(best.isfinite(), explained - best, 0.0)
     odds.clamp_(min=NOTHING)
-    return Changes(odds.transpose(0, 1).numpy(), places.numpy(), since.numpy()).at(slice(-1))
+    return Changes(odds[:, :-1].transpose(0, 1).numpy(), places.numpy(), since[..., :-1].numpy())
 
 
 def _kinds(found: Explanations, links: int) -> list[Tensor]:
@@ -130,20 +126,18 @@ class _Counted:
         Args:
             shown: int (M,).
         """
-        agrees = (shown[:, None] == shown).float()
+        agrees, before = (shown[:, None] == shown).float(), torch.cat([shown[:1], shown[:-1]])
         seen = torch.where(self.before, -1, shown[:, None]).cummax(0).values
         ways = (seen + 1).clamp(min=2)
         told = shown.new_empty((sum(map(len, self._rows)), *ways.shape), dtype=torch.float32)
-        told[self._rows[0]] = torch.log((self._since(self._free * agrees) + SURE) / (self._total + SURE * ways))
+        told[self._rows[0]] = estimated(self._since(self._free * agrees), self._total, ways, SURE)
         told[self._rows[1]] = self._unless_it_fails(shown, ways)
-        told[self._rows[2]] = self._by_itself(shown, agrees, ways)
+        told[self._rows[2]] = self._by_itself(before, agrees, ways)
         return told.masked_fill_(self.before, 0.0)
 
     def _unless_it_fails(self, shown: Tensor, ways: Tensor) -> Tensor:
         """Of what goes where its context says, unless that fails."""
-        before = torch.cat([shown[:1], shown[:-1]])
-        going = torch.from_numpy(ATTEMPTS).float()[before, shown]  # (M, goals)
-        at_rest = torch.from_numpy(RESTED).float()[shown]
+        going, at_rest = torch.from_numpy(attempts(shown.numpy())).float(), torch.from_numpy(RESTED).float()[shown]
         first = torch.arange(len(shown))[:, None] == self.starts
         known, shows = [], []
         for goal in range(min(STATES, int(ways.max()))):
@@ -153,11 +147,10 @@ class _Counted:
             shows.append(known[-1] + torch.where(first, at_rest[:, None, goal], going[:, None, goal]))
         return torch.logsumexp(torch.stack(shows), 0) - torch.logsumexp(torch.stack(known), 0)
 
-    def _by_itself(self, shown: Tensor, agrees: Tensor, ways: Tensor) -> Tensor:
+    def _by_itself(self, before: Tensor, agrees: Tensor, ways: Tensor) -> Tensor:
         """Of what remembers itself alone, where it is found out whether that is sure."""
-        before = torch.cat([shown[:1], shown[:-1]])
         same = self._alone * (before[:, None] == before)
         right, total = self._since(same * agrees), self._since(same)
-        logs = [torch.log((right + few) / (total + few * ways)) for few in (SURE, UNSURE)]
+        logs = [estimated(right, total, ways, few) for few in (SURE, UNSURE)]
         known = [same @ one.masked_fill(self.before, 0.0) for one in logs]
         return torch.logaddexp(known[0] + logs[0], known[1] + logs[1]) - torch.logaddexp(*known)

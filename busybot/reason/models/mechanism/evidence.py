@@ -121,15 +121,26 @@ class Earlier:
         return told.index_copy_(1, self._rows[1], bound @ of_bound)
 
 
-def log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def ways_of(shown: Tensor) -> Tensor:
+    """How many states each responder is known to have at each moment, two at least, (R, M)."""
+    return (shown.cummax(1).values + 1).clamp(min=2)
+
+
+def estimated(right: Tensor, total: Tensor, ways: Tensor | int, few: float) -> Tensor:
+    """Log probability of a state that followed so many times of all (Krichevsky & Trofimov 1981), with `few`
+    pseudo-counts of each of these many states."""
+    return torch.log((right + few) / (total + few * ways))
+
+
+def _log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Of what was shown, before it was: by sure contexts, unsure ones, and where either is found out, (R, H, M) each.
 
     Args:
         shown: int (R, M).
         follow: (R, H, M, STATES), how often each state followed equal contexts.
     """
-    right, ways, total = _right(follow, shown), (shown.cummax(1).values + 1).clamp(min=2)[:, None], follow.sum(-1)
-    sure, unsure = (torch.log((right + few) / (total + few * ways)) for few in (SURE, UNSURE))
+    right, total, ways = _right(follow, shown), follow.sum(-1), ways_of(shown)[:, None]
+    sure, unsure = (estimated(right, total, ways, few) for few in (SURE, UNSURE))
     # log probability of what each has seen in this context
     known = earlier.sum(torch.stack([sure, unsure], -1)).unbind(-1)
     either = torch.logaddexp(known[0] + sure, known[1] + unsure) - torch.logaddexp(*known)
@@ -142,8 +153,7 @@ def _unless_it_fails(earlier: Earlier, shown: Tensor) -> Tensor:
     logs = torch.from_numpy(attempts(shown.numpy())).float()  # (R, M, S)
     same = (earlier.same[earlier.own] & earlier.past).float()
     known = torch.einsum("uij,rjs->ruis", same, logs)
-    ways = (shown.cummax(1).values + 1).clamp(min=2)[:, None, :, None]
-    known = known.masked_fill(torch.arange(STATES) >= ways, -torch.inf)
+    known = known.masked_fill(torch.arange(STATES) >= ways_of(shown)[:, None, :, None], -torch.inf)
     return torch.logsumexp(known + logs[:, None], -1) - torch.logsumexp(known, -1)
 
 
@@ -151,13 +161,11 @@ def _together(shown: Tensor, before: Tensor) -> Tensor:
     """Log probability of all changes of each responder until each moment, if some other one's changes tell it, (R, M);
     there has to be another one."""
     changes = shown != before
-    alike = changes[:, :, None] == changes[:, None]  # (R, M, M)
-    past = torch.ones(alike.shape[1:]).tril(-1)
-    same = alike.float() * past
-    total, right = same.sum(-1), torch.einsum("oij,rij->roi", same, alike.float())
-    logs = torch.log((right + SURE) / (total + 2 * SURE))  # (R, other R, M)
-    ways = (shown.cummax(1).values + 1).clamp(min=2)
-    logs = (logs - (changes * (ways - 1).log())[:, None]).cumsum(-1)  # it may have changed to any other state
+    alike = (changes[:, :, None] == changes[:, None]).float()  # (R, M, M)
+    same = alike.tril(-1)
+    logs = estimated(torch.einsum("oij,rij->roi", same, alike), same.sum(-1), 2, SURE)  # (R, other R, M)
+    which = changes * (ways_of(shown) - 1).log()  # it may have changed to any other state
+    logs = (logs - which[:, None]).cumsum(-1)
     others = ~torch.eye(len(shown), dtype=torch.bool)[..., None]
     return torch.logsumexp(logs.masked_fill(~others, -torch.inf), 1) - math.log(len(shown) - 1)
 
@@ -171,10 +179,10 @@ def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, befor
     """(R, H, M, 15)."""
     states = one_hot(shown, STATES).float()
     follow, lately = earlier.sum(states), earlier.sum(states, recent=True)
-    logs, failing = log_probabilities(earlier, shown, follow), _unless_it_fails(earlier, shown)
+    logs, failing = _log_probabilities(earlier, shown, follow), _unless_it_fails(earlier, shown)
     driven = torch.from_numpy(found.memory == UNRELIABLE)
     logs[2][:, driven] = failing[:, driven[earlier.own]]
-    afresh = torch.log((_right(lately, shown) + SURE) / (lately.sum(-1) + SURE * STATES))
+    afresh = estimated(_right(lately, shown), lately.sum(-1), STATES, SURE)
     total, agreed, changed = follow.sum(-1), _right(follow, shown), (shown != before)[:, None].expand(follow.shape[:3])
     fresh, never, always = total == 0, (total > 0) & (agreed == 0), (total > 0) & (agreed == total)
     counted = (
@@ -207,11 +215,10 @@ def _if_it_lasts(since: np.ndarray, shown: Tensor) -> Tensor:
     on = (torch.from_numpy(since.T.copy())[:, None] < longest[:, None]).float()[..., None]  # (N, actions, M, 1)
     agrees = torch.from_numpy(RESTED).float()[shown][:, None, None]  # (R, 1, 1, M, states)
     first, then = (on * agrees).cumsum(-2), ((1 - on) * agrees).cumsum(-2)
-    ways = (shown.cummax(1).values + 1).clamp(min=2)[:, None, None, :, None, None]
-    state = torch.arange(STATES)
-    there = (state[:, None] != state) & (state[:, None] < ways) & (state < ways)
+    ways, state = ways_of(shown)[:, None], torch.arange(STATES)
+    known = state < ways[..., None]  # (R, 1, M, S)
+    there = (state[:, None] != state) & (known[..., None] & known[..., None, :])[:, None]
     logs = (first[..., :, None] + then[..., None, :]).masked_fill(~there, -torch.inf)  # (R, N, actions, M, S, S)
-    ways = ways[:, :, 0, :, 0, 0]
     return torch.logsumexp(logs, (2, 4, 5)) - (len(longest) * ways * (ways - 1)).log()
 
 
@@ -221,8 +228,8 @@ def _if_every_input_matters(found: Explanations, logs: Tensor, shown: Tensor) ->
     The probability of an explanation is the share of its functions that agree with what was shown. Of these and of all
     functions those of fewer inputs are taken away, by inclusion and exclusion.
     """
-    states = (shown.cummax(1).values + 1).clamp(min=2)[:, None]  # (R, 1, M)
-    functions = torch.from_numpy(found.met)[:, None] * states.log()  # log number of functions, (R, H, M)
+    states = ways_of(shown)[:, None].log()
+    functions = torch.from_numpy(found.met)[:, None] * states  # log number of functions, (R, H, M)
     parts, signs = torch.from_numpy(found.parts), torch.from_numpy(found.signs)[..., None]
 
     def left(counts: Tensor) -> Tensor:

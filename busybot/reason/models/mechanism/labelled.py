@@ -22,7 +22,7 @@ from busybot.objects.library import Library
 from busybot.reason.models.mechanism.config import Blur
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.evidence import EITHER, SCALE
-from busybot.reason.models.mechanism.networks import explanation_graph
+from busybot.reason.models.mechanism.networks import explanation_graph, moments_of
 from busybot.reason.models.mechanism.perception import Perceived
 from busybot.reason.pyg import HeteroData
 
@@ -62,12 +62,9 @@ class LabelledTrace:
     def _foretold(self, after: Sequence[int], world: int) -> HeteroData:
         """With `later`, float32 (R * H, K): log probability that explanations gave to all that was shown after that."""
         graph = explanation_graph(self.trace, [*after, self.actions], world)
-        node, reads = graph["explanation"], graph["explanation", "reads", "candidate"]
-        logs = SCALE * node.evidence[..., EITHER]
-        node.later = logs[:, -1:] - logs[:, :-1]
-        node.evidence, reads.witnesses = node.evidence[:, :-1], reads.witnesses[:, :-1]
-        graph["responder"].odds = graph["responder"].odds[:, :-1]
-        return graph
+        logs = SCALE * graph["explanation"].evidence[..., EITHER]
+        graph["explanation"].later = logs[:, -1:] - logs
+        return moments_of(graph, torch.arange(len(after)))
 
 
 WORKS = 0.97

@@ -6,8 +6,6 @@ it goes on learning. The network learns to know early which explanations will; n
 """
 
 from collections.abc import Mapping, Sequence
-from copy import copy
-from typing import Any
 
 import numpy as np
 import torch
@@ -20,7 +18,7 @@ from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import RecordedBoards
 from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, labelled
-from busybot.reason.models.mechanism.networks import IMPOSSIBLE, MechanismNet, world_number
+from busybot.reason.models.mechanism.networks import COUNTED, IMPOSSIBLE, MechanismNet, moments_of, world_number
 from busybot.reason.models.mechanism.perception import perceive
 from busybot.reason.pyg import Batch, HeteroData, scatter
 from busybot.training.checkpoint import initialise
@@ -34,12 +32,6 @@ SHELF = 2**26
 JUDGED_AT_ONCE = 16
 JUDGED_AFTER = (4, 10, 22, 30)
 """Held-out boards are judged after so many actions."""
-_COUNTED: dict[Any, tuple[str, ...]] = {
-    "explanation": ("evidence",),
-    ("explanation", "reads", "candidate"): ("witnesses",),
-}
-
-_TRUE = (("explanation", "right"), ("explanation", "later"), ("responder", "odds"), ("responder", "changed"))
 MOST = 14.0
 """What was thought to be almost impossible costs no more than this, nats."""
 
@@ -85,18 +77,6 @@ class Shelf:
         return torch.from_numpy(own).view(values.shape)
 
 
-def _at(graph: HeteroData, moments: Tensor) -> HeteroData:
-    """Of some of its moments, to be judged."""
-    chosen = copy(graph)
-    for kept, names in _COUNTED.items():
-        for name in names:
-            chosen[kept][name] = graph[kept][name][:, moments].float()
-    for kept, name in _TRUE:
-        if name in graph[kept]:
-            chosen[kept][name] = graph[kept][name][:, moments]
-    return chosen
-
-
 class MechanismLearner(Learner):
     """One thread: sums have one order whatever the machine.
 
@@ -131,7 +111,7 @@ class MechanismLearner(Learner):
         config, rng = self.config, generator(self.seed, "train", iteration, "reason/mechanism")
         chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
         moments = torch.from_numpy(np.sort(rng.choice(KNOWN, min(config.moments, KNOWN), replace=False)))
-        graphs = Batch.from_data_list([_at(self._known(int(number)), moments) for number in chosen])
+        graphs = Batch.from_data_list([moments_of(self._known(int(number)), moments) for number in chosen])
         told = torch.from_numpy(rng.random(len(chosen)) >= config.untold)
         graphs["board"].world = graphs["board"].world * told
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, config.iterations)
@@ -147,9 +127,8 @@ class MechanismLearner(Learner):
             board, rng = self.boards[number], generator(self.seed, "train", number, "reason/mechanism/moments")
             drawn = (board.actions + 1) ** rng.random(KNOWN) - 0.5
             graph = self.graph(board, [int(each) for each in drawn])
-            for kept, names in _COUNTED.items():
-                for name in names:
-                    graph[kept][name] = self._shelf.kept(graph[kept][name])
+            for kept, name in COUNTED:
+                graph[kept][name] = self._shelf.kept(graph[kept][name])
             self._graphs[number] = graph
         return self._graphs[number]
 

@@ -12,6 +12,7 @@ Letters: X explanations and C candidates of R responders of all boards, K moment
 """
 
 from collections.abc import Sequence
+from copy import copy
 from functools import lru_cache
 from typing import Any
 
@@ -82,6 +83,25 @@ def explanation_graph(
         node.right = torch.from_numpy(right.transpose(2, 1, 0).reshape(responders * len(found.own), -1).copy())
     graph["board"].world = torch.tensor([world])
     return graph
+
+
+COUNTED: tuple[tuple[Any, str], ...] = (
+    ("explanation", "evidence"),
+    (("explanation", "reads", "candidate"), "witnesses"),
+)
+_OF_MOMENTS = (
+    *COUNTED, ("explanation", "right"), ("explanation", "later"), ("responder", "odds"), ("responder", "changed"),
+)  # fmt: skip
+
+
+def moments_of(graph: HeteroData, moments: Tensor) -> HeteroData:
+    """A board's graph after some of its numbers of actions; what was counted as float32."""
+    chosen = copy(graph)
+    for kept, name in _OF_MOMENTS:
+        if name in graph[kept]:
+            told = graph[kept][name][:, moments]
+            chosen[kept][name] = told.float() if (kept, name) in COUNTED else told
+    return chosen
 
 
 @lru_cache(maxsize=64)

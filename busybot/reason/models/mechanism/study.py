@@ -5,10 +5,12 @@ Evaluators ask several models of one board, and each of them several things: non
 
 from functools import cached_property
 
+import torch
+
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.mechanism.changes import Changes, changes_of
 from busybot.reason.models.mechanism.contexts import Explanations, explanations_of
-from busybot.reason.models.mechanism.networks import explanation_graph
+from busybot.reason.models.mechanism.networks import explanation_graph, moments_of
 from busybot.reason.models.mechanism.perception import perceive
 from busybot.reason.pyg import HeteroData
 
@@ -41,7 +43,7 @@ class Study:
     @cached_property
     def at_the_end(self) -> HeteroData:
         """What was counted after the last action."""
-        return explanation_graph(self.perceived.trace, [self._steps], changes=self.changes.at(slice(-1, None)))
+        return moments_of(self.after_each, torch.tensor([self._steps]))
 
 
 def study_of(seen: BoardSequence, encoder: str) -> Study:

@@ -382,6 +382,8 @@ CHANGES = (odd_array, odd_array, odd_array, odd_log, odd_packed, huge_array, hug
 WITHIN_HDF5 = tuple(in_hdf5(change) for change in (*CHANGES, link_elsewhere, link_elsewhere, odd_camera))
 WITHIN_MCAP = (*(in_mcap(change) for change in (odd_time, odd_channel, odd_image, odd_image)), chunk_bomb)
 PRINTED = _printed("dataset", "import", "t", "--dry-run")
+PIXELS_TAKE = 150.0
+"""Seconds: all pixels that a video may have are decoded before it is refused, in 20 s of a usual processor."""
 CONTAINERS: dict[str, Target] = {
     "hdf5 episodes": Target(_hdf5, "t/*.hdf5", ANY, _read(), False, NAME, 2),
     "hdf5 values": Target(_hdf5, "t/*.hdf5", WITHIN_HDF5, _read(), False, NAME, 2),
@@ -389,7 +391,7 @@ CONTAINERS: dict[str, Target] = {
     "foxglove images": Target(_mcap, "t/*.mcap", ANY, _read(), False, NAME, 2),
     "foxglove values": Target(_mcap, "t/*.mcap", WITHIN_MCAP, _read(), False, NAME, 2),
     "videos": Target(_video, "t/*.mp4", (*ANY, playlist, playlist), _read(1.0), False, NAME, 2),
-    "video bombs": Target(_video, "t/*.mp4", (video_bomb,), _read(1.0), True, "bombs", 8),
+    "video bombs": Target(_video, "t/*.mp4", (video_bomb,), _read(1.0), True, "bombs", 8, seconds=PIXELS_TAKE),
     "printed hdf5": Target(_hdf5, "t/*.hdf5", (in_hdf5(odd_camera), in_hdf5(odd_log)), PRINTED, False, NAME, 8),
     "printed foxglove": Target(_mcap, "t/*.mcap", (in_mcap(odd_channel),), PRINTED, False, NAME, 8),
 }

@@ -35,10 +35,8 @@ from tests.hostile.places import PLACES
 from tests.hostile.targets import NOTICED, TARGETS, Target, exchange
 
 KINDS_OF_FILES = TARGETS | DOORS | CONTAINERS | LEROBOT | PLACES
-SECONDS = 30.0
-"""One copy may take so long, time left out in which others had the processor."""
 MEGABYTES = 1500
-"""And so much more memory than the process had before."""
+"""So much more memory than the process had before may the reading of a copy take."""
 
 
 def child(name: str, first: int, cases: int, scratch: Path) -> None:
@@ -99,7 +97,7 @@ def read(target: Target, folder: Path, file: Path, expected: Any, unchanged: boo
     return "another answer", "a wrong answer" if target.strict and not unchanged else None
 
 
-def parent(name: str, cases: int, seconds: float) -> dict[str, Any]:
+def parent(name: str, cases: int) -> dict[str, Any]:
     """Run a kind's copies in a process of its own; if that dies or hangs it is a finding, and a new one goes on."""
     lines: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory(prefix="busybot-hostile-") as scratch:
@@ -111,7 +109,7 @@ def parent(name: str, cases: int, seconds: float) -> dict[str, Any]:
                 tempfile.TemporaryFile() as said,  # a pipe that nobody empties would stop who writes much
                 subprocess.Popen(command, stdout=subprocess.PIPE, stderr=said, env=environment) as process,
             ):
-                lines += _follow(process, said, (len(lines), cases), seconds)
+                lines += _follow(process, said, (len(lines), cases), KINDS_OF_FILES[name].seconds)
     findings = [line for line in lines if line["finding"]]
     return {"cases": cases, "results": dict(Counter(line["result"] for line in lines)), "findings": findings}
 
@@ -187,7 +185,7 @@ def main() -> int:
             kinds[name] = old
             continue
         start = time.monotonic()
-        kinds[name] = made | parent(name, cases, SECONDS)
+        kinds[name] = made | parent(name, cases)
         told = f"{kinds[name]['results']} {len(kinds[name]['findings'])} findings, {time.monotonic() - start:.0f} s"
         print(name, told, file=sys.stderr, flush=True)
         if arguments.out:

@@ -66,6 +66,7 @@ class Target:
         line: the class of attacks it belongs to, as a row of the table.
         every: of so many cases one is tried, where it takes long.
         spoil: changes a folder where there are no `ways`, and returns what it changed, and how; `exchange` if None.
+        seconds: one copy may take so long, time left out in which others had the processor.
     """
 
     make: Callable[[Path], None]
@@ -76,6 +77,7 @@ class Target:
     line: str = "damaged files"
     every: int = 1
     spoil: Callable[[Path, np.random.Generator], tuple[Path, str]] | None = None
+    seconds: float = 30.0
 
 
 def _frozen(folder: Path) -> None:

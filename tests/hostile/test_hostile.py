@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.hostile.run import KINDS_OF_FILES, SECONDS, parent, with_others
+from tests.hostile.run import KINDS_OF_FILES, parent, with_others
 
 CASES = 12
 
@@ -13,7 +13,7 @@ CASES = 12
 @pytest.mark.parametrize("name", KINDS_OF_FILES)
 def test_every_copy_is_refused_by_name_or_harmless(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(Path(__file__).resolve().parents[2])
-    result = parent(name, CASES, SECONDS)
+    result = parent(name, CASES)
     assert not result["findings"]
     assert sum(result["results"].values()) == CASES
 

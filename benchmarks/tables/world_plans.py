@@ -91,10 +91,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             "tasks": options.boards,
             "least_steps": told[0]["least_steps"],
             "agents": {name: {key: row[key] for key in DETAILS} for one in told for name, row in one["agents"].items()},
-            "by_locks": {
-                locks: {name: share for one in told for name, share in one["by_locks"][locks].items()}
-                for locks in told[0]["by_locks"]
-            },
+            **{key: _grouped([one[key] for one in told]) for key in ("by_locks", "by_unmoved")},
         }
         yield {
             "assets": assets_name(options.assets),
@@ -102,6 +99,11 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             "commands": typed,
             "rows": {one: rows[one] for one in NAMES if one in rows},
         }
+
+
+def _grouped(told: list[dict[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]:
+    """Figures of groups of tasks, of all agents."""
+    return {group: {name: share for one in told for name, share in one[group].items()} for group in told[0]}
 
 
 def main() -> None:

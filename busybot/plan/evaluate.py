@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from busybot.boards.task import MAX_STEPS, shortest_plan, task_of
+from busybot.boards.task import MAX_STEPS, shortest_plan, start_states, task_of
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo, collect_command
+from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.folder import BoardWork, EvaluationRecording, conclude, judge_boards
@@ -115,10 +116,23 @@ def make_work(evaluation: PlanEvaluation) -> Callable[[int], m.JudgedTask]:
             kind=task_of(board).kind,
             least_steps=shortest_plan(board),
             locks=len(board.locks),
+            unmoved=unmoved_links(history),
             rollouts=tuple(rollouts),
         )
 
     return work
+
+
+def unmoved_links(history: Episode) -> int:
+    """How many links stand elsewhere in the goal and moved in no action of the history."""
+    moved = {
+        link
+        for step in history.steps
+        for link, (before, after) in enumerate(zip(step.trigger_states_before, step.trigger_states_after, strict=True))
+        if before != after
+    }
+    start, goal = start_states(history.board), task_of(history.board).goal
+    return sum(a != b and link not in moved for link, (a, b) in enumerate(zip(start, goal, strict=True)))
 
 
 def _tasks(dataset: Dataset, config: PlanConfig) -> list[int]:

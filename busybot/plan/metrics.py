@@ -36,6 +36,8 @@ KEYS: dict[str, str] = {
     "least_steps": "mean number of actions of the shortest plans: in the paper's world by counting, in others as a "
     "search found it when the task was drawn",
     "by_locks": "success by the number of links that are held one behind the other, with the number of tasks",
+    "by_unmoved": "success by the number of links that stand elsewhere in the goal and moved in no action of the "
+    "history: nothing there tells what they do",
     "agents.NAME.steps_over_shortest": "of solved tasks, steps used divided by those of the shortest plan, mean",
     "agents.NAME.solved_interval": "exact binomial bounds of `solved`, 95 %",
     "agents.NAME.micro_intervals": "of `micro`, by a bootstrap over `objects` (responders) and their boards, and over "
@@ -111,12 +113,14 @@ class JudgedTask(FrozenModel):
         kind: of the task.
         least_steps: in which it can be solved.
         locks: how many links something holds, each until the one before has been moved.
+        unmoved: how many links stand elsewhere in the goal and moved in no action of the history.
     """
 
     board: int
     kind: str
     least_steps: int
     locks: int = 0
+    unmoved: int = 0
     rollouts: tuple[JudgedRollout, ...]
 
     def of(self, agent: str) -> JudgedRollout:
@@ -144,18 +148,25 @@ def summarise(tasks: Sequence[JudgedTask], agents: Sequence[str], rng: np.random
             for kind in kinds
         },
         "least_steps": _mean([task.least_steps for task in tasks]),
-        "by_locks": {
-            str(locks): {
-                "tasks": sum(task.locks == locks for task in tasks),
-                **{agent: _mean([task.of(agent).success for task in tasks if task.locks == locks]) for agent in agents},
-            }
-            for locks in sorted({task.locks for task in tasks})
-        },
+        "by_locks": _by_number([task.locks for task in tasks], tasks, agents),
+        "by_unmoved": _by_number([task.unmoved for task in tasks], tasks, agents),
         "agents": rows,
         "compared": {
             agent: _compared([task.of(agents[0]) for task in tasks], [task.of(agent) for task in tasks], chosen, rng)
             for agent in agents[1:]
         },
+    }
+
+
+def _by_number(numbers: Sequence[int], tasks: Sequence[JudgedTask], agents: Sequence[str]) -> dict[str, Any]:
+    """Success of all tasks of which a number is the same."""
+    groups = {
+        str(number): [task for task, own in zip(tasks, numbers, strict=True) if own == number]
+        for number in sorted(set(numbers))
+    }
+    return {
+        number: {"tasks": len(own), **{agent: _mean([task.of(agent).success for task in own]) for agent in agents}}
+        for number, own in groups.items()
     }
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
+from busybot.boards.task import task_of
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import create_dataset
@@ -22,7 +24,7 @@ from busybot.interact.policy.policy_factory import load_once
 from busybot.objects.resolve import find
 from busybot.plan.agents.paper import NoopAgent
 from busybot.plan.contact_proposals import LearnedProposals
-from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
+from busybot.plan.evaluate import PlanEvaluation, evaluate_agents, unmoved_links
 from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
 from busybot.plan.rollout import PlanConfig, PreparedTask, RolloutRunner
 from busybot.reason.models.base import Reasoner
@@ -87,6 +89,7 @@ def test_agents_are_measured_and_a_stopped_measurement_goes_on(dataset: Dataset,
     assert result["success"]["oracle"] == 1.0 and result["success"]["noop"] < result["success"]["search"]
     assert result["agents"]["noop"]["steps"] == 0 and result["agents"]["noop"]["asked"] == 0
     assert result["oracles"] == ["oracle"] and result["provenance"]["interaction"]["model"]["sha256"]
+    assert sum(told["tasks"] for told in result["by_unmoved"].values()) == 2
     lines = (tmp_path / "whole" / BOARDS).read_text().splitlines(keepends=True)
     (tmp_path / "part").mkdir()
     for name, text in (("settings.json", (tmp_path / "whole" / "settings.json").read_text()), (BOARDS, lines[0])):
@@ -96,6 +99,17 @@ def test_agents_are_measured_and_a_stopped_measurement_goes_on(dataset: Dataset,
     assert without_times(again) == without_times(result) and told == [(2, 2)]
     with pytest.raises(BusybotError, match="names, oracles differ|names differ"):
         run(dataset, agents=["noop"], out=tmp_path / "part")
+
+
+def test_links_of_the_goal_that_never_moved_are_counted(dataset: Dataset) -> None:
+    history = read_episode(dataset.episode_path(0))
+    goal, start = task_of(history.board).goal, history.steps[0].trigger_states_before
+    wanted = {link for link, (here, there) in enumerate(zip(start, goal, strict=True)) if here != there}
+    assert wanted and unmoved_links(replace(history, steps=())) == len(wanted)
+    assert 0 <= unmoved_links(history) < len(wanted), "some of them moved"
+    first = next(step for step in history.steps if step.trigger_states_after != step.trigger_states_before)
+    [link] = [n for n, here in enumerate(start) if first.trigger_states_after[n] != here]
+    assert unmoved_links(replace(history, steps=(first,))) == len(wanted - {link})
 
 
 @pytest.mark.long

@@ -58,7 +58,7 @@ class MechanismConfig(FrozenModel):
     model: Literal["mechanism"] = "mechanism"
     labels: Literal["parents", "pictures"] = "parents"
     encoder: str = "embedded"
-    drawn: Annotated[int, Field(ge=0)] = 400
+    drawn: Annotated[int, Field(ge=0)] = 600
     actions: Annotated[int, Field(ge=1)] = 30
     blur: Blur = Blur()
     iterations: Annotated[int, Field(ge=0)] = 5000

@@ -108,7 +108,7 @@ def _figures_grid(told: _Judged) -> Grid:
     """Means of the seeds; behind F1 after 22 actions and mechanisms stand the lowest and the highest of them."""
     heads = (
         "boards", "seeds", "P / R at 22", "F1, links (bound)", "mechanism (bound)", "of states that were seen (bound)",
-        "what if", "Pred-A", "rewirings found / placed", "false alarms a board", "ECE (images)",
+        "what if", "Pred-A", "rewirings found / placed", "false alarms a board", "ECE [by chance] (images)",
     )  # fmt: skip
     lines = [(f"{world}, {split}", _reached(seeds)) for (world, split), seeds in told.items()]
     return plain_grid(heads, lines, "percent after 10 / 22 / 30")
@@ -135,8 +135,14 @@ def _reached(rows: list[dict[str, Any]]) -> list[str]:
         mean["pred_a"],
         f"{mean['rewired_found']} / {mean['rewired_placed']}" if first["rewirings"] else "-",
         "-" if alarms is None else f"{alarms:.2f}",
-        f"{whole(shown['ece_uncertain'])} ({shown['images']})" if shown else "-",
+        f"{whole(shown['ece_uncertain'])}{_by_chance(shown)} ({shown['images']})" if shown else "-",
     ]
+
+
+def _by_chance(told: dict[str, Any]) -> str:
+    """What the best calibrated would have; older results do not tell it."""
+    least = told.get("ece_by_chance")
+    return "" if least is None else f" [{whole(least)}]"
 
 
 def _mean(values: list[float | None]) -> float | None:

@@ -75,7 +75,15 @@ RECORDED = {"training": (60, 822), "validation": (200, 821), "others": (400, 825
 FEW, EXPLORED, GREEDY, TUNING = 40, 60, 10, 6
 """Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
 methods are tuned on."""
-MECHANISMS = ("mechanism_accuracy", "what_if", "what_if_pairs", "ece_uncertain", "uncertain_pairs", "shd")
+MECHANISMS = (
+    "mechanism_accuracy",
+    "what_if",
+    "what_if_pairs",
+    "ece_uncertain",
+    "ece_by_chance",
+    "uncertain_pairs",
+    "shd",
+)
 REWIRED = (
     "rewirings",
     *(f"rewired_{what}{who}" for what in ("found", "placed", "false_alarms") for who in ("", "_bound")),

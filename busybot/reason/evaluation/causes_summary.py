@@ -53,6 +53,8 @@ KEYS: dict[str, str] = {
     "what_if_factual, what_if_left_out, what_if_pairs": "the two halves by themselves, and how many pairs there are",
     "ece_uncertain, uncertain_pairs": "expected calibration error over the pairs with .05 < p < .95, and how many that "
     f"is; null below {LEAST_PAIRS}, which say too little",
+    "ece_by_chance": "what `ece_uncertain` would be on average if every probability were right and pairs independent: "
+    "nobody who is perfectly calibrated stays below it",
     "uncertain_by_images": f"the same after {', '.join(map(str, CALIBRATED))} images",
     "discovery": "`parent_p`, `parent_r`, `parent_f1`, the same of links and the bounds' F1 after 1 to 40 actions, of "
     "the boards with so many; empty for graphs that somebody else inferred, which tell no earlier ones",
@@ -202,13 +204,14 @@ def _by_kind(mechanisms: Sequence[JudgedMechanism]) -> dict[str, dict[str, Any]]
 def _uncertain(causes: Sequence[JudgedCauses], steps: int, long_enough: bool = False) -> dict[str, Any]:
     """Calibration of the uncertain pairs after so many actions, if asked only of boards with so many."""
     own = [one for one in causes if len(one.true) > steps or not long_enough]
-    said = [one.probabilities[_at(one, steps)][one.candidates] for one in own]
-    true = [one.true[_at(one, steps)][one.candidates] for one in own]
-    found = m.calibration(np.concatenate([np.zeros(0), *said]), np.concatenate([np.zeros(0), *true]))
-    enough = (found["pairs_uncertain"] or 0) >= LEAST_PAIRS
+    said = np.concatenate([np.zeros(0), *(one.probabilities[_at(one, steps)][one.candidates] for one in own)])
+    true = np.concatenate([np.zeros(0), *(one.true[_at(one, steps)][one.candidates] for one in own)])
+    unsure = m.are_uncertain(said)
+    enough, rng = unsure.sum() >= LEAST_PAIRS, generator(0, "evaluation", steps, "reason/calibration by chance")
     return {
-        "ece_uncertain": found["ece_uncertain"] if enough else None,
-        "uncertain_pairs": found["pairs_uncertain"],
+        "ece_uncertain": m.calibration_error(said[unsure], true[unsure]) if enough else None,
+        "ece_by_chance": m.calibration_error_by_chance(said[unsure], rng) if enough else None,
+        "uncertain_pairs": int(unsure.sum()),
     }
 
 

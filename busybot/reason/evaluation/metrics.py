@@ -115,7 +115,7 @@ def calibration(probabilities: np.ndarray, true: np.ndarray) -> dict[str, float 
         many pairs that is.
     """
     probabilities, true = np.asarray(probabilities, float), np.asarray(true, float)
-    unsure = (probabilities > UNCERTAIN[0]) & (probabilities < UNCERTAIN[1])
+    unsure = are_uncertain(probabilities)
     return {
         "ece": calibration_error(probabilities, true),
         "ece_uncertain": calibration_error(probabilities[unsure], true[unsure]),
@@ -133,11 +133,32 @@ def calibration_error(probabilities: np.ndarray, true: np.ndarray, bins: int = B
     """
     if not len(true):
         return None
-    _, group, size = np.unique(probabilities, return_inverse=True, return_counts=True)
-    middle = (np.cumsum(size) - size / 2) / len(true)
-    place = np.minimum((middle * bins).astype(int), bins - 1)[group]
-    gaps = np.bincount(place, probabilities - true, minlength=bins)
+    gaps = np.bincount(_bin_of(probabilities, bins), probabilities - true, minlength=bins)
     return float(np.abs(gaps).sum() / len(true))
+
+
+def calibration_error_by_chance(
+    probabilities: np.ndarray, rng: np.random.Generator, bins: int = BINS, draws: int = 200
+) -> float | None:
+    """What `calibration_error` is on average where every probability is right, each pair by itself: with few pairs in
+    a bin it is far from 0. None without pairs."""
+    if not len(probabilities):
+        return None
+    place, drawn = _bin_of(probabilities, bins), (rng.random(len(probabilities)) < probabilities for _ in range(draws))
+    gaps = [np.abs(np.bincount(place, probabilities - true, minlength=bins)).sum() for true in drawn]
+    return float(np.mean(gaps) / len(probabilities))
+
+
+def are_uncertain(probabilities: np.ndarray) -> np.ndarray:
+    """Of which pairs a reasoner is not sure, bool."""
+    return np.asarray((probabilities > UNCERTAIN[0]) & (probabilities < UNCERTAIN[1]))
+
+
+def _bin_of(probabilities: np.ndarray, bins: int) -> np.ndarray:
+    """The bin of each pair."""
+    _, group, size = np.unique(probabilities, return_inverse=True, return_counts=True)
+    middle = (np.cumsum(size) - size / 2) / len(probabilities)
+    return np.asarray(np.minimum((middle * bins).astype(int), bins - 1)[group])
 
 
 def shown_share(edges: Sequence[np.ndarray], shown: Sequence[np.ndarray | None], steps: int) -> float | None:

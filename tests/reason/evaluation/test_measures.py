@@ -279,6 +279,7 @@ def test_calibration_needs_enough_uncertain_pairs() -> None:
     few, many = summary((episode, judged)), summary(*[(episode, judged)] * (LEAST_PAIRS // 6 + 1))
     assert (few["ece_uncertain"], few["uncertain_pairs"]) == (None, 6)
     assert many["ece_uncertain"] == pytest.approx(0.2) and many["uncertain_pairs"] == 504
+    assert few["ece_by_chance"] is None and 0.01 < many["ece_by_chance"] < 0.03, "0.016 of 504 independent ones"
     told = {point["images"]: point["uncertain_pairs"] for point in many["uncertain_by_images"]}
     assert told == {4: 504, 8: 504, 12: 504, 16: 504, 22: 504, 30: 0}, "no board has 29 actions"
 

@@ -10,6 +10,7 @@ from busybot.reason.evaluation.metrics import (
     EDGES,
     calibration,
     calibration_error,
+    calibration_error_by_chance,
     count_edges,
     intervals,
     macro,
@@ -139,6 +140,20 @@ def test_the_uncertain_pairs_are_judged_apart() -> None:
     assert result["pairs_uncertain"] == 2
     assert result["ece_uncertain"] == pytest.approx(0.5)
     assert result["brier"] == pytest.approx((0.05**2 + 0.5 + 0.05**2) / 4)
+
+
+def test_chance_alone_keeps_right_probabilities_from_an_error_of_zero() -> None:
+    """Of one bin the mean distance of a binomial share from its mean; bins of a tenth as many pairs are further off."""
+    rng = np.random.default_rng(0)
+    one = calibration_error_by_chance(np.full(500, 0.5), rng, draws=4000)
+    assert one == pytest.approx((2 / np.pi) ** 0.5 * 0.5 / 500**0.5, rel=0.05)
+    spread = np.linspace(0.05, 0.95, 5000)
+    few = calibration_error_by_chance(spread[::10], rng)
+    many = calibration_error_by_chance(spread, rng)
+    assert few is not None and many is not None and few == pytest.approx(10**0.5 * many, rel=0.1)
+    errors = [calibration_error(spread, rng.random(5000) < spread) for _ in range(50)]
+    assert np.mean([error or 0 for error in errors]) == pytest.approx(many, rel=0.1)
+    assert calibration_error_by_chance(np.zeros(0), rng) is None
 
 
 def test_no_pairs_no_calibration() -> None:

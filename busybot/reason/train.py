@@ -100,11 +100,13 @@ LABELS = {"parents": "true parents", "pictures": "none"}
 
 
 def _suited(config: Config, datasets: list[Dataset]) -> Config:
-    """The same with what the `mechanism` network hears and says: worlds of the datasets, and changes with labels."""
+    """The same with what the `mechanism` network hears and says: worlds of the datasets; with labels changes and unseen
+    links."""
     if not isinstance(config, MechanismConfig):
         return config
     told = {str(dataset.info.generator.config.get("world", PAPER)) for dataset in datasets}
-    heard = {"worlds": config.net.worlds or tuple(sorted(told)), "changes": config.labels == "parents"}
+    labels = config.labels == "parents"
+    heard = {"worlds": config.net.worlds or tuple(sorted(told)), "changes": labels, "unseen": labels}
     return config.model_copy(update={"net": config.net.model_copy(update=heard)})
 
 

@@ -107,6 +107,9 @@ class Learner:
         """Figures on held-out boards, for `fit` with `loss` among them; nothing where no board is held out."""
         return {}
 
+    def conclude(self) -> None:
+        """What is learned at the end, with the best weights in the network, in one go."""
+
     def state(self) -> Checkpoint:
         """What later iterations depend on beside weights and optimizer."""
         return Checkpoint({}, {})
@@ -239,6 +242,7 @@ def fit(learner: Learner, out: Path, config: LoopConfig) -> dict[str, Any]:
     last = dict(learner.judge())
     if loop.best:
         load_weights(learner.network, loop.best, loop.checkpoint)
+    learner.conclude()
     write_atomically(out / "metrics.csv", _table(read_metrics(loop.metrics)).encode())
     summary = {
         "iterations": loop.progress.iteration,

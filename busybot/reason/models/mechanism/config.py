@@ -15,11 +15,13 @@ class MechanismNetConfig(FrozenModel):
         width: of hidden layers.
         worlds: that may be told, by name; what is told of others is not heard. Training takes those of its recordings.
         changes: whether it says which mechanisms changed; training without labels does not teach that.
+        unseen: whether it says how probable it is that links decide a responder that nobody saw moving; the same holds.
     """
 
     width: Annotated[int, Field(ge=4, le=512)] = 32
     worlds: Annotated[tuple[Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")], ...], Field(max_length=64)] = ()
     changes: bool = True
+    unseen: bool = False
 
 
 class Blur(FrozenModel):

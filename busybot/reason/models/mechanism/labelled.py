@@ -24,6 +24,7 @@ from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.evidence import EITHER, SCALE
 from busybot.reason.models.mechanism.networks import explanation_graph, moments_of
 from busybot.reason.models.mechanism.perception import Perceived
+from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import HeteroData
 
 Named = tuple[int, str]
@@ -38,12 +39,17 @@ class LabelledTrace:
         world: in which the board was drawn.
         parents: bool (T, I, R), the inputs that decided each responder after each action; None if nobody says.
         changed: bool (T, R), whether another mechanism than at first did; None if nobody says.
+        touched: what a recording tells of its triggers; None for drawn boards.
+        deciding: bool (T + 1, O, R), which of these triggers decide which responders, by whatever link, on the new
+            board and after each action; None with `touched`.
     """
 
     trace: Trace
     world: str
     parents: np.ndarray | None = None
     changed: np.ndarray | None = None
+    touched: Touched | None = None
+    deciding: np.ndarray | None = None
 
     @property
     def actions(self) -> int:
@@ -71,8 +77,12 @@ WORKS = 0.97
 """Share of actions on drawn boards that move their link, if nothing holds it."""
 
 
-def labelled(episode: Episode, seen: Perceived) -> LabelledTrace:
-    """A recorded board. A link that was seen is the true one that most of its actions held."""
+def labelled(episode: Episode, seen: Perceived, touched: Touched | None = None) -> LabelledTrace:
+    """A recorded board. A link that was seen is the true one that most of its actions held.
+
+    Args:
+        touched: what the recording tells of its triggers, if that is wanted, too.
+    """
     held = [(step.acted_object, step.acted_link) for step in episode.steps]
     inputs: list[Named] = []
     for link in range(len(seen.links.owners)):
@@ -81,7 +91,8 @@ def labelled(episode: Episode, seen: Perceived) -> LabelledTrace:
     inputs += [(int(index), BODY) for index in seen.responders]
     board, responders, steps = episode.board, seen.responders.tolist(), len(episode.steps)
     true = true_parents(board, inputs, responders, steps), true_changes(board, responders, steps)
-    return LabelledTrace(seen.trace, board.world, *true)
+    deciding = None if touched is None else true_triggers(board, touched.triggers.tolist(), responders, steps)
+    return LabelledTrace(seen.trace, board.world, *true, touched, deciding)
 
 
 def true_parents(board: BoardSpec, inputs: Sequence[Named], responders: Sequence[int], actions: int) -> np.ndarray:
@@ -95,6 +106,17 @@ def true_parents(board: BoardSpec, inputs: Sequence[Named], responders: Sequence
             if period.holds(action + 1) and period.relation.responder in place:
                 found[action, rows, place[period.relation.responder]] = True
     return found
+
+
+def true_triggers(board: BoardSpec, triggers: Sequence[int], responders: Sequence[int], actions: int) -> np.ndarray:
+    """bool (T + 1, O, R), which of these triggers decide which responders on the new board and after each action, by
+    whatever link."""
+    read = {(ref.object, ref.link) for one in periods(board) for ref in one.relation.triggers}
+    links = sorted(one for one in read if one[1] != BODY)
+    of_links = true_parents(board, links, responders, actions)
+    own = np.array([owner for owner, _ in links]) == np.asarray(triggers)[:, None]
+    found = np.einsum("tlr,ol->tor", of_links, own) > 0
+    return np.concatenate([found[:1], found])
 
 
 def true_changes(board: BoardSpec, responders: Sequence[int], actions: int) -> np.ndarray:

@@ -20,6 +20,8 @@ from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, labelled
 from busybot.reason.models.mechanism.networks import COUNTED, IMPOSSIBLE, MechanismNet, moments_of, world_number
 from busybot.reason.models.mechanism.perception import perceive
+from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import Batch, HeteroData, scatter
 from busybot.training.checkpoint import initialise
 from busybot.training.device import device, repeat_exactly
@@ -32,6 +34,8 @@ SHELF = 2**26
 JUDGED_AT_ONCE = 16
 JUDGED_AFTER = (4, 10, 22, 30)
 """Held-out boards are judged after so many actions."""
+APART = 3
+"""Numbers of actions, after which it is learned what links that nobody saw moving decide, lie so far apart."""
 MOST = 14.0
 """What was thought to be almost impossible costs no more than this, nats."""
 
@@ -120,6 +124,23 @@ class MechanismLearner(Learner):
         descend(self.optimizer, loss, rate, config.clip)
         return float(loss.detach()), rate
 
+    def conclude(self) -> None:
+        """Learn of links that nobody saw moving, from the recorded boards."""
+        if self.network.unseen is None:
+            return
+        reasoner, known, true = MechanismReasoner(self.network.cpu(), self.config.encoder), [], []
+        for number, board in enumerate(self.boards):
+            if board.touched is not None and board.deciding is not None:
+                after, rng = range(0, board.actions + 1, APART), generator(self.seed, "train", number, "reason/unseen")
+                world = board.world if rng.random() >= self.config.untold else ""
+                found, shares, _ = reasoner.explain(board.trace, after, world)
+                pairs = board.touched.pairs(after, shares, found.inputs)
+                known.append((pairs, world_number(self.config.net, world)))
+                true.append(board.deciding[list(after)])
+        if known:
+            self.network.unseen.learn(known, true)
+        self.network.to(device())
+
     def _known(self, number: int) -> HeteroData:
         """A board's graph after `KNOWN` numbers of actions, counted once. They are spread evenly on a logarithmic
         scale: what to claim is hardest to tell when little was seen."""
@@ -164,5 +185,8 @@ def learner_of(
 
 
 def _trace(boards: RecordedBoards, number: int, config: MechanismConfig) -> LabelledTrace:
-    seen, episode = perceive(boards[number], config.encoder), boards.episode(number)
-    return labelled(episode, seen) if config.labels == "parents" else LabelledTrace(seen.trace, episode.board.world)
+    sequence, episode = boards[number], boards.episode(number)
+    seen = perceive(sequence, config.encoder)
+    if config.labels == "pictures":
+        return LabelledTrace(seen.trace, episode.board.world)
+    return labelled(episode, seen, Touched.of(sequence, seen))

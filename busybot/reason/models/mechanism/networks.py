@@ -25,6 +25,7 @@ from busybot.reason.models.mechanism.changes import Changes, changes_of
 from busybot.reason.models.mechanism.config import MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, Trace, explanations_of, layout
 from busybot.reason.models.mechanism.evidence import EVIDENCE, SCALE, WITNESSES, evidence_of
+from busybot.reason.models.mechanism.unseen import Unseen
 from busybot.reason.models.message_passing import GraphModule
 from busybot.reason.pyg import HeteroData, scatter
 
@@ -189,6 +190,7 @@ class MechanismNet(nn.Module):
         self.change, self.odds = mlp(2 * width + 6, width, 1), nn.Linear(6, 1, bias=False)
         self.anew = nn.Linear(width, 1)
         self.gather = Gather()
+        self.unseen = Unseen(len(config.worlds)) if config.unseen else None  # learned afterwards, see there
 
     def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor, Tensor | None]:
         """See above."""

@@ -33,10 +33,11 @@ from busybot.reason.models.mechanism.contexts import (
 )
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
-from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, world_number
+from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, moments_of, world_number
 from busybot.reason.models.mechanism.perception import Perceived
 from busybot.reason.models.mechanism.present import RARE, REST, Past
 from busybot.reason.models.mechanism.study import study_of
+from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import Batch, HeteroData
 
 KINDS = {
@@ -51,6 +52,8 @@ KINDS = {
 
 CHANGED = 0.5
 """A mechanism that is more probably another one than at first is taken for another one."""
+AT_ONCE = 16
+"""Moments that the network weighs at once: with more what it computes does not stay near the processor."""
 LIKELY = 0.02
 """Less probable explanations are not asked about what they never met."""
 _COMPLETED = [number for number, name in enumerate(MEMORIES) if name.startswith(("late", "own and now", "since"))]
@@ -172,7 +175,8 @@ class MechanismReasoner:
         self._net, self.encoder = net.eval(), encoder
 
     def graph(self, seen: BoardSequence) -> InferredGraph:
-        """Edge probabilities after each step, at the level of objects and of links, with kinds and lags.
+        """Edge probabilities after each step, at the level of objects and of links, with kinds and lags. Those of
+        objects count links that nobody saw moving, if the network knows of such.
 
         What counts as one link, and as one look, is found in all pictures of `seen`: rows of earlier steps have their
         evidence alone from the actions until then. Kinds and lags are those of the end.
@@ -187,6 +191,7 @@ class MechanismReasoner:
         moments = shares.shape[2]
         pairs = np.zeros((moments, objects, objects))
         pairs[:, :, known.perceived.responders] = np.einsum("rhk,hi->kir", shares, of_objects)
+        self._with_unseen_links(seen, known, shares, pairs)
         single = np.zeros((moments, len(links.owners), objects))
         own = known.found.inputs[:, : len(links.owners)]
         single[:, :, known.perceived.responders] = np.einsum("rhk,hi->kir", shares, own)
@@ -208,6 +213,17 @@ class MechanismReasoner:
             changed=changed,
             changed_at=changed_at,
         )
+
+    def _with_unseen_links(
+        self, seen: BoardSequence, known: _Understood, shares: np.ndarray, pairs: np.ndarray
+    ) -> None:
+        """Put into the probabilities of pairs (K, N, N) that links decide a responder that nobody saw moving."""
+        if self._net.unseen is not None:
+            touched = Touched.of(seen, known.perceived)
+            told = touched.pairs(range(len(pairs)), shares, known.found.inputs)
+            with torch.no_grad():
+                sure = self._net.unseen(told, world_number(self._net.config, seen.world))
+            pairs[np.ix_(np.arange(len(pairs)), touched.triggers, known.perceived.responders)] = sure.numpy()
 
     def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """What follows each action by itself; how links stand then is told by `present`."""
@@ -316,7 +332,10 @@ class MechanismReasoner:
         """See `explain`."""
         told = copy(graph)
         told["board"].world = torch.tensor([world_number(self._net.config, world)])
-        final, _, change = self._net(Batch.from_data_list([told]))
+        moments = torch.arange(graph["explanation"].evidence.shape[1]).split(AT_ONCE)
+        parts = [self._net(Batch.from_data_list([moments_of(told, few)])) for few in moments]
+        logs, _, odds = zip(*parts, strict=True)
+        final, change = torch.cat(logs, 1), None if odds[0] is None else torch.cat(odds, 1)
         shares = final.exp().view(graph["responder"].num_nodes, -1, final.shape[1]).double().numpy()
         return shares, None if change is None else change.sigmoid().double().numpy()
 

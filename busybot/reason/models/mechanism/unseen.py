@@ -1,0 +1,153 @@
+"""Links that nobody saw moving, and how probable it is that one of them decides a responder.
+
+The network weighs links that moved. A trigger may have others, behind a lock or where nobody got hold of them. What
+tells of those is how many of its links are known, how often it was touched in vain, and whether known links explain
+what responders do. A logistic model of that is learned from recorded boards once the network is trained.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn.functional import binary_cross_entropy
+
+from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.models.mechanism.contexts import Trace
+from busybot.reason.models.mechanism.perception import Perceived
+
+SEVERAL = 2
+"""Triggers of which so many links are known, or more, are judged alike."""
+FACTS = 10
+RARE = -2.0
+"""Log odds where nothing was learned yet."""
+TINY = 1e-4
+"""Nothing is believed to be less probable, nor more probable than all but this, when it is learned."""
+DECAY = 1e-4
+"""Weight of the squares of all weights in the loss."""
+
+
+@dataclass(frozen=True)
+class Touched:
+    """What a recording of T actions tells of its triggers.
+
+    Attributes:
+        trace: its links and responders.
+        owners: int (L,), index of the trigger of each link.
+        acted: int (T,), index of the trigger that each action touched, -1 for none.
+        triggers: int (O,), indices of the triggers that show.
+    """
+
+    trace: Trace
+    owners: np.ndarray
+    acted: np.ndarray
+    triggers: np.ndarray
+
+    @staticmethod
+    def of(seen: BoardSequence, perceived: Perceived) -> "Touched":
+        """What was perceived of a recording."""
+        shown = np.flatnonzero(seen.triggers & seen.positions.any(axis=1))
+        return Touched(perceived.trace, perceived.links.owners.astype(int), perceived.acted, shown)
+
+    def pairs(self, after: Sequence[int], shares: np.ndarray, inputs: np.ndarray) -> "Pairs":
+        """What is known of all pairs after so many actions each.
+
+        Args:
+            shares: float (R, H, K), how probable each explanation was then.
+            inputs: bool (H, I), what it reads, links first.
+        """
+        trace, moments = self.trace, np.asarray(after)
+        own = self.owners == self.triggers[:, None]  # (O, L)
+        known = inputs[:, : own.shape[1]]
+        believed = np.einsum("rhk,ho->kor", shares, (known @ own.T).astype(float))
+        unexplained = np.einsum("rhk,h->kr", shares, (~known.any(axis=1)).astype(float))[:, None]  # (K, 1, R)
+        changed = ((trace.responders != trace.responders[0]).cumsum(axis=0)[moments] > 0)[:, None]
+        moved = (trace.links[1:] != trace.links[:-1]) @ own.T  # (T, O)
+        in_vain = _so_far((self.acted[:, None] == self.triggers) & ~moved)[moments]
+        tries, actions = np.log1p(in_vain)[..., None], np.log1p(moments)[:, None, None]
+        alone = 1 / (1 + (~own.any(axis=1)).sum())  # among triggers of which no link is known
+        told = (
+            *(1.0, unexplained, changed, unexplained * changed, actions, actions * unexplained),
+            *(tries, tries * unexplained, alone * unexplained * changed, own.sum() / max(1, len(own))),
+        )
+        facts = np.stack([np.broadcast_to(one, believed.shape) for one in told], axis=-1)
+        kinds = own.sum(axis=1).clip(max=SEVERAL)
+        return Pairs(torch.from_numpy(believed).float(), torch.from_numpy(facts).float(), torch.from_numpy(kinds))
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """What is known of pairs of a trigger that shows and a responder: O triggers, R responders, K moments.
+
+    Attributes:
+        believed: float32 (K, O, R), how probable it is that a known link of the trigger decides the responder.
+        facts: float32 (K, O, R, FACTS): one; whether no known link explains the responder, whether it has changed, and
+            both; how many actions there were, alone and where nothing explains it; how often the trigger was touched
+            in vain, the same; whether it alone is left to explain what changed; known links a trigger.
+        kinds: int64 (O,), number of known links of each trigger, at most `SEVERAL`.
+    """
+
+    believed: Tensor
+    facts: Tensor
+    kinds: Tensor
+
+
+class Unseen(nn.Module):
+    """How probable it is that any link of a trigger decides a responder, known or not.
+
+    Shapes:
+        input: `Pairs`; number of the world that is told, see `networks.world_number`.
+        output: (K, O, R).
+
+    Args:
+        worlds: how many may be told.
+    """
+
+    def __init__(self, worlds: int):
+        super().__init__()
+        self.weight = nn.Parameter(torch.zeros(SEVERAL + 1, FACTS))
+        self.world = nn.Parameter(torch.zeros(SEVERAL + 1, worlds + 1))
+
+    def forward(self, pairs: Pairs, world: int) -> Tensor:
+        """See above."""
+        facts = torch.einsum("korf,of->kor", pairs.facts, self.weight[pairs.kinds])
+        return self._any(pairs.believed, facts + self.world[pairs.kinds, world][:, None])
+
+    @staticmethod
+    def _any(believed: Tensor, logits: Tensor) -> Tensor:
+        return believed + (1 - believed) * torch.sigmoid(logits + RARE)
+
+    def learn(self, boards: Sequence[tuple[Pairs, int]], true: Sequence[np.ndarray]) -> float:
+        """Fit all weights to recorded boards, each with the world that is told of it; returns the mean loss, nats.
+
+        Args:
+            true: bool (K, O, R) of each, whether the trigger decides the responder.
+        """
+        rows = [
+            (
+                pairs.believed.flatten(),
+                pairs.facts.flatten(0, 2),
+                pairs.kinds[:, None].expand(pairs.believed.shape[1:]).expand(pairs.believed.shape).flatten(),
+                torch.full((pairs.believed.numel(),), world),
+                torch.from_numpy(right).flatten(),
+            )
+            for (pairs, world), right in zip(boards, true, strict=True)
+        ]
+        believed, facts, kinds, worlds, right = (torch.cat(column) for column in zip(*rows, strict=True))
+        descent = torch.optim.LBFGS(self.parameters(), max_iter=200, line_search_fn="strong_wolfe")
+
+        def loss() -> Tensor:
+            descent.zero_grad()
+            told = self._any(believed, (facts * self.weight[kinds]).sum(-1) + self.world[kinds, worlds])
+            lost = binary_cross_entropy(told.clamp(TINY, 1 - TINY), right.float())
+            total = lost + DECAY * sum((one**2).sum() for one in self.parameters())
+            total.backward()
+            return total
+
+        return float(descent.step(loss).detach())
+
+
+def _so_far(happened: np.ndarray) -> np.ndarray:
+    """How often by each moment, (T + 1, ...) of (T, ...)."""
+    return np.concatenate([np.zeros_like(happened[:1], int), happened.cumsum(0)])

@@ -86,6 +86,26 @@ def test_time_that_is_spent_ends_a_training_for_good(tmp_path: Path) -> None:
     assert fit(Line(minutes=10), tmp_path, config)["iterations"] == 8
 
 
+def test_the_end_is_learned_once_with_the_best_weights_also_after_an_interruption(tmp_path: Path) -> None:
+    """The second judgement is the best."""
+
+    class Concluding(Line):
+        best, found = 0.35, tuple[float, ...]()
+
+        def judge(self) -> dict[str, float | None]:
+            return {"loss": abs(float(self.network.weight.detach()) - self.best)}
+
+        def conclude(self) -> None:
+            self.found = (*self.found, float(self.network.weight.detach()))
+
+    config, learner = LoopConfig(report=1, judge=2, patience=0), Concluding()
+    summary = fit(learner, tmp_path, config)
+    assert 0 < summary["best_iteration"] < 8 and len(learner.found) == 1
+    again = Concluding()
+    assert fit(again, tmp_path, config) == summary and again.found == learner.found
+    assert again.found[0] == float(again.network.weight.detach()), "these are the weights that are kept"
+
+
 def test_learning_rates() -> None:
     rising = [cosine_rate(1.0, 10, iteration, 1000) for iteration in range(10)]
     assert rising == sorted(rising) and rising[0] == pytest.approx(0.1) and rising[-1] == pytest.approx(1, abs=1e-3)

@@ -113,14 +113,15 @@ class JudgedTask(FrozenModel):
         kind: of the task.
         least_steps: in which it can be solved.
         locks: how many links something holds, each until the one before has been moved.
-        unmoved: how many links stand elsewhere in the goal and moved in no action of the history.
+        unmoved: how many links stand elsewhere in the goal and moved in no action of the history; None where that was
+            not counted.
     """
 
     board: int
     kind: str
     least_steps: int
     locks: int = 0
-    unmoved: int = 0
+    unmoved: int | None = None
     rollouts: tuple[JudgedRollout, ...]
 
     def of(self, agent: str) -> JudgedRollout:
@@ -158,11 +159,11 @@ def summarise(tasks: Sequence[JudgedTask], agents: Sequence[str], rng: np.random
     }
 
 
-def _by_number(numbers: Sequence[int], tasks: Sequence[JudgedTask], agents: Sequence[str]) -> dict[str, Any]:
-    """Success of all tasks of which a number is the same."""
+def _by_number(numbers: Sequence[int | None], tasks: Sequence[JudgedTask], agents: Sequence[str]) -> dict[str, Any]:
+    """Success of all tasks of which a number is the same; those without are left out."""
     groups = {
         str(number): [task for task, own in zip(tasks, numbers, strict=True) if own == number]
-        for number in sorted(set(numbers))
+        for number in sorted({number for number in numbers if number is not None})
     }
     return {
         number: {"tasks": len(own), **{agent: _mean([task.of(agent).success for task in own]) for agent in agents}}

@@ -78,10 +78,11 @@ def test_no_task_is_null_and_no_crash() -> None:
 
 def test_what_every_world_has_beside() -> None:
     """Agent b solves both tasks, with two steps where one and two are needed; agent a solves none."""
-    tasks = [TASKS[0], TASKS[1].model_copy(update={"locks": 3, "unmoved": 1})]
+    tasks = [TASKS[0].model_copy(update={"unmoved": 0}), TASKS[1].model_copy(update={"locks": 3, "unmoved": 1})]
     result = summarise(tasks, ["a", "b"], rng())
     assert result["by_locks"] == {"0": {"tasks": 1, "a": 0.5, "b": 1.0}, "3": {"tasks": 1, "a": 0.75, "b": 1.0}}
     assert result["by_unmoved"] == {"0": result["by_locks"]["0"], "1": result["by_locks"]["3"]}
+    assert list(summarise([tasks[0], TASKS[1]], ["a"], rng())["by_unmoved"]) == ["0"], "it was not counted of one"
     a, b = result["agents"]["a"], result["agents"]["b"]
     assert a["steps_over_shortest"] is None and b["steps_over_shortest"] == (2 / 1 + 2 / 2) / 2
     assert b["solved_interval"] == (pytest.approx(0.025**0.5), 1.0)

@@ -53,9 +53,10 @@ KEYS: dict[str, str] = {
     "what_if_factual, what_if_left_out, what_if_pairs": "the two halves by themselves, and how many pairs there are",
     "ece_uncertain, uncertain_pairs": "expected calibration error over the pairs with .05 < p < .95, and how many that "
     f"is; null below {LEAST_PAIRS}, which say too little",
-    "ece_by_chance": "what `ece_uncertain` would be on average if every probability were right and pairs independent: "
-    "nobody who is perfectly calibrated stays below it",
-    "uncertain_by_images": f"the same after {', '.join(map(str, CALIBRATED))} images",
+    "ece_by_chance": "what `ece_uncertain` would be on average if every probability were right and each pair stood by "
+    "itself: who is perfectly calibrated is above it as often as below",
+    "uncertain_by_images": f"the same after {', '.join(map(str, CALIBRATED))} images, of the links and looks that the "
+    "whole recording shows",
     "discovery": "`parent_p`, `parent_r`, `parent_f1`, the same of links and the bounds' F1 after 1 to 40 actions, of "
     "the boards with so many; empty for graphs that somebody else inferred, which tell no earlier ones",
     "actions_until_found, actions_until_found_bound": f"after how many actions F1 is at least {FOUND}; null if it "

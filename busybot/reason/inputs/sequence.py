@@ -86,6 +86,11 @@ class BoardSequence:
         return len(self.actions)
 
     @property
+    def shown_triggers(self) -> np.ndarray:
+        """Indices of the triggers that show in the first frame, int (O,)."""
+        return np.flatnonzero(self.triggers & self.positions.any(axis=1))
+
+    @property
     def candidates(self) -> np.ndarray:
         """bool (N, N), True where the row is a trigger and the column a responder."""
         return self.triggers[:, None] & self.responders[None]

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
+from safetensors.torch import load_file
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
@@ -128,6 +129,7 @@ def test_the_mechanism_model_learns_from_true_parents_and_says_so(tmp_path: Path
     told = json.loads(result.stdout)["training"]
     assert (told["iterations"], told["labels"]) == (4, "true parents")
     assert load_reasoner(out).name == "mechanism"
+    assert load_file(out / "model" / "weights.safetensors")["unseen.weight"].any(), "the end of the training is learned"
     judged = run("eval", "reason", str(data), "--reasoner", str(out), "--images", "4", "--workers", "1", "--json")
     assert judged.exit_code == 0, judged.stderr
     assert json.loads(judged.stdout)["model"] == "mechanism"

@@ -113,10 +113,10 @@ def true_triggers(board: BoardSpec, triggers: Sequence[int], responders: Sequenc
     whatever link."""
     read = {(ref.object, ref.link) for one in periods(board) for ref in one.relation.triggers}
     links = sorted(one for one in read if one[1] != BODY)
-    of_links = true_parents(board, links, responders, actions)
+    of_links = true_parents(board, links, responders, max(1, actions))
     own = np.array([owner for owner, _ in links]) == np.asarray(triggers)[:, None]
     found = np.einsum("tlr,ol->tor", of_links, own) > 0
-    return np.concatenate([found[:1], found])
+    return np.concatenate([found[:1], found[:actions]])
 
 
 def true_changes(board: BoardSpec, responders: Sequence[int], actions: int) -> np.ndarray:

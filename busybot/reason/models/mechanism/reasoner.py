@@ -279,7 +279,7 @@ class MechanismReasoner:
     def certainty(self, seen: BoardSequence) -> float:
         """See `Curious`; none as long as a trigger that shows was never seen moving, which may control anything."""
         known = self._understand(seen)
-        there = np.flatnonzero(seen.triggers & seen.positions.any(1))
+        there = seen.shown_triggers
         if not len(there) or not np.isin(there, known.perceived.links.owners).all():
             return 0.0
         return certainty(known.found, known.shares)

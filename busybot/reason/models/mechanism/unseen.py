@@ -47,8 +47,7 @@ class Touched:
     @staticmethod
     def of(seen: BoardSequence, perceived: Perceived) -> "Touched":
         """What was perceived of a recording."""
-        shown = np.flatnonzero(seen.triggers & seen.positions.any(axis=1))
-        return Touched(perceived.trace, perceived.links.owners.astype(int), perceived.acted, shown)
+        return Touched(perceived.trace, perceived.links.owners.astype(int), perceived.acted, seen.shown_triggers)
 
     def pairs(self, after: Sequence[int], shares: np.ndarray, inputs: np.ndarray) -> "Pairs":
         """What is known of all pairs after so many actions each.
@@ -82,9 +81,10 @@ class Pairs:
 
     Attributes:
         believed: float32 (K, O, R), how probable it is that a known link of the trigger decides the responder.
-        facts: float32 (K, O, R, FACTS): one; whether no known link explains the responder, whether it has changed, and
-            both; how many actions there were, alone and where nothing explains it; how often the trigger was touched
-            in vain, the same; whether it alone is left to explain what changed; known links a trigger.
+        facts: float32 (K, O, R, FACTS): 1; how probable it is that no known link explains the responder, whether it has
+            changed, and the product of both; log(1 + n) of the number of actions, alone and where nothing explains it;
+            the same of those that touched the trigger in vain; that product again, divided by one more than the number
+            of triggers of which no link is known; known links a trigger.
         kinds: int64 (O,), number of known links of each trigger, at most `SEVERAL`.
     """
 
@@ -119,7 +119,8 @@ class Unseen(nn.Module):
         return believed + (1 - believed) * torch.sigmoid(logits + RARE)
 
     def learn(self, boards: Sequence[tuple[Pairs, int]], true: Sequence[np.ndarray]) -> float:
-        """Fit all weights to recorded boards, each with the world that is told of it; returns the mean loss, nats.
+        """Fit all weights to recorded boards, each with the world that is told of it; returns the mean negative log
+        probability of the truth that they reach, nats, with the penalty of the weights.
 
         Args:
             true: bool (K, O, R) of each, whether the trigger decides the responder.
@@ -145,9 +146,10 @@ class Unseen(nn.Module):
             total.backward()
             return total
 
-        return float(descent.step(loss).detach())
+        descent.step(loss)
+        return float(loss().detach())
 
 
 def _so_far(happened: np.ndarray) -> np.ndarray:
     """How often by each moment, (T + 1, ...) of (T, ...)."""
-    return np.concatenate([np.zeros_like(happened[:1], int), happened.cumsum(0)])
+    return np.concatenate([np.zeros((1, *happened.shape[1:]), int), happened.cumsum(axis=0)])

@@ -32,7 +32,8 @@ from busybot.reason.models.mechanism.labelled import LabelledTrace, as_pictured,
 from busybot.reason.models.mechanism.laws import Moment
 from busybot.reason.models.mechanism.networks import MechanismNet
 from busybot.reason.models.mechanism.perception import perceive
-from busybot.reason.models.mechanism.reasoner import MechanismReasoner, _Understood
+from busybot.reason.models.mechanism.reasoner import AT_ONCE, MechanismReasoner, _Understood
+from busybot.reason.models.mechanism.unseen import Touched
 from tests.reason.worlds import SWITCHES, play, relation
 from tests.reason.worlds import sequence_of as symbolic_sequence
 
@@ -62,8 +63,8 @@ def watched() -> BoardSequence:
 class Right(MechanismNet):
     """Knows the explanations that are right."""
 
-    def __init__(self) -> None:
-        super().__init__(MechanismNetConfig())
+    def __init__(self, unseen: bool = False) -> None:
+        super().__init__(MechanismNetConfig(unseen=unseen))
 
     def forward(self, graph):  # type: ignore[no-untyped-def]
         count, moments = graph["explanation"].num_nodes // 3, graph["explanation"].evidence.shape[1]
@@ -95,6 +96,49 @@ def test_what_it_understands_is_told_as_a_graph(watched: BoardSequence) -> None:
         graph.kinds[1:3] == ("gate", "one-to-one") and graph.kinds[4] == "rest" and graph.lags[1:3].tolist() == [0, 0]
     )
     assert len(graph.probabilities) == len(PRESSES)
+
+
+def test_links_that_nobody_saw_moving_count_for_pairs_of_triggers_and_responders_alone(watched: BoardSequence) -> None:
+    """Both switches are sure to decide the lamp 1, the second one the door 2; what the other pairs gain is what the
+    network makes of them."""
+    watched = replace(watched, positions=np.ones_like(watched.positions))  # all of them show
+    net = Right(unseen=True)
+    assert net.unseen is not None
+    with torch.no_grad():
+        net.unseen.weight += torch.randn(net.unseen.weight.shape, generator=torch.Generator().manual_seed(1))
+    reasoner, without = MechanismReasoner(net, "embedded"), MechanismReasoner(Right(), "embedded").graph(watched)
+    graph = reasoner.graph(watched)
+    differs = (abs(graph.probabilities - without.probabilities) > 1e-4).any(0)
+    assert {(int(i), int(j)) for i, j in zip(*np.nonzero(differs), strict=True)} == {(0, 2), (0, 4), (3, 4)}
+    perceived = perceive(watched, "embedded")
+    found, shares, _ = reasoner.explain(perceived.trace, range(len(PRESSES) + 1))
+    with torch.no_grad():
+        told = net.unseen(Touched.of(watched, perceived).pairs(range(len(PRESSES) + 1), shares, found.inputs), 0)
+    np.testing.assert_allclose(graph.probabilities[:, [0, 3]][:, :, [1, 2, 4]], told[1:], atol=1e-6)
+    assert graph.links is not None and without.links is not None
+    np.testing.assert_array_equal(graph.links.after(9), without.links.after(9))
+
+
+def test_before_anything_was_done_there_is_the_prior_alone(watched: BoardSequence) -> None:
+    seen = watched.first(1)
+    for unseen in (False, True):
+        graph = MechanismReasoner(Right(unseen), "embedded").graph(seen)
+        assert len(graph.probabilities) == 1
+
+
+def test_many_moments_are_weighed_as_each_by_itself(watched: BoardSequence) -> None:
+    torch.manual_seed(0)
+    reasoner, trace = (
+        MechanismReasoner(MechanismNet(MechanismNetConfig()), "embedded"),
+        perceive(watched, "embedded").trace,
+    )
+    after = range(len(PRESSES) + 1)
+    assert len(after) > AT_ONCE
+    _, shares, changed = reasoner.explain(trace, after)
+    singly = [reasoner.explain(trace, [one])[1:] for one in after]
+    np.testing.assert_allclose(shares, np.concatenate([one for one, _ in singly], 2), atol=1e-5)
+    assert changed is not None
+    np.testing.assert_allclose(changed, np.concatenate([one for _, one in singly if one is not None], 1), atol=1e-5)
 
 
 def test_it_says_what_follows_and_what_would_have_followed(watched: BoardSequence) -> None:

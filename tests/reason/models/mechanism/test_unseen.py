@@ -10,6 +10,7 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BODY
 from busybot.objects.resolve import find
+from busybot.reason.evaluation.causes import relations_at
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, true_triggers
@@ -57,6 +58,10 @@ def test_what_it_says_is_more_than_what_known_links_make_probable(touched: Touch
     assert told[:, 0, 0].tolist() == pytest.approx([1.0] * 7), "what is sure stays so"
 
 
+def entropy(p: float) -> float:
+    return float(-p * np.log(p) - (1 - p) * np.log(1 - p))
+
+
 def test_it_learns_how_often_triggers_decide_of_which_nothing_is_known() -> None:
     """Half of those decide in the first world, nine of ten in the second; of others only what is believed is true."""
     rng, boards, true = np.random.default_rng(0), [], []
@@ -70,6 +75,7 @@ def test_it_learns_how_often_triggers_decide_of_which_nothing_is_known() -> None
         true.append(rng.random((1, 2, 3)) < often)
     net = Unseen(2)
     loss = net.learn(boards, true)
+    assert loss == pytest.approx(np.mean([entropy(0.5), entropy(0.9), 2 * entropy(0.3)]) * 3 / 4, abs=0.02)
     told = [net(pairs, world)[0, :, 0].tolist() for pairs, world in boards[:2]]
     assert told[0] == pytest.approx([0.5, 0.3], abs=0.06) and told[1] == pytest.approx([0.9, 0.3], abs=0.06)
     again = Unseen(2)
@@ -77,18 +83,21 @@ def test_it_learns_how_often_triggers_decide_of_which_nothing_is_known() -> None
 
 
 def test_the_truth_tells_which_triggers_decide_whatever_the_link() -> None:
-    [board] = generate_boards(BoardConfig(world="rewired", boards=1, seed=3, group_size=1), find("procedural"))
-    triggers = [index for index, placed in enumerate(board.objects) if placed.role == "trigger"]
-    responders = [index for index, placed in enumerate(board.objects) if placed.role == "responder"]
-    told = true_triggers(board, triggers, responders, 40)
-    assert told.shape == (41, len(triggers), len(responders)) and np.array_equal(told[0], told[1])
-    rewired = {one.relation.responder: one.relation for one in board.rewirings}
-    first = {one.responder: one for one in board.relations}
-    for moment, relations in ((0, first), (40, first | rewired)):
-        for place, responder in enumerate(responders):
-            read = relations[responder].triggers if responder in relations else ()
-            own = {ref.object for ref in read if ref.link != BODY}
-            assert {triggers[row] for row in np.flatnonzero(told[moment, :, place])} == own
+    changed = 0
+    for board in generate_boards(BoardConfig(world="rewired", boards=6, seed=3, group_size=1), find("procedural")):
+        triggers = [index for index, placed in enumerate(board.objects) if placed.role == "trigger"]
+        responders = [index for index, placed in enumerate(board.objects) if placed.role == "responder"]
+        told = true_triggers(board, triggers, responders, 40)
+        assert told.shape == (41, len(triggers), len(responders)) and np.array_equal(told[0], told[1])
+        assert np.array_equal(true_triggers(board, triggers, responders, 0), told[:1])
+        for moment in {0, 40} | {one.step + more for one in board.rewirings for more in (0, 1)}:
+            relations = relations_at(board, moment - 1)  # what decides after the action of that number, from 0
+            for place, responder in enumerate(responders):
+                read = [ref for one in relations if one.responder == responder for ref in one.triggers]
+                own = {ref.object for ref in read if ref.link != BODY}
+                assert {triggers[row] for row in np.flatnonzero(told[moment, :, place])} == own
+        changed += sum(not np.array_equal(told[one.step], told[one.step + 1]) for one in board.rewirings)
+    assert changed > 1
 
 
 @pytest.mark.long

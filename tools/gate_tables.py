@@ -140,9 +140,9 @@ def _reached(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def _by_chance(told: dict[str, Any]) -> str:
-    """What the best calibrated would have; older results do not tell it."""
-    least = told.get("ece_by_chance")
-    return "" if least is None else f" [{whole(least)}]"
+    """What chance alone would make of it, on average; older results do not tell it."""
+    error = told.get("ece_by_chance")
+    return "" if error is None else f" [{whole(error)}]"
 
 
 def _mean(values: list[float | None]) -> float | None:

@@ -1,13 +1,15 @@
 """The table of worlds: what rows without learning find out, by the actions of an oracle of contacts.
 
     python -m benchmarks.tables.worlds record --data FOLDER --assets DIR [--only gates,time] [--sets training]
+        [--policy FOLDER]
     python -m benchmarks.tables.worlds --data FOLDER --assets DIR --out benchmarks/results/worlds.json
         [--only gates,time] [--parts rows,discovery,exploring,learned] [--model FOLDER] [--boards 100]
 
 `record` makes, for each world, boards of the training split to judge on (`validation`), to tune on (`training`), and
 `others` for shortcuts and more training, and acts on them by the scripted policy: it takes a random link that
 shows, at a contact and in a direction that move it. Pictures are small, everything else is as ever. No test split is
-looked at.
+looked at. With `--policy`, a training of the interaction policy, `record` makes `explored`, too: for training, acted on
+by that policy as the frozen boards are (`benchmarks.tables.world_gates`). It meets fewer links than the scripted one.
 
 The parts are `rows` (counting, lookup, persistence, the exact observer of what is detected, and of the truth),
 `discovery` (two methods of causal-learn, from the extra `causal`; slow, so on the first boards alone) and `exploring`
@@ -70,9 +72,10 @@ KIND = "worlds"
 NAMES = (*WORLDS, PAPER)
 STEPS = 30
 PICTURES = ("render.width=320", "render.height=240")
-RECORDED = {"training": (60, 822), "validation": (200, 821), "others": (400, 825)}
+RECORDED = {"training": (60, 822), "validation": (200, 821), "others": (400, 825), "explored": (60, 826)}
 """Number of boards and seed, which no other recording has; nothing but shortcuts is judged on `others`."""
-FEW, EXPLORED, GREEDY, TUNING = 40, 60, 10, 6
+BY_POLICY = "explored"
+FEW, CHOOSING, GREEDY, TUNING = 40, 60, 10, 6
 """Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
 methods are tuned on."""
 MECHANISMS = (
@@ -97,17 +100,26 @@ def record(words: list[str]) -> None:
     options = runner.parser(__doc__, out=None)
     options.add_argument("--data", type=Path, required=True)
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
-    options.add_argument("--sets", default=",".join(RECORDED), help="which recordings, comma-separated")
+    options.add_argument("--sets", help="which recordings, comma-separated; all that can be made by default")
+    options.add_argument("--policy", help="a training of the interaction policy, which acts on `explored`")
     options.add_argument("--most", type=int, default=10_000, help="boards per recording")
     arguments = options.parse_args(words)
-    sets = runner.chosen(arguments.sets, RECORDED)
+    possible = [name for name in RECORDED if name != BY_POLICY or arguments.policy]
+    sets = runner.chosen(arguments.sets or ",".join(possible), possible)
     for world in runner.chosen(arguments.only, NAMES) if arguments.only else NAMES:
         for name, (boards, seed) in ((one, RECORDED[one]) for one in sets):
             folder = arguments.data / world / name
             drawn = runner.generating(folder, "train", min(arguments.most, boards), seed, arguments.assets)
             runner.busybot(*drawn, "--world", world)
-            acting = ("--steps", str(STEPS), "--policy", "scripted", "--seed", str(seed), "--assets", arguments.assets)
-            runner.busybot("collect", str(folder), *acting, *runner.settings(*PICTURES))
+            acting = ("--steps", str(STEPS), "--seed", str(seed), "--assets", arguments.assets)
+            runner.busybot("collect", str(folder), *acting, *_acting(name, arguments.policy))
+
+
+def _acting(name: str, policy: str | None) -> tuple[str, ...]:
+    """By whom boards are acted on; a learned policy reads pictures of the usual size."""
+    if name == BY_POLICY:
+        return ("--policy", "learned", "--model", str(policy))
+    return ("--policy", "scripted", *runner.settings(*PICTURES))
 
 
 @dataclass(frozen=True)
@@ -349,7 +361,7 @@ def _part(part: str, world: str, told: dict[str, Any], arguments: argparse.Names
     validation = Recorded.at(folder / "validation", arguments.assets)
     if part == "exploring":
         return exploring(
-            world, list(validation.dataset.boards())[:EXPLORED], find(arguments.assets), arguments.greedy, seed
+            world, list(validation.dataset.boards())[:CHOOSING], find(arguments.assets), arguments.greedy, seed
         )
     if part == LEARNED:
         rows = learned(validation, arguments.model, arguments.boards, seed)
